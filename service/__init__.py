@@ -1,0 +1,1 @@
+"""The daemon beside the arm, the command line, and the recordings."""

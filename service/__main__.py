@@ -1,0 +1,5 @@
+"""Run ``python -m service`` as ``softarm``."""
+
+from service.cli import main
+
+main()

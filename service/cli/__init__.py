@@ -1,0 +1,80 @@
+"""The ``softarm`` command: one module per sub-command, imported only when it is called."""
+
+import importlib
+import sys
+from collections.abc import Sequence
+
+import click
+
+from estimator.errors import InputError
+
+COMMANDS = {
+    "convert": "Convert a recording between MCAP, tables and Qualisys exports.",
+    "estimate": "Estimate pose and external force over a recording.",
+    "calibrate": "Fit moduli, chamber gains and frame alignment to recordings.",
+    "plot": "Plot a recording.",
+    "bench": "Run a benchmark and print its table.",
+    "fakes": "Start the fake devices on real ports.",
+    "doctor": "Say which configured devices answer, at what rate, with which fault.",
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose commands live in ``service.cli.<name>`` and load on use."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """Name the commands in the order in which a user meets them."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """Import the module of one command."""
+        if cmd_name not in COMMANDS:
+            return None
+        module = importlib.import_module(f"service.cli.{cmd_name}")
+        command = module.command
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(
+    cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
+)
+@click.version_option(package_name="softarm")
+def softarm() -> None:
+    """Shape and force of a pneumatic soft arm from a few sensors and a finite-element model.
+
+    Example: softarm estimate RECORDING --specimen sopra
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line; every mistake of the user becomes one line and a status.
+
+    Args:
+        arguments: The words after ``softarm``; those of the process when left out.
+    """
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit status: 0 done, 1 the work failed, 2 wrong use."""
+    try:
+        result = softarm.main(args=arguments, prog_name="softarm", standalone_mode=False)
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+        return 0
+    except click.ClickException as error:
+        click.echo(f"softarm: {error.format_message()}", err=True)
+        return 2
+    except InputError as error:
+        click.echo(f"softarm: {error}", err=True)
+        return 2
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("softarm: stopped", err=True)
+        return 1
+    return result if isinstance(result, int) else 0

@@ -1,0 +1,1 @@
+"""Fake instruments that speak the real wire protocols, driven by a fake arm."""
