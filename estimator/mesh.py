@@ -1,0 +1,66 @@
+"""Meshes: nodes, element blocks with regions, named surfaces and node sets."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+ElementKind = Literal["tet4", "tet10", "hex8", "hex20"]
+FacetKind = Literal["tri3", "tri6", "quad4", "quad8"]
+
+NODES_PER_ELEMENT: Mapping[str, int] = {"tet4": 4, "tet10": 10, "hex8": 8, "hex20": 20}
+NODES_PER_FACET: Mapping[str, int] = {"tri3": 3, "tri6": 6, "quad4": 4, "quad8": 8}
+
+
+@dataclass(frozen=True)
+class ElementBlock:
+    """Elements of one kind.
+
+    Node order is that of VTK (and meshio): corners first, then mid-edge nodes; for ``hex20`` the edges of
+    the bottom face, of the top face, then the vertical ones.
+
+    Args:
+        kind: Element kind.
+        connectivity: Node of each element corner and edge, shape (elements, nodes per element).
+        region: Index into ``Mesh.regions`` of each element, shape (elements,).
+    """
+
+    kind: ElementKind
+    connectivity: Indices
+    region: Indices
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Facets of one kind; their normals (right-hand rule over the corners) point out of the solid.
+
+    Args:
+        kind: Facet kind, VTK node order.
+        facets: Node indices, shape (facets, nodes per facet).
+    """
+
+    kind: FacetKind
+    facets: Indices
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A body at rest in its base frame: origin at the clamp, z from the base to the tip.
+
+    Args:
+        points: Rest positions of the nodes [m], shape (nodes, 3).
+        blocks: Element blocks.
+        regions: Names of the material regions, indexed by ``ElementBlock.region``.
+        surfaces: Named surfaces; ``chamber_<k>`` is the closed wall of chamber k.
+        node_sets: Named node sets; ``clamp`` is held, ``section_<name>`` carries a rigid section's frame.
+    """
+
+    points: Floats
+    blocks: tuple[ElementBlock, ...]
+    regions: tuple[str, ...]
+    surfaces: Mapping[str, Surface] = field(default_factory=dict)
+    node_sets: Mapping[str, Indices] = field(default_factory=dict)
