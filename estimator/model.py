@@ -83,7 +83,7 @@ class Linearisation(Protocol):
 
         Returns:
             The outputs' change through the Newton step towards equilibrium at unchanged inputs, shape
-            (outputs,), and their change per unit of each pressure and each load, shape (outputs, chambers + loads).
+            (outputs,), and their change per unit of each pressure, then each load, shape (outputs, inputs).
         """
 
 
