@@ -1,0 +1,1 @@
+"""Benchmarks: each module prints one table and is a command of ``softarm bench``."""

@@ -1,0 +1,51 @@
+"""``softarm bench NAME``: one module of ``service.bench`` per benchmark, imported only when it is run."""
+
+import importlib
+import importlib.util
+
+import click
+
+BENCHES = {
+    "verify": "Check the finite elements against published and analytic answers.",
+    "sofa": "Compare with SOFA's equilibria and inverse trajectories.",
+    "step": "Time a step of the estimator, part by part.",
+    "mesh": "Compare the shipped meshes with their refinements.",
+    "drivers": "Time and load the device drivers against the fakes.",
+    "real-data": "Calibrate on real recordings and predict what was held out.",
+}
+
+
+def module_name(name: str) -> str:
+    """Name the module of a benchmark."""
+    return f"service.bench.{name.replace('-', '_')}"
+
+
+class LazyBenches(click.Group):
+    """The benchmarks that are installed; the others are neither listed nor run."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """Name the benchmarks whose module exists."""
+        return [name for name in BENCHES if importlib.util.find_spec(module_name(name))]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import one benchmark."""
+        if cmd_name not in self.list_commands(ctx):
+            return None
+        command = importlib.import_module(module_name(cmd_name)).command
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the benchmarks without importing them."""
+        if rows := [(name, BENCHES[name]) for name in self.list_commands(ctx)]:
+            with formatter.section("Benchmarks"):
+                formatter.write_dl(rows)
+
+
+@click.group(cls=LazyBenches, no_args_is_help=True)
+def command() -> None:
+    r"""Run a benchmark and print its table.
+
+    \b
+    Example: softarm bench step --quick
+    """

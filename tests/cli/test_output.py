@@ -1,0 +1,63 @@
+import json
+
+import pytest
+
+from service.cli import run
+from service.cli.bench import BENCHES, command, module_name
+from service.cli.output import Table, progress, show, text
+
+
+def test_table_prints_rows_and_notes(capsys: pytest.CaptureFixture[str]) -> None:
+    show(
+        Table("Forces", [{"case": "a[1]", "force_rms_n": 0.123456, "ok": True}], ("One note.",)),
+        as_json=False,
+    )
+    printed = capsys.readouterr().out
+    for words in ("Forces", "force rms n", "a[1]", "0.1235", "yes", "One note."):
+        assert words in printed
+
+
+def test_json_has_no_nan(capsys: pytest.CaptureFixture[str]) -> None:
+    show(Table("Forces", [{"force_n": float("nan"), "n": 3}]), as_json=True)
+    assert json.loads(capsys.readouterr().out) == {
+        "title": "Forces",
+        "rows": [{"force_n": None, "n": 3}],
+        "notes": [],
+    }
+
+
+def test_several_tables_are_one_json_document(capsys: pytest.CaptureFixture[str]) -> None:
+    show(Table("a", []), Table("b", []), as_json=True)
+    assert [t["title"] for t in json.loads(capsys.readouterr().out)["tables"]] == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("value", "written"), [(None, "-"), (float("nan"), "-"), (1e-9, "1e-09"), ("x", "x")]
+)
+def test_cells(value: str | float | None, written: str) -> None:
+    assert text(value) == written
+
+
+def test_progress_keeps_stdout_clean(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress("work", 3) as advance:
+        advance(3)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_unknown_benchmark_is_one_line_and_status_2(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["bench", "nosuch"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_absent_benchmark_is_not_listed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(BENCHES, "not-there-yet", "Nothing.")
+    assert module_name("not-there-yet") == "service.bench.not_there_yet"
+    assert run(["bench", "--help"]) == 0
+    assert "not-there-yet" not in capsys.readouterr().out
+    assert run(["bench", "not-there-yet"]) == 2
+
+
+def test_bench_group_has_an_example() -> None:
+    assert "Example: softarm bench" in (command.help or "")
