@@ -1,0 +1,1 @@
+"""What travels over zenoh: keys, messages, verbs, and the page generated from them."""

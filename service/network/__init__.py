@@ -1,0 +1,1 @@
+"""zenoh: sessions, the service's side of the keys, and the client's."""

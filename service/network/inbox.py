@@ -1,0 +1,52 @@
+"""A bounded hand-over from zenoh's threads to the event loop."""
+
+import asyncio
+from collections import deque
+from typing import Generic, TypeVar
+
+Item = TypeVar("Item")
+
+
+class Inbox(Generic[Item]):
+    """Items from other threads, read in the loop; a burst costs one wake-up.
+
+    Args:
+        loop: The loop that reads.
+        capacity: How many wait at most; what comes on top is refused, never queued.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, capacity: int) -> None:
+        self._loop = loop
+        self._capacity = capacity
+        self._items: deque[Item] = deque()
+        self._ready = asyncio.Event()
+        self._waking = False
+        self._closed = False
+
+    def offer(self, item: Item) -> bool:
+        """Hand over an item from any thread; false when it was refused."""
+        if self._closed or len(self._items) >= self._capacity:
+            return False
+        self._items.append(item)
+        if not self._waking:
+            self._waking = True
+            self._loop.call_soon_threadsafe(self._wake)
+        return True
+
+    def _wake(self) -> None:
+        self._waking = False
+        self._ready.set()
+
+    async def take(self) -> Item:
+        """Wait for the next item."""
+        while not self._items:
+            self._ready.clear()
+            await self._ready.wait()
+        return self._items.popleft()
+
+    def close(self) -> tuple[Item, ...]:
+        """Refuse everything from now on and return what still waits."""
+        self._closed = True
+        left = tuple(self._items)
+        self._items.clear()
+        return left

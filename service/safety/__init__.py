@@ -1,0 +1,1 @@
+"""Modes, health findings, the lease and what reaches the valves."""
