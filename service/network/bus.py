@@ -59,6 +59,7 @@ class Bus:
         self._inbox: Inbox[Call] = Inbox(loop, COMMANDS_WAITING)
         self._session: zenoh.Session | None = None
         self._publishers: dict[str, zenoh.ext.AdvancedPublisher] = {}
+        self._declared: list[object] = []  # zenoh undeclares what nobody holds
 
     @property
     def session(self) -> zenoh.Session:
@@ -87,9 +88,11 @@ class Bus:
                     encoding=zenoh.Encoding(f"application/json;softarm.{name}/1"),
                 )
             for name, provider in slow_values.items():
-                self._session.declare_queryable(self.keys.query(name), _provide(provider))
-            self._session.declare_queryable(self.keys.command("**"), self._on_command)
-            self._session.liveliness().declare_token(self.keys.alive)
+                self._declared.append(
+                    self._session.declare_queryable(self.keys.query(name), _provide(provider))
+                )
+            self._declared.append(self._session.declare_queryable(self.keys.command("**"), self._on_command))
+            self._declared.append(self._session.liveliness().declare_token(self.keys.alive))
         except BaseException:
             self.close()
             raise

@@ -74,7 +74,7 @@ def _overrides(settings: NetworkSettings) -> dict[str, object]:
         "scouting/gossip/enabled": False,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": settings.lease_ms,
-        "open/return_conditions/connect_scouted": False,
+        "open/return_conditions/connect_scouted": bool(settings.connect),
         "timestamping/enabled": listening,
         "adminspace/enabled": listening,
     }

@@ -53,8 +53,8 @@ TRANSITIONS = MappingProxyType(
         (Mode.EXPERIMENT, Event.EXPERIMENT_END): Mode.ARMED,
         (Mode.FAULTED, Event.CLEAR): Mode.IDLE,
     }
-    | {(mode, Event.DISARM): Mode.IDLE for mode in PRESSURISED}
-    | {(mode, Event.LEASE_LOST): Mode.IDLE for mode in PRESSURISED}
+    | {(mode, Event.DISARM): Mode.IDLE for mode in Mode if mode in PRESSURISED}
+    | {(mode, Event.LEASE_LOST): Mode.IDLE for mode in Mode if mode in PRESSURISED}
     | {(mode, Event.FAULT): Mode.FAULTED for mode in Mode if mode is not Mode.STOPPING}
     | {(mode, Event.SHUT_DOWN): Mode.STOPPING for mode in Mode}
 )

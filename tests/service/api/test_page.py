@@ -1,0 +1,19 @@
+from pathlib import Path
+
+from jsonschema import Draft202012Validator
+
+from service.api.commands import VERBS
+from service.api.page import render, schemas
+
+PAGE = Path(__file__).parents[3] / "docs" / "api.md"
+
+
+def test_page_is_that_of_the_messages():
+    assert PAGE.read_text() == render(), "run: python -m service.api.page > docs/api.md"
+
+
+def test_every_verb_has_a_schema():
+    requests = schemas()["requests"]
+    assert set(requests) == {f"command/{verb}" for verb in VERBS}
+    for schema in requests.values():
+        Draft202012Validator.check_schema(schema)

@@ -1,0 +1,119 @@
+import asyncio
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from estimator.errors import InputError
+from service.api.commands import Applied, Refused
+from service.api.messages import Mismatch, Stamp
+from service.network.bus import COMMANDS_WAITING, Bus
+from service.network.client import CommandRefusedError, SoftarmClient
+from service.network.inbox import Inbox
+from service.network.session import NetworkSettings, listening_endpoint
+
+FREE_PORT = NetworkSettings(listen=("tcp/127.0.0.1:0",))
+
+
+def mismatch(sequence):
+    stamp = Stamp(sequence=sequence, monotonic_ns=0, unix_ns=0, source="fake")
+    return Mismatch(
+        stamp=stamp,
+        consistent=True,
+        since_unix_ns=None,
+        where=(),
+        normalised_innovation_squared=None,
+        recording=None,
+        advice="none",
+    )
+
+
+@pytest.fixture
+async def bus():
+    with Bus(FREE_PORT, "test", asyncio.get_running_loop()) as bus:
+        bus.open({"config": lambda: b'{"arm": "test"}'})
+        yield bus
+
+
+@pytest.fixture
+async def client(bus):
+    endpoint = await asyncio.to_thread(listening_endpoint, bus.session)
+    client = await asyncio.to_thread(SoftarmClient, "test", endpoint)
+    yield client
+    await asyncio.to_thread(client.close)
+
+
+async def test_command_gets_its_one_answer(bus, client):
+    asked = asyncio.create_task(asyncio.to_thread(client.command, "stop"))
+    call = await bus.next_call()
+    assert call.verb == "stop"
+    call.answer(Applied(verb="stop", mode="FAULTED", applied={"pressures_pa": [0.0]}))
+    assert (await asked).applied == {"pressures_pa": [0.0]}
+
+
+async def test_refusal_carries_code_and_hint(bus, client):
+    asked = asyncio.create_task(asyncio.to_thread(client.command, "clear"))
+    call = await bus.next_call()
+    call.answer(Refused(verb="clear", code="wrong_mode", message="no", hint="stop first"))
+    with pytest.raises(CommandRefusedError, match="stop first") as refusal:
+        await asked
+    assert refusal.value.refusal.code == "wrong_mode"
+
+
+async def test_late_joiner_gets_the_last_message(bus, client):
+    for sequence in range(3):
+        bus.publish("mismatch", mismatch(sequence))
+    message = await asyncio.to_thread(client.wait_for, "mismatch", Mismatch, lambda _: True, 2.0)
+    assert message.stamp.sequence == 2
+
+
+async def test_slow_value_is_served(bus, client):
+    assert await asyncio.to_thread(client.ask, "config") == '{"arm": "test"}'
+
+
+async def test_alive_and_second_service_refused(bus, client):
+    assert await asyncio.to_thread(client.alive)
+    endpoint = await asyncio.to_thread(listening_endpoint, bus.session)
+    second = NetworkSettings(listen=("tcp/127.0.0.1:0",), connect=(endpoint,))
+    other = Bus(second, "test", asyncio.get_running_loop())
+    with pytest.raises(InputError, match="already served"):
+        await asyncio.to_thread(other.open, {})
+
+
+async def test_taken_address_is_named(bus):
+    endpoint = await asyncio.to_thread(listening_endpoint, bus.session)
+    other = Bus(NetworkSettings(listen=(endpoint,)), "other", asyncio.get_running_loop())
+    with pytest.raises(InputError, match="address is free"):
+        await asyncio.to_thread(other.open, {})
+
+
+async def test_burst_beyond_the_inbox_is_refused_as_busy(bus, client):
+    def send():
+        try:
+            return client.command("stop", timeout_s=5.0).verb
+        except CommandRefusedError as error:
+            return error.refusal.code
+
+    loop, pool = asyncio.get_running_loop(), ThreadPoolExecutor(COMMANDS_WAITING + 4)
+    senders = [loop.run_in_executor(pool, send) for _ in range(COMMANDS_WAITING + 4)]
+    done, waiting = set(), set(senders)
+    while len(done) < 4:
+        finished, waiting = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+        done |= finished
+    assert {task.result() for task in done} == {"busy"}
+    for _ in waiting:
+        (await bus.next_call()).answer(Applied(verb="stop", mode="FAULTED", applied={}))
+    assert await asyncio.gather(*waiting) == ["stop"] * COMMANDS_WAITING
+
+
+async def test_inbox_refuses_beyond_its_capacity_and_after_closing():
+    inbox = Inbox(asyncio.get_running_loop(), capacity=2)
+    accepted = []
+    thread = threading.Thread(target=lambda: accepted.extend(inbox.offer(n) for n in range(3)))
+    thread.start()
+    thread.join()
+    assert accepted == [True, True, False]
+    assert [await inbox.take(), await inbox.take()] == [0, 1]
+    assert inbox.offer(7)
+    assert inbox.close() == (7,)
+    assert not inbox.offer(8)
