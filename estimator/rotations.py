@@ -1,0 +1,180 @@
+"""Rotations: exponential, logarithm and their Jacobians, on batches of rotation vectors and matrices.
+
+Every function takes any number of leading axes. The kernels are compiled, since numpy's call overhead on
+three-by-three matrices would cost more than the rest of an estimator step.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True)
+def exp_kernel(vectors: Floats, matrices: Floats) -> None:
+    """Fill matrices, shape (n, 3, 3), with the rotations of vectors, shape (n, 3) (Rodrigues' formula)."""
+    for i in range(vectors.shape[0]):
+        x, y, z = vectors[i, 0], vectors[i, 1], vectors[i, 2]
+        square = x * x + y * y + z * z
+        if square < 1e-8:
+            a = 1.0 - square / 6.0
+            b = 0.5 - square / 24.0
+        else:
+            angle = np.sqrt(square)
+            a = np.sin(angle) / angle
+            b = (1.0 - np.cos(angle)) / square
+        matrices[i, 0, 0] = 1.0 - b * (y * y + z * z)
+        matrices[i, 1, 1] = 1.0 - b * (x * x + z * z)
+        matrices[i, 2, 2] = 1.0 - b * (x * x + y * y)
+        matrices[i, 0, 1] = b * x * y - a * z
+        matrices[i, 1, 0] = b * x * y + a * z
+        matrices[i, 0, 2] = b * x * z + a * y
+        matrices[i, 2, 0] = b * x * z - a * y
+        matrices[i, 1, 2] = b * y * z - a * x
+        matrices[i, 2, 1] = b * y * z + a * x
+
+
+@njit(cache=True, nogil=True)
+def quaternion_kernel(matrices: Floats, quaternions: Floats) -> None:
+    """Fill unit quaternions (w >= 0), shape (n, 4), from matrices, shape (n, 3, 3) (Shepperd's method)."""
+    for i in range(matrices.shape[0]):
+        m = matrices[i]
+        q = quaternions[i]
+        trace = m[0, 0] + m[1, 1] + m[2, 2]
+        if trace >= max(m[0, 0], m[1, 1], m[2, 2]):
+            q[0] = 1.0 + trace
+            q[1] = m[2, 1] - m[1, 2]
+            q[2] = m[0, 2] - m[2, 0]
+            q[3] = m[1, 0] - m[0, 1]
+        else:
+            # The largest diagonal entry a and the axes after it, so that no small number is divided by.
+            a = 0
+            if m[1, 1] > m[0, 0]:
+                a = 1
+            if m[2, 2] > m[a, a]:
+                a = 2
+            b = (a + 1) % 3
+            c = (a + 2) % 3
+            q[0] = m[c, b] - m[b, c]
+            q[1 + a] = 1.0 + m[a, a] - m[b, b] - m[c, c]
+            q[1 + b] = m[a, b] + m[b, a]
+            q[1 + c] = m[a, c] + m[c, a]
+        norm = np.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
+        if q[0] < 0.0:
+            norm = -norm
+        for k in range(4):
+            q[k] /= norm
+
+
+@njit(cache=True, nogil=True)
+def inverse_jacobian_kernel(vectors: Floats, matrices: Floats) -> None:
+    """Fill the inverses of the left Jacobians at vectors, shape (n, 3), into matrices, shape (n, 3, 3)."""
+    for i in range(vectors.shape[0]):
+        v = vectors[i]
+        square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+        if square < 1e-4:
+            c = 1.0 / 12.0 + square / 720.0
+        else:
+            angle = np.sqrt(square)
+            c = (1.0 - 0.5 * angle / np.tan(0.5 * angle)) / square
+        m = matrices[i]
+        for r in range(3):
+            for s in range(3):
+                m[r, s] = c * v[r] * v[s]
+            m[r, r] += 1.0 - c * square
+        m[0, 1] += 0.5 * v[2]
+        m[1, 0] -= 0.5 * v[2]
+        m[0, 2] -= 0.5 * v[1]
+        m[2, 0] += 0.5 * v[1]
+        m[1, 2] += 0.5 * v[0]
+        m[2, 1] -= 0.5 * v[0]
+
+
+def _flat(values: Floats, width: int) -> Floats:
+    """Copy to contiguous memory with one leading axis, so that a kernel compiles for one type only."""
+    shape = (-1, 3, 3) if width == 9 else (-1, width)
+    return np.array(values, dtype=np.float64, order="C").reshape(shape)
+
+
+def exp(vectors: Floats) -> Floats:
+    """Give the rotations of rotation vectors [rad], shape (..., 3), as matrices, shape (..., 3, 3)."""
+    flat = _flat(vectors, 3)
+    matrices = np.empty((len(flat), 3, 3))
+    exp_kernel(flat, matrices)
+    return matrices.reshape(*np.shape(vectors)[:-1], 3, 3)
+
+
+def to_quaternions(rotations: Floats) -> Floats:
+    """Give unit quaternions (w, x, y, z) with w >= 0, shape (..., 4), of rotations, shape (..., 3, 3)."""
+    flat = _flat(rotations, 9)
+    quaternions = np.empty((len(flat), 4))
+    quaternion_kernel(flat, quaternions)
+    return quaternions.reshape(*np.shape(rotations)[:-2], 4)
+
+
+def from_quaternions(quaternions: Floats) -> Floats:
+    """Give the rotations, shape (..., 3, 3), of quaternions (w, x, y, z) of any length, shape (..., 4).
+
+    A quaternion of zeros, which some devices send for a lost body, gives NaN.
+    """
+    q = np.asarray(quaternions, dtype=np.float64)
+    length = np.sqrt((q * q).sum(axis=-1, keepdims=True))
+    w, x, y, z = np.moveaxis(q / np.where(length > 0, length, np.nan), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def log(rotations: Floats) -> Floats:
+    """Give the rotation vectors [rad], angle at most pi, shape (..., 3), of matrices, shape (..., 3, 3)."""
+    quaternions = to_quaternions(rotations)
+    axis = quaternions[..., 1:]
+    sine = np.sqrt((axis * axis).sum(axis=-1, keepdims=True))
+    half = np.arctan2(sine, quaternions[..., :1])
+    small = sine < 1e-12
+    factor = np.where(small, 2.0, 2.0 * half / np.where(small, 1.0, sine))
+    vectors: Floats = factor * axis
+    return vectors
+
+
+def inverse_left_jacobian(vectors: Floats) -> Floats:
+    """Give J^-1 with log(exp(d) exp(v)) = v + J^-1 d for small d (Barfoot, State Estimation, eq. 7.76).
+
+    Args:
+        vectors: Rotation vectors v [rad], shape (..., 3). The right Jacobian's inverse is that at -v.
+
+    Returns:
+        Matrices, shape (..., 3, 3).
+    """
+    flat = _flat(vectors, 3)
+    matrices = np.empty((len(flat), 3, 3))
+    inverse_jacobian_kernel(flat, matrices)
+    return matrices.reshape(*np.shape(vectors)[:-1], 3, 3)
+
+
+def skew(vectors: Floats) -> Floats:
+    """Give the matrices [v] with [v] u = v x u, shape (..., 3, 3), of vectors, shape (..., 3)."""
+    v = np.asarray(vectors, dtype=np.float64)
+    matrices = np.zeros((*v.shape[:-1], 3, 3))
+    for axis in range(3):
+        after, last = (axis + 1) % 3, (axis + 2) % 3
+        matrices[..., last, after] = v[..., axis]
+        matrices[..., after, last] = -v[..., axis]
+    return matrices
+
+
+def mean_rotation(rotations: Floats) -> Floats:
+    """Give the rotation nearest to the arithmetic mean of rotations, shape (n, 3, 3) (Moakher 2002)."""
+    return nearest_rotation(rotations.mean(axis=0))
+
+
+def nearest_rotation(matrix: Floats) -> Floats:
+    """Give the rotation nearest to a matrix, shape (3, 3), in the Frobenius norm."""
+    left, _, right = np.linalg.svd(matrix)
+    sign = np.sign(np.linalg.det(left @ right))
+    rotation: Floats = (left * [1.0, 1.0, sign]) @ right
+    return rotation

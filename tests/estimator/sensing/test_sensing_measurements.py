@@ -1,0 +1,229 @@
+"""Every sensor: it predicts what it would read, and its Jacobians are those of its innovation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.derivatives import derivative_error
+from estimator.errors import InputError
+from estimator.model import Frames
+from estimator.rotations import exp
+from estimator.sensing import (
+    ActuationMap,
+    Bend,
+    GaugeForce,
+    Marker,
+    Measurement,
+    Orientation,
+    Registration,
+    Scene,
+    SectionPose,
+    SensorSuite,
+    register,
+)
+
+RANDOM = np.random.default_rng(5)
+SAMPLES = 7
+REGISTRATION = Registration(exp(np.array([0.3, -1.2, 0.5])), np.array([0.2, -0.1, 1.0]))
+
+
+def scene(leading: tuple[int, ...] = ()) -> Scene:
+    positions = RANDOM.normal(size=(*leading, 2, 3)) * 0.1
+    rotations = exp(RANDOM.normal(size=(*leading, 2, 3)) * 0.6)
+    return Scene(Frames(positions, rotations), RANDOM.normal(size=(*leading, 4)))
+
+
+def moved(at: Scene, twists: np.ndarray) -> Scene:
+    parts = twists.reshape(2, 6)
+    frames = Frames(at.frames.positions + parts[:, :3], exp(parts[:, 3:]) @ at.frames.rotations)
+    return Scene(frames, at.loads)
+
+
+def misaligned(sensor: Measurement) -> Measurement:
+    return sensor.with_parameters(sensor.parameters + RANDOM.normal(size=len(sensor.parameter_names)) * 0.2)
+
+
+SENSORS = [
+    misaligned(Orientation("orientation", 1, 0.01, registration=REGISTRATION)),
+    misaligned(SectionPose("pose", 1, 1e-3, 0.01, registration=REGISTRATION)),
+    misaligned(Marker("marker", 0, 1e-3, np.array([0.01, 0.02, -0.03]), registration=REGISTRATION)),
+    misaligned(Bend("bend_upper", 0, 0.01)),
+    misaligned(Bend("bend_lower", 1, 0.01, reference=0, mirrored=True)),
+    misaligned(GaugeForce("gauge", np.array([0.6, 0.0, 0.8, 0.0]), 0.01)),
+]
+EACH = pytest.mark.parametrize("sensor", SENSORS, ids=lambda sensor: sensor.name)
+
+
+@EACH
+def test_own_prediction_leaves_no_innovation(sensor: Measurement) -> None:
+    at = scene()
+    np.testing.assert_allclose(sensor.sensitivity(at, sensor.predict(at)).innovation, 0.0, atol=1e-12)
+
+
+@EACH
+def test_rows_are_the_derivative_by_the_section_twists(sensor: Measurement) -> None:
+    at, reading = scene(), sensor.predict(scene())
+
+    def innovation(twists: np.ndarray) -> np.ndarray:
+        return -sensor.sensitivity(moved(at, twists), reading).innovation
+
+    rows = sensor.sensitivity(at, reading).twists
+    if not rows.any():
+        assert isinstance(sensor, GaugeForce)
+        return
+    assert derivative_error(innovation, rows, np.zeros(12), 1e-3) < 1e-7
+
+
+@EACH
+def test_rows_are_the_derivative_by_the_loads(sensor: Measurement) -> None:
+    at, reading = scene(), sensor.predict(scene())
+
+    def innovation(loads: np.ndarray) -> np.ndarray:
+        return -sensor.sensitivity(Scene(at.frames, loads), reading).innovation
+
+    rows = sensor.sensitivity(at, reading).loads
+    assert derivative_error(innovation, rows, at.loads, 1e-3) < 1e-7 or not rows.any()
+    assert rows.any() == isinstance(sensor, GaugeForce)
+
+
+@EACH
+def test_rows_are_the_derivative_by_the_alignment(sensor: Measurement) -> None:
+    at, reading = scene(), sensor.predict(scene())
+
+    def innovation(parameters: np.ndarray) -> np.ndarray:
+        return -sensor.with_parameters(parameters).sensitivity(at, reading).innovation
+
+    rows = sensor.parameter_rows(at, reading)
+    assert derivative_error(innovation, rows, sensor.parameters, 1e-3) < 1e-7
+
+
+@EACH
+def test_many_samples_at_once_give_what_each_gives_alone(sensor: Measurement) -> None:
+    at, reading = scene((SAMPLES,)), sensor.predict(scene((SAMPLES,)))
+    together = sensor.sensitivity(at, reading)
+    parameters = sensor.parameter_rows(at, reading)
+    noise = sensor.covariance(reading)
+    for k in range(SAMPLES):
+        one = Scene(Frames(at.frames.positions[k], at.frames.rotations[k]), at.loads[k])
+        alone = sensor.sensitivity(one, reading[k])
+        np.testing.assert_allclose(together.innovation[k], alone.innovation, atol=1e-14)
+        np.testing.assert_allclose(together.twists[k], alone.twists, atol=1e-14)
+        np.testing.assert_allclose(parameters[k], sensor.parameter_rows(one, reading[k]), atol=1e-14)
+        np.testing.assert_allclose(noise[k], sensor.covariance(reading[k]))
+
+
+def test_bend_is_exact_and_differentiable_at_the_straight_pose() -> None:
+    straight = Scene(Frames(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1))), np.zeros(4))
+    bend = Bend("bend", 1, 0.01)
+    rows = bend.sensitivity(straight, np.zeros(2)).twists
+    for angle in (1e-5, 1e-4, 2e-3, 0.5, 3.0):
+        turned = moved(straight, np.concatenate([np.zeros(9), [0.0, angle, 0.0]]))
+        np.testing.assert_allclose(bend.predict(turned), [angle, 0.0], atol=1e-12)
+    np.testing.assert_allclose(rows[:, 9:], [[0, 1, 0], [-1, 0, 0]], atol=1e-15)
+
+
+def test_dead_zone_widens_the_noise_inside_it_alone() -> None:
+    zone = np.radians(0.5)
+    bend = Bend("bend", 1, 0.001, bias=np.array([0.1, 0.0]), dead_zone=zone)
+    noise = bend.covariance(np.array([0.1 + 0.9 * zone, 1.1 * zone]))
+    np.testing.assert_allclose(np.diag(noise), [1e-6 + zone**2 / 3, 1e-6])
+
+
+def test_registration_recovers_the_laboratory_within_its_covariance() -> None:
+    markers = np.array([[0.05, 0, 0], [0, 0.05, 0.01], [-0.04, -0.03, 0.0], [0, 0, 0.03]])
+    sigma = 1e-4
+    deviations = []
+    for _ in range(300):
+        measured = REGISTRATION.to_laboratory(markers) + sigma * RANDOM.normal(size=markers.shape)
+        found = register(markers, measured, sigma)
+        turn = found.rotation @ REGISTRATION.rotation.T
+        shift = found.translation - turn @ REGISTRATION.translation
+        deviations.append(np.concatenate([shift, [turn[2, 1], turn[0, 2], turn[1, 0]]]))
+    information = np.linalg.inv(found.covariance)
+    squares = np.einsum("ni,ij,nj->n", deviations, information, deviations)
+    assert squares.mean() == pytest.approx(6.0, rel=0.15)
+
+
+def test_registration_refuses_markers_on_a_line() -> None:
+    line = np.outer(np.arange(4.0), [1.0, 2.0, 3.0])
+    with pytest.raises(InputError, match="one line"):
+        register(line, line, 1e-3)
+
+
+def test_suite_stacks_any_subset_and_leaves_absent_sensors_out() -> None:
+    suite = SensorSuite(tuple(SENSORS))
+    at = scene()
+    everything = suite.predict(at)
+    some = suite.stack({"pose": SENSORS[1].predict(at), "bend_lower": SENSORS[4].predict(at)})
+    observation = suite.observe(at, some)
+    expected = [*range(3, 9), *range(14, 16)]
+    assert observation.rows.tolist() == expected
+    whole = suite.observe(at, everything)
+    assert len(whole.rows) == suite.size
+    np.testing.assert_allclose(observation.twists, whole.twists[expected])
+    np.testing.assert_allclose(observation.covariance, whole.covariance[np.ix_(expected, expected)])
+    assert suite.observe(at, np.full(len(everything), np.nan)).innovation.shape == (0,)
+    half = everything.copy()
+    half[7:11] = np.nan  # the pose's orientation alone is lost
+    assert 3 in suite.observe(at, half).rows
+    assert 6 not in suite.observe(at, half).rows
+
+
+def test_suite_alignment_is_the_sensors_alignment() -> None:
+    suite = SensorSuite(tuple(SENSORS))
+    at, readings = scene(), suite.predict(scene())
+    assert len(suite.parameter_names) == len(suite.parameters)
+    error = derivative_error(
+        lambda values: -suite.with_parameters(values).sensitivity(at, readings).innovation,
+        suite.parameter_rows(at, readings),
+        suite.parameters,
+        1e-3,
+    )
+    assert error < 1e-7
+
+
+def test_suite_names_a_wrong_reading() -> None:
+    suite = SensorSuite(tuple(SENSORS))
+    with pytest.raises(InputError, match="no sensor 'tip'"):
+        suite.stack({"tip": np.zeros(3)})
+    with pytest.raises(InputError, match="3 numbers instead of 4"):
+        suite.stack({"orientation": np.zeros(3)})
+    with pytest.raises(InputError, match="named twice"):
+        SensorSuite((SENSORS[0], SENSORS[0]))
+
+
+def test_error_of_the_registration_is_common_to_all_that_use_it() -> None:
+    covariance = np.diag([1e-3, 2e-3, 3e-3, 0.02, 0.01, 0.03]) ** 2
+    uncertain = replace(REGISTRATION, covariance=covariance)
+    sensors = tuple(replace(sensor, registration=uncertain) for sensor in SENSORS[:3])
+    suite, at = SensorSuite((*sensors, SENSORS[3])), scene()
+    readings = suite.predict(at)
+    noise = suite.covariance(at, readings, suite.sensitivity(at, readings).twists)
+    exact = SensorSuite(tuple(SENSORS[:4]))
+    alone = exact.covariance(at, readings, exact.sensitivity(at, readings).twists)
+
+    def shifted(twist: np.ndarray) -> np.ndarray:
+        turn = exp(twist[3:])
+        other = Registration(turn @ REGISTRATION.rotation, turn @ REGISTRATION.translation + twist[:3])
+        return (
+            SensorSuite((*(replace(sensor, registration=other) for sensor in SENSORS[:3]), SENSORS[3]))
+            .sensitivity(at, readings)
+            .innovation
+        )
+
+    rows = np.stack([(shifted(1e-6 * e) - shifted(-1e-6 * e)) / 2e-6 for e in np.eye(6)], axis=1)
+    np.testing.assert_allclose(noise - alone, rows @ covariance @ rows.T, atol=1e-11)
+
+
+def test_actuation_map_inverts_and_differentiates() -> None:
+    actuation = ActuationMap(np.array([0.9, 1.1, 1.0]), np.array([100.0, -50.0, 0.0]))
+    measured = np.array([1e4, 2e4, 3e4])
+    np.testing.assert_allclose(actuation.to_measured(actuation.to_chamber(measured)), measured)
+
+    def pressure(parameters: np.ndarray) -> np.ndarray:
+        return ActuationMap(parameters[:3], parameters[3:]).to_chamber(measured)
+
+    point = np.concatenate([actuation.gain, actuation.bias])
+    assert derivative_error(pressure, actuation.parameter_rows(measured), point, 1e-2) < 1e-8
+    np.testing.assert_allclose(actuation.chamber_sigma, [180.0, 220.0, 200.0])
