@@ -1,0 +1,1 @@
+"""The estimator in a process of its own."""

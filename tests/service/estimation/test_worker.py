@@ -1,0 +1,88 @@
+import asyncio
+import os
+import signal
+from functools import partial
+
+import pytest
+
+from service.estimation.worker import RESTARTS_ALLOWED, Worker
+
+
+def double():
+    return lambda value: 2 * value
+
+
+def gated(path):
+    def solve(value):
+        with open(path) as gate:  # noqa: PTH123
+            gate.read()
+        return value
+
+    return solve
+
+
+def dying():
+    raise SystemExit(3)
+
+
+class Results:
+    def __init__(self):
+        self.values = []
+        self.arrived = asyncio.Event()
+
+    def take(self, value):
+        self.values.append(value)
+        self.arrived.set()
+
+    async def wait(self, count):
+        while len(self.values) < count:
+            self.arrived.clear()
+            await self.arrived.wait()
+
+
+async def test_answers_and_ends():
+    results = Results()
+    async with Worker(double, results.take) as worker:
+        await worker.until(lambda state: state.running)
+        worker.submit(21)
+        await results.wait(1)
+        pid = worker.pid
+    assert results.values == [42]
+    assert not worker.state.running
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
+async def test_mailbox_keeps_the_newest_only(tmp_path):
+    gate = tmp_path / "gate"
+    os.mkfifo(gate)
+    results = Results()
+    async with Worker(partial(gated, str(gate)), results.take) as worker:
+        await worker.until(lambda state: state.running)
+        for value in range(5):
+            worker.submit(value)
+        for count in (1, 2):
+            await asyncio.to_thread(gate.write_text, "go")
+            await results.wait(count)
+    assert results.values == [0, 4]
+    assert worker.replaced == 3
+
+
+async def test_killed_process_is_started_again():
+    results = Results()
+    async with Worker(double, results.take) as worker:
+        await worker.until(lambda state: state.running)
+        first = worker.pid
+        os.kill(first, signal.SIGKILL)
+        await worker.until(lambda state: state.running and state.restarts == 1)
+        worker.submit(1)
+        await results.wait(1)
+        assert worker.pid != first
+    assert results.values == [2]
+
+
+async def test_gives_up_on_a_process_that_keeps_dying():
+    async with Worker(dying, lambda _: None) as worker:
+        await worker.until(lambda state: state.gave_up)
+        assert worker.state.restarts == RESTARTS_ALLOWED + 1
+        assert not worker.state.running
