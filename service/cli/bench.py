@@ -27,10 +27,15 @@ class LazyBenches(click.Group):
         """Name the benchmarks whose module exists."""
         return [name for name in BENCHES if importlib.util.find_spec(module_name(name))]
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import one benchmark."""
-        if cmd_name not in self.list_commands(ctx):
-            return None
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command:
+        """Import one benchmark.
+
+        Raises:
+            click.UsageError: There is none of that name.
+        """
+        installed = self.list_commands(ctx)
+        if cmd_name not in installed:
+            raise click.UsageError(f"no benchmark is called {cmd_name}; take one of: {', '.join(installed)}")
         command = importlib.import_module(module_name(cmd_name)).command
         assert isinstance(command, click.Command)
         return command
@@ -44,8 +49,7 @@ class LazyBenches(click.Group):
 
 @click.group(cls=LazyBenches, no_args_is_help=True)
 def command() -> None:
-    r"""Run a benchmark and print its table.
+    """Run a benchmark and print its table.
 
-    \b
     Example: softarm bench step --quick
     """
