@@ -46,7 +46,7 @@ class PlantInputs:
     """What drives the arm; held constant over a step.
 
     Args:
-        valve_pressures: Gauge pressures at the outlets of the valves, in chamber order [Pa], shape (chambers,).
+        valve_pressures: Gauge pressures at the valve outlets, in chamber order [Pa], shape (chambers,).
         cord: The cord to the force gauge, if one is tied.
         hand: A hand on the arm, if any.
     """

@@ -1,0 +1,30 @@
+"""The one clock of all fakes: seconds since they were started."""
+
+import asyncio
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """What the fakes know of time."""
+
+    def now(self) -> float:
+        """Give the seconds since the start."""
+
+    async def sleep_until(self, time: float) -> None:
+        """Return at ``time`` [s], or at once (after a turn of the loop) when it has passed."""
+
+
+class LoopClock:
+    """The time of the running event loop: real time, or virtual time on a ``WarpEventLoop``."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._start = self._loop.time()
+
+    def now(self) -> float:
+        """Give the seconds since this clock was made."""
+        return self._loop.time() - self._start
+
+    async def sleep_until(self, time: float) -> None:
+        """Return at ``time`` [s], or at once (after a turn of the loop) when it has passed."""
+        await asyncio.sleep(max(0.0, time - self.now()))

@@ -1,0 +1,1 @@
+"""Fake serial instruments on pseudo-terminals."""
