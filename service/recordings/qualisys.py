@@ -13,9 +13,9 @@ import numpy as np
 
 from estimator.errors import InputError
 from estimator.recording import MARKER_SUFFIXES, POSE_SUFFIXES, Floats
+from estimator.rotations import to_quaternions
 from service.recordings.columns import TIME
 from service.recordings.mapping import MILLIMETRE, mapped_names
-from service.recordings.rotations import quaternions
 
 CELLS_OF_MARKER = 3
 CELLS_OF_BODY = 16
@@ -132,7 +132,7 @@ def _body(name: str, block: Floats) -> dict[str, Floats]:
     good = np.isfinite(block).all(axis=1) & (np.abs(np.linalg.det(np.nan_to_num(matrices)) - 1.0) < 0.01)
     pose = np.full((len(block), 7), np.nan)
     pose[good, :3] = block[good, :3] * MILLIMETRE
-    pose[good, 3:] = quaternions(matrices[good])
+    pose[good, 3:] = to_quaternions(matrices[good])
     return {f"frame_{name}_{suffix}": pose[:, i].copy() for i, suffix in enumerate(POSE_SUFFIXES)}
 
 

@@ -6,7 +6,6 @@ import pytest
 
 from estimator.errors import InputError
 from service.recordings import load_recording
-from service.recordings.rotations import matrices, quaternions
 
 HEADER_3D = (
     "NO_OF_FRAMES\t2\nNO_OF_CAMERAS\t8\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nNO_OF_ANALOG\t0\n"
@@ -93,13 +92,3 @@ def test_c3d_points(unit: str, factor: float, tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.marker("base1"), points[:3, 1].T * factor, rtol=1e-6)
     assert np.isnan(recording.marker("tip1")[1]).all()
     np.testing.assert_allclose(recording.marker("tip1")[[0, 2]], points[:3, 0, [0, 2]].T * factor, rtol=1e-6)
-
-
-def test_quaternions_and_matrices_are_inverse() -> None:
-    q = np.random.default_rng(0).normal(size=(50, 4))
-    q /= np.linalg.norm(q, axis=1, keepdims=True)
-    q *= np.where(q[:, :1] < 0, -1, 1)
-    np.testing.assert_allclose(quaternions(matrices(q)), q, atol=1e-12)
-    np.testing.assert_allclose(
-        matrices(np.array([[np.cos(0.5), 0, 0, np.sin(0.5)]]))[0, :2, 0], [np.cos(1), np.sin(1)]
-    )

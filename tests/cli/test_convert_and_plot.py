@@ -1,0 +1,89 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimator.recording import Recording
+from service.cli import run
+from service.plots.recording import amplitude_spectrum
+from service.recordings import load_recording, save_recording
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.fixture
+def run7(tmp_path: Path) -> Path:
+    time = np.arange(300) * 0.01
+    swing = 0.1 * np.sin(2 * np.pi * 2.3 * time)
+    half = swing / 2
+    columns = {
+        "pressure_0_pa": 2e4 + 1e4 * swing,
+        "pressure_cmd_0_pa": np.full(300, 2e4),
+        "bend_tip_x_rad": swing,
+        "bend_tip_y_rad": np.where(time > 1, swing, np.nan),
+        "marker_a_x_m": swing,
+        "marker_a_y_m": swing,
+        "marker_a_z_m": 0 * swing,
+        "gauge_hook_n": swing,
+        "estimate_force_tip_x_n": swing,
+        "estimate_force_tip_x_std_n": 0.1 + 0 * swing,
+    }
+    columns |= {f"frame_tip_{axis}_m": swing for axis in "xyz"}
+    columns |= {"frame_tip_qw": np.cos(half), "frame_tip_qx": np.sin(half)}
+    columns |= {"frame_tip_qy": 0 * half, "frame_tip_qz": 0 * half}
+    save_recording(Recording("run7", time, columns, {"specimen": "sopra"}), tmp_path / "run7")
+    return tmp_path / "run7"
+
+
+def test_convert_there_and_back(run7: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mcap, csv = run7.parent / "x.mcap", run7.parent / "back.csv"
+    assert run(["convert", str(run7), str(mcap), "--json"]) == 0
+    rows = {row["stream"]: row for row in json.loads(capsys.readouterr().out)["rows"]}
+    assert rows["bend/tip"]["readings"] == 300
+    assert rows["pressures"]["rate_hz"] == pytest.approx(100)
+    assert run(["convert", str(mcap), str(csv)]) == 0
+    assert csv.read_bytes() == (run7 / "recording.csv").read_bytes()
+
+
+def test_convert_refuses_what_is_there(run7: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = run7.parent / "x.parquet"
+    assert run(["convert", str(run7), str(target)]) == 0
+    assert run(["convert", str(run7), str(target)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "--force" in error
+    assert run(["convert", str(run7), str(target), "--force"]) == 0
+
+
+def test_convert_says_when_a_file_was_cut_off(run7: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    whole, torn = run7.parent / "x.mcap", run7.parent / "torn.mcap"
+    run(["convert", str(run7), str(whole)])
+    data = whole.read_bytes()
+    torn.write_bytes(data[: data.index(b"softarm.recording") + len(data) * 3 // 4])
+    assert run(["convert", str(torn), str(run7.parent / "saved")]) == 0
+    assert "cut off" in capsys.readouterr().err
+    assert "recovered" in load_recording(run7.parent / "saved").info
+
+
+def test_wrong_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (["convert", str(tmp_path / "no.csv"), "x.mcap"], ["plot", str(tmp_path)]):
+        assert run(words) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_plot_draws_every_kind_of_stream(run7: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = run7.parent / "plots"
+    assert run(["plot", str(run7), "--out", str(out)]) == 0
+    assert sorted(path.name for path in out.iterdir()) == ["paths.png", "spectra.png", "streams.png"]
+    assert all(path.read_bytes().startswith(PNG) for path in out.iterdir())
+    assert "wrote" in capsys.readouterr().err
+
+
+def test_a_spectrum_peaks_where_the_arm_swings() -> None:
+    time = np.arange(2000) * 0.01
+    values = np.sin(2 * np.pi * 2.3 * time)
+    values[100:110] = np.nan
+    frequencies, density = amplitude_spectrum(time, values, 100.0)
+    assert frequencies[np.argmax(density)] == pytest.approx(2.3, abs=0.1)
