@@ -1,0 +1,1 @@
+"""Bend sensors on a serial line."""

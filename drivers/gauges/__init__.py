@@ -1,0 +1,1 @@
+"""Force gauges on a serial line."""

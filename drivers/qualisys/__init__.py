@@ -1,0 +1,1 @@
+"""Motion capture with Qualisys Track Manager."""
