@@ -1,0 +1,96 @@
+"""The cross-section of the arm: what is silicone, what is chamber, and how it resists."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+SECTORS_PER_LOBE = 4
+SPACING = 0.2e-3
+
+
+@dataclass(frozen=True)
+class CrossSection:
+    """Lumped cross-section.
+
+    Args:
+        fibres: Centres of the silicone fibres [m], shape (fibres, 2).
+        areas: Their areas [m2], shape (fibres,).
+        chambers: Centroids of the chambers [m], shape (chambers, 2).
+        chamber_areas: Their areas [m2], shape (chambers,).
+        second_moment: About an axis through the centre, mean of x and y [m4].
+        radius: Of the circle around it [m].
+    """
+
+    fibres: Floats
+    areas: Floats
+    chambers: Floats
+    chamber_areas: Floats
+    second_moment: float
+    radius: float
+
+
+def lobed(radius: float, wall: float, floor: float, azimuths: tuple[float, ...]) -> CrossSection:
+    """Sample a triangle of side 2 ``radius`` with a half disc and its chamber on each side.
+
+    One third about the first lobe is sampled and turned to each azimuth. The silicone is gathered in an inner
+    and an outer ring of fibres, one per sector, each at the centroid of its share; distances are then scaled
+    so that the second moment is that of the full section.
+
+    Args:
+        radius: Of the half discs [m].
+        wall: Thickness outside the chamber [m].
+        floor: Between the triangle's side and the chamber [m].
+        azimuths: Directions of the three half discs [rad].
+    """
+    side = radius / np.sqrt(3.0)
+    reach = side + radius
+    points = _grid(reach)
+    out, across = points[:, 0] - side, points[:, 1]
+    distance = np.hypot(out, across)
+    third = np.abs(np.arctan2(across, points[:, 0])) <= np.pi / 3.0
+    solid = third & ((out <= 0.0) | (distance <= radius))
+    hollow = (out > floor) & (distance < radius - wall)
+    silicone = points[solid & ~hollow]
+    fibres, areas = _gather(silicone)
+    full = float((silicone**2).sum()) * SPACING**2
+    fibres *= np.sqrt(full / float(areas @ (fibres**2).sum(axis=1)))
+    centroid = points[hollow].mean(axis=0)
+    return CrossSection(
+        fibres=np.concatenate([_turn(fibres, azimuth) for azimuth in azimuths]),
+        areas=np.tile(areas, len(azimuths)),
+        chambers=np.concatenate([_turn(centroid[None], azimuth) for azimuth in azimuths]),
+        chamber_areas=np.full(len(azimuths), int(hollow.sum()) * SPACING**2),
+        second_moment=0.5 * len(azimuths) * full,
+        radius=reach,
+    )
+
+
+def _grid(reach: float) -> Floats:
+    """Lay points over a square about the origin, symmetric about the x axis, shape (points, 2)."""
+    half = (np.arange(int(reach / SPACING) + 1) + 0.5) * SPACING
+    axis = np.concatenate([-half[::-1], half])
+    return np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _turn(points: Floats, angle: float) -> Floats:
+    """Turn points about the origin."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.asarray(points @ np.array([[cosine, sine], [-sine, cosine]]))
+
+
+def _gather(points: Floats) -> tuple[Floats, Floats]:
+    """Gather the points of one third into fibres: two rings in each sector, split at the median distance."""
+    angle = np.arctan2(points[:, 1], points[:, 0]) / (2.0 * np.pi / 3.0) + 0.5
+    sector = np.minimum((angle * SECTORS_PER_LOBE).astype(int), SECTORS_PER_LOBE - 1)
+    centres, areas = [], []
+    for index in range(SECTORS_PER_LOBE):
+        inside = points[sector == index]
+        far = np.hypot(inside[:, 0], inside[:, 1])
+        outer = far > np.median(far)
+        for ring in (~outer, outer):
+            centres.append(inside[ring].mean(axis=0))
+            areas.append(int(ring.sum()) * SPACING**2)
+    return np.array(centres), np.array(areas)

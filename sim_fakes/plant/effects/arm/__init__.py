@@ -1,0 +1,1 @@
+"""Effects inside the arm, all of the diagnosis's vocabulary."""

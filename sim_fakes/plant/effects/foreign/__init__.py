@@ -1,0 +1,1 @@
+"""Effects outside the diagnosis's vocabulary: what it must call unknown."""

@@ -1,0 +1,42 @@
+"""A sensor whose scale is off: the wand of the cameras, the gain of a strip or a gauge."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_fakes.plant.effects.effect import Filter, InstrumentEffect, Numbers, Quantity, Where
+
+Floats = NDArray[np.float64]
+
+
+@dataclass
+class Scale:
+    """Scale a bend or a pull; of a pose, the distance from its first position."""
+
+    signal: str
+    factor: float
+    first: Floats | None = None
+
+    def update(self, time: float, value: Floats) -> Floats:  # noqa: ARG002
+        """Pass a reading through."""
+        if self.signal != "pose":
+            return value * self.factor
+        if self.first is None:
+            self.first = value[:3].copy()
+        return np.concatenate([self.first + self.factor * (value[:3] - self.first), value[3:]])
+
+
+def make(signal: str, where: Where, numbers: Numbers) -> Filter:  # noqa: ARG001
+    """Make the filter of one sensor."""
+    return Scale(signal, 1.0 + numbers["change"])
+
+
+EFFECT = InstrumentEffect(
+    "sensor_scale",
+    "change",
+    {"change": Quantity("", 0.05, 0.02, 0.15)},
+    ("sensor",),
+    signals=("pose", "bend", "gauge"),
+    make=make,
+)

@@ -1,0 +1,42 @@
+"""A sensor that repeats its last value for a while."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_fakes.plant.effects.effect import Filter, InstrumentEffect, Numbers, Quantity, Where
+
+Floats = NDArray[np.float64]
+
+
+@dataclass
+class Stuck:
+    """Hold the reading at the start of the fault until its end."""
+
+    start: float
+    end: float
+    held: Floats | None = None
+
+    def update(self, time: float, value: Floats) -> Floats:
+        """Pass a reading through."""
+        if not self.start <= time < self.end:
+            return value
+        if self.held is None:
+            self.held = value.copy()
+        return self.held
+
+
+def make(signal: str, where: Where, numbers: Numbers) -> Filter:  # noqa: ARG001
+    """Make the filter of one sensor: stuck for ``length`` from ``start``."""
+    return Stuck(numbers["start"], numbers["start"] + numbers["length"])
+
+
+EFFECT = InstrumentEffect(
+    "sensor_stuck",
+    "length",
+    {"length": Quantity("s", 20.0, 5.0, 60.0), "start": Quantity("s", 20.0, 10.0, 60.0)},
+    ("sensor",),
+    signals=("pose", "bend", "gauge"),
+    make=make,
+)

@@ -1,0 +1,74 @@
+"""Rotations as quaternions (w, x, y, z), vectors and matrices."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def rotation_matrix(quaternion: Floats) -> Floats:
+    """Turn a unit quaternion into a rotation matrix, shape (3, 3)."""
+    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+
+
+def matrix_quaternion(matrix: Floats) -> Floats:
+    """Turn a rotation matrix into a unit quaternion with w >= 0, shape (4,).
+
+    The largest of the four squared components is taken as divisor, which is safe at every angle.
+    """
+    squares = np.array(
+        [
+            1.0 + matrix[0, 0] + matrix[1, 1] + matrix[2, 2],
+            1.0 + matrix[0, 0] - matrix[1, 1] - matrix[2, 2],
+            1.0 - matrix[0, 0] + matrix[1, 1] - matrix[2, 2],
+            1.0 - matrix[0, 0] - matrix[1, 1] + matrix[2, 2],
+        ]
+    )
+    largest = int(np.argmax(squares))
+    root = 0.5 * np.sqrt(squares[largest])
+    minus = np.array(
+        [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
+    ) / (4.0 * root)
+    if largest == 0:
+        return np.array([root, *minus])
+    axis = largest - 1
+    vector = (matrix[axis] + matrix[:, axis]) / (4.0 * root)
+    vector[axis] = root
+    quaternion = np.array([minus[axis], *vector])
+    return quaternion if quaternion[0] >= 0.0 else -quaternion
+
+
+def vector_quaternion(vector: Floats) -> Floats:
+    """Turn a rotation vector [rad] into a unit quaternion, shape (4,)."""
+    angle = float(np.linalg.norm(vector))
+    share = 0.5 * np.sinc(angle / (2.0 * np.pi))
+    return np.array([np.cos(0.5 * angle), *(share * vector)])
+
+
+def product(first: Floats, second: Floats) -> Floats:
+    """Multiply quaternions: the rotation ``second`` followed by ``first``, shape (..., 4)."""
+    a, b = np.moveaxis(first, -1, 0), np.moveaxis(second, -1, 0)
+    return np.stack(
+        [
+            a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+            a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+            a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+            a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+        ],
+        axis=-1,
+    )
+
+
+def tilt(axis: Floats) -> Floats:
+    """Give the two-axis tilt of unit vectors: angle to z times direction in the plane [rad], (..., 2)."""
+    across = np.hypot(axis[..., 0], axis[..., 1])
+    angle = np.arctan2(across, axis[..., 2])
+    scale = np.where(across > 0.0, angle / np.where(across > 0.0, across, 1.0), 0.0)
+    return scale[..., None] * axis[..., :2]
