@@ -8,8 +8,12 @@ from pydantic import ValidationError
 
 from drivers.config import DriverConfig
 from drivers.errors import ConfigurationError, DeviceErrors
+from drivers.valves.config import MpaConfig, VtemConfig
 
-KINDS: dict[str, type[DriverConfig]] = {}
+KINDS: dict[str, type[DriverConfig]] = {
+    "festo_mpa": MpaConfig,
+    "festo_vtem": VtemConfig,
+}
 """Kind as the configuration names it, to the model that its driver gives."""
 
 

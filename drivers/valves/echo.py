@@ -1,0 +1,44 @@
+"""Does the terminal hold what was written? If not: did its watchdog fire, or does someone else write?"""
+
+from collections import deque
+from enum import Enum
+
+Counts = tuple[int, ...]
+
+
+class Verdict(Enum):
+    """What the echo says."""
+
+    OURS = "ours"
+    ZEROED = "zeroed"
+    FOREIGN = "foreign"
+
+
+class EchoMonitor:
+    """Compares the echo with the writes that may still be on their way into it.
+
+    A terminal refreshes its echo once per cycle of its own, so the echo may be any of the writes of the last
+    moments; it may never be anything else. Zeros where none were written mean that the terminal cleared its
+    outputs, by watchdog or restart; anything else was written by another master.
+
+    Args:
+        lag_ns: How long a write may take to show [ns].
+    """
+
+    def __init__(self, lag_ns: int) -> None:
+        self._lag_ns = lag_ns
+        self._writes: deque[tuple[int, Counts]] = deque()
+
+    def attempted(self, counts: Counts, now_ns: int) -> None:
+        """Take a write that was sent, whether or not it was confirmed."""
+        if self._writes and self._writes[-1][1] == counts:
+            return
+        self._writes.append((now_ns, counts))
+
+    def judge(self, echo: Counts, now_ns: int) -> Verdict:
+        """Judge an echo that was just read."""
+        while len(self._writes) > 1 and self._writes[1][0] <= now_ns - self._lag_ns:
+            self._writes.popleft()
+        if any(echo == counts for _, counts in self._writes):
+            return Verdict.OURS
+        return Verdict.ZEROED if not any(echo) else Verdict.FOREIGN

@@ -1,0 +1,77 @@
+"""What the valve bank says of its chambers."""
+
+from dataclasses import dataclass
+
+Pressures = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class BankReading:
+    """Pressures of all chambers, gauge, in Pa.
+
+    Attributes:
+        setpoint: What was asked; None while nothing is asked and the chambers are vented.
+        applied: What was last written, after limits, slew and the resolution of a count.
+        echo: What stands in the terminal; None where it does not say.
+        readback: What the terminal measures.
+        diagnosis: Diagnosis word of each chamber's valve; zero is healthy.
+        armed: Whether set-points are accepted.
+    """
+
+    setpoint: Pressures | None
+    applied: Pressures
+    echo: Pressures | None
+    readback: Pressures
+    diagnosis: tuple[int, ...]
+    armed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Applied:
+    """Answer to a command: what the valves were told.
+
+    Attributes:
+        setpoint: Gauge pressure asked of each chamber [Pa].
+        applied: Gauge pressure written [Pa]; differs from the set-point while slew holds it back,
+            and by up to half a count.
+        written_ns: Host monotonic time of the write [ns].
+        slewing: Whether the slew limit still holds back more than a count.
+    """
+
+    setpoint: Pressures
+    applied: Pressures
+    written_ns: int
+    slewing: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ChamberMap:
+    """Which valve feeds which chamber, and what a count of its words is worth.
+
+    Attributes:
+        valve_of: Index of the valve of each chamber.
+        valves: How many valves the terminal has.
+        pascal_per_count: Pressure of one count [Pa]; the terminals count in mbar unless configured otherwise.
+    """
+
+    valve_of: tuple[int, ...]
+    valves: int
+    pascal_per_count: float = 100.0
+
+    def to_counts(self, pressures: Pressures, maximum: Pressures) -> tuple[int, ...]:
+        """Give the nearest counts of every valve; a valve without chamber gets zero.
+
+        A count that would exceed the maximum of its chamber goes down to the next one below.
+        """
+        counts = [0] * self.valves
+        for valve, pressure, most in zip(self.valve_of, pressures, maximum, strict=True):
+            counts[valve] = min(round(pressure / self.pascal_per_count), int(most // self.pascal_per_count))
+        return tuple(counts)
+
+    def to_pressures(self, counts: tuple[int, ...]) -> Pressures:
+        """Pick the chambers out of the counts of every valve [Pa]."""
+        return tuple(counts[valve] * self.pascal_per_count for valve in self.valve_of)
+
+    def pick(self, words: tuple[int, ...]) -> tuple[int, ...]:
+        """Pick the chambers out of the words of every valve."""
+        return tuple(words[valve] for valve in self.valve_of)
