@@ -1,0 +1,78 @@
+"""Saved poses: one JSON file, replaced as a whole."""
+
+import json
+import os
+import tempfile
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from estimator.errors import InputError
+from service.api.messages import SectionPose
+
+
+class SavedPose(BaseModel):
+    """A pose that was taught.
+
+    Args:
+        model_pressures_pa: Pressures that hold it in the model.
+        pressures_pa: Pressures that held it on the arm.
+        sections: Section poses when it was saved, for people and plots.
+        saved_unix_ns: Wall clock.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    model_pressures_pa: tuple[float, ...]
+    pressures_pa: tuple[float, ...]
+    sections: tuple[SectionPose, ...]
+    saved_unix_ns: int
+
+
+class PoseStore:
+    """The poses of one arm.
+
+    Args:
+        path: The file; it is made with the first pose.
+
+    Raises:
+        InputError: The file is there and cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._poses = _read(path)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the poses, oldest first."""
+        return tuple(self._poses)
+
+    def get(self, name: str) -> SavedPose | None:
+        """Give a pose by name."""
+        return self._poses.get(name)
+
+    def save(self, name: str, pose: SavedPose) -> None:
+        """Remember a pose; one of the same name is replaced."""
+        poses = {**self._poses, name: pose}
+        document = {key: value.model_dump(mode="json") for key, value in poses.items()}
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile("w", dir=self._path.parent, delete=False) as file:
+            json.dump(document, file, indent=1)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(file.name).replace(self._path)
+        self._poses = poses
+
+
+def _read(path: Path) -> dict[str, SavedPose]:
+    if not path.exists():
+        return {}
+    try:
+        document = json.loads(path.read_text())
+        return {name: SavedPose.model_validate(pose) for name, pose in document.items()}
+    except (ValueError, ValidationError, AttributeError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(
+            str(path), f"no list of poses ({reason})", "move the file away to start anew"
+        ) from error
