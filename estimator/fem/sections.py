@@ -1,11 +1,14 @@
-"""Frames of rigid sections: the rigid motion that fits a set of material points best."""
+"""Frames of rigid sections: the rigid motion that fits a set of material points best.
+
+A single material point counts as a section too: it has a position, and axes that never turn.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from estimator.errors import InputError
-from estimator.fem.interpolation import PointMap, cross_section, node_map
+from estimator.fem.interpolation import PointMap, cross_section, node_map, points_inside
 from estimator.mesh import Floats, Mesh
 
 
@@ -14,14 +17,16 @@ class Section:
     """A rigid section whose frame the model gives.
 
     Args:
-        name: Name of the section; its points are the node set ``section_<name>``.
+        name: Name of the section; its points are the node set ``section_<name>`` unless ``point`` is given.
         origin: Rest position of the frame's origin [m]; the mean of its points when left out.
         rotation: Rest rotation of the frame, row by row, shape (3, 3); the base frame's when left out.
+        point: A material point at rest [m], such as a marker on soft skin, to be followed alone.
     """
 
     name: str
     origin: tuple[float, float, float] | None = None
     rotation: tuple[tuple[float, float, float], ...] | None = None
+    point: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,8 @@ class SectionFrame:
         """
         current = self.points.apply(positions)
         centre = current.mean(axis=0)
+        if len(self.arms) == 1:
+            return FramePose(self, centre, np.eye(3), np.zeros((3, 3)), centre, self.rotation)
         left, stretch, right = np.linalg.svd((current - centre).T @ self.arms)
         flip = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
         turn = (left * flip) @ right
@@ -123,15 +130,18 @@ def build_section(mesh: Mesh, section: Section) -> SectionFrame:
     """Prepare the frame of a named section.
 
     Raises:
-        InputError: The mesh has no such node set, or too few nodes in it.
+        InputError: The mesh has no such node set, too few nodes in it, or the point lies outside the body.
     """
-    nodes = mesh.node_sets.get(f"section_{section.name}")
+    rotation = np.eye(3) if section.rotation is None else np.array(section.rotation)
     where = f"section {section.name!r}"
+    if section.point is not None:
+        place = np.array([section.point])
+        return SectionFrame(points_inside(mesh, place, where), np.zeros((1, 3)), place[0], place[0], rotation)
+    nodes = mesh.node_sets.get(f"section_{section.name}")
     if nodes is None or not len(nodes):
         known = ", ".join(sorted(n for n in mesh.node_sets if n.startswith("section_"))) or "none"
         raise InputError(where, f"the mesh has no node set for it (it has {known})", "name it in the mesh")
     origin = None if section.origin is None else np.array(section.origin)
-    rotation = np.eye(3) if section.rotation is None else np.array(section.rotation)
     return _frame(node_map(nodes), mesh, origin, rotation, where)
 
 
