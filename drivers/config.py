@@ -1,7 +1,7 @@
 """What every device says of itself in the configuration."""
 
 from abc import ABC, abstractmethod
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -42,11 +42,11 @@ class DriverConfig(BaseModel, ABC):
         return f"fake+{self.address()}" if self.simulated else self.address()
 
     @abstractmethod
-    def build(self, sink: Sink = ignore, clock: Clock = monotonic, **options: Any) -> Device:
+    def build(self, sink: Sink = ignore, clock: Clock = monotonic, *, observe: bool = False) -> Device:
         """Build the device; no I/O before its `connect`.
 
         Args:
             sink: Takes each reading.
             clock: Host monotonic time.
-            options: What only this driver understands.
+            observe: Send only what the device needs to answer: nothing moves, no setting changes.
         """

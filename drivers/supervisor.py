@@ -131,6 +131,8 @@ class Supervisor:
             DeviceError: The first attempt failed. Unless it was a configuration error,
                 attempts go on until `stop`.
         """
+        if self._task is not None and self.error is not None and not self.error.retried:
+            await asyncio.wait({self._task})
         if not self.retrying:
             self._enter(State.CONNECTING)
             self._task = asyncio.create_task(self._run(), name=f"{self.device} supervisor")
@@ -178,11 +180,11 @@ class Supervisor:
     async def _run(self) -> None:
         delays = self.backoff.delays(self._random)
         while True:
-            began_ns = self._clock()
+            began_ns, connections = self._clock(), self.health.connections
             error = await self._attempt()
-            if self._clock() - began_ns > self.timing.stable_s * NANOSECONDS and self._failures_in_row == 0:
+            streamed = self.health.connections > connections
+            if streamed and self._clock() - began_ns > self.timing.stable_s * NANOSECONDS:
                 delays = self.backoff.delays(self._random)
-            self._fail(error)
             if not error.retried:
                 return
             await asyncio.sleep(next(delays))
@@ -190,32 +192,30 @@ class Supervisor:
     async def _attempt(self) -> DeviceError:
         """Run one session to its end and tell what ended it."""
         try:
-            await self._session()
-        except DeviceError as error:
-            return error
-        except OSError as error:
-            return ConnectionLost(
-                self.device, f"cannot be reached: {error}", "check cable, address and power"
-            )
-        except Exception as error:
-            logger.exception("%s: the driver failed", self.device)
-            return ProtocolError(self.device, f"driver failed with {error!r}", "report this with the log")
-        return ConnectionLost(self.device, "ended the connection", "check the device")
+            session = await self._open()
+        except Exception as raised:  # noqa: BLE001  the task runner: nothing else would tell it
+            return self._fail(raised)
+        try:
+            await self._use(session)
+            return self._fail(ConnectionLost(self.device, "ended the connection", "check the device"))
+        except Exception as raised:  # noqa: BLE001  the task runner: nothing else would tell it
+            return self._fail(raised)
+        finally:
+            await self._close(session)
 
-    async def _session(self) -> None:
+    async def _open(self) -> Session:
         self._enter(State.CONNECTING)
         with self._deadline("did not open", self.timing.open_s) as deadline:
             async with deadline:
-                session = await self._open_session()
-        try:
-            self._enter(State.IDENTIFY)
-            with self._deadline("did not identify itself", self.timing.identify_s) as deadline:
-                async with deadline:
-                    await session.identify()
-            self._begin_streaming()
-            await self._stream(session)
-        finally:
-            await self._close(session)
+                return await self._open_session()
+
+    async def _use(self, session: Session) -> None:
+        self._enter(State.IDENTIFY)
+        with self._deadline("did not identify itself", self.timing.identify_s) as deadline:
+            async with deadline:
+                await session.identify()
+        self._begin_streaming()
+        await self._stream(session)
 
     @contextlib.contextmanager
     def _deadline(self, what: str, seconds: float) -> Iterator[asyncio.Timeout]:
@@ -277,13 +277,26 @@ class Supervisor:
         self.health.alarms.set(STALE, "no valid reading", cure, value=age_s, limit=limit, unit="s")
 
     async def _close(self, session: Session) -> None:
+        """Close a session to the end, even when cancelled: this is what leaves the device safe."""
+        closing = asyncio.create_task(self._close_in_time(session), name=f"{self.device} close")
+        cancelled = False
+        while not closing.done():
+            try:
+                await asyncio.wait({closing})
+            except asyncio.CancelledError:
+                cancelled = True
+        if cancelled:
+            raise asyncio.CancelledError
+
+    async def _close_in_time(self, session: Session) -> None:
         try:
             async with asyncio.timeout(self.timing.close_s):
                 await session.close()
         except (DeviceError, OSError, TimeoutError) as error:
             logger.warning("%s: did not close cleanly: %s", self.device, error or "no answer in time")
 
-    def _fail(self, error: DeviceError) -> None:
+    def _fail(self, raised: Exception) -> DeviceError:
+        error = self._explain(raised)
         self.error = self.health.last_error = error
         self.health.failures += 1
         self._failures_in_row += 1
@@ -291,6 +304,16 @@ class Supervisor:
         logger.log(level, "%s%s", error, "; tries again" if error.retried else "")
         self._enter(State.FAULT)
         self.health.alarms.clear_all()
+        return error
+
+    def _explain(self, raised: Exception) -> DeviceError:
+        if isinstance(raised, DeviceError):
+            return raised
+        if isinstance(raised, OSError):
+            cure = "check cable, address and power"
+            return ConnectionLost(self.device, f"cannot be reached: {raised}", cure)
+        logger.error("%s: the driver failed", self.device, exc_info=raised)
+        return ProtocolError(self.device, f"driver failed with {raised!r}", "report this with the log")
 
     def _follow_alarms(self) -> None:
         if self.state in ALIVE:

@@ -61,7 +61,7 @@ class ValveConfig(DriverConfig):
     echo_lag_s: Seconds = 0.1
     reach_s: Seconds = 1.5
     tracking_tolerance_pa: Positive = 3_000.0
-    tracking_confirm_s: Seconds = 0.1
+    tracking_confirm_s: Seconds = 0.2
     pascal_per_count: Positive = 100.0
     stale_after_s: Seconds = 0.15
 

@@ -2,8 +2,8 @@
 
 Sources: constants of the lab's own client for an MPA terminal on CPX with 16 proportional valves (actual
 pressure, set-point echo and diagnosis of each valve from 45395 on, set-points from 40003 on); Festo VTEM
-Motion Terminal (a status word and two pressures per slot). Words are signed: the manual of the MPA electronics gives
-"sign + 15 bit, two's complement".
+Motion Terminal (a status word and two pressures per slot). Words are signed: the manual of the MPA
+electronics gives "sign + 15 bit, two's complement".
 """
 
 from collections.abc import Sequence

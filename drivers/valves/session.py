@@ -134,6 +134,7 @@ class BankSession:
             self._terminal.link.close()
 
     async def _pass(self, tick: Tick) -> None:
+        self._verdict = Verdict.OURS
         try:
             sample = await self._read() if self._must_read(tick) else None
             if not self._settings.observe:
@@ -186,13 +187,14 @@ class BankSession:
     def _judge(self, sample: Sample) -> None:
         if self._settings.observe or sample.inputs.echo is None:
             return
-        self._verdict = self._echo.judge(sample.inputs.echo, sample.arrival_ns)
-        if self._verdict is Verdict.OURS:
+        verdict = self._echo.judge(sample.inputs.echo, sample.arrival_ns)
+        if verdict is Verdict.OURS:
             if sample.arrival_ns - self._odd_ns >= CALM_NS:
                 self._alarms.echo_is_ours()
             return
         self._odd_ns = sample.arrival_ns
-        if self._verdict is Verdict.ZEROED:
+        self._verdict = verdict
+        if verdict is Verdict.ZEROED:
             new, reason = self._alarms.watchdog_fired(), "the terminal cleared its outputs"
         else:
             new, reason = self._alarms.foreign_writer(), "another master wrote to the valves"

@@ -9,8 +9,8 @@ class TrackingMonitor:
     """Holds each chamber's measured pressure against the set-points of the last moments.
 
     A chamber on its way from one set-point to the next lies between them. So the measurement must stay
-    between the lowest and the highest set-point of the last ``reach_ns``, to a tolerance; the test needs no model of
-    the pneumatics and works on set-points that never rest.
+    between the lowest and the highest set-point of the last ``reach_ns``, to a tolerance; the test needs
+    no model of the pneumatics and works on set-points that never rest.
 
     Args:
         chambers: How many chambers.

@@ -297,3 +297,49 @@ def test_connect_all_tells_every_failure_and_keeps_those_that_answer(virtual):
         assert all(device.state is State.DISCONNECTED for device in devices)
 
     virtual.run(main)
+
+
+def test_leaving_safe_is_not_cut_short_by_a_second_cancellation(virtual):
+    left_safe = []
+
+    class Slow(ScriptedSession):
+        async def close(self):
+            await asyncio.sleep(0.5)
+            left_safe.append(virtual.clock())
+
+    async def open_session():
+        return Slow(FOREVER, [])
+
+    async def main():
+        supervisor = Supervisor("valves", open_session, Health(Alarms(virtual.clock)), clock=virtual.clock)
+        await supervisor.start()
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(0.1):
+                await supervisor.stop()
+        supervisor._task = None
+        for task in asyncio.all_tasks() - {asyncio.current_task()}:
+            if "supervisor" in task.get_name():
+                task.cancel()
+                await asyncio.wait({task})
+        assert len(left_safe) == 1
+
+    virtual.run(main)
+
+
+def test_a_lost_device_is_a_fault_before_its_session_has_closed(virtual):
+    class Slow(ScriptedSession):
+        async def close(self):
+            await asyncio.sleep(0.5)
+
+    async def open_session():
+        return Slow(("stream", LOST, 1.0), [])
+
+    async def main():
+        supervisor = Supervisor("valves", open_session, Health(Alarms(virtual.clock)), clock=virtual.clock)
+        await supervisor.start()
+        began = virtual.clock()
+        await supervisor.wait_for(State.FAULT)
+        assert (virtual.clock() - began) / 1e9 == pytest.approx(1.0)
+        await supervisor.stop()
+
+    virtual.run(main)
