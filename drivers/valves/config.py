@@ -1,8 +1,8 @@
 """Configuration of a valve bank."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from drivers.clock import Clock, monotonic
 from drivers.config import DriverConfig, Seconds
@@ -21,6 +21,11 @@ WATCHDOG_MIN_MS = 100
 PASSES_PER_WATCHDOG = 3
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+def _listed(value: Any) -> Any:
+    """Take one number as a list of one, so that a mistake in it is told once."""
+    return (value,) if isinstance(value, (int, float)) else value
 
 
 class ValveConfig(DriverConfig):
@@ -50,7 +55,7 @@ class ValveConfig(DriverConfig):
     port: Annotated[int, Field(ge=1, le=65535)] = 502
     unit: Annotated[int, Field(ge=0, le=255)] = 1
     chambers: Annotated[tuple[int, ...], Field(min_length=1)]
-    maximum_pa: Positive | tuple[Positive, ...]
+    maximum_pa: Annotated[tuple[Positive, ...], BeforeValidator(_listed)]
     slew_pa_per_s: Positive = 200_000.0
     max_lifetime_s: Seconds = 1.0
     rate_hz: Annotated[float, Field(gt=0, le=500)] = 100.0
@@ -72,9 +77,7 @@ class ValveConfig(DriverConfig):
     @property
     def maximum(self) -> tuple[float, ...]:
         """Highest gauge pressure of each chamber [Pa]."""
-        if isinstance(self.maximum_pa, tuple):
-            return self.maximum_pa
-        return (self.maximum_pa,) * len(self.chambers)
+        return self.maximum_pa * len(self.chambers) if len(self.maximum_pa) == 1 else self.maximum_pa
 
     @model_validator(mode="after")
     def _chambers_fit(self) -> "ValveConfig":

@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 
 from pymodbus.client import AsyncModbusTcpClient
 from pymodbus.exceptions import ModbusException
@@ -78,20 +78,26 @@ class ModbusTcpLink:
 
     async def read(self, address: int, count: int) -> tuple[int, ...]:
         """Read registers (function 3)."""
-        request = self._client.read_holding_registers(address, count=count, device_id=self._unit)
-        return self._registers(await self._ask(request, READ, address), count)
+        answer = await self._ask(
+            lambda: self._client.read_holding_registers(address, count=count, device_id=self._unit),
+            READ,
+            address,
+        )
+        return self._registers(answer, count)
 
     async def write(self, address: int, words: Sequence[int]) -> None:
         """Write registers (function 16)."""
-        request = self._client.write_registers(address, list(words), device_id=self._unit)
-        answer = await self._ask(request, WRITE, address)
+        answer = await self._ask(
+            lambda: self._client.write_registers(address, list(words), device_id=self._unit), WRITE, address
+        )
         if (answer.address, answer.count) != (address, len(words)):
             raise self._misfit(f"confirms {answer.count} words at {answer.address} instead of those written")
 
     async def write_one(self, address: int, word: int) -> None:
         """Write one register (function 6)."""
-        request = self._client.write_register(address, word, device_id=self._unit)
-        answer = await self._ask(request, WRITE_ONE, address)
+        answer = await self._ask(
+            lambda: self._client.write_register(address, word, device_id=self._unit), WRITE_ONE, address
+        )
         if answer.address != address:
             raise self._misfit(f"confirms register {answer.address} instead of {address}")
 
@@ -99,24 +105,30 @@ class ModbusTcpLink:
         self, read_address: int, read_count: int, write_address: int, words: Sequence[int]
     ) -> tuple[int, ...]:
         """Write, then read, in one request (function 23)."""
-        request = self._client.readwrite_registers(
-            read_address=read_address,
-            read_count=read_count,
-            write_address=write_address,
-            values=list(words),
-            device_id=self._unit,
+        answer = await self._ask(
+            lambda: self._client.readwrite_registers(
+                read_address=read_address,
+                read_count=read_count,
+                write_address=write_address,
+                values=list(words),
+                device_id=self._unit,
+            ),
+            EXCHANGE,
+            write_address,
         )
-        return self._registers(await self._ask(request, EXCHANGE, write_address), read_count)
+        return self._registers(answer, read_count)
 
     def close(self) -> None:
         """Release the connection."""
         self._client.close()
 
-    async def _ask(self, request: Awaitable[ModbusPDU], function: int, address: int) -> ModbusPDU:
+    async def _ask(
+        self, request: Callable[[], Awaitable[ModbusPDU]], function: int, address: int
+    ) -> ModbusPDU:
         began_ns = self._clock()
         self._pending = True
         try:
-            answer = await request
+            answer = await request()
         except ModbusException as error:
             if not self._client.connected:
                 raise ConnectionLost(self._device, "dropped the connection", CURE) from error
