@@ -21,8 +21,12 @@ class LoopClock:
         self._loop = asyncio.get_running_loop()
         self._start = self._loop.time()
 
+    def restart(self) -> None:
+        """Begin again at 0."""
+        self._start = self._loop.time()
+
     def now(self) -> float:
-        """Give the seconds since this clock was made."""
+        """Give the seconds since the clock was made or restarted."""
         return self._loop.time() - self._start
 
     async def sleep_until(self, time: float) -> None:

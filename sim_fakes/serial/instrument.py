@@ -34,6 +34,10 @@ class Instrument(Protocol):
     def checks_baud(self) -> bool:
         """Whether a host at another speed reads rubbish; native USB devices do not care."""
 
+    @property
+    def resets_on_open(self) -> bool:
+        """Whether a host that opens the port resets it, as DTR does an Arduino Uno."""
+
     def power_on(self, time: float) -> bytes:
         """Start at ``time`` [s]; return what it says at once."""
 

@@ -3,6 +3,7 @@
 import asyncio
 import os
 import pty
+import select
 import termios
 import tty
 from collections.abc import Callable
@@ -25,6 +26,8 @@ SPEEDS = {
 
 class SerialPort:
     """Puts an instrument on a pseudo-terminal.
+
+    While no host has it open, bytes vanish as on a real line; a host that opens it starts with a clean one.
 
     Args:
         instrument: The instrument.
@@ -49,7 +52,9 @@ class SerialPort:
         self._state = state
         self._clock = clock
         self._random = np.random.default_rng(seed)
-        self._descriptors: tuple[int, int] | None = None
+        self._controller: int | None = None
+        self._open = False
+        self._poll = select.poll()
         self._queue = bytearray()
         self._line_free = 0.0
         self._wake = asyncio.Event()
@@ -63,28 +68,28 @@ class SerialPort:
         fresh = self.link.with_name(f".{self.link.name}.{os.getpid()}")
         fresh.symlink_to(os.ttyname(terminal))
         fresh.replace(self.link)
-        self._descriptors = (controller, terminal)
+        os.close(terminal)
+        self._controller = controller
+        self._poll.register(controller, select.POLLIN)
         self.plugs += 1
-        asyncio.get_running_loop().add_reader(controller, self._on_readable)
         self._queue += self.instrument.power_on(self._clock.now())
         self._wake.set()
 
     def unplug(self) -> None:
         """Take the terminal and its link away, with whatever was on the line."""
-        if self._descriptors is None:
+        if self._controller is None:
             return
-        controller, terminal = self._descriptors
-        self._descriptors = None
-        asyncio.get_running_loop().remove_reader(controller)
+        self._detach()
+        controller, self._controller = self._controller, None
+        self._poll.unregister(controller)
         self.link.unlink(missing_ok=True)
         os.close(controller)
-        os.close(terminal)
-        self._queue.clear()
 
     async def run(self) -> None:
         """Send what the instrument says at the speed of the line, forever."""
         while True:
             now = self._clock.now()
+            self._follow_host(now)
             due = self.instrument.next_time()
             if due is not None and due <= now and not self._queue:
                 self._say(self.instrument.update(now, self._state()))
@@ -93,6 +98,26 @@ class SerialPort:
                 self._send_chunk(now)
                 continue
             await self._pause(min(now + IDLE, self._line_free if self._queue else due or now + IDLE))
+
+    def _follow_host(self, now: float) -> None:
+        """Notice that a host has opened or closed the terminal."""
+        if self._controller is None:
+            return
+        hung_up = any(events & select.POLLHUP for _, events in self._poll.poll(0))
+        if self._open and hung_up:
+            self._detach()
+        elif not self._open and not hung_up:
+            self._open = True
+            asyncio.get_running_loop().add_reader(self._controller, self._on_readable)
+            if self.instrument.resets_on_open:
+                self._queue += self.instrument.power_on(now)
+
+    def _detach(self) -> None:
+        """Leave the line to itself: no host listens."""
+        if self._open and self._controller is not None:
+            asyncio.get_running_loop().remove_reader(self._controller)
+        self._open = False
+        self._queue.clear()
 
     async def _pause(self, until: float) -> None:
         """Wait for a time, or for bytes to send."""
@@ -106,7 +131,7 @@ class SerialPort:
     def _say(self, data: bytes) -> None:
         """Queue what the instrument says, with the faults of the line."""
         faults = self.instrument.faults
-        if self._descriptors is None or not data:
+        if not self._open or not data:
             return
         if faults.hit("silence"):
             return
@@ -145,9 +170,9 @@ class SerialPort:
 
     def _host_baud(self) -> int:
         """Read the speed that the host has set on the terminal [bit/s]; 0 for one not in the table."""
-        if self._descriptors is None:
+        if self._controller is None:
             return 0
-        speed = termios.tcgetattr(self._descriptors[1])[5]
+        speed = termios.tcgetattr(self._controller)[5]
         return next((number for number, code in SPEEDS.items() if code == speed), 0)
 
     def _send_chunk(self, now: float) -> None:
@@ -160,23 +185,29 @@ class SerialPort:
         late = now - self._line_free
         start = self._line_free if late < IDLE else now
         self._line_free = start + len(chunk) * BITS_PER_BYTE / self.instrument.baud
-        if self._descriptors is not None:
-            self._write(self._descriptors[0], chunk)
+        if self._controller is not None and self._open:
+            self._write(self._controller, chunk)
 
     def _write(self, controller: int, chunk: bytes) -> None:
         try:
             written = os.write(controller, chunk)
-        except BlockingIOError:
+        except (BlockingIOError, InterruptedError):
             written = 0
+        except OSError:
+            self._detach()
+            return
         self.lost_bytes += len(chunk) - written
 
     def _on_readable(self) -> None:
         """Hand bytes of the host to the instrument."""
-        if self._descriptors is None:
+        if self._controller is None:
             return
         try:
-            data = os.read(self._descriptors[0], 4096)
+            data = os.read(self._controller, 4096)
         except BlockingIOError:
+            return
+        except OSError:
+            self._detach()
             return
         if self.instrument.checks_baud and self._host_baud() != self.instrument.baud:
             data = self._garble(data)
@@ -188,5 +219,5 @@ class SerialPort:
         if active:
             self.instrument.faults.hit(name)
             self.unplug()
-        elif self._descriptors is None:
+        elif self._controller is None:
             self.plug()

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from sim_fakes.faults import Fault, FaultBoard
+from sim_fakes.valves.pneumatics import Floats
 
 OUTPUTS = 40001
 PROCESS_WORDS = 256
@@ -67,6 +68,9 @@ class Bank(Protocol):
     def setpoint_word(self, channel: int) -> int:
         """Give the index in the output words (from word 2 on) of a channel's set-point."""
 
+    def pressures(self) -> Floats:
+        """Give the gauge pressures at the outlets [Pa], shape (valves,)."""
+
 
 class CpxNode:
     """The bus node with its process image.
@@ -117,6 +121,10 @@ class CpxNode:
                 self._serve_function()
                 return
         raise ModbusError(ILLEGAL_ADDRESS)
+
+    def pressures(self) -> Floats:
+        """Give the gauge pressures at the outlets [Pa], shape (valves,)."""
+        return self._bank.pressures()
 
     def note_request(self, time: float) -> None:
         """Feed the watchdog: a master has spoken."""

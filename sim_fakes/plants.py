@@ -1,0 +1,28 @@
+"""The arms that a scenario can name."""
+
+from estimator.errors import InputError
+from sim_fakes.plant.state import Plant
+from sim_fakes.scenario import PlantPart
+from sim_fakes.still import StillArm
+
+
+def build_plant(part: PlantPart) -> Plant:
+    """Build the arm of a scenario with its concealed effects.
+
+    Raises:
+        InputError: It has no such effect, or a value does not fit it; or the physics engine is not installed.
+    """
+    plant: Plant = _dynamic_arm() if part.kind == "arm" else StillArm()
+    for effect, value in part.switches.items():
+        plant.switch(effect, value)
+    return plant
+
+
+def _dynamic_arm() -> Plant:
+    """Load the physics engine, which the still arm does without."""
+    try:
+        from sim_fakes.plant.arm import FakeArm
+    except ModuleNotFoundError as error:
+        cure = "install softarm[fakes], or take kind = 'still'"
+        raise InputError("scenario, plant.kind", f"{error.name} is not installed", cure) from None
+    return FakeArm()

@@ -1,0 +1,226 @@
+"""A running bench: the world, the fakes on their ports, and the faults of the scenario."""
+
+import asyncio
+import contextlib
+import functools
+import tempfile
+from collections.abc import AsyncIterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from sim_fakes.clock import Clock, LoopClock
+from sim_fakes.devices import build_instrument, build_measurement, build_node, catalogue, seed_of
+from sim_fakes.faults import FaultBoard, Value
+from sim_fakes.parts import QtmPart, SerialPart, ValvesPart
+from sim_fakes.plant.state import Cord, Plant, PlantState
+from sim_fakes.plants import build_plant
+from sim_fakes.qtm.discovery import Discovery
+from sim_fakes.qtm.server import QtmServer
+from sim_fakes.scenario import FaultPart, Scenario
+from sim_fakes.serial.port import SerialPort
+from sim_fakes.valves.server import ModbusPort
+from sim_fakes.world import World, run_world
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """Where a fake can be reached.
+
+    Args:
+        name: Name of the device.
+        kind: Its kind.
+        source: Address as the readings of a driver are to name it.
+        host: Address of its TCP port; empty for a serial device.
+        port: Its TCP port; 0 for a serial device.
+        path: Link to its terminal; empty for a TCP device.
+        discovery_port: UDP port of its discovery, if it has one.
+    """
+
+    name: str
+    kind: str
+    source: str
+    host: str = ""
+    port: int = 0
+    path: str = ""
+    discovery_port: int | None = None
+
+
+class Rig:
+    """The fakes of a scenario.
+
+    Args:
+        scenario: What there is.
+        clock: The fakes' clock.
+        runtime_dir: Folder of the links to the serial terminals.
+    """
+
+    def __init__(self, scenario: Scenario, clock: Clock, runtime_dir: Path) -> None:
+        self.scenario = scenario
+        self.clock = clock
+        self.boards = {part.name: FaultBoard(part.name, catalogue(part)) for part in scenario.device}
+        self.plant: Plant = build_plant(scenario.plant)
+        self.valve_ports: dict[str, ModbusPort] = {}
+        self.qtm_servers: dict[str, QtmServer] = {}
+        self.serial_ports: dict[str, SerialPort] = {}
+        self._runtime_dir = runtime_dir
+        self._discoveries: dict[str, asyncio.DatagramTransport] = {}
+        self._tasks: asyncio.TaskGroup | None = None
+        self.world = World(self.plant, None, (), scenario.step_s)
+        for part in scenario.device:
+            self._build(part)
+        if scenario.cord is not None:
+            cord = scenario.cord
+            self.world.tie(Cord(cord.section, cord.hook_m, cord.length_m))
+        for fault in scenario.fault:
+            self.boards[fault.device].check(fault.fault, fault.parameters, fault.times)
+
+    @property
+    def state(self) -> PlantState:
+        """The latest snapshot of the arm."""
+        return self.world.state
+
+    async def run(self, ready: asyncio.Event) -> None:
+        """Open every port, then serve until cancelled."""
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                self._tasks = tasks
+                await self._open(tasks)
+                tasks.create_task(run_world(self.world, self.clock), name="world")
+                for fault in self.scenario.fault:
+                    tasks.create_task(self._script(fault), name=f"fault {fault.device}.{fault.fault}")
+                ready.set()
+        finally:
+            await self._close()
+
+    def inject(
+        self,
+        device: str,
+        fault: str,
+        parameters: Mapping[str, Value] | None = None,
+        times: int = 1,
+        for_s: float | None = None,
+    ) -> None:
+        """Switch a fault on, and off again after ``for_s`` seconds.
+
+        Raises:
+            InputError: The fault or a parameter is unknown.
+        """
+        board = self.boards[device]
+        board.set(fault, parameters, times)
+        if for_s is not None and self._tasks is not None:
+            until = self.clock.now() + for_s
+            self._tasks.create_task(self._clear_at(board, fault, until), name=f"clear {device}.{fault}")
+
+    def endpoints(self) -> list[Endpoint]:
+        """Tell where each fake can be reached, in the order of the scenario."""
+        return [self._endpoint(part) for part in self.scenario.device]
+
+    def _endpoint(self, part: object) -> Endpoint:
+        if isinstance(part, ValvesPart):
+            valves = self.valve_ports[part.name]
+            source = f"fake+modbus+tcp://{valves.host}:{valves.port}"
+            return Endpoint(part.name, part.kind, source, valves.host, valves.port)
+        if isinstance(part, QtmPart):
+            server = self.qtm_servers[part.name]
+            source = f"fake+qtm://{server.host}:{server.port}"
+            discovery = self._discoveries.get(part.name)
+            number = discovery.get_extra_info("sockname")[1] if discovery else None
+            return Endpoint(part.name, part.kind, source, server.host, server.port, discovery_port=number)
+        assert isinstance(part, SerialPart)
+        link = str(self.serial_ports[part.name].link)
+        kind = str(getattr(part, "kind", ""))
+        return Endpoint(part.name, kind, f"fake+serial://{link}", path=link)
+
+    def _build(self, part: object) -> None:
+        seed = self.scenario.seed
+        if isinstance(part, ValvesPart):
+            board = self.boards[part.name]
+            node = build_node(part, self.plant, board, seed_of(seed, part.name))
+            self.world = World(self.plant, node, part.valve_map, self.scenario.step_s)
+            self.valve_ports[part.name] = ModbusPort(
+                node, board, self.clock, self.scenario.host, part.port, part.max_clients
+            )
+        elif isinstance(part, QtmPart):
+            board = self.boards[part.name]
+            measurement = build_measurement(part, self.plant, board, seed_of(seed, part.name))
+            major, minor = part.newest_version.split(".")
+            self.qtm_servers[part.name] = QtmServer(
+                measurement, lambda: self.state, board, self.clock, self.scenario.host, part.port,
+                (int(major), int(minor)), part.password, part.latency_s,
+            )  # fmt: skip
+        elif isinstance(part, SerialPart):
+            board = self.boards[part.name]
+            instrument = build_instrument(part, self.plant, board, seed_of(seed, part.name))
+            link = part.link or self._runtime_dir / part.name
+            line_seed = seed_of(seed, f"{part.name}/line")
+            self.serial_ports[part.name] = SerialPort(
+                instrument, link, lambda: self.state, self.clock, line_seed
+            )
+
+    async def _open(self, tasks: asyncio.TaskGroup) -> None:
+        for valves in self.valve_ports.values():
+            await valves.start()
+        for part in self.scenario.device:
+            if isinstance(part, QtmPart):
+                await self._open_qtm(part)
+                tasks.create_task(self.qtm_servers[part.name].run(), name=part.name)
+        for name, port in self.serial_ports.items():
+            port.plug()
+            tasks.create_task(port.run(), name=name)
+
+    async def _open_qtm(self, part: QtmPart) -> None:
+        server = self.qtm_servers[part.name]
+        await server.start()
+        if part.discovery_port is not None:
+            transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+                functools.partial(Discovery, server.port - 1),
+                local_addr=(self.scenario.host, part.discovery_port),
+            )
+            self._discoveries[part.name] = transport
+
+    async def _close(self) -> None:
+        for valves in self.valve_ports.values():
+            await valves.stop()
+        for server in self.qtm_servers.values():
+            await server.stop()
+        for transport in self._discoveries.values():
+            transport.close()
+        for port in self.serial_ports.values():
+            port.unplug()
+        await asyncio.sleep(0)
+
+    async def _script(self, fault: FaultPart) -> None:
+        await self.clock.sleep_until(fault.at_s)
+        self.inject(fault.device, fault.fault, fault.parameters, fault.times, fault.for_s)
+
+    async def _clear_at(self, board: FaultBoard, fault: str, until: float) -> None:
+        await self.clock.sleep_until(until)
+        board.clear(fault)
+
+
+@contextlib.asynccontextmanager
+async def running(scenario: Scenario) -> AsyncIterator[Rig]:
+    """Run the fakes of a scenario for the length of a block.
+
+    Raises:
+        InputError: The scenario asks for something that does not exist.
+    """
+    with contextlib.ExitStack() as folders:
+        folder = scenario.runtime_dir
+        if folder is None:
+            folder = Path(folders.enter_context(tempfile.TemporaryDirectory(prefix="softarm-fakes-")))
+        folder.mkdir(parents=True, exist_ok=True)
+        clock = LoopClock()
+        rig = Rig(scenario, clock, folder)
+        clock.restart()
+        ready = asyncio.Event()
+        async with asyncio.TaskGroup() as tasks:
+            serving = tasks.create_task(rig.run(ready), name="fakes")
+            waiting = tasks.create_task(ready.wait(), name="fakes ready")
+            await asyncio.wait({serving, waiting}, return_when=asyncio.FIRST_COMPLETED)
+            waiting.cancel()
+            try:
+                if not serving.done():
+                    yield rig
+            finally:
+                serving.cancel()
