@@ -1,0 +1,133 @@
+"""``softarm doctor`` against what is there and what is not."""
+
+import json
+import socket
+
+import pytest
+from click.testing import CliRunner
+
+from drivers.errors import ConnectionLost
+from drivers.reading import Reading
+from estimator.errors import InputError
+from service.cli import doctor
+from service.cli.doctor import Tally, command, describe, examine, read_devices, tables
+from tests.drivers.valve_rig import MemoryTerminal, build
+
+
+@pytest.fixture
+def closed_port():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        yield taken.getsockname()[1]
+
+
+def write(path, text):
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+VALVES = """
+arm = "left"
+[[devices]]
+name = "valves"
+kind = "festo_mpa"
+host = "127.0.0.1"
+port = {port}
+chambers = [3, 2, 1, 0, 4, 5]
+maximum_pa = 50000.0
+"""
+
+
+def test_a_device_that_is_not_there_is_told_with_its_cure(tmp_path, closed_port):
+    path = write(tmp_path / "arm.toml", VALVES.format(port=closed_port))
+    result = CliRunner().invoke(
+        command, ["--config", str(path), "--seconds", "0.1", "--json"], standalone_mode=False
+    )
+    assert result.return_value == 1
+    devices, findings = json.loads(result.stdout)["tables"]
+    assert devices["rows"][0]["state"] == "fault"
+    assert devices["rows"][0]["address"] == f"modbus+tcp://127.0.0.1:{closed_port}"
+    assert devices["notes"] == ["0 of 1 devices are well. No set-point was written."]
+    assert "does not accept a connection" in findings["rows"][0]["what"]
+    assert findings["rows"][0]["cure"] == "check address, cable and power of the terminal"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("x = [", "is not TOML"),
+        ("arm = 'left'", "names no devices"),
+        ("devices = 3", "names no devices"),
+        (VALVES.format(port=0), "greater than or equal to 1"),
+    ],
+)
+def test_a_wrong_file_is_told(tmp_path, text, told):
+    with pytest.raises(InputError, match=told):
+        read_devices(write(tmp_path / "arm.toml", text))
+
+
+def test_a_missing_file_is_told(tmp_path):
+    with pytest.raises(InputError, match="cannot be read"):
+        read_devices(tmp_path / "none.toml")
+
+
+class OnTerminal:
+    """A configuration whose device talks to a terminal in memory."""
+
+    name = "valves"
+    kind = "festo_mpa"
+
+    def __init__(self, virtual, terminal):
+        self.virtual = virtual
+        self.terminal = terminal
+
+    def build(self, sink, *, observe):
+        return build(self.virtual, self.terminal, sink, observe=observe)
+
+
+def test_what_answers_is_told_and_nothing_is_written(virtual):
+    async def main():
+        terminal = MemoryTerminal(virtual.clock, watchdog_ms=400)
+        terminal.diagnosis[3] = 26
+        terminal.setpoints[5] = 120
+        found = await examine(OnTerminal(virtual, terminal), 1.0)
+        assert terminal.log == []
+        return found
+
+    found = virtual.run(main)
+    assert found.row["rate_hz"] == pytest.approx(100, abs=2)
+    assert found.row["state"] == "degraded"
+    (finding,) = found.findings
+    assert (finding.serious, "valve 3 of chamber 0 reports a fault (0x001a)") == (True, finding.what)
+    assert found.facts["watchdog"] == "vents after 400 ms of silence"
+    assert found.facts["set-points found"] == "valve 5: 120"
+    assert [table.title for table in tables([found])] == [
+        "Devices",
+        "Findings",
+        "What they say of themselves",
+    ]
+
+
+def test_counters_and_invalid_readings_are_remarks(virtual):
+    async def main():
+        bank = build(virtual, MemoryTerminal(virtual.clock), observe=True)
+        await bank.connect()
+        tally = Tally()
+        for index in range(3):
+            tally.take(Reading("valves", None, None, index * 10**7, 0, index, 0, index > 0, "x", ("late",)))
+        bank.health.gaps = 4
+        found = describe(OnTerminal(virtual, None), bank, tally)
+        await bank.close()
+        return found
+
+    found = virtual.run(main)
+    assert [finding.serious for finding in found.findings] == [False, False]
+    assert "1 invalid readings: late" in found.findings[0].what
+    assert "4 samples that never arrived" in found.findings[1].what
+    assert found.row["rate_hz"] == pytest.approx(100)
+
+
+def test_the_last_error_is_told_without_its_device():
+    error = ConnectionLost("valves", "did not answer", "check the cable", limit=0.1, unit="s")
+    finding = doctor._of_error("valves", error)
+    assert (finding.what, finding.cure) == ("did not answer (limit 0.1 s)", "check the cable")
