@@ -6,13 +6,27 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from drivers.bend.device import BendConfig
 from drivers.config import DriverConfig
 from drivers.errors import ConfigurationError, DeviceErrors
+from drivers.gauges.device import LineGaugeConfig, LutronConfig
+from drivers.gauges.polled import Mark10Config, SauterConfig
+from drivers.imu.device import Bno08xConfig, QuaternionLineConfig, XbusConfig
+from drivers.imu.wit_device import WitConfig
 from drivers.valves.config import MpaConfig, VtemConfig
 
 KINDS: dict[str, type[DriverConfig]] = {
     "festo_mpa": MpaConfig,
     "festo_vtem": VtemConfig,
+    "lutron": LutronConfig,
+    "line_gauge": LineGaugeConfig,
+    "mark10": Mark10Config,
+    "sauter": SauterConfig,
+    "bendlabs": BendConfig,
+    "bno08x_rvc": Bno08xConfig,
+    "witmotion": WitConfig,
+    "xbus": XbusConfig,
+    "quaternion_line": QuaternionLineConfig,
 }
 """Kind as the configuration names it, to the model that its driver gives."""
 

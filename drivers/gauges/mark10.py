@@ -12,6 +12,7 @@ LIST: Final = b"LIST\r\n"
 ZERO: Final = b"Z\r\n"
 
 _READING: Final = re.compile(rb"([+-]?)(\d{1,9})(?:\.(\d{0,6}))?(?:\s+([A-Za-z]{1,4}))?")
+_OVERLOAD: Final = re.compile(rb"-{3,9}(?:\s+[A-Za-z]{1,4})?")
 _ERRORS: Final = {
     b"*10": "illegal command",
     b"*11": "command does not apply",
@@ -80,6 +81,8 @@ def parse_reply(line: bytes) -> Mark10Reply | FrameFault:
         return Mark10Error(text.decode("ascii"), _ERRORS[text])
     if text.count(b";") >= 3 and text.isascii():
         return Mark10Settings(tuple(part.strip().upper() for part in text.decode("ascii").split(";")))
+    if _OVERLOAD.fullmatch(text):
+        return GaugeSample(0.0, None, 0, over_range=True)
     match = _READING.fullmatch(text)
     if match is None:
         return FrameFault("text", f"neither a reading nor a reply: {text[:40]!r}")
