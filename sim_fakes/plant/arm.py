@@ -13,13 +13,13 @@ from sim_fakes.plant.loads import Line, contact, grasp, strength
 from sim_fakes.plant.material import FibreMemory, fresh_memory, joint_forces, tabulate
 from sim_fakes.plant.parameters import CHAMBERS_PER_SEGMENT, ArmParameters, sopra
 from sim_fakes.plant.pneumatics import lines, muscles
-from sim_fakes.plant.rotations import matrix_quaternion, rotation_matrix, tilt
+from sim_fakes.plant.rotations import product, rotation_matrix, tilt
 from sim_fakes.plant.state import PlantInputs, PlantState
 
 Floats = NDArray[np.float64]
 
-SETTLING_TIME = 1.5
-SETTLING_DAMPING = 20.0
+SETTLING_TIME = 2.0
+SETTLING_DAMPING = 6.0
 OBJECT = mujoco.mjtObj.mjOBJ_SITE
 
 
@@ -94,9 +94,10 @@ class FakeArm:
             raise InputError(
                 "valve_pressures", f"shape {np.shape(inputs.valve_pressures)}", f"give {self.chambers} values"
             )
-        while self._steps < steps:
-            self._step(inputs)
-        self._state = self._snapshot(inputs)
+        if steps > self._steps:
+            while self._steps < steps:
+                self._step(inputs)
+            self._state = self._snapshot(inputs)
         return self._state
 
     def switch(self, effect: str, value: object) -> None:
@@ -131,6 +132,7 @@ class FakeArm:
         self._muscles = muscles(self._parameters.actuation)
         own = self._parameters.actuation
         self._area_law = np.array([*own.narrowing, own.twist])
+        self._mount = np.array(self._parameters.mount.quaternion)
         self._into_base = rotation_matrix(np.array(self._parameters.mount.quaternion)).T
         self._origin = np.array(self._parameters.mount.position)
         self._places = np.array([joint.segment for joint in self._chain.joints])
@@ -225,7 +227,7 @@ class FakeArm:
     def _touch(self) -> None:
         """Put the contact forces on the links."""
         points = self._data.xpos[self._chain.bodies]
-        velocities = np.array([self._link_velocity(body) for body in self._chain.bodies])
+        velocities = self._link_velocities()
         for obstacle in self._parameters.loads.obstacles:
             forces = contact(obstacle, points, self._chain.radii, velocities)
             for index in np.flatnonzero(forces.any(axis=1)):
@@ -242,7 +244,8 @@ class FakeArm:
     def _push(self, body: int, point: Floats, force: Floats) -> None:
         """Put a force on a body at a point."""
         self._data.xfrc_applied[body, :3] += force
-        self._data.xfrc_applied[body, 3:] += np.cross(point - self._data.xipos[body], force)
+        (x, y, z), (fx, fy, fz) = (point - self._data.xipos[body]).tolist(), force.tolist()
+        self._data.xfrc_applied[body, 3:] += (y * fz - z * fy, z * fx - x * fz, x * fy - y * fx)
 
     def _velocity(self, index: int) -> Floats:
         """Give the velocity of a section's origin in the base frame [m/s]."""
@@ -252,13 +255,12 @@ class FakeArm:
         )
         return twist[3:]
 
-    def _link_velocity(self, body: int) -> Floats:
-        """Give the velocity of a link's origin in the base frame [m/s]."""
-        twist = np.zeros(6)
-        mujoco.mj_objectVelocity(
-            self._chain.model, self._data, mujoco.mjtObj.mjOBJ_XBODY, int(body), twist, 0
-        )
-        return twist[3:]
+    def _link_velocities(self) -> Floats:
+        """Give the velocities of the links' origins in the base frame [m/s], shape (links, 3)."""
+        bodies, root = self._chain.bodies, self._chain.model.body_rootid[self._chain.bodies[0]]
+        away = self._data.xpos[bodies] - self._data.subtree_com[root]
+        twists = self._data.cvel[bodies]
+        return np.asarray(twists[:, 3:] + np.cross(twists[:, :3], away))
 
     def _section(self, name: str) -> int:
         """Find a section by its name."""
@@ -286,7 +288,7 @@ class FakeArm:
             time=self._time,
             chamber_pressures=self._pressures.copy(),
             positions=self._origin + data.site_xpos[self._chain.sections] @ self._into_base,
-            quaternions=np.array([matrix_quaternion(self._into_base.T @ rotation) for rotation in rotations]),
+            quaternions=product(self._mount, data.xquat[self._chain.section_bodies]),
             angular_velocities=twists[:, :3],
             specific_forces=accelerations[:, 3:],
             bends=tilt(axes),

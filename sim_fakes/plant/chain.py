@@ -98,7 +98,9 @@ def _joints(parameters: ArmParameters, index: int) -> list[Joint]:
     for number in range(segment.links):
         share = (number + 0.5) / segment.links
         radius = float(np.interp(share, (0.0, 1.0), segment.radii))
-        section = lobed(radius, parameters.wall, parameters.floor, parameters.azimuths)
+        section = lobed(
+            radius, parameters.wall, parameters.floor, parameters.fibre_depth, parameters.azimuths
+        )
         joints.append(Joint(index, share, segment.start + share * segment.length, length, section))
     return joints
 

@@ -32,7 +32,9 @@ class CrossSection:
     radius: float
 
 
-def lobed(radius: float, wall: float, floor: float, azimuths: tuple[float, ...]) -> CrossSection:
+def lobed(
+    radius: float, wall: float, floor: float, fibre_depth: float, azimuths: tuple[float, ...]
+) -> CrossSection:
     """Sample a triangle of side 2 ``radius`` with a half disc and its chamber on each side.
 
     One third about the first lobe is sampled and turned to each azimuth. The silicone is gathered in an inner
@@ -43,6 +45,7 @@ def lobed(radius: float, wall: float, floor: float, azimuths: tuple[float, ...])
         radius: Of the half discs [m].
         wall: Thickness outside the chamber [m].
         floor: Between the triangle's side and the chamber [m].
+        fibre_depth: Depth of the fibres in the wall of the chamber; they bound the area that pushes [m].
         azimuths: Directions of the three half discs [rad].
     """
     side = radius / np.sqrt(3.0)
@@ -57,12 +60,13 @@ def lobed(radius: float, wall: float, floor: float, azimuths: tuple[float, ...])
     fibres, areas = _gather(silicone)
     full = float((silicone**2).sum()) * SPACING**2
     fibres *= np.sqrt(full / float(areas @ (fibres**2).sum(axis=1)))
-    centroid = points[hollow].mean(axis=0)
+    pushing = (out > floor - fibre_depth) & (distance < radius - wall + fibre_depth)
+    centroid = points[pushing].mean(axis=0)
     return CrossSection(
         fibres=np.concatenate([_turn(fibres, azimuth) for azimuth in azimuths]),
         areas=np.tile(areas, len(azimuths)),
         chambers=np.concatenate([_turn(centroid[None], azimuth) for azimuth in azimuths]),
-        chamber_areas=np.full(len(azimuths), int(hollow.sum()) * SPACING**2),
+        chamber_areas=np.full(len(azimuths), int(pushing.sum()) * SPACING**2),
         second_moment=0.5 * len(azimuths) * full,
         radius=reach,
     )

@@ -193,7 +193,8 @@ def _joint_forces(  # type: ignore[no-untyped-def]
             last[j, f] = strain
             size = abs(strain)
             largest[j, f] = size if settling else max(size, largest[j, f])
-            stress *= 1.0 - softening[j, 1] * (1.0 - np.exp((size - largest[j, f]) / softening[j, 2]))
+            if softening[j, 1] != 0.0:
+                stress *= 1.0 + softening[j, 1] * np.expm1((size - largest[j, f]) / softening[j, 2])
             force = modulus_factor * fibre_forces[j, f] * stress
             axial -= force
             about_x -= force * y
@@ -223,6 +224,8 @@ def _elastic(strain, exponent, stiffening, softening):  # type: ignore[no-untype
     stretch = 1.0 + strain
     share = abs(strain) / REFERENCE_STRAIN
     shape = (1.0 + stiffening * share * share) / (1.0 + softening * share)
+    if exponent == 1.5:
+        return shape * (stretch - 1.0 / (stretch * np.sqrt(stretch))) / 2.5
     return shape * (stretch - stretch ** (-exponent)) / (exponent + 1.0)
 
 

@@ -84,13 +84,13 @@ class Segment:
     length: float
     radii: tuple[float, float]
     mass: float
-    links: int = 12
-    modulus: float = 200e3
-    exponent: float = 1.6
+    links: int = 10
+    modulus: float = 300e3
+    exponent: float = 1.5
     torsion: float = 0.22
     stiffening: float = 0.0
     softening: float = 0.0
-    damping_time: float = 0.004
+    damping_time: float = 0.018
     memory: Memory = Memory()
     defects: tuple[Defect, ...] = ()
     locking_curvature: float = 0.0
@@ -258,6 +258,7 @@ class ArmParameters:
         azimuths: Of the chambers of a segment [rad].
         wall: Thickness of the chambers' outer wall [m].
         floor: Distance from the triangle's side to the chamber [m].
+        fibre_depth: How deep in the wall the fibres lie [m]; the pressure acts on all they enclose.
         actuation: Pressure to force.
         support: The clamp.
         loads: What acts on the arm.
@@ -276,6 +277,7 @@ class ArmParameters:
     azimuths: tuple[float, ...] = (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)
     wall: float = 0.002
     floor: float = 0.002
+    fibre_depth: float = 0.0009
     actuation: Actuation = Actuation()
     support: Support = Support()
     loads: Loads = Loads()
@@ -299,6 +301,6 @@ class ArmParameters:
 
 def sopra() -> ArmParameters:
     """Describe the two-segment SoPrA arm (masses, lengths and radii of the owners' parameter files)."""
-    upper = Segment("upper", start=0.010, length=0.120, radii=(0.0173, 0.0143), mass=0.160)
-    lower = Segment("lower", start=0.151, length=0.120, radii=(0.0137, 0.0102), mass=0.082)
+    upper = Segment("upper", start=0.010, length=0.120, radii=(0.0175, 0.0140), mass=0.160, modulus=305e3)
+    lower = Segment("lower", start=0.151, length=0.120, radii=(0.0140, 0.0099), mass=0.082, modulus=380e3)
     return ArmParameters(segments=(upper, lower))

@@ -18,33 +18,6 @@ def rotation_matrix(quaternion: Floats) -> Floats:
     )
 
 
-def matrix_quaternion(matrix: Floats) -> Floats:
-    """Turn a rotation matrix into a unit quaternion with w >= 0, shape (4,).
-
-    The largest of the four squared components is taken as divisor, which is safe at every angle.
-    """
-    squares = np.array(
-        [
-            1.0 + matrix[0, 0] + matrix[1, 1] + matrix[2, 2],
-            1.0 + matrix[0, 0] - matrix[1, 1] - matrix[2, 2],
-            1.0 - matrix[0, 0] + matrix[1, 1] - matrix[2, 2],
-            1.0 - matrix[0, 0] - matrix[1, 1] + matrix[2, 2],
-        ]
-    )
-    largest = int(np.argmax(squares))
-    root = 0.5 * np.sqrt(squares[largest])
-    minus = np.array(
-        [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
-    ) / (4.0 * root)
-    if largest == 0:
-        return np.array([root, *minus])
-    axis = largest - 1
-    vector = (matrix[axis] + matrix[:, axis]) / (4.0 * root)
-    vector[axis] = root
-    quaternion = np.array([minus[axis], *vector])
-    return quaternion if quaternion[0] >= 0.0 else -quaternion
-
-
 def vector_quaternion(vector: Floats) -> Floats:
     """Turn a rotation vector [rad] into a unit quaternion, shape (4,)."""
     angle = float(np.linalg.norm(vector))

@@ -1,0 +1,28 @@
+from dataclasses import replace
+
+import pytest
+
+from sim_fakes.plant.arm import FakeArm
+from sim_fakes.plant.effects import Concealed
+from sim_fakes.plant.parameters import ArmParameters, sopra
+from tests.sim_fakes.plant.driving import MakeArm
+
+
+def coarse(parameters: ArmParameters) -> ArmParameters:
+    """The same arm with few links, which is quick."""
+    return replace(parameters, segments=tuple(replace(s, links=4) for s in parameters.segments))
+
+
+@pytest.fixture(scope="session")
+def small() -> ArmParameters:
+    return coarse(sopra())
+
+
+@pytest.fixture
+def make_arm(small: ArmParameters) -> MakeArm:
+    """Make a quick arm with effects."""
+
+    def make(*effects: Concealed, parameters: ArmParameters = small) -> FakeArm:
+        return FakeArm(parameters, effects)
+
+    return make

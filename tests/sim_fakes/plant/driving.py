@@ -1,0 +1,23 @@
+"""Driving a fake arm in tests."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sim_fakes.plant.arm import FakeArm
+from sim_fakes.plant.state import PlantInputs, PlantState
+
+MakeArm = Callable[..., FakeArm]
+
+
+def pressures(**chambers: float) -> PlantInputs:
+    """Pressures by chamber, such as c0=3e4."""
+    values = np.zeros(6)
+    for name, value in chambers.items():
+        values[int(name[1:])] = value
+    return PlantInputs(values)
+
+
+def hold(arm: FakeArm, inputs: PlantInputs, seconds: float) -> PlantState:
+    """Hold the inputs for a while after the last step."""
+    return arm.advance(arm.state.time + seconds, inputs)
