@@ -43,7 +43,9 @@ class ValveConfig(DriverConfig):
         watchdog_ms: Time-out to set in the terminal [ms].
         response_timeout_s: Time for one answer [s].
         lost_after_misses: Passes in a row without an answer after which the connection counts as lost.
-        verify_every: Every so many passes the echo is read before the write.
+        verify_every: Every so many passes the echo is read before the write. At 1 nothing that others
+            wrote goes unseen; above, a pass mostly takes one request, and what was overwritten within a
+            few passes may go unseen.
         echo_lag_s: How long a write may take to show in the echo [s].
         reach_s: Time in which a set-point must be reached [s].
         tracking_tolerance_pa: Allowed deviation of a measured pressure [Pa].
@@ -62,7 +64,7 @@ class ValveConfig(DriverConfig):
     watchdog_ms: Annotated[int, Field(ge=WATCHDOG_MIN_MS, le=65535)] = 300
     response_timeout_s: Annotated[float, Field(gt=0, le=0.1)] = 0.1
     lost_after_misses: Annotated[int, Field(ge=1)] = 3
-    verify_every: Annotated[int, Field(ge=1)] = 5
+    verify_every: Annotated[int, Field(ge=1)] = 1
     echo_lag_s: Seconds = 0.1
     reach_s: Seconds = 1.5
     tracking_tolerance_pa: Positive = 3_000.0

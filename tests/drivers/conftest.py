@@ -48,6 +48,13 @@ class Virtual:
         return round(asyncio.get_running_loop().time() * 1e9)
 
     @staticmethod
+    def stall(seconds: float) -> None:
+        """Let time pass while the loop stands still, as a busy host does."""
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, VirtualLoop)
+        loop._virtual.now += seconds
+
+    @staticmethod
     def run(main: Callable[[], Awaitable[Any]]) -> Any:
         async def checked() -> Any:
             result = await main()
