@@ -1,6 +1,7 @@
 """The cross-section of the arm: what is silicone, what is chamber, and how it resists."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ class CrossSection:
     radius: float
 
 
+@lru_cache(maxsize=256)
 def lobed(
     radius: float, wall: float, floor: float, fibre_depth: float, azimuths: tuple[float, ...]
 ) -> CrossSection:
@@ -40,6 +42,8 @@ def lobed(
     One third about the first lobe is sampled and turned to each azimuth. The silicone is gathered in an inner
     and an outer ring of fibres, one per sector, each at the centroid of its share; distances are then scaled
     so that the second moment is that of the full section.
+
+    The result is shared between calls with the same arguments: do not write to its arrays.
 
     Args:
         radius: Of the half discs [m].

@@ -9,8 +9,8 @@ from tests.sim_fakes.plant.driving import MakeArm
 
 
 def coarse(parameters: ArmParameters) -> ArmParameters:
-    """The same arm with few links, which is quick."""
-    return replace(parameters, segments=tuple(replace(s, links=4) for s in parameters.segments))
+    """The same arm with few links and long steps, which is quick."""
+    return replace(parameters, segments=tuple(replace(s, links=3) for s in parameters.segments), step=4e-3)
 
 
 @pytest.fixture(scope="session")

@@ -21,3 +21,11 @@ def pressures(**chambers: float) -> PlantInputs:
 def hold(arm: FakeArm, inputs: PlantInputs, seconds: float) -> PlantState:
     """Hold the inputs for a while after the last step."""
     return arm.advance(arm.state.time + seconds, inputs)
+
+
+def move(arm: FakeArm, inputs: PlantInputs, seconds: float) -> PlantState:
+    """Ramp to the inputs over two periods of the swing, which then hardly rings, and hold them."""
+    start, target = arm.state.chamber_pressures, inputs.valve_pressures
+    for share in np.linspace(0.0, 1.0, 28)[1:]:
+        hold(arm, PlantInputs(start + share * (target - start), inputs.cord, inputs.hand), 0.04)
+    return hold(arm, inputs, seconds)

@@ -85,9 +85,9 @@ def test_a_turned_mount_turns_gravity(small: ArmParameters) -> None:
 def test_the_same_inputs_give_the_same_motion(make_arm: MakeArm) -> None:
     first, second = make_arm(), make_arm()
     for number in range(1, 51):
-        hold(first, pressures(c0=20e3, c4=30e3), 0.01)
+        hold(first, pressures(c0=20e3, c4=30e3), 0.008)
         if number % 5 == 0:
-            hold(second, pressures(c0=20e3, c4=30e3), 0.05)
+            hold(second, pressures(c0=20e3, c4=30e3), 0.04)
     np.testing.assert_array_equal(first.state.positions, second.state.positions)
     np.testing.assert_array_equal(first.state.bends, second.state.bends)
 
