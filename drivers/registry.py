@@ -13,11 +13,13 @@ from drivers.gauges.device import LineGaugeConfig, LutronConfig
 from drivers.gauges.polled import Mark10Config, SauterConfig
 from drivers.imu.device import Bno08xConfig, QuaternionLineConfig, XbusConfig
 from drivers.imu.wit_device import WitConfig
+from drivers.qualisys.device import QualisysConfig
 from drivers.valves.config import MpaConfig, VtemConfig
 
 KINDS: dict[str, type[DriverConfig]] = {
     "festo_mpa": MpaConfig,
     "festo_vtem": VtemConfig,
+    "qualisys": QualisysConfig,
     "lutron": LutronConfig,
     "line_gauge": LineGaugeConfig,
     "mark10": Mark10Config,
