@@ -68,6 +68,32 @@ def quaternion_kernel(matrices: Floats, quaternions: Floats) -> None:
 
 
 @njit(cache=True, nogil=True)
+def jacobian_kernel(vectors: Floats, matrices: Floats) -> None:
+    """Fill the left Jacobians at vectors, shape (n, 3), into matrices, shape (n, 3, 3)."""
+    for i in range(vectors.shape[0]):
+        v = vectors[i]
+        square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+        if square < 1e-6:
+            b = 0.5 - square / 24.0
+            c = 1.0 / 6.0 - square / 120.0
+        else:
+            angle = np.sqrt(square)
+            b = (1.0 - np.cos(angle)) / square
+            c = (angle - np.sin(angle)) / (square * angle)
+        m = matrices[i]
+        for r in range(3):
+            for s in range(3):
+                m[r, s] = c * v[r] * v[s]
+            m[r, r] += 1.0 - c * square
+        m[0, 1] -= b * v[2]
+        m[1, 0] += b * v[2]
+        m[0, 2] += b * v[1]
+        m[2, 0] -= b * v[1]
+        m[1, 2] -= b * v[0]
+        m[2, 1] += b * v[0]
+
+
+@njit(cache=True, nogil=True)
 def inverse_jacobian_kernel(vectors: Floats, matrices: Floats) -> None:
     """Fill the inverses of the left Jacobians at vectors, shape (n, 3), into matrices, shape (n, 3, 3)."""
     for i in range(vectors.shape[0]):
@@ -139,6 +165,21 @@ def log(rotations: Floats) -> Floats:
     factor = np.where(small, 2.0, 2.0 * half / np.where(small, 1.0, sine))
     vectors: Floats = factor * axis
     return vectors
+
+
+def left_jacobian(vectors: Floats) -> Floats:
+    """Give J with exp(v + d) = exp(J d) exp(v) for small d (Barfoot, State Estimation, eq. 7.77).
+
+    Args:
+        vectors: Rotation vectors v [rad], shape (..., 3). The right Jacobian is that at -v.
+
+    Returns:
+        Matrices, shape (..., 3, 3).
+    """
+    flat = _flat(vectors, 3)
+    matrices = np.empty((len(flat), 3, 3))
+    jacobian_kernel(flat, matrices)
+    return matrices.reshape(*np.shape(vectors)[:-1], 3, 3)
 
 
 def inverse_left_jacobian(vectors: Floats) -> Floats:

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.rotations import exp, inverse_left_jacobian, skew
+from estimator.rotations import exp, left_jacobian, skew
 from estimator.sensing.measurement import (
     Scene,
     Sensitivity,
@@ -118,10 +118,10 @@ class Bend:
         rows = np.zeros((*bend.shape[:-1], 2, 9))
         rows[..., 0] = unscaled @ quarter.T * self.scale
         reference, section = _axes(self.reference_tilt), _axes(self.section_tilt)
-        right = np.linalg.inv(inverse_left_jacobian(-reference))
+        right = left_jacobian(-reference)
         rows[..., 1:3] = (shape @ skew(direction) @ right)[..., :2]
         turned = transpose(self._reference(scene)) @ section_rotation(scene.frames, self.section)
-        left = -skew(exp(section)[:, 2]) @ np.linalg.inv(inverse_left_jacobian(section))
+        left = -skew(exp(section)[:, 2]) @ left_jacobian(section)
         rows[..., 3:5] = (shape @ turned @ left)[..., :2]
         rows[..., 0, 5] = unscaled[..., 0]
         rows[..., 1, 6] = unscaled[..., 1]

@@ -6,7 +6,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.rotations import exp, from_quaternions, inverse_left_jacobian, log, to_quaternions
+from estimator.rotations import (
+    exp,
+    from_quaternions,
+    inverse_left_jacobian,
+    left_jacobian,
+    log,
+    to_quaternions,
+)
 from estimator.sensing.measurement import (
     Scene,
     Sensitivity,
@@ -72,9 +79,7 @@ class Orientation:
     def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:
         """Give the derivative by the misalignment, shape (..., 3, 3)."""
         innovation = self._innovation(self._rotation(scene), reading)
-        rows: Floats = inverse_left_jacobian(innovation) @ np.linalg.inv(
-            inverse_left_jacobian(-self.misalignment)
-        )
+        rows: Floats = inverse_left_jacobian(innovation) @ left_jacobian(-self.misalignment)
         return rows
 
     def covariance(self, reading: Floats) -> Floats:

@@ -1,0 +1,96 @@
+"""Teach mode: pressures for a wanted pose, and whether the arm can take it."""
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.inverse.estimate import Estimate
+from estimator.inverse.minimise import Tolerances
+from estimator.inverse.observability import join
+from estimator.inverse.problem import pose_problem
+from estimator.inverse.unknowns import Unknowns
+from estimator.model import ArmModel, Inputs, Linearisation
+from estimator.sensing import SensorSuite
+
+Floats = NDArray[np.float64]
+State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
+
+
+@dataclass(frozen=True)
+class Reach(Generic[State]):
+    """The pose nearest to a wanted one.
+
+    Args:
+        estimate: Pressures, frames and residuals of the nearest pose.
+        reachable: Whether every residual is within its tolerance.
+        statement: The answer in words, with what limits the arm.
+    """
+
+    estimate: Estimate[State]
+    reachable: bool
+    statement: str
+
+    @property
+    def pressures(self) -> Floats:
+        """Gauge pressures in the chambers [Pa], shape (chambers,)."""
+        return self.estimate.inputs.pressures
+
+
+def reach_pose(
+    model: ArmModel[State, Step],
+    suite: SensorSuite,
+    target: Floats,
+    pressure_limits: Floats,
+    start: tuple[State, Inputs],
+    tolerances: Tolerances | None = None,
+) -> Reach[State]:
+    """Find the pressures within [0, limit] that bring the unloaded arm nearest to a pose.
+
+    Args:
+        model: Model of the arm.
+        suite: Sensors that describe the pose; their standard deviations are its tolerances.
+        target: Readings that they would give in the pose, NaN where it does not matter, shape (readings,).
+        pressure_limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
+        start: A state and inputs to begin with; its pressures are preferred where the pose leaves a choice.
+        tolerances: When to stop.
+    """
+    state, inputs = start
+    unknowns = Unknowns.of(model.chambers, model.loads)
+    unloaded = Inputs(
+        np.minimum(np.maximum(inputs.pressures, 0.0), pressure_limits),
+        np.zeros(len(model.loads)),
+        inputs.gravity,
+    )
+    problem = pose_problem(unknowns, suite, target, pressure_limits, unloaded.pressures, inputs.gravity)
+    estimate = problem.solve(model, (state, unloaded), tolerances)
+    misses = _misses(suite, target, estimate)
+    reachable = estimate.converged and not misses
+    return Reach(estimate, reachable, _statement(estimate, reachable, misses))
+
+
+def _misses(suite: SensorSuite, target: Floats, estimate: Estimate[State]) -> list[str]:
+    """Tell by how much each sensor's target is missed, where by more than its tolerance."""
+    missed, start = [], 0
+    for measurement in suite.measurements:
+        reading = target[start : start + measurement.reading_size]
+        start += measurement.reading_size
+        tolerance = np.sqrt(np.diag(measurement.covariance(reading)))
+        residual = estimate.residuals[measurement.name]
+        if (np.abs(np.nan_to_num(residual)) > tolerance).any():
+            sizes = ", ".join(f"{value:.2g}" for value in residual)
+            allowed = ", ".join(f"{value:.2g}" for value in tolerance)
+            missed.append(f"{measurement.name} misses by ({sizes}) of ({allowed}) allowed")
+    return missed
+
+
+def _statement(estimate: Estimate[State], reachable: bool, misses: list[str]) -> str:
+    if reachable:
+        return "The pose can be reached."
+    if not estimate.converged:
+        return f"The search did not converge ({estimate.status.replace('_', ' ')}); nothing is known."
+    limits = estimate.limits_reached
+    why = join(limits) if limits else "no pressure is at a limit, and no combination of them comes nearer"
+    return f"The pose cannot be reached: {join(misses)}; {why}."

@@ -1,0 +1,153 @@
+"""The estimator that follows an arm through time, for the live service and for recordings alike."""
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.inverse.estimate import Estimate
+from estimator.inverse.limits import Limits
+from estimator.inverse.minimise import Tolerances
+from estimator.inverse.objectives import Objective, PressureReadings, Prior, SensorObjective
+from estimator.inverse.problem import Problem
+from estimator.inverse.process import LoadProcess
+from estimator.inverse.unknowns import Unknowns
+from estimator.model import ArmModel, Inputs, Linearisation
+from estimator.sensing import ActuationMap, SensorSuite
+
+Floats = NDArray[np.float64]
+State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
+
+
+@dataclass(frozen=True)
+class TrackerSettings:
+    """What the tracking estimator assumes.
+
+    Args:
+        process: How loads change.
+        actuation: From measured to chamber pressures, with the noise of the pressure sensors.
+        pressure_limits: Largest gauge pressure of each chamber [Pa], shape (chambers,); bounds a chamber
+            whose pressure sensor is silent.
+        pressure_drift: How fast the pressure of such a chamber may wander [Pa/sqrt(s)].
+        exact_pressures: Take measured pressures as exact (held) instead of as noisy readings.
+        tolerances: When a search stops.
+    """
+
+    process: LoadProcess
+    actuation: ActuationMap
+    pressure_limits: Floats
+    pressure_drift: float = 5e3
+    exact_pressures: bool = False
+    tolerances: Tolerances | None = None
+
+
+@dataclass(frozen=True)
+class _Memory(Generic[State]):
+    """What is kept from one instant to the next."""
+
+    time: float
+    state: State
+    inputs: Inputs
+    covariance: Floats
+
+
+class Estimator(Generic[State, Step]):
+    """Estimate loads, pressures and frames from readings in the order of their time.
+
+    It keeps the last state, inputs and covariance; everything it calls is pure. A search that fails leaves
+    them as they were, and the next one starts afresh from rest.
+
+    Args:
+        model: Model of the arm.
+        suite: The sensors.
+        settings: What it assumes.
+    """
+
+    def __init__(self, model: ArmModel[State, Step], suite: SensorSuite, settings: TrackerSettings) -> None:
+        self._model = model
+        self._suite = suite
+        self._settings = settings
+        self._unknowns = Unknowns.of(model.chambers, model.loads)
+        self._memory: _Memory[State] | None = None
+        self._fresh = True
+
+    @property
+    def model(self) -> ArmModel[State, Step]:
+        """The model it runs on."""
+        return self._model
+
+    @property
+    def suite(self) -> SensorSuite:
+        """The sensors it listens to."""
+        return self._suite
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._memory = None
+        self._fresh = True
+
+    def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> Estimate[State]:
+        """Estimate at an instant.
+
+        Args:
+            time: Time of the readings [s], not before the last one.
+            readings: Stacked readings, NaN where absent, shape (readings,).
+            pressures: Measured gauge pressures [Pa], NaN where lost, shape (chambers,).
+            gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
+        """
+        acting = self._settings.actuation.to_chamber(pressures)
+        prior, guess = self._predict(time, acting, gravity)
+        problem = self._problem(readings, acting, prior, gravity)
+        estimate = problem.solve(self._model, (self._start(guess), guess), self._settings.tolerances)
+        self._fresh = estimate.status == "diverged" or not np.isfinite(estimate.vector).all()
+        if not self._fresh:
+            self._memory = _Memory(time, estimate.state, estimate.inputs, estimate.covariance)
+        return estimate
+
+    def _predict(self, time: float, acting: Floats, gravity: Floats) -> tuple[Prior, Inputs]:
+        """Carry the last estimate to this instant: the prior, and the inputs to begin the search with."""
+        chambers, process = self._unknowns.chambers, self._settings.process
+        seen = np.isfinite(acting)
+        mean = np.zeros(self._unknowns.size)
+        variance = np.concatenate([self._settings.pressure_limits**2, process.sigma**2])
+        mean[chambers:], loads = process.start()
+        if self._memory is not None:
+            elapsed = time - self._memory.time
+            mean[:chambers] = self._memory.inputs.pressures
+            wander = self._settings.pressure_drift**2 * max(elapsed, 0.0)
+            variance[:chambers] = np.diag(self._memory.covariance)[:chambers] + wander
+            mean[chambers:], loads = process.predict(
+                self._memory.inputs.loads, self._memory.covariance[chambers:, chambers:], elapsed
+            )
+        information = np.zeros((self._unknowns.size, self._unknowns.size))
+        information[chambers:, chambers:] = np.linalg.inv(loads)
+        lost = np.flatnonzero(~seen)
+        information[lost, lost] = 1.0 / variance[lost]
+        if self._memory is not None and not self._fresh:
+            # The state is in equilibrium with the last inputs: the first step carries both to the new ones.
+            return Prior(mean, information), self._memory.inputs
+        return Prior(mean, information), Inputs(
+            np.where(seen, acting, mean[:chambers]), mean[chambers:], gravity
+        )
+
+    def _problem(self, readings: Floats, acting: Floats, prior: Prior, gravity: Floats) -> Problem:
+        seen = np.isfinite(acting)
+        limits = Limits.free(self._unknowns.size)
+        lower, upper = limits.lower.copy(), limits.upper.copy()
+        members = np.arange(self._unknowns.chambers)
+        lost = members[~seen]
+        lower[lost], upper[lost] = 0.0, self._settings.pressure_limits[lost]
+        objectives: tuple[Objective, ...] = (SensorObjective(self._suite, readings), prior)
+        if self._settings.exact_pressures:
+            lower[members[seen]] = upper[members[seen]] = acting[seen]
+        else:
+            objectives = (*objectives, PressureReadings(acting, self._settings.actuation.chamber_sigma))
+        return Problem(self._unknowns, self._suite, objectives, Limits(lower, upper), gravity)
+
+    def _start(self, guess: Inputs) -> State:
+        if self._memory is not None and not self._fresh:
+            return self._memory.state
+        state, _ = self._model.solve(guess, self._model.rest())
+        return state

@@ -1,0 +1,257 @@
+"""The three kinds of inverse problem on an arm that is known exactly."""
+
+import numpy as np
+import pytest
+
+from estimator.inverse import (
+    Estimator,
+    LoadProcess,
+    Prior,
+    Tolerances,
+    TrackerSettings,
+    Unknowns,
+    forces_problem,
+    independent_prior,
+    inputs_problem,
+    reach_pose,
+)
+from estimator.model import Inputs
+from estimator.rotations import exp, log
+from estimator.sensing import ActuationMap, Bend, Marker, Orientation, Scene, SectionPose, SensorSuite
+
+RANDOM = np.random.default_rng(11)
+GRAVITY = np.array([0.0, 0.0, 9.81])
+LIMITS = np.full(6, 65e3)
+PRESSURES = np.array([30e3, 5e3, 12e3, 8e3, 41e3, 20e3])
+LOADS = np.array([0.12, -0.08, -0.05, 0.1])
+SIGMA = np.radians(0.1)
+
+
+def orientations() -> SensorSuite:
+    return SensorSuite((Orientation("upper", 0, SIGMA), Orientation("lower", 1, SIGMA)))
+
+
+def truth(arm, pressures=PRESSURES, loads=LOADS):
+    inputs = Inputs(pressures, loads, GRAVITY)
+    state, found = arm.solve(inputs, arm.rest())
+    assert found
+    return inputs, state
+
+
+def readings_of(arm, suite, inputs, state):
+    return suite.predict(Scene(arm.frames(state), inputs.loads))
+
+
+def start(arm, pressures=PRESSURES):
+    inputs = Inputs(pressures, np.zeros(len(arm.loads)), GRAVITY)
+    return arm.solve(inputs, arm.rest())[0], inputs
+
+
+def test_four_forces_from_two_orientations_and_exact_pressures(arm) -> None:
+    inputs, state = truth(arm)
+    suite, unknowns = orientations(), Unknowns.of(6, arm.loads)
+    problem = forces_problem(
+        unknowns,
+        suite,
+        readings_of(arm, suite, inputs, state),
+        PRESSURES,
+        None,
+        independent_prior(unknowns, 100.0),
+        GRAVITY,
+    )
+    estimate = problem.solve(arm, start(arm))
+    assert estimate.converged
+    np.testing.assert_allclose(estimate.inputs.loads, LOADS, atol=1e-6)
+    np.testing.assert_allclose(estimate.inputs.pressures, PRESSURES)
+    np.testing.assert_allclose(estimate.frames.positions, arm.frames(state).positions, atol=1e-7)
+    assert estimate.rank == 4
+    assert "6 independent readings, 4 unknowns" in estimate.observability.statement
+    assert estimate.observability.statement.endswith("all are determined.")
+    assert (estimate.observability.prior_share[6:] < 1e-3).all()
+
+
+def test_search_from_far_out_of_balance_needs_no_equilibrium_to_start(arm) -> None:
+    inputs, state = truth(arm)
+    suite, unknowns = orientations(), Unknowns.of(6, arm.loads)
+    problem = forces_problem(
+        unknowns,
+        suite,
+        readings_of(arm, suite, inputs, state),
+        PRESSURES,
+        None,
+        independent_prior(unknowns, 100.0),
+        GRAVITY,
+    )
+    estimate = problem.solve(arm, (arm.rest(), Inputs(np.zeros(6), np.zeros(4), GRAVITY)))
+    assert estimate.converged
+    np.testing.assert_allclose(estimate.inputs.loads, LOADS, atol=1e-6)
+
+
+def test_six_pressures_and_four_forces_are_too_many_for_two_orientations(arm) -> None:
+    inputs, state = truth(arm)
+    suite, unknowns = orientations(), Unknowns.of(6, arm.loads)
+    information = np.diag(1.0 / np.concatenate([np.full(6, 2e4), np.full(4, 0.5)]) ** 2)
+    prior = Prior(np.concatenate([np.full(6, 2e4), np.zeros(4)]), information)
+    problem = inputs_problem(unknowns, suite, readings_of(arm, suite, inputs, state), LIMITS, prior, GRAVITY)
+    estimate = problem.solve(arm, start(arm))
+    assert estimate.converged
+    assert estimate.rank <= 6
+    assert len(estimate.unobservable_directions) == 10 - estimate.rank
+    assert f"{10 - estimate.rank} of their combinations cannot be seen" in estimate.observability.statement
+    assert (estimate.inputs.pressures >= 0.0).all()
+    assert (estimate.inputs.pressures <= LIMITS).all()
+    for name, residual in estimate.residuals.items():
+        assert np.abs(residual).max() < 3 * SIGMA, name
+
+
+def test_pressures_and_forces_together_where_sensors_suffice(arm) -> None:
+    inputs, state = truth(arm)
+    suite = SensorSuite(tuple(SectionPose(f"pose_{k}", k, 1e-5, 1e-5) for k in range(2)))
+    unknowns = Unknowns.of(6, arm.loads)
+    weak = Prior(np.full(10, 0.0), np.diag(1.0 / np.concatenate([np.full(6, 1e7), np.full(4, 1e3)]) ** 2))
+    problem = inputs_problem(unknowns, suite, readings_of(arm, suite, inputs, state), LIMITS, weak, GRAVITY)
+    estimate = problem.solve(arm, start(arm, np.full(6, 1e4)))
+    assert estimate.converged
+    # Torsion and stretch are all but rigid: what two full poses cannot tell must show in the covariance.
+    deviation = estimate.vector - np.concatenate([PRESSURES, LOADS])
+    free = estimate.observability
+    assert free.data_rows == 12
+    assert (np.abs(deviation) < 5 * np.sqrt(np.diag(estimate.covariance)) + 1e-3 * unknowns.scale).all()
+
+
+def test_covariance_of_force_and_pose_is_that_of_repeated_noisy_trials(arm) -> None:
+    inputs, state = truth(arm)
+    suite, unknowns = orientations(), Unknowns.of(6, arm.loads)
+    exact = readings_of(arm, suite, inputs, state)
+    rotations = arm.frames(state).rotations
+    prior = independent_prior(unknowns, 10.0)
+    squares, poses, consistency, begin = [], [], [], start(arm)
+    for _ in range(60):
+        turned = SensorSuite(
+            tuple(
+                Orientation(m.name, m.section, SIGMA, SIGMA * RANDOM.normal(size=3))
+                for m in suite.measurements
+            )
+        )
+        noisy = turned.predict(Scene(arm.frames(state), inputs.loads))
+        pressures = PRESSURES + 200.0 * RANDOM.normal(size=6)
+        problem = forces_problem(unknowns, suite, noisy, pressures, np.full(6, 200.0), prior, GRAVITY)
+        estimate = problem.solve(arm, begin, Tolerances(step=1e-4))
+        error = estimate.inputs.loads - LOADS
+        squares.append(error @ np.linalg.solve(estimate.load_covariance, error))
+        tip = log(estimate.frames.rotations[1] @ rotations[1].T)
+        poses.append(tip @ np.linalg.solve(estimate.frame_covariance[9:, 9:] + 1e-12 * np.eye(3), tip))
+        consistency.append((estimate.normalised_innovation_squared, estimate.degrees_of_freedom))
+    assert exact.shape == (8,)
+    assert np.mean(squares) == pytest.approx(4.0, abs=4 * np.sqrt(8 / 60))
+    assert np.mean(poses) == pytest.approx(3.0, abs=4 * np.sqrt(6 / 60))
+    nis, freedom = np.mean(consistency, axis=0)
+    assert freedom == pytest.approx(2.0, abs=0.1)
+    assert nis == pytest.approx(freedom, abs=4 * np.sqrt(2 * freedom / 60))
+
+
+def test_a_wanted_pose_within_the_limits_is_reached_by_pressures_within_them(arm) -> None:
+    suite = SensorSuite((Bend("upper", 0, 1e-4), Bend("lower", 1, 1e-4, reference=0)))
+    inputs, state = truth(arm, loads=np.zeros(4))
+    target = readings_of(arm, suite, inputs, state)
+    reach = reach_pose(arm, suite, target, LIMITS, start(arm, np.zeros(6)))
+    assert reach.reachable
+    assert reach.statement == "The pose can be reached."
+    assert (reach.pressures >= 0).all()
+    found = arm.solve(Inputs(reach.pressures, np.zeros(4), GRAVITY), arm.rest())[0]
+    np.testing.assert_allclose(readings_of(arm, suite, inputs, found), target, atol=1e-4)
+
+
+def test_a_pose_beyond_the_limits_names_what_limits_it(arm) -> None:
+    suite = SensorSuite((Bend("upper", 0, 1e-3), Bend("lower", 1, 1e-3, reference=0)))
+    inputs, state = truth(arm, pressures=np.array([140e3, 0, 0, 10e3, 0, 0]), loads=np.zeros(4))
+    reach = reach_pose(arm, suite, readings_of(arm, suite, inputs, state), LIMITS, start(arm, np.zeros(6)))
+    assert not reach.reachable
+    assert "upper misses by" in reach.statement
+    assert "pressure_0 at its upper limit of 65000 Pa" in reach.statement
+    assert (reach.pressures <= LIMITS).all()
+
+
+def settings(time_constant: float = 1.0) -> TrackerSettings:
+    return TrackerSettings(
+        LoadProcess(np.full(4, 0.5), time_constant), ActuationMap.identity(6, 200.0), LIMITS
+    )
+
+
+def test_tracker_follows_and_survives_lost_sensors_without_a_jump(arm) -> None:
+    suite = SensorSuite(
+        (Orientation("upper", 0, SIGMA), Orientation("lower", 1, SIGMA), Marker("m", 1, 1e-4, np.zeros(3)))
+    )
+    tracker = Estimator(arm, suite, settings())
+    loads, spread = [], []
+    inputs, state = truth(arm)
+    for step in range(40):
+        pressures = PRESSURES * (1 + 0.2 * np.sin(0.1 * step))
+        inputs = Inputs(pressures, LOADS, GRAVITY)
+        state, _ = arm.solve(inputs, state)
+        readings = readings_of(arm, suite, inputs, state)
+        if 15 <= step < 30:
+            readings[:] = np.nan
+        measured = pressures.copy()
+        if step == 35:
+            measured[2] = np.nan
+        estimate = tracker.update(0.01 * step, readings, measured, GRAVITY)
+        assert estimate.converged
+        loads.append(estimate.inputs.loads)
+        spread.append(np.sqrt(np.trace(estimate.load_covariance)))
+    forgotten = np.abs(LOADS).max() * (1 - np.exp(-0.16))
+    assert np.abs(np.diff(loads, axis=0)[1:]).max() < forgotten
+    assert (np.diff(spread[14:30]) > 0).all()
+    assert spread[30] < 0.5 * spread[29]
+    assert np.linalg.norm(loads[-1] - LOADS) < 0.01
+    assert np.linalg.norm(estimate.inputs.pressures - PRESSURES * (1 + 0.2 * np.sin(3.9))) < 1000.0
+
+
+def test_tracker_starts_afresh_after_nonsense(arm) -> None:
+    suite = orientations()
+    tracker = Estimator(arm, suite, settings())
+    inputs, state = truth(arm)
+    good = readings_of(arm, suite, inputs, state)
+    tracker.update(0.0, good, PRESSURES, GRAVITY)
+    wild = np.concatenate([[0.0, 1.0, 0.0, 0.0], good[4:]])
+    tracker.update(0.01, wild, PRESSURES, GRAVITY)
+    for k in range(3, 300):
+        estimate = tracker.update(0.01 * k, good, PRESSURES, GRAVITY)
+    assert estimate.converged
+    np.testing.assert_allclose(estimate.inputs.loads, LOADS, atol=5e-3)
+
+
+def test_load_process_forgets_at_its_time_constant() -> None:
+    process = LoadProcess(np.array([0.5, 0.2]), 2.0)
+    mean, covariance = process.predict(np.array([1.0, 1.0]), np.zeros((2, 2)), 2.0)
+    np.testing.assert_allclose(mean, np.exp(-1.0))
+    np.testing.assert_allclose(np.diag(covariance), (1 - np.exp(-2.0)) * np.array([0.25, 0.04]))
+    halves = process.predict(*process.predict(np.array([1.0, 1.0]), np.zeros((2, 2)), 0.7), 1.3)
+    np.testing.assert_allclose(halves[1], covariance)
+    np.testing.assert_allclose(process.predict(mean, covariance, 1e3)[1], np.diag([0.25, 0.04]))
+    assert LoadProcess(np.ones(1), 0.0).predict(np.ones(1), np.eye(1), 1.0)[0] == 0.0
+
+
+def test_rotation_about_the_load_axis_is_not_a_direction_that_is_invented(arm) -> None:
+    """A force along an axis that the sensors cannot see is left at the prior and said to be."""
+    axial = arm.with_loads(
+        (*arm.loads, arm.loads[0].__class__("tip_twin", "force", (1.0, 0.0, 0.0), section="tip"))
+    )
+    suite, unknowns = orientations(), Unknowns.of(6, axial.loads)
+    inputs = Inputs(PRESSURES, np.concatenate([LOADS, [0.0]]), GRAVITY)
+    state, _ = axial.solve(inputs, axial.rest())
+    problem = forces_problem(
+        unknowns,
+        suite,
+        readings_of(axial, suite, inputs, state),
+        PRESSURES,
+        None,
+        independent_prior(unknowns, 1.0),
+        GRAVITY,
+    )
+    estimate = problem.solve(axial, start(axial))
+    assert estimate.unobservable_directions == (
+        "1 N of tip_x with -1 N of tip_twin",
+    ) or estimate.unobservable_directions == ("1 N of tip_twin with -1 N of tip_x",)
+    assert estimate.inputs.loads[2] == pytest.approx(LOADS[2] / 2, abs=1e-2)
+    assert exp(np.zeros(3)).shape == (3, 3)

@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+
+from estimator.errors import InputError
+from estimator.inverse import Limits, QuadraticProgram, solve_program
+from estimator.inverse.unknowns import Unknowns
+
+RANDOM = np.random.default_rng(3)
+SIZE = 7
+
+
+def program(spread: float) -> QuadraticProgram:
+    root = RANDOM.normal(size=(SIZE, SIZE))
+    lower, upper = -spread * RANDOM.uniform(size=SIZE), spread * RANDOM.uniform(size=SIZE)
+    lower[2] = upper[2] = 0.1
+    return QuadraticProgram(root @ root.T + 0.1 * np.eye(SIZE), RANDOM.normal(size=SIZE), lower, upper)
+
+
+@pytest.mark.parametrize("spread", [0.1, 0.5, 50.0])
+def test_solution_meets_the_optimality_conditions(spread: float) -> None:
+    """At the optimum the gradient vanishes along free inputs and pushes against the bound elsewhere."""
+    for _ in range(20):
+        given = program(spread)
+        solution = solve_program(given)
+        assert solution.solved
+        assert (given.lower <= solution.value).all()
+        assert (solution.value <= given.upper).all()
+        slope = given.hessian @ solution.value - given.gradient
+        held = given.lower == given.upper
+        low = ~held & (solution.value <= given.lower + 1e-6)
+        high = ~held & (solution.value >= given.upper - 1e-6)
+        assert (slope[low] >= -1e-6).all()
+        assert (slope[high] <= 1e-6).all()
+        np.testing.assert_allclose(slope[~(held | low | high)], 0.0, atol=1e-6)
+        assert solution.value[2] == 0.1
+
+
+def test_crossed_bounds_are_refused() -> None:
+    with pytest.raises(InputError, match="input 1 has the lower bound 2 above the upper bound 1"):
+        Limits.free(3).bound(slice(1, 2), 2.0, 1.0)
+
+
+def test_held_is_not_reported_as_reached() -> None:
+    limits = Limits.free(3).bound(slice(0, 2), 0.0, 1.0).hold(slice(2, 3), 0.5)
+    low, high = limits.reached(np.array([0.0, 1.0, 0.5]), np.ones(3))
+    assert low.tolist() == [True, False, False]
+    assert high.tolist() == [False, True, False]
+
+
+def test_names_and_units_of_the_unknowns(arm) -> None:
+    unknowns = Unknowns.of(2, arm.loads[:1])
+    assert unknowns.names == ("pressure_0", "pressure_1", "intermediate_x")
+    assert unknowns.units == ("Pa", "Pa", "N")
