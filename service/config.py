@@ -56,8 +56,6 @@ class SafetySettings(Table):
     """An estimator without a result for so long has failed."""
     setpoint_lifetime_s: Positive = 0.1
     """What is written to the valves expires after so long unless the loop renews it."""
-    soft_vent_s: Positive = 1.0
-    """Duration of the soft vent of ``disarm``."""
 
 
 class SensorSettings(Table):

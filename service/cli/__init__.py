@@ -9,12 +9,14 @@ import click
 from estimator.errors import InputError
 
 COMMANDS = {
+    "serve": "Serve one arm: the daemon that systemd starts.",
     "convert": "Convert a recording between MCAP, tables and Qualisys exports.",
     "estimate": "Estimate pose and external force over a recording.",
     "calibrate": "Fit moduli, chamber gains and frame alignment to recordings.",
     "plot": "Plot a recording.",
     "bench": "Run a benchmark and print its table.",
     "fakes": "Start the fake devices on real ports.",
+    "vent": "Vent every chamber, whatever became of the service.",
     "doctor": "Say which configured devices answer, at what rate, with which fault.",
 }
 

@@ -111,12 +111,11 @@ class Examination:
 )
 @json_option
 def command(path: Path, seconds: float, as_json: bool) -> int:
-    r"""Connect to each configured device and say what answers, at what rate, with which fault.
+    """Connect to each configured device and say what answers, at what rate, with which fault.
 
     Moves nothing: no set-point is written and no setting changed. The status is 1 when a device
     does not answer or reports a fault.
 
-    \b
     Example: softarm doctor --config /etc/softarm/arm.toml
     """
     configs = read_devices(path)

@@ -25,12 +25,11 @@ from sim_fakes.scenario import Scenario, read_scenario
 @click.option("--faults", "list_faults", is_flag=True, help="List the faults of each device and end.")
 @json_option
 def command(scenario: Path, list_faults: bool, as_json: bool) -> None:
-    r"""Start the fake devices, each on a real TCP port or pty, and stay until Ctrl-C.
+    """Start the fake devices, each on a real TCP port or pty, and stay until Ctrl-C.
 
     Prints where each can be reached; with --json that is one line, and it comes when all are ready.
     Faults of the scenario strike at their times; more can be injected on the control port.
 
-    \b
     Example: softarm fakes --scenario examples/scenarios/bench.toml
     """
     checked = read_scenario(scenario)

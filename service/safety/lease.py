@@ -53,6 +53,11 @@ class LeaseDesk:
         lease = self._lease
         return lease.holder if lease is not None and now_ns < lease.expires_ns else None
 
+    def remaining_s(self, now_ns: int) -> float:
+        """Tell how long the lease still lives [s]."""
+        lease = self._lease
+        return max(lease.expires_ns - now_ns, 0) / NANOSECONDS if lease is not None else 0.0
+
     def acquire(self, holder: str, now_ns: int, token: str | None = None) -> Lease:
         """Give or renew the lease.
 

@@ -1,0 +1,323 @@
+"""The composition root: builds every part of the service, starts and stops them in order."""
+
+import asyncio
+import contextlib
+import gc
+import json
+import logging
+import time
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+import tomli_w
+from numpy.typing import NDArray
+
+from drivers.device import Device, close_all, connect_all
+from drivers.errors import DeviceErrors
+from drivers.valves import BankReading, ValveBank
+from drivers.valves.alarms import FOREIGN_WRITER, WATCHDOG_FIRED
+from estimator.arm import default_loads
+from estimator.errors import InputError
+from estimator.specimen import specimen_table
+from service.api.page import schemas
+from service.config import SensorSettings, Setup
+from service.control.controller import Controller
+from service.control.knowledge import Knowledge
+from service.control.mismatch import MismatchTest
+from service.control.poses import PoseStore
+from service.control.publishing import Publisher, Source
+from service.control.readings import Readings, Snapshot, channel
+from service.control.recorder import Recorder, RecorderError
+from service.control.streams import RecordedStreams
+from service.control.tick import Tick, Ticker
+from service.control.verbs import Context, Verbs
+from service.estimation.messages import EstimationRequest, EstimationResult
+from service.estimation.solver import SolverSettings
+from service.estimation.worker import Worker
+from service.network.bus import Bus
+from service.notify import Notifier
+from service.safety.checks import ALL_CHECKS
+from service.safety.findings import Finding, FindingBook
+from service.safety.modes import PRESSURISED, Event, Mode, Transition
+from service.safety.observation import Estimator, Observation, Valves
+
+logger = logging.getLogger(__name__)
+Floats = NDArray[np.float64]
+
+STATE_RATE_HZ = 20.0
+SECOND_NS = 1_000_000_000
+
+
+class Service:
+    """One arm: acquisition, estimation, control, network.
+
+    Args:
+        setup: The checked configuration.
+        notifier: Speaks to systemd.
+    """
+
+    def __init__(self, setup: Setup, notifier: Notifier) -> None:
+        self._setup = setup
+        self._notifier = notifier
+        config, specimen = setup.config, setup.specimen
+        self._loop = asyncio.get_running_loop()
+        self._stopping = asyncio.Event()
+        self._recorder = Recorder(config.recording_directory)
+        self._valves_name = next(device.name for device in setup.devices if device.kind in ("mpa", "vtem"))
+        self._streams = RecordedStreams(
+            self._recorder, config.sensors, self._valves_name, config.base_body, len(specimen.chambers)
+        )
+        self._readings = Readings(config.sensors, config.base_body, config.safety, self._streams.take)
+        self._devices = [device.build(self._readings.take) for device in setup.devices]
+        self._valves = self._find_valves(self._devices)
+        self._limits = np.array(specimen.pressure_limits)
+        self._controller = Controller(self._valves, self._limits, config.control, config.safety)
+        sections = tuple(section.name for section in specimen.sections)
+        self._knowledge = Knowledge(sections, default_loads(specimen), self._readings.rest)
+        self._book = FindingBook(ALL_CHECKS)
+        self._test = MismatchTest()
+        self._snapshot: Snapshot | None = None
+        self._worker: Worker[EstimationRequest, EstimationResult] = Worker(
+            SolverSettings(specimen, self._estimated_sensors(), config.control), self._on_result
+        )
+        self._publisher = Publisher(
+            self._source(), self._controller, self._knowledge, self._book, config.control.model
+        )
+        self._bus = Bus(config.network, config.arm, self._loop)
+        self._verbs = Verbs(
+            Context(
+                self._controller,
+                self._knowledge,
+                self._recorder,
+                PoseStore(config.state_directory / f"poses-{config.arm}.json"),
+                {
+                    "service.toml": setup.text.encode(),
+                    "specimen.toml": tomli_w.dumps(specimen_table(specimen, setup.path.parent)).encode(),
+                },
+                self._blocking,
+            )
+        )
+        self._ticks = 0
+        self._overruns = 0
+        self._late: deque[int] = deque(maxlen=1000)
+        self._last_result_ns: int | None = None
+
+    def _find_valves(self, devices: list[Device]) -> ValveBank:
+        for device in devices:
+            if isinstance(device, ValveBank):
+                return device
+        raise InputError(str(self._setup.path), "no valve bank", "add a device of kind mpa or vtem")
+
+    def _estimated_sensors(self) -> tuple[SensorSettings, ...]:
+        return tuple(sensor for sensor in self._setup.config.sensors if sensor.kind != "gauge")
+
+    def _source(self) -> Source:
+        return "fake" if any(device.simulated for device in self._setup.devices) else "live"
+
+    async def run(self) -> None:
+        """Serve until a signal or ``shut_down``; the arm is vented on every way out."""
+        with self._bus:
+            self._bus.open(self._slow_values())
+            try:
+                async with self._worker, asyncio.TaskGroup() as tasks:
+                    background = [
+                        tasks.create_task(self._connect()),
+                        tasks.create_task(self._serve_commands()),
+                    ]
+                    await self._worker.until(lambda state: state.running or state.gave_up)
+                    await self._control()
+                    for task in background:
+                        task.cancel()
+            finally:
+                await self._shut_down()
+
+    def stop(self) -> None:
+        """Ask the service to end."""
+        self._stopping.set()
+
+    async def _shut_down(self) -> None:
+        self._notifier.stopping()
+        self._controller.fire(Event.SHUT_DOWN, "the service ends")
+        await close_all(self._devices)
+        if self._recorder.path is not None:
+            with contextlib.suppress(RecorderError):
+                await asyncio.to_thread(self._recorder.stop)
+
+    async def _connect(self) -> None:
+        try:
+            await connect_all(self._devices)
+        except DeviceErrors as errors:
+            for line in errors.lines():
+                logger.warning("%s", line)
+
+    async def _serve_commands(self) -> None:
+        while True:
+            call = await self._bus.next_call()
+            before = self._controller.modes.mode
+            answer = await self._verbs.answer(call.verb, call.payload)
+            call.answer(answer)
+            outcome = answer.model_dump(mode="json")
+            self._streams.document("command", outcome)
+            if before is not self._controller.modes.mode:
+                logger.info("%s: %s -> %s", call.verb, before, self._controller.modes.mode)
+
+    async def _control(self) -> None:
+        config = self._setup.config
+        interval_s = 1.0 / config.control.rate_hz
+        every = max(1, round(config.control.rate_hz / STATE_RATE_HZ))
+        self._controller.fire(Event.READY, "started")
+        gc.collect()
+        gc.freeze()
+        self._notifier.ready(f"serving {config.arm}")
+        stopped = asyncio.create_task(self._stopping.wait())
+        with Ticker(interval_s) as ticker:
+            async for tick in ticker.ticks():
+                self._tick(tick, interval_s)
+                if tick.index % every == 0 or self._controller.modes.mode is Mode.FAULTED:
+                    self._publish_state()
+                if stopped.done():
+                    return
+
+    def _tick(self, tick: Tick, interval_s: float) -> None:
+        now_ns = time.monotonic_ns()
+        self._ticks += 1
+        self._overruns += tick.missed
+        self._late.extend([now_ns] * tick.missed)
+        elapsed_s = interval_s * (1 + tick.missed)
+        transition = self._controller.tick(now_ns, elapsed_s, self._knowledge.hold)
+        self._follow(transition)
+        self._submit(now_ns)
+        self._check(now_ns)
+        self._streams.commanded(self._controller.asked.tolist(), now_ns)
+        self._notifier.watchdog()
+
+    def _submit(self, now_ns: int) -> None:
+        snapshot = self._readings.snapshot(now_ns)
+        self._snapshot = snapshot
+        valves = self._readings.fresh(self._valves_name, now_ns)
+        pressures = np.full(len(self._limits), np.nan) if valves is None else np.array(valves.values)
+        if not snapshot.used:
+            return
+        teaching = self._controller.modes.mode in (Mode.TEACH, Mode.HOLDING)
+        gravity = np.array(self._setup.specimen.gravity_m_s2)
+        self._worker.submit(
+            EstimationRequest(
+                snapshot.time_s,
+                snapshot.newest_arrival_ns,
+                snapshot.readings,
+                pressures,
+                gravity,
+                want_hold=teaching,
+            )
+        )
+
+    def _on_result(self, result: EstimationResult) -> None:
+        self._last_result_ns = time.monotonic_ns()
+        unix_ns = time.time_ns()
+        self._knowledge.take(result, unix_ns)
+        if result.converged:
+            self._test = self._test.update(
+                result.request_time_s,
+                result.innovation_squared,
+                result.degrees_of_freedom,
+                result.sensor_innovations,
+                unix_ns,
+            )
+        if self._snapshot is None:
+            return
+        estimate = self._publisher.estimate(self._snapshot)
+        self._bus.publish("estimate", estimate)
+        values = {
+            f"force_{load.section}_{axis}_n": load.force_n[index]
+            for load in estimate.loads
+            for index, axis in enumerate("xyz")
+        }
+        self._streams.estimated(values, result.request_time_s)
+
+    def _check(self, now_ns: int) -> None:
+        observation = self._observe(now_ns, self._controller.modes.mode)
+        new, cleared = self._book.update(observation, time.time_ns())
+        for finding in new:
+            logger.warning("%s: %s; %s", finding.where, finding.message, finding.hint)
+        for finding in cleared:
+            logger.info("%s: no longer: %s", finding.where, finding.message)
+        faults = [s.finding for s in self._book.standing if s.finding.severity == "fault"]
+        if faults and self._controller.modes.mode in PRESSURISED:
+            cause = f"{faults[0].where}: {faults[0].message}"
+            self._follow(self._controller.fire(Event.FAULT, cause))
+
+    def _follow(self, transition: Transition | None) -> None:
+        if transition is None:
+            return
+        logger.warning("%s -> %s: %s", transition.before, transition.after, transition.cause)
+        self._streams.document(
+            "mode",
+            {"before": transition.before, "after": transition.after, "cause": transition.cause},
+        )
+        self._publish_state()
+
+    def _blocking(self, mode: Mode) -> tuple[Finding, ...]:
+        return self._book.faults(self._observe(time.monotonic_ns(), mode))
+
+    def _observe(self, now_ns: int, mode: Mode) -> Observation:
+        safety = self._setup.config.safety
+        alarms = self._valves.health.alarms.standing
+        fatal = tuple(f"{alarm.what}; {alarm.cure}" for alarm in alarms if _fatal(alarm.key))
+        others = tuple(f"{alarm.what}; {alarm.cure}" for alarm in alarms if not _fatal(alarm.key))
+        age_s = None if self._last_result_ns is None else (now_ns - self._last_result_ns) * 1e-9
+        return Observation(
+            mode=mode,
+            valves=Valves(
+                self._valves_name,
+                self._readings.age_s(self._valves_name, now_ns),
+                safety.valve_deadline_s,
+                fatal,
+                others,
+            ),
+            inputs=self._readings.inputs(now_ns, self._troubles()),
+            estimator=Estimator(
+                self._worker.state.running, age_s, safety.estimator_deadline_s, self._knowledge.failures
+            ),
+            recorder=self._recorder.health(),
+            overruns=sum(1 for late_ns in self._late if now_ns - late_ns < SECOND_NS),
+        )
+
+    def _troubles(self) -> dict[str, str]:
+        found = {}
+        for device in self._devices:
+            for alarm in device.health.alarms.standing:
+                found[device.name] = f"{alarm.what}; {alarm.cure}"
+        return found
+
+    def _publish_state(self) -> None:
+        now_ns = time.monotonic_ns()
+        latest = self._valves.latest
+        bank: BankReading | None = None if latest is None else latest.value
+        chambers = len(self._limits)
+        applied = np.zeros(chambers) if bank is None else np.array(bank.applied)
+        fresh = self._readings.fresh(self._valves_name, now_ns)
+        measured = np.full(chambers, np.nan) if fresh is None else np.array(fresh.values)
+        ages = {
+            f"{sensor.kind}_{sensor.section}": self._readings.age_s(channel(sensor), now_ns)
+            for sensor in self._setup.config.sensors
+        } | {self._valves_name: self._readings.age_s(self._valves_name, now_ns)}
+        recording = None if self._recorder.path is None else str(self._recorder.path)
+        self._bus.publish(
+            "state",
+            self._publisher.state(applied, measured, ages, self._ticks, self._overruns, recording),
+        )
+        self._bus.publish("mismatch", self._publisher.mismatch(self._test, recording))
+
+    def _slow_values(self) -> dict[str, Callable[[], bytes]]:
+        config, specimen = self._setup.config, self._setup.specimen
+        return {
+            "config": lambda: config.model_dump_json().encode(),
+            "specimen": lambda: specimen.model_dump_json(by_alias=True).encode(),
+            "schema": lambda: json.dumps(schemas()).encode(),
+        }
+
+
+def _fatal(key: str) -> bool:
+    """Tell whether an alarm of the valve bank ends every pressurised mode."""
+    return key in (WATCHDOG_FIRED, FOREIGN_WRITER) or key.endswith(" tracking")

@@ -1,0 +1,41 @@
+"""``softarm serve``: the daemon beside the arm."""
+
+import asyncio
+import logging
+import signal
+from pathlib import Path
+
+import click
+
+from service.app import Service
+from service.config import load_config
+from service.notify import Notifier
+
+
+@click.command()
+@click.option(
+    "--config", "path", required=True, type=click.Path(path_type=Path), help="The service's TOML file."
+)
+@click.option("--verbose", is_flag=True, help="Log every change and every command.")
+def command(path: Path, verbose: bool) -> None:
+    """Serve one arm: acquisition, estimation, safety and teach mode over zenoh.
+
+    Example: softarm serve --config /etc/softarm/sopra.toml
+    """
+    logging.basicConfig(
+        level=logging.INFO if verbose else logging.WARNING, format="%(levelname)s %(name)s: %(message)s"
+    )
+    asyncio.run(_serve(path))
+
+
+async def _serve(path: Path) -> None:
+    setup = load_config(path)
+    notifier = Notifier.from_environment()
+    service = Service(setup, notifier)
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, service.stop)
+    try:
+        await service.run()
+    finally:
+        notifier.close()

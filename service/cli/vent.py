@@ -1,0 +1,40 @@
+"""``softarm vent``: zeros to the valves, whatever became of the service."""
+
+import asyncio
+from pathlib import Path
+
+import click
+
+from drivers.device import close_all, connect_all
+from drivers.errors import DeviceErrors
+from drivers.valves import ValveBank
+from service.config import load_config
+
+
+class VentFailedError(click.ClickException):
+    """The valves could not be reached."""
+
+    exit_code = 1
+
+
+@click.command()
+@click.option(
+    "--config", "path", required=True, type=click.Path(path_type=Path), help="The service's TOML file."
+)
+def command(path: Path) -> None:
+    """Vent every chamber; systemd runs this after the service has ended, also after a crash.
+
+    Example: softarm vent --config /etc/softarm/sopra.toml
+    """
+    asyncio.run(_vent(path))
+
+
+async def _vent(path: Path) -> None:
+    setup = load_config(path)
+    valves = [d for d in (entry.build() for entry in setup.devices) if isinstance(d, ValveBank)]
+    try:
+        await connect_all(valves)
+    except DeviceErrors as errors:
+        raise VentFailedError("; ".join(errors.lines())) from errors
+    finally:
+        await close_all(valves)  # closing writes zeros

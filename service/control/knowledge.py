@@ -1,0 +1,148 @@
+"""What the service knows of the arm: the newest estimate, the tare, contacts, and the running mismatch."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.model import Load
+from estimator.rotations import from_quaternions
+from service.api.messages import LoadEstimate, SectionPose, Vector
+from service.estimation.messages import EstimationResult, HoldAnswer
+
+Floats = NDArray[np.float64]
+CONTACT_BEGINS = 4.0
+CONTACT_ENDS = 2.5
+"""Normalised force (Mahalanobis distance) at which a contact begins and ends."""
+
+
+@dataclass(frozen=True)
+class LoadMap:
+    """Which loads of the model are the components of which section's force.
+
+    Args:
+        sections: Sections with a load, in order.
+        rows: Index of each load's section, shape (loads,).
+        directions: Direction of each load in the base frame, shape (loads, 3).
+    """
+
+    sections: tuple[str, ...]
+    rows: tuple[int, ...]
+    directions: Floats
+
+    @classmethod
+    def of(cls, loads: tuple[Load, ...]) -> "LoadMap":
+        """Group forces by section."""
+        sections = tuple(dict.fromkeys(load.section or load.name for load in loads))
+        rows = tuple(sections.index(load.section or load.name) for load in loads)
+        return cls(sections, rows, np.array([load.direction for load in loads]))
+
+    def forces(self, amplitudes: Floats, covariance: Floats) -> tuple[LoadEstimate, ...]:
+        """Turn load amplitudes into one force and covariance a section."""
+        found = []
+        for index, section in enumerate(self.sections):
+            members = [row for row, place in enumerate(self.rows) if place == index]
+            directions = self.directions[members]
+            force = amplitudes[members] @ directions
+            spread = directions.T @ covariance[np.ix_(members, members)] @ directions
+            found.append(
+                LoadEstimate(
+                    section=section,
+                    force_n=_vector(force),
+                    covariance_n2=tuple(_vector(row) for row in spread),
+                )
+            )
+        return tuple(found)
+
+
+class Knowledge:
+    """Keeps the newest result of the estimator and what follows from it.
+
+    Args:
+        section_names: Sections in the model's order.
+        loads: The model's loads.
+        align: Aligns the inertial units with given rest orientations and names them.
+    """
+
+    def __init__(
+        self,
+        section_names: tuple[str, ...],
+        loads: tuple[Load, ...],
+        align: Callable[[Mapping[str, Floats]], tuple[str, ...]],
+    ) -> None:
+        self.load_map = LoadMap.of(loads)
+        self.tare = np.zeros(len(loads))
+        self.result: EstimationResult | None = None
+        self.failures = 0
+        self.contact_since_unix_ns: int | None = None
+        self._names = section_names
+        self._align = align
+
+    def take(self, result: EstimationResult, unix_ns: int) -> None:
+        """Take a result of the estimator."""
+        self.failures = 0 if result.converged else self.failures + 1
+        self.result = result
+        if result.converged:
+            self._follow_contact(result, unix_ns)
+
+    @property
+    def hold(self) -> HoldAnswer | None:
+        """Pressures that would hold the measured pose, from the newest estimate."""
+        return None if self.result is None else self.result.hold
+
+    @property
+    def net_loads(self) -> Floats | None:
+        """Load amplitudes less the tare, shape (loads,)."""
+        return None if self.result is None else self.result.loads - self.tare
+
+    @property
+    def sections(self) -> tuple[SectionPose, ...]:
+        """Section poses of the newest estimate."""
+        result = self.result
+        if result is None:
+            return ()
+        return tuple(
+            SectionPose(
+                section=name,
+                position_m=_vector(position),
+                quaternion_wxyz=(
+                    float(turn[0]),
+                    float(turn[1]),
+                    float(turn[2]),
+                    float(turn[3]),
+                ),
+                position_std_m=_vector(spread[:3]),
+                rotation_std_rad=_vector(spread[3:]),
+            )
+            for name, position, turn, spread in zip(
+                self._names, result.positions, result.quaternions, result.frame_std, strict=True
+            )
+        )
+
+    def tare_now(self) -> Floats | None:
+        """Take the present force as zero and return it; nothing changes without a converged estimate."""
+        if self.result is None or not self.result.converged:
+            return None
+        self.tare = self.result.loads.copy()
+        self.contact_since_unix_ns = None
+        return self.tare
+
+    def align_at_rest(self) -> tuple[str, ...]:
+        """Align the inertial units: the arm hangs at rest as the model says."""
+        if self.result is None:
+            return self._align({name: np.eye(3) for name in self._names})
+        turns = (from_quaternions(turn) for turn in self.result.quaternions)
+        return self._align(dict(zip(self._names, turns, strict=True)))
+
+    def _follow_contact(self, result: EstimationResult, unix_ns: int) -> None:
+        net = result.loads - self.tare
+        distance = float(np.sqrt(net @ np.linalg.pinv(result.load_covariance) @ net / max(len(net), 1)))
+        if self.contact_since_unix_ns is None and distance > CONTACT_BEGINS:
+            self.contact_since_unix_ns = unix_ns
+        elif distance < CONTACT_ENDS:
+            self.contact_since_unix_ns = None
+
+
+def _vector(values: Floats) -> Vector:
+    return (float(values[0]), float(values[1]), float(values[2]))

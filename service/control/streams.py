@@ -1,0 +1,96 @@
+"""What goes into a recording: every sample of every device, set-points, estimates, changes of mode."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+from estimator.recording import BEND_SUFFIXES, POSE_SUFFIXES
+from service.config import SensorSettings
+from service.control.channels import Sample
+from service.control.readings import channel
+from service.control.recorder import Document, Recorder
+from service.control.recorder import Sample as RecordedSample
+from service.recordings.mcap_writer import Stamp, Stream
+
+
+class RecordedStreams:
+    """Names the channels as the canonical columns do and hands every sample to the recorder.
+
+    Args:
+        recorder: The recorder.
+        sensors: Which channel is which measurement.
+        valves: Name of the valve bank.
+        base_body: Channel of the motion-capture body on the base, empty for none.
+        chambers: Number of chambers.
+        clock_ns: Monotonic clock.
+    """
+
+    def __init__(
+        self,
+        recorder: Recorder,
+        sensors: Sequence[SensorSettings],
+        valves: str,
+        base_body: str,
+        chambers: int,
+        clock_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._recorder = recorder
+        self._clock_ns = clock_ns
+        self._pressures = tuple(f"chamber_{k}_pa" for k in range(chambers))
+        self._topics = {valves: ("pressures", self._pressures)} | {
+            channel(sensor): _place(sensor) for sensor in sensors
+        }
+        if base_body:
+            self._topics[base_body] = ("frame/base", POSE_SUFFIXES)
+        self._start_ns = clock_ns()
+        self._sequence = 0
+
+    def begin(self) -> None:
+        """Count time from now: a recording starts."""
+        self._start_ns = self._clock_ns()
+
+    def take(self, name: str, sample: Sample) -> None:
+        """Record a sample of a device."""
+        place = self._topics.get(name)
+        if place is None or self._recorder.path is None:
+            return
+        topic, fields = place
+        if len(fields) != len(sample.values):
+            fields = POSE_SUFFIXES[-len(sample.values) :]
+        stamp = Stamp(
+            (sample.measured_ns - self._start_ns) * 1e-9,
+            sample.arrival_ns,
+            sample.device_ns,
+            sample.sequence % 2**32,
+        )
+        self._recorder.put(RecordedSample(Stream(topic, fields, sample.source), sample.values, stamp))
+
+    def commanded(self, pressures: Sequence[float], now_ns: int) -> None:
+        """Record the pressures applied at a tick."""
+        self._put(Stream("pressures_cmd", self._pressures, "service"), tuple(pressures), now_ns)
+
+    def estimated(self, values: Mapping[str, float], time_s: float) -> None:
+        """Record an estimate."""
+        stream = Stream("estimate", tuple(values), "service")
+        self._put(stream, tuple(values.values()), round(time_s * 1e9))
+
+    def document(self, topic: str, content: Mapping[str, object]) -> None:
+        """Record a change of mode, a command, a finding."""
+        now_ns = self._clock_ns()
+        self._recorder.put(Document(topic, content, self._stamp(now_ns)))
+
+    def _put(self, stream: Stream, values: tuple[float, ...], now_ns: int) -> None:
+        self._recorder.put(RecordedSample(stream, values, self._stamp(now_ns)))
+
+    def _stamp(self, now_ns: int) -> Stamp:
+        self._sequence += 1
+        return Stamp((now_ns - self._start_ns) * 1e-9, now_ns, now_ns, self._sequence % 2**32)
+
+
+def _place(sensor: SensorSettings) -> tuple[str, tuple[str, ...]]:
+    match sensor.kind:
+        case "pose" | "orientation":
+            return f"frame/{sensor.section}", POSE_SUFFIXES
+        case "bend":
+            return f"bend/{sensor.section}", BEND_SUFFIXES
+        case "gauge":
+            return f"gauge/{sensor.section}", ("force_n",)

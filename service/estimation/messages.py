@@ -1,0 +1,85 @@
+"""What travels between the control process and the estimator's process."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class EstimationRequest:
+    """One time-aligned set of readings.
+
+    Args:
+        time_s: When the readings were taken, on the service's monotonic clock [s].
+        newest_arrival_ns: Monotonic time at which the newest of them arrived.
+        readings: Stacked in the order of the sensors, NaN where absent, shape (readings,).
+        pressures: Measured gauge pressures [Pa], NaN where lost, shape (chambers,).
+        gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
+        want_hold: Whether to find the pressures that hold the pose.
+        want_mesh: Whether to send the positions of the mesh's nodes.
+    """
+
+    time_s: float
+    newest_arrival_ns: int
+    readings: Floats
+    pressures: Floats
+    gravity: Floats
+    want_hold: bool = False
+    want_mesh: bool = False
+
+
+@dataclass(frozen=True)
+class HoldAnswer:
+    """Pressures that would hold the measured pose without an external force.
+
+    Args:
+        pressures: As commanded to the valves, gauge [Pa], shape (chambers,).
+        reachable: Whether they hold it within the sensors' noise.
+        note: What limits the arm, in words.
+    """
+
+    pressures: Floats
+    reachable: bool
+    note: str
+
+
+@dataclass(frozen=True)
+class EstimationResult:
+    """What the estimator found.
+
+    Args:
+        request_time_s: Time of the readings [s].
+        newest_arrival_ns: Arrival of the newest of them.
+        converged: Whether the search converged.
+        loads: Amplitudes of the model's loads [N or N m], shape (loads,).
+        load_covariance: Shape (loads, loads).
+        positions: Section origins in the base frame [m], shape (sections, 3).
+        quaternions: Section orientations (w, x, y, z), shape (sections, 4).
+        frame_std: Standard deviation of each section's twist [m, rad], shape (sections, 6).
+        innovation_squared: Normalised innovation squared.
+        degrees_of_freedom: Its expectation when the model is right.
+        sensor_innovations: Root mean square of each sensor's residual over its standard deviation.
+        unobservable: What these readings cannot tell, in words.
+        hold: Pressures that hold the pose, when they were asked for.
+        nodes: Positions of the mesh's nodes [m], shape (nodes, 3), when they were asked for.
+        solve_s: Time taken.
+    """
+
+    request_time_s: float
+    newest_arrival_ns: int
+    converged: bool
+    loads: Floats
+    load_covariance: Floats
+    positions: Floats
+    quaternions: Floats
+    frame_std: Floats
+    innovation_squared: float
+    degrees_of_freedom: float
+    sensor_innovations: dict[str, float] = field(default_factory=dict)
+    unobservable: tuple[str, ...] = ()
+    hold: HoldAnswer | None = None
+    nodes: NDArray[np.float32] | None = None
+    solve_s: float = 0.0

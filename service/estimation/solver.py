@@ -1,0 +1,131 @@
+"""What runs in the estimator's process: model and sensors of a specimen, one request at a time."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from estimator.arm import build_arm
+from estimator.fem import FiniteElementModel
+from estimator.inverse import Estimate, Estimator, LoadProcess, TrackerSettings, reach_pose
+from estimator.rotations import to_quaternions
+from estimator.sensing import Measurement, Registration, SensorSuite
+from estimator.sensors import SpecimenSensors
+from estimator.specimen import Specimen
+from service.config import ControlSettings, SensorSettings
+from service.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
+
+WARM_UP_PRESSURE_PA = 1000.0
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """What the solver is built from; small and picklable.
+
+    Args:
+        specimen: The specimen.
+        sensors: Sensors in the order of the requests' readings, gauges left out.
+        control: Model and the loads' process.
+    """
+
+    specimen: Specimen
+    sensors: tuple[SensorSettings, ...]
+    control: ControlSettings
+
+    def __call__(self) -> Callable[[EstimationRequest], EstimationResult]:
+        """Build the solver and warm it up."""
+        return Solver(self)
+
+
+def build_suite(
+    specimen: Specimen, sections: tuple[str, ...], entries: Sequence[SensorSettings]
+) -> SensorSuite:
+    """Make the sensor suite of a configuration; poses arrive in the base frame."""
+    sensors = SpecimenSensors(specimen, sections, Registration())
+    make: dict[str, Callable[[str], Measurement]] = {
+        "pose": sensors.pose,
+        "orientation": sensors.orientation,
+        "bend": sensors.bend,
+    }
+    return SensorSuite(tuple(make[entry.kind](entry.section) for entry in entries))
+
+
+class Solver:
+    """Answers requests; it keeps the estimator's memory.
+
+    Args:
+        settings: Specimen, sensors, model.
+    """
+
+    def __init__(self, settings: SolverSettings) -> None:
+        specimen = settings.specimen
+        self._threads = threadpool_limits(limits=1)
+        self._model: FiniteElementModel = build_arm(specimen)
+        self._suite = build_suite(specimen, self._model.sections, settings.sensors)
+        self._sensors = SpecimenSensors(specimen, self._model.sections, Registration())
+        self._actuation = self._sensors.actuation()
+        self._limits = np.array(specimen.pressure_limits)
+        sigma = np.full(len(self._model.loads), settings.control.load_std_n)
+        process = LoadProcess(sigma, settings.control.load_time_constant_s)
+        tracker = TrackerSettings(process, self._actuation, self._limits)
+        self._estimator: Estimator[Any, Any] = Estimator(self._model, self._suite, tracker)
+        self._warm_up(np.array(specimen.gravity_m_s2))
+
+    def _warm_up(self, gravity: np.ndarray[Any, np.dtype[np.float64]]) -> None:
+        """Compile and factor once, so that the first live request is as fast as the rest."""
+        rest = self._suite.stack({})
+        pressures = np.full(self._model.chambers, WARM_UP_PRESSURE_PA)
+        self(EstimationRequest(0.0, 0, rest, pressures, gravity, want_hold=True))
+        self._estimator.reset()
+
+    def __call__(self, request: EstimationRequest) -> EstimationResult:
+        """Estimate at one instant."""
+        begin = time.perf_counter()
+        estimate = self._estimator.update(
+            request.time_s, request.readings, request.pressures, request.gravity
+        )
+        hold = self._hold(request, estimate) if request.want_hold else None
+        sections = len(self._model.sections)
+        deviation = np.sqrt(np.maximum(np.diag(estimate.frame_covariance), 0.0)).reshape(sections, 6)
+        return EstimationResult(
+            request_time_s=request.time_s,
+            newest_arrival_ns=request.newest_arrival_ns,
+            converged=estimate.converged,
+            loads=estimate.inputs.loads,
+            load_covariance=estimate.load_covariance,
+            positions=estimate.frames.positions,
+            quaternions=to_quaternions(estimate.frames.rotations),
+            frame_std=deviation,
+            innovation_squared=estimate.normalised_innovation_squared,
+            degrees_of_freedom=estimate.degrees_of_freedom,
+            sensor_innovations=self._innovations(request, estimate),
+            unobservable=estimate.unobservable_directions,
+            hold=hold,
+            nodes=self._nodes(estimate) if request.want_mesh else None,
+            solve_s=time.perf_counter() - begin,
+        )
+
+    def _innovations(self, request: EstimationRequest, estimate: Estimate[Any]) -> dict[str, float]:
+        found, start = {}, 0
+        for sensor in self._suite.measurements:
+            reading = request.readings[start : start + sensor.reading_size]
+            start += sensor.reading_size
+            residual = estimate.residuals[sensor.name]
+            if np.isfinite(residual).all():
+                sigma = np.sqrt(np.diag(sensor.covariance(reading)))
+                found[sensor.name] = float(np.sqrt(np.mean((residual / sigma) ** 2)))
+        return found
+
+    def _hold(self, request: EstimationRequest, estimate: Estimate[Any]) -> HoldAnswer:
+        reach = reach_pose(
+            self._model, self._suite, request.readings, self._limits, (estimate.state, estimate.inputs)
+        )
+        wanted = np.clip(self._actuation.to_measured(reach.pressures), 0.0, self._limits)
+        return HoldAnswer(wanted, reach.reachable, reach.statement)
+
+    def _nodes(self, estimate: Estimate[Any]) -> np.ndarray[Any, np.dtype[np.float32]]:
+        positions = self._model.mesh.points + estimate.state.displacement
+        return np.asarray(positions, dtype=np.float32)
