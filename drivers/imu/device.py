@@ -1,5 +1,6 @@
 """Inertial units on a serial line; readings are `ImuSample`."""
 
+import asyncio
 from typing import Annotated, Any, Generic, Literal
 
 from pydantic import Field
@@ -19,6 +20,9 @@ RATE = "rate"
 RATE_TOLERANCE = 0.2
 RATE_WINDOW_S = 2.0
 RESTARTED = "unit restarted"
+SILENT_S = 1.0
+"""Silence after which an Xsens unit is asked to measure [s]."""
+
 Rate = Annotated[float, Field(gt=0, le=2000)]
 
 
@@ -127,6 +131,15 @@ class XbusImu(Imu[ImuSample | XbusMessage]):
         if not self.observe:
             link.write(xbus.encode_message(xbus.GO_TO_MEASUREMENT))
 
+    async def run(self, link: SerialLink) -> None:
+        """Let it measure again when it has fallen silent."""
+        while True:
+            before = self.health.frames
+            await asyncio.sleep(SILENT_S)
+            if self.health.frames == before and not self.observe:
+                self.health.events["asked to measure"] += 1
+                link.write(xbus.encode_message(xbus.GO_TO_MEASUREMENT))
+
     def restarted(self) -> None:
         """Forget sequence, rate and time."""
         super().restarted()
@@ -145,9 +158,12 @@ class XbusImu(Imu[ImuSample | XbusMessage]):
         )
 
     def take(self, frame: Any, arrival_ns: int) -> None:
-        """Publish a sample; tell errors and wake-ups."""
-        if isinstance(frame, XbusMessage) and frame.message_id == xbus.ERROR:
-            self.health.rejected += 1
+        """Publish a sample; follow errors and restarts."""
+        if isinstance(frame, XbusMessage):
+            self.health.rejected += frame.message_id == xbus.ERROR
+            if frame.message_id == xbus.WAKE_UP:
+                self.restarted()
+                self.begin_epoch()
         super().take(frame, arrival_ns)
 
 

@@ -5,8 +5,8 @@ from typing import Final
 
 from drivers.clock import NANOSECONDS
 
-SILENCE_NS: Final = NANOSECONDS // 2
-"""Silence [ns] after which a jump of the index counts as a restart."""
+SILENCE_NS: Final = 150_000_000
+"""Silence [ns] that a unit needs to start anew; a jump of the index without it is lost samples."""
 
 _SLACK: Final = 3
 
@@ -61,13 +61,11 @@ class IndexTracker:
         return Step(self._index, lost=max(0, passed - 1))
 
     def _fits(self, passed: int, elapsed_ns: int) -> bool:
-        """Tell whether so many samples fit the time; a burst after a stall may come faster."""
-        if self.period_ns is None:
+        """Tell whether so many samples fit the time."""
+        if self.period_ns is None or elapsed_ns <= SILENCE_NS:
             return True
-        expected = elapsed_ns / self.period_ns
-        if elapsed_ns > SILENCE_NS:
-            return abs((expected - passed + self.modulus / 2) % self.modulus - self.modulus / 2) <= _SLACK
-        return 0 < passed <= expected + _SLACK
+        off = (elapsed_ns / self.period_ns - passed + self.modulus / 2) % self.modulus - self.modulus / 2
+        return abs(off) <= _SLACK
 
 
 @dataclass(slots=True)

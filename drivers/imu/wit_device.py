@@ -20,6 +20,7 @@ SETTLE_S = 0.6
 COMMAND_GAP_S = 0.1
 """Time that the unit needs between commands [s]."""
 
+CONTENT = "content"
 _BITS_PER_FRAME = witmotion.FRAME_LENGTH * 10
 _REGISTER_CONTENT, _REGISTER_RATE = 0x02, 0x03
 
@@ -87,18 +88,23 @@ class WitImu(Imu[ImuSample]):
         if not seen or self._right(seen, SETTLE_S):
             return
         if not self._may_configure:
-            raise self._refusal(seen)
+            raise self._refusal(seen, SETTLE_S)
         await self._configure(link)
         seen = await self._look(SETTLE_S)
         if not self._right(seen, SETTLE_S):
-            raise self._refusal(seen)
+            raise self._refusal(seen, SETTLE_S)
 
     async def run(self, link: SerialLink) -> None:
         """Keep looking: a unit that lost its power for a moment falls back to what it has stored."""
         while True:
             seen = await self._look(RATE_WINDOW_S)
-            if seen and self._may_configure and not self._right(seen, RATE_WINDOW_S):
-                await self._configure(link)
+            if self._right(seen, RATE_WINDOW_S):
+                self.health.alarms.clear(CONTENT)
+            elif seen:
+                refusal = self._refusal(seen, RATE_WINDOW_S)
+                self.health.alarms.set(CONTENT, refusal.what, refusal.cure)
+                if self._may_configure:
+                    await self._configure(link)
 
     async def _look(self, seconds: float) -> dict[int, int]:
         """Count the frames of each kind for a while."""
@@ -122,8 +128,8 @@ class WitImu(Imu[ImuSample]):
         slack = max(2.0, RATE_TOLERANCE * expected)
         return all(abs(seen.get(kind, 0) - expected) <= slack for kind in self._wanted)
 
-    def _refusal(self, seen: dict[int, int]) -> ConfigurationError:
-        sends = ", ".join(f"{kind:#04x} at {count / SETTLE_S:.0f} Hz" for kind, count in sorted(seen.items()))
+    def _refusal(self, seen: dict[int, int], seconds: float) -> ConfigurationError:
+        sends = ", ".join(f"{kind:#04x} at {count / seconds:.0f} Hz" for kind, count in sorted(seen.items()))
         wants = ", ".join(f"{kind:#04x}" for kind in sorted(self._wanted))
         cure = f"set the unit to {wants} at {self.rate_hz:g} Hz, or allow `configure`"
         return ConfigurationError(self.name, f"the unit sends {sends}", cure)

@@ -31,7 +31,7 @@ class Listener(Protocol):
         """Take a data packet with its header."""
 
     def on_event(self, event: int) -> None:
-        """Take an event; the answer to `GetState` is one too."""
+        """Take an event that answers nobody."""
 
     def on_no_more_data(self) -> None:
         """Take that no measurement runs."""
@@ -187,8 +187,9 @@ class Connection(asyncio.Protocol):
         event = packet[HEADER_LENGTH]
         waits = self._requests and self._requests[0].kind == PacketKind.EVENT
         if waits and event not in NEVER_A_STATE:
+            # An event that comes before the answer passes for it; the answer is then an event of the same state.
             self._answer(packet)
-        if self.listener is not None:
+        elif self.listener is not None:
             self.listener.on_event(event)
 
     def _on_no_more_data(self, packet: bytes) -> None:  # noqa: ARG002

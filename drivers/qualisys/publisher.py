@@ -12,6 +12,8 @@ from drivers.qualisys.poses import BodyPose, poses
 from drivers.stream import Stream
 
 BODIES = "bodies"
+SETTLE_NS = NANOSECONDS // 10
+"""How long frames in the old order may still come after QTM has said that its settings have changed [ns]."""
 
 
 class MotionPublisher:
@@ -48,6 +50,7 @@ class MotionPublisher:
         self._parameters: Parameters | None = None
         self._labels: list[tuple[int, str]] | None = None
         self._count = -1
+        self._named_from_ns = 0
         self._seen_ns: dict[str, int] = {}
 
     def connected(self) -> None:
@@ -57,10 +60,15 @@ class MotionPublisher:
         self._seen_ns.clear()
         self.forget_names()
 
-    def forget_names(self) -> None:
-        """The settings have changed: names may stand for other bodies now."""
+    def forget_names(self, now_ns: int | None = None) -> None:
+        """Names may stand for other bodies now.
+
+        Args:
+            now_ns: When QTM said so [ns]; frames that were on their way then come in the old order.
+        """
         self._parameters = None
         self._labels = None
+        self._named_from_ns = 0 if now_ns is None else now_ns + SETTLE_NS
 
     def learn_names(self, parameters: Parameters) -> None:
         """Take settings that hold from now on."""
@@ -75,14 +83,15 @@ class MotionPublisher:
             self._health.alarms.clear(BODIES)
 
     def publish(self, frame: BodyFrame, arrival_ns: int) -> bool:
-        """Publish a frame, and tell whether its bodies could be named."""
+        """Publish a frame, and tell whether the names of its bodies are known."""
         step = self._continuity.step(frame.timestamp_us, frame.frame)
         if step.restarted:
             self._stream.start_epoch("measurement restarted")
         self._health.gaps += step.lost
-        named = self._fit(len(frame.values))
+        known = self._fit(len(frame.values))
+        named = known and arrival_ns >= self._named_from_ns
         found = poses(frame) if named else []
-        by_name = {name: found[index] for index, name in self._labels or ()}
+        by_name = {name: found[index] for index, name in (self._labels or ()) if named}
         device_ns = frame.timestamp_us * 1000
         measured_ns = (
             self._stream.clock_map.update(device_ns, arrival_ns, self._stream.epoch) - self._latency_ns
@@ -98,7 +107,7 @@ class MotionPublisher:
             valid=not step.frozen and any(pose is not None for pose in by_name.values()),
             flags=(*flags, *(f"lost:{name}" for name in lost)),
         )
-        return named
+        return known
 
     def _fit(self, count: int) -> bool:
         """Find the labels for a number of bodies; they are kept while it stays."""

@@ -234,7 +234,7 @@ class QtmSession:
             self._connection.fail(ConnectionLost(self._device, "QTM is shutting down", "start QTM"))
             return
         if event in _RENAMING:
-            self._publisher.forget_names()
+            self._publisher.forget_names(self._clock())
             self._names_due = True
             self._asked_names_ns -= self._pause_ns
         if event in _STARTING:

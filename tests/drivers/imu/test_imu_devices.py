@@ -134,6 +134,36 @@ def test_xbus_errors_and_other_messages_are_counted() -> None:
     assert len(readings) == 1
     assert device.health.rejected == 1
     assert device.health.events["other frames"] == 2
+    assert device.health.events["unit restarted"] == 1
+
+
+def test_a_silent_xbus_unit_is_asked_to_measure(virtual: Any) -> None:
+    class Unit:
+        def __init__(self) -> None:
+            self.sent: list[bytes] = []
+
+        def write(self, data: bytes) -> None:
+            self.sent.append(data)
+
+    async def main() -> None:
+        unit: Any = Unit()
+        device = XbusConfig(name="imu", port="/dev/none").build(clock=virtual.clock)
+        running = asyncio.create_task(device.run(unit))
+        await asyncio.sleep(0.5)
+        device.receive(xbus(0, 1), 0)
+        await asyncio.sleep(1.7)
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+        assert unit.sent == [bytes.fromhex("fa ff 10 00 f1")]
+
+    virtual.run(main)
+
+
+def test_a_jump_without_a_silence_is_lost_samples() -> None:
+    tracker = IndexTracker(256, PERIOD)
+    tracker.step(10, 0)
+    assert tracker.step(60, PERIOD).lost == 49
+    assert not tracker.step(60, 2 * PERIOD).restarted
 
 
 def test_one_of_two_sensors_on_a_line() -> None:
