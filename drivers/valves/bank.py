@@ -71,8 +71,8 @@ class ValveBank(SupervisedDevice):
         )
         self._outputs = Outputs(name, limits, chambers, clock)
         self._open_link = open_link
-        self._layout = layout
-        self._settings = settings
+        self.layout = layout
+        self.settings = settings
 
     @property
     def armed(self) -> bool:
@@ -90,7 +90,7 @@ class ValveBank(SupervisedDevice):
         Raises:
             InterlockError: The bank is not connected, only observes, or an alarm stands that forbids it.
         """
-        if self._settings.observe:
+        if self.settings.observe:
             raise InterlockError(self.name, "only observes", "open it for control")
         if self.state not in ALIVE:
             raise InterlockError(self.name, f"is {self.state}", "connect it first")
@@ -139,14 +139,17 @@ class ValveBank(SupervisedDevice):
 
     async def open(self) -> BankSession:
         """Open the connection to the terminal."""
-        link = await self._open_link(self)
+        return self.session(await self._open_link(self))
+
+    def session(self, link: RegisterLink) -> BankSession:
+        """Give the session on an open connection."""
         return BankSession(
             self.name,
-            Terminal(link, self._layout, self.clock),
+            Terminal(link, self.layout, self.clock),
             self._outputs,
             self.stream,
             self.health,
-            self._settings,
+            self.settings,
             self.clock,
         )
 

@@ -123,7 +123,7 @@ class BankSession:
             tick = await ticker.wait()
             self._health.drift.add(tick.drift_ns)
             self._health.overruns += tick.skipped
-            await self._pass(tick)
+            await self.run_pass(tick)
 
     async def close(self) -> None:
         """Vent whatever was written to, and release the connection."""
@@ -133,7 +133,8 @@ class BankSession:
         finally:
             self._terminal.link.close()
 
-    async def _pass(self, tick: Tick) -> None:
+    async def run_pass(self, tick: Tick) -> None:
+        """Run one pass: look, write, look again, and pass on what was measured."""
         self._verdict = Verdict.OURS
         try:
             sample = await self._read() if self._must_read(tick) else None

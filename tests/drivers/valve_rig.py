@@ -152,7 +152,7 @@ def build(virtual, terminal, sink=lambda reading: None, *, observe=False, **chan
         layout=config.layout(),
         chambers=built.chambers,
         limits=built.limits,
-        settings=built._settings,
+        settings=built.settings,
         timing=built.supervisor.timing,
         sink=sink,
         clock=virtual.clock,

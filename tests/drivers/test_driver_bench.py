@@ -1,0 +1,36 @@
+"""The parts of ``softarm bench drivers`` that need no second process, in small."""
+
+import pytest
+
+from service.bench import driver_decoding
+from service.bench.driver_decoding import Case, against_qtm_rt, cases, load, zero_size_header
+
+
+@pytest.mark.parametrize("case", cases(), ids=lambda case: case.device)
+def test_every_driver_takes_its_load(case):
+    row = load(case, 300)
+    assert row["readings"] == 300
+    assert 0 < row["us_per_reading"] < 1e5
+    assert row["readings_per_s"] == pytest.approx(1e6 / row["us_per_reading"])
+
+
+def test_a_leak_shows():
+    kept = []
+
+    def leak(count):
+        kept.extend(bytearray(1024) for _ in range(count))
+
+    assert load(Case("leaky", "a kibibyte", leak), 20_000)["memory_growth_kib"] > 15_000
+
+
+def test_both_clients_decode_the_same_stream_and_ours_is_faster():
+    rows = {row["client"]: row for row in against_qtm_rt(5000)}
+    assert rows["qtm_rt"]["times_faster"] == pytest.approx(1.0)
+    assert rows["this project"]["times_faster"] > 2.0
+
+
+def test_a_header_of_size_zero_costs_nothing(monkeypatch):
+    monkeypatch.setattr(driver_decoding, "_theirs", lambda: None)
+    (ours,) = zero_size_header()
+    assert ours["outcome"].startswith("refused")
+    assert ours["seconds"] < 0.1
