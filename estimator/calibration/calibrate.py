@@ -1,0 +1,342 @@
+"""Calibration of a specimen on recordings, checked on blocks of them that no fit has seen."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.calibration.arrange import Run
+from estimator.calibration.fit import Fit, State, Step, fit
+from estimator.calibration.forward import Evaluation, Forward, ScaledModel
+from estimator.calibration.identifiability import KEPT, MANOEUVRES, identify, kept
+from estimator.calibration.nodes import BLOCK, Nodes, choose_nodes, training_blocks
+from estimator.calibration.outcome import Calibrated, Check
+from estimator.calibration.parameters import Layout, build_layout
+from estimator.calibration.regression import estimate_lag, fit_line
+from estimator.calibration.search import AxesFit, search_axes
+from estimator.errors import InputError
+from estimator.model import Frames
+from estimator.sensing import Bend, SensorSuite
+from estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+NODES = 240
+LEAST_PRESSURE_SPREAD = 1.0e3  # Pa; a chamber that moved less tells nothing of its gain
+LEAST_SOLVED = 0.5
+WORSE = 1.3  # times the old error: an old fit that has seen the blocks is allowed to know them better
+
+
+class CalibrationRefusedError(InputError):
+    """The recordings cannot carry a calibration; the old one stays."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a calibration may do.
+
+    Args:
+        nodes: Largest number of nodes over all runs.
+        iterations: Largest number of Gauss-Newton steps of each fit.
+        search_axes: Whether to look for the in-plane rotation and handedness of bends; ``None`` looks where
+            the specimen has none.
+        fit_lag: Whether to bring pressures and motion to one clock.
+    """
+
+    nodes: int = NODES
+    iterations: int = 15
+    search_axes: bool | None = None
+    fit_lag: bool = True
+
+
+def calibrate(
+    model: ScaledModel[State, Step],
+    specimen: Specimen,
+    runs: Sequence[Run],
+    options: Options | None = None,
+    advance: Callable[[float], None] = lambda _: None,
+) -> Calibrated:
+    """Fit moduli, chamber gains and biases, and the alignment of sensors to recordings.
+
+    Args:
+        model: Model of the specimen, stiffness factors of one.
+        specimen: The robot; its calibration is what is known beforehand.
+        runs: The recordings, arranged.
+        options: What to do.
+        advance: Called with 1 after each solve of the model.
+
+    Raises:
+        CalibrationRefusedError: The recordings hold too little motion, the model finds no equilibrium for
+            them, or the fit predicts held-out blocks worse than the old calibration.
+    """
+    options = options or Options()
+    lags = tuple(estimate_lag(run) if options.fit_lag else None for run in runs)
+    nodes = _choose(runs, lags, options.nodes)
+    train = training_flags(nodes)
+    unseen = tuple(~flags for flags in train)
+    forward = _forward(model, specimen, nodes, advance)
+    before = forward.evaluate(forward.layout.means)
+    _require_solutions(before, nodes)
+    gains: dict[str, AxesFit] = {}
+    if _axes_wanted(specimen, options):
+        gains = search_axes(nodes[0].run.suite, _parts(nodes, train), _frames(before, train))
+        nodes = tuple(replace(own, run=_with_axes(own.run, gains)) for own in nodes)
+        forward = _forward(model, specimen, nodes, advance)
+    trained, layout = _fit_determined(
+        forward, _start(specimen, forward.layout, gains), before, train, options
+    )
+    _require_excitation(layout)
+    everything = replace(forward, layout=layout)
+    held_out = _part(everything, unseen).evaluate(trained.values, _subset(before, unseen))
+    check = _check(before, trained.evaluations, held_out, nodes, train)
+    _require_improvement(check)
+    merged = _merge(trained.evaluations, held_out, train)
+    final = fit(everything, trained.values, iterations=options.iterations, evaluations=merged)
+    dropped = [p for p in forward.layout.parameters if p.name not in layout.names]
+    return Calibrated(
+        identified=(*identify(layout, final.values, final.covariance), *map(kept, dropped)),
+        covariance=final.covariance,
+        mirrored=_handedness(nodes),
+        check=check,
+        lags=lags,
+        status=final.status,
+        nodes=sum(len(own.time) for own in nodes),
+        unsolved=sum(int((~evaluation.converged).sum()) for evaluation in final.evaluations),
+        recordings=tuple(run.name for run in runs),
+    )
+
+
+def training_flags(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
+    """Tell which nodes a fit may see: alternate blocks of long runs, else alternate runs, else all."""
+    if any(own.blocks.max(initial=0) >= 1 for own in nodes):
+        return tuple(training_blocks(own.blocks) for own in nodes)
+    if len(nodes) > 1:
+        return tuple(np.full(len(own.time), number % 2 == 0) for number, own in enumerate(nodes))
+    return tuple(np.ones(len(own.time), dtype=bool) for own in nodes)
+
+
+def rms(evaluations: Sequence[Evaluation[State]], nodes: Sequence[Nodes]) -> dict[str, float]:
+    """Give the root mean square of the innovations by component of each sensor, over all runs."""
+    squares: dict[str, list[Floats]] = {}
+    for evaluation, own in zip(evaluations, nodes, strict=True):
+        for name, rows in own.run.suite.slices.items():
+            for number, column in enumerate(evaluation.innovation[:, rows].T):
+                squares.setdefault(f"{name}.{number}", []).append(column[np.isfinite(column)] ** 2)
+    joined = {name: np.concatenate(parts) for name, parts in squares.items()}
+    return {name: float(np.sqrt(values.mean())) for name, values in joined.items() if len(values)}
+
+
+def _choose(runs: Sequence[Run], lags: Sequence[float | None], count: int) -> tuple[Nodes, ...]:
+    aligned = [run.delayed(lag) if lag else run for run, lag in zip(runs, lags, strict=True)]
+    durations = [max(float(run.time[-1] - run.time[0]), 1e-3) for run in aligned]
+    shares = [max(8, round(count * duration / sum(durations))) for duration in durations]
+    chosen = tuple(choose_nodes(run, share) for run, share in zip(aligned, shares, strict=True))
+    if not sum(len(own.time) for own in chosen):
+        raise CalibrationRefusedError(
+            ", ".join(run.name for run in runs),
+            "pressures and motion are never present together",
+            "record both at once",
+        )
+    return tuple(own for own in chosen if len(own.time))
+
+
+def _forward(
+    model: ScaledModel[State, Step],
+    specimen: Specimen,
+    nodes: tuple[Nodes, ...],
+    advance: Callable[[float], None],
+) -> Forward[State, Step]:
+    pressures = np.concatenate([own.pressures for own in nodes])
+    moved = [k for k in range(pressures.shape[1]) if np.ptp(pressures[:, k]) > LEAST_PRESSURE_SPREAD]
+    sources = nodes[0].run.pressure_source
+    measurements = {m.name: m for own in nodes for m in own.run.suite.measurements}
+    suite = SensorSuite(tuple(measurements.values()))
+    layout = build_layout(specimen, suite, sources, moved, model.parameters)
+    return Forward(model, layout, nodes, np.array(specimen.gravity_m_s2), advance)
+
+
+def _axes_wanted(specimen: Specimen, options: Options) -> bool:
+    if options.search_axes is not None:
+        return options.search_axes
+    return not specimen.calibration.bends
+
+
+def _with_axes(run: Run, found: Mapping[str, AxesFit]) -> Run:
+    """Give a run whose bends have the axes that were found."""
+    measurements = tuple(
+        replace(m, in_plane=found[m.name].in_plane, mirrored=found[m.name].mirrored)
+        if isinstance(m, Bend) and m.name in found
+        else m
+        for m in run.suite.measurements
+    )
+    return replace(run, suite=SensorSuite(measurements))
+
+
+def _start(specimen: Specimen, layout: Layout, found: Mapping[str, AxesFit]) -> Floats:
+    """Begin with moduli that give the bends their recorded size, and with the biases that remain."""
+    values = layout.means.copy()
+    sections = [section.name for section in specimen.sections]
+    for index, parameter in enumerate(layout.parameters):
+        if parameter.kind == "modulus":
+            name = f"bend_{_section_below(specimen, parameter.target, sections)}"
+            if name in found:
+                values[index] -= float(np.clip(np.log(max(found[name].gain, 1e-3)), -1.0, 1.0))
+        for axis, letter in enumerate("xy"):
+            sensor = parameter.target.removesuffix(f".bias_{letter}")
+            if sensor != parameter.target and sensor in found:
+                values[index] = found[sensor].bias[axis]
+    return values
+
+
+def _section_below(specimen: Specimen, segment: str, sections: Sequence[str]) -> str:
+    end = specimen.segment(segment).to_m
+    below = [name for name in sections if specimen.section(name).from_m >= end - 1e-9]
+    return min(below, key=lambda name: specimen.section(name).from_m, default="")
+
+
+def _fit_determined(
+    forward: Forward[State, Step],
+    start: Floats,
+    before: Sequence[Evaluation[State]],
+    train: Sequence[Flags],
+    options: Options,
+) -> tuple[Fit[State], Layout]:
+    """Fit on the training nodes, settle what they do not determine, and fit the rest again."""
+    part = _part(forward, train)
+    found = fit(part, start, iterations=options.iterations, evaluations=_subset(before, train))
+    verdicts = identify(part.layout, found.values, found.covariance)
+    lost = {entry.parameter.name for entry in verdicts if entry.share > KEPT}
+    layout = part.layout.without(lost)
+    if not lost or not layout.parameters:
+        return found, layout
+    remaining = np.array([name not in lost for name in part.layout.names])
+    again = replace(part, layout=layout)
+    return fit(
+        again, found.values[remaining], iterations=options.iterations, evaluations=found.evaluations
+    ), layout
+
+
+def _check(
+    before: Sequence[Evaluation[State]],
+    trained: Sequence[Evaluation[State]],
+    held_out: Sequence[Evaluation[State]],
+    nodes: Sequence[Nodes],
+    train: Sequence[Flags],
+) -> Check:
+    unseen = [~flags for flags in train]
+    split = any(flags.any() for flags in unseen)
+    judged = unseen if split else train
+    line, parameters = _line(nodes, train, judged) if split else ({}, 0)
+    return Check(
+        rms(_subset(before, judged), _parts(nodes, judged)),
+        rms(trained, _parts(nodes, train)),
+        rms(held_out, _parts(nodes, unseen)) if split else {},
+        line,
+        parameters,
+    )
+
+
+def _line(
+    nodes: Sequence[Nodes], train: Sequence[Flags], judged: Sequence[Flags]
+) -> tuple[dict[str, float], int]:
+    """Judge an ordinary linear regression; only bends are angles that it may be asked for."""
+    suite = nodes[0].run.suite
+    if not all(isinstance(m, Bend) for m in suite.measurements):
+        return {}, 0
+    fitted, seen = _parts(nodes, train), _parts(nodes, judged)
+    line = fit_line(
+        np.concatenate([own.pressures for own in fitted]), np.concatenate([own.readings for own in fitted])
+    )
+    left = np.concatenate([own.readings - line.predict(own.pressures) for own in seen])
+    names = [f"{m.name}.{axis}" for m in suite.measurements for axis in range(m.size)]
+    values = np.sqrt(np.nanmean(left**2, axis=0)).tolist()
+    return dict(zip(names, values, strict=True)), line.parameters
+
+
+def _part(forward: Forward[State, Step], flags: Sequence[Flags]) -> Forward[State, Step]:
+    return replace(forward, nodes=_parts(forward.nodes, flags))
+
+
+def _parts(nodes: Sequence[Nodes], flags: Sequence[Flags]) -> tuple[Nodes, ...]:
+    return tuple(own.keep(chosen) for own, chosen in zip(nodes, flags, strict=True))
+
+
+def _frames(evaluations: Sequence[Evaluation[State]], flags: Sequence[Flags]) -> list[Frames]:
+    return [part.frames for part in _subset(evaluations, flags)]
+
+
+def _subset(
+    evaluations: Sequence[Evaluation[State]], flags: Sequence[Flags]
+) -> tuple[Evaluation[State], ...]:
+    return tuple(
+        Evaluation(
+            e.innovation[chosen],
+            e.jacobian[chosen],
+            Frames(e.frames.positions[chosen], e.frames.rotations[chosen]),
+            tuple(state for state, keep in zip(e.states, chosen, strict=True) if keep),
+            e.converged[chosen],
+        )
+        for e, chosen in zip(evaluations, flags, strict=True)
+    )
+
+
+def _merge(
+    trained: Sequence[Evaluation[State]], held_out: Sequence[Evaluation[State]], train: Sequence[Flags]
+) -> tuple[Evaluation[State], ...]:
+    """Put the evaluations of training and held-out nodes back into the order of time."""
+    merged = []
+    for one, other, flags in zip(trained, held_out, train, strict=True):
+        order = np.argsort(np.concatenate([np.flatnonzero(flags), np.flatnonzero(~flags)]))
+        states = (*one.states, *other.states)
+        merged.append(
+            Evaluation(
+                np.concatenate([one.innovation, other.innovation])[order],
+                np.concatenate([one.jacobian, other.jacobian])[order],
+                Frames(
+                    np.concatenate([one.frames.positions, other.frames.positions])[order],
+                    np.concatenate([one.frames.rotations, other.frames.rotations])[order],
+                ),
+                tuple(states[k] for k in order),
+                np.concatenate([one.converged, other.converged])[order],
+            )
+        )
+    return tuple(merged)
+
+
+def _handedness(nodes: Sequence[Nodes]) -> dict[str, bool]:
+    bends = [m for own in nodes for m in own.run.suite.measurements if isinstance(m, Bend)]
+    return {bend.name.removeprefix("bend_"): bend.mirrored for bend in bends}
+
+
+def _require_solutions(evaluations: Sequence[Evaluation[State]], nodes: Sequence[Nodes]) -> None:
+    solved = np.concatenate([evaluation.converged for evaluation in evaluations])
+    if solved.mean() < LEAST_SOLVED:
+        raise CalibrationRefusedError(
+            ", ".join(own.run.name for own in nodes),
+            f"the model finds an equilibrium for {solved.mean():.0%} of the samples only",
+            "check the pressures' unit and the specimen's moduli",
+        )
+
+
+def _require_excitation(layout: Layout) -> None:
+    if any(parameter.kind in ("modulus", "gain") for parameter in layout.parameters):
+        return
+    raise CalibrationRefusedError(
+        "calibration", "the recordings determine neither a modulus nor a gain", f"{MANOEUVRES['modulus']}"
+    )
+
+
+def _require_improvement(check: Check) -> None:
+    if not check.held_out:
+        return
+    old = np.array([check.before[name] for name in check.held_out])
+    new = np.array(list(check.held_out.values()))
+    scale = np.maximum(old, 1e-9)
+    if np.sqrt(((new / scale) ** 2).mean()) > WORSE:
+        raise CalibrationRefusedError(
+            "calibration",
+            f"blocks of {BLOCK:.0f} s that the fit has not seen are predicted worse than before",
+            "record more poses, each held for 5 s; the old calibration stays",
+        )

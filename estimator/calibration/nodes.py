@@ -1,0 +1,123 @@
+"""Choice of the samples that a calibration rests on: short means, the quieter the heavier."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.calibration.arrange import Floats, Run
+
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+
+BLOCK = 10.0  # s
+WINDOW = 0.1  # s over which a node's readings are averaged
+QUIET_SPEED = 0.5  # 1/s; motion of half its own spread per second halves a node's weight
+LEAST_WEIGHT = 0.05
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """Samples of one run, each the mean over a short window.
+
+    Args:
+        run: The run they come from.
+        time: Middle of each window [s], shape (nodes,).
+        pressures: Recorded pressures [Pa], shape (nodes, chambers).
+        readings: Stacked readings, NaN where lost, shape (nodes, readings).
+        weights: Between ``LEAST_WEIGHT`` and 1, small where the arm moves fast, shape (nodes,).
+        blocks: Which block of ``BLOCK`` seconds each belongs to, shape (nodes,).
+    """
+
+    run: Run
+    time: Floats
+    pressures: Floats
+    readings: Floats
+    weights: Floats
+    blocks: Indices
+
+    def keep(self, flags: Flags) -> "Nodes":
+        """Keep some nodes, shape (nodes,)."""
+        return Nodes(
+            self.run,
+            self.time[flags],
+            self.pressures[flags],
+            self.readings[flags],
+            self.weights[flags],
+            self.blocks[flags],
+        )
+
+
+def choose_nodes(run: Run, count: int, window: float = WINDOW) -> Nodes:
+    """Choose evenly spaced windows of a run and average each.
+
+    Args:
+        run: The run.
+        count: Largest number of nodes.
+        window: Length of a window [s].
+    """
+    duration = run.time[-1] - run.time[0]
+    number = max(1, min(count, int(duration / window)))
+    centres = run.time[0] + (np.arange(number) + 0.5) * duration / number
+    speeds = _speed(run)
+    rows, weights, kept = [], [], []
+    for centre in centres:
+        inside = np.abs(run.time - centre) <= window / 2
+        inside &= np.isfinite(run.pressures).all(axis=1)
+        if inside.any():
+            kept.append(centre)
+            rows.append((run.pressures[inside].mean(axis=0), _mean(run.readings[inside])))
+            weights.append(max(1.0 / (1.0 + (speeds[inside].mean() / QUIET_SPEED) ** 2), LEAST_WEIGHT))
+    time = np.array(kept)
+    chambers, readings = run.pressures.shape[1], run.readings.shape[1]
+    return Nodes(
+        run,
+        time,
+        np.array([row[0] for row in rows]).reshape(-1, chambers),
+        np.array([row[1] for row in rows]).reshape(-1, readings),
+        np.array(weights),
+        block_of(run, time),
+    )
+
+
+def block_of(run: Run, time: Floats) -> Indices:
+    """Number the blocks of ``BLOCK`` seconds that times belong to."""
+    blocks: Indices = ((time - run.time[0]) // BLOCK).astype(np.int64)
+    return blocks
+
+
+def training_blocks(blocks: Sequence[int] | Indices) -> Flags:
+    """Tell which blocks a fit may see: every other one."""
+    training: Flags = np.asarray(blocks) % 2 == 0
+    return training
+
+
+def _mean(readings: Floats) -> Floats:
+    seen = np.isfinite(readings)
+    total = np.where(seen, readings, 0.0).sum(axis=0)
+    return np.where(seen.any(axis=0), total / np.maximum(seen.sum(axis=0), 1), np.nan)
+
+
+def _speed(run: Run) -> Floats:
+    """Give how fast readings and pressures move, in their own spreads per second, shape (samples,)."""
+    columns = np.column_stack([run.readings, run.pressures])
+    spread = np.nanstd(columns, axis=0)
+    moving = spread > 0
+    if len(run.time) < 3 or not moving.any():
+        return np.zeros(len(run.time))
+    smooth = _smoothed(run.time, np.nan_to_num(columns[:, moving] / spread[moving]))
+    rates = np.gradient(smooth, run.time, axis=0)
+    speed: Floats = np.sqrt((rates**2).mean(axis=1))
+    return speed
+
+
+def _smoothed(time: Floats, values: Floats) -> Floats:
+    """Average over ``WINDOW`` seconds, so that noise is not taken for motion."""
+    width = max(1, round(WINDOW / float(np.median(np.diff(time)))))
+    if width < 2 or len(time) < 3 * width:
+        return values
+    padded = np.pad(values, ((width // 2, width - 1 - width // 2), (0, 0)), mode="edge")
+    total = np.cumsum(np.vstack([np.zeros(values.shape[1]), padded]), axis=0)
+    smooth: Floats = (total[width:] - total[:-width]) / width
+    return smooth

@@ -1,0 +1,148 @@
+"""What a calibration found, and the specimen that contains it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.calibration.identifiability import Identified
+from estimator.specimen import (
+    BendCalibration,
+    ChamberCalibration,
+    FrameCalibration,
+    Specimen,
+    Value,
+)
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Check:
+    """Root mean square of measured minus predicted at the nodes, by component of each sensor.
+
+    Args:
+        before: With the old calibration, on the nodes of ``held_out``, or of all where none are held out.
+        training: On the nodes that the fit has seen.
+        held_out: On those that it has not; empty where there are none.
+        line: Of the ordinary linear regression of the readings on the pressures, fitted on the training
+            nodes, on those of ``held_out``; empty where it does not apply.
+        line_parameters: Numbers that the regression fits.
+    """
+
+    before: Mapping[str, float]
+    training: Mapping[str, float]
+    held_out: Mapping[str, float]
+    line: Mapping[str, float]
+    line_parameters: int
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A calibration and how far to trust it.
+
+    Args:
+        identified: Every unknown with its value, deviation and verdict.
+        covariance: Covariance of those that were fitted, in their order, shape (fitted, fitted).
+        mirrored: Handedness of each bend by section.
+        check: How well nodes are predicted that the fit has not seen.
+        lags: Seconds by which the motion lags the pressures in each run, ``None`` where it cannot be told.
+        status: How the last fit ended.
+        nodes: Number of nodes.
+        unsolved: Nodes at which the model found no equilibrium.
+        recordings: Names of the runs.
+    """
+
+    identified: tuple[Identified, ...]
+    covariance: Floats
+    mirrored: Mapping[str, bool]
+    check: Check
+    lags: tuple[float | None, ...]
+    status: str
+    nodes: int
+    unsolved: int
+    recordings: tuple[str, ...]
+
+    @property
+    def fitted(self) -> int:
+        """Number of unknowns that the data determine."""
+        return sum(entry.verdict != "kept" for entry in self.identified)
+
+    def value(self, name: str) -> Value | None:
+        """Give a fitted unknown and its deviation; ``None`` where it was kept or is no unknown."""
+        for entry in self.identified:
+            if entry.parameter.name == name and entry.verdict != "kept":
+                if entry.parameter.kind == "modulus":
+                    factor = float(np.exp(entry.value))
+                    return Value(value=factor, std=factor * entry.std)
+                return Value(value=entry.value, std=entry.std)
+        return None
+
+
+def calibrated_specimen(specimen: Specimen, found: Calibrated) -> Specimen:
+    """Write a calibration into its specimen; what was kept stays as it was."""
+    old = specimen.calibration
+    scales = dict(old.modulus_scale)
+    for segment in specimen.segments:
+        scale = found.value(f"modulus.{segment.name}")
+        if scale is not None:
+            scales[segment.name] = scale
+    calibration = old.model_copy(
+        update={
+            "recordings": tuple(dict.fromkeys((*old.recordings, *found.recordings))),
+            "modulus_scale": scales,
+            "chambers": tuple(_chamber(old.chamber(c.index), found) for c in specimen.chambers),
+            "bends": _bends(specimen, found),
+            "frames": _frames(specimen, found),
+        }
+    )
+    return specimen.model_copy(update={"calibration": calibration})
+
+
+def _chamber(old: ChamberCalibration, found: Calibrated) -> ChamberCalibration:
+    gain, bias = found.value(f"gain.{old.index}"), found.value(f"bias.{old.index}")
+    return ChamberCalibration(index=old.index, gain=gain or old.gain, bias_pa=bias or old.bias_pa)
+
+
+def _bends(specimen: Specimen, found: Calibrated) -> tuple[BendCalibration, ...]:
+    entries = {entry.section: entry for entry in specimen.calibration.bends}
+    for section, mirrored in found.mirrored.items():
+        old = specimen.calibration.bend(section)
+        entries[section] = BendCalibration(
+            section=section,
+            rotation_rad=found.value(f"bend_{section}.in_plane") or old.rotation_rad,
+            mirrored=mirrored,
+            bias_x_rad=found.value(f"bend_{section}.bias_x") or old.bias_x_rad,
+            bias_y_rad=found.value(f"bend_{section}.bias_y") or old.bias_y_rad,
+        )
+    return tuple(entries.values())
+
+
+def _frames(specimen: Specimen, found: Calibrated) -> tuple[FrameCalibration, ...]:
+    entries = {entry.section: entry for entry in specimen.calibration.frames}
+    names = {entry.parameter.name for entry in found.identified}
+    for section in (section.name for section in specimen.sections):
+        if f"frame_{section}.offset_x" not in names:
+            continue
+        old = specimen.calibration.frame(section)
+        turned = [found.value(f"frame_{section}.misalignment_{axis}") for axis in "xyz"]
+        moved = [found.value(f"frame_{section}.offset_{axis}") for axis in "xyz"]
+        entries[section] = FrameCalibration(
+            section=section,
+            misalignment_rad=_vector(turned, old.misalignment_rad, "value"),
+            misalignment_std_rad=_vector(turned, old.misalignment_std_rad, "std"),
+            offset_m=_vector(moved, old.offset_m, "value"),
+            offset_std_m=_vector(moved, old.offset_std_m, "std"),
+        )
+    return tuple(entries.values())
+
+
+def _vector(
+    found: list[Value | None], old: tuple[float, float, float], field: str
+) -> tuple[float, float, float]:
+    x, y, z = (
+        kept if value is None else float(getattr(value, field))
+        for value, kept in zip(found, old, strict=True)
+    )
+    return x, y, z

@@ -1,0 +1,191 @@
+"""Calibration of a toy arm whose moduli, gains and axes are known."""
+
+import numpy as np
+import pytest
+from synthetic import GAINS, SCALES, record, true_specimen
+from toy import toy
+
+from estimator.calibration import (
+    CalibrationRefusedError,
+    Options,
+    arrange,
+    calibrate,
+    calibrated_specimen,
+)
+from estimator.calibration.fit import fit
+from estimator.calibration.forward import Forward
+from estimator.calibration.nodes import choose_nodes
+from estimator.calibration.parameters import build_layout
+from estimator.calibration.regression import estimate_lag
+from estimator.errors import InputError
+from estimator.recording import Recording
+from estimator.specimen import Specimen, load_specimen
+
+SECTIONS = ("base", "intermediate", "tip")
+QUICK = Options(nodes=40, iterations=8)
+
+
+@pytest.fixture(scope="module")
+def sopra() -> Specimen:
+    return load_specimen("sopra")
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_finds_moduli_gains_and_axes_wherever_they_point(sopra: Specimen, mirrored: bool) -> None:
+    found = calibrate(toy(), sopra, [arrange(record(mirrored=mirrored), sopra, SECTIONS)], QUICK)
+    after = calibrated_specimen(sopra, found).calibration
+    truth = true_specimen(mirrored).calibration
+    for name, scale in SCALES.items():
+        value = after.modulus_scale[name]
+        assert abs(value.value - scale) < 3 * value.std + 0.01
+        assert value.std < 0.1
+    assert [entry.gain.value for entry in after.chambers] == pytest.approx(GAINS, abs=0.01)
+    for section in ("intermediate", "tip"):
+        assert after.bend(section).mirrored is mirrored
+        assert after.bend(section).rotation_rad.value == pytest.approx(
+            truth.bend(section).rotation_rad.value, abs=0.01
+        )
+        assert after.bend(section).bias_x_rad.value == pytest.approx(
+            truth.bend(section).bias_x_rad.value, abs=3e-3
+        )
+    assert after.recordings == ("toy",)
+    assert all(found.check.held_out[name] < 0.05 * found.check.before[name] for name in found.check.held_out)
+
+
+def test_held_out_blocks_are_predicted_as_well_as_by_a_line_with_more_parameters(sopra: Specimen) -> None:
+    found = calibrate(toy(), sopra, [arrange(record(), sopra, SECTIONS)], QUICK)
+    assert found.fitted < found.check.line_parameters == 28
+    for name, value in found.check.held_out.items():
+        assert value < 1.2 * found.check.line[name]
+
+
+def test_poses_give_misalignment_and_offset(sopra: Specimen) -> None:
+    run = arrange(record(kinds=("frame",)), sopra, SECTIONS)
+    after = calibrated_specimen(sopra, calibrate(toy(), sopra, [run], QUICK)).calibration
+    truth = true_specimen().calibration.frame("tip")
+    assert after.frame("tip").misalignment_rad == pytest.approx(truth.misalignment_rad, abs=0.01)
+    assert after.frame("tip").offset_m == pytest.approx(truth.offset_m, abs=1e-3)
+    assert after.scale("upper") == pytest.approx(0.7, abs=0.05)
+
+
+def test_what_is_not_excited_is_named_and_kept(sopra: Specimen) -> None:
+    found = calibrate(toy(), sopra, [arrange(record(chambers=(0, 1, 2)), sopra, SECTIONS)], QUICK)
+    verdicts = {entry.parameter.name: entry for entry in found.identified}
+    assert verdicts["modulus.lower"].verdict == "kept"
+    assert "hold the arm still" in verdicts["modulus.lower"].manoeuvre
+    assert verdicts["modulus.upper"].verdict == "determined"
+    assert "gain.3" not in verdicts
+    after = calibrated_specimen(sopra, found)
+    assert "lower" not in after.calibration.modulus_scale
+    assert after.calibration.chamber(4).gain.value == 1.0
+
+
+def test_an_arm_at_rest_is_refused(sopra: Specimen) -> None:
+    still = record(chambers=(0,), duration=15.0)
+    still = Recording(still.name, still.time, {**still.columns, "pressure_0_pa": 0.0 * still.time})
+    with pytest.raises(CalibrationRefusedError, match="neither a modulus nor a gain; hold the arm still"):
+        calibrate(toy(), sopra, [arrange(_at_rest(still), sopra, SECTIONS)], QUICK)
+
+
+def _at_rest(recording: Recording) -> Recording:
+    columns = {
+        name: np.full_like(v, v[0]) if name.startswith("bend") else v for name, v in recording.columns.items()
+    }
+    return Recording(recording.name, recording.time, columns)
+
+
+def test_a_second_calibration_changes_nothing(sopra: Specimen) -> None:
+    run = arrange(record(), sopra, SECTIONS)
+    once = calibrated_specimen(sopra, calibrate(toy(), sopra, [run], QUICK))
+    again = arrange(record(), once, SECTIONS)
+    twice = calibrated_specimen(once, calibrate(toy(), once, [again], QUICK))
+    for name in SCALES:
+        assert twice.calibration.scale(name) == pytest.approx(once.calibration.scale(name), rel=0.02)
+    assert twice.calibration.recordings == ("toy",)
+
+
+def test_several_short_runs_hold_out_every_other_one(sopra: Specimen) -> None:
+    runs = [arrange(record(duration=9.0, seed=seed), sopra, SECTIONS) for seed in range(4)]
+    found = calibrate(toy(), sopra, runs, QUICK)
+    assert found.check.held_out
+    assert found.value("modulus.upper") is not None
+
+
+def test_outliers_do_not_move_it(sopra: Specimen) -> None:
+    recording = record()
+    columns = dict(recording.columns)
+    spoilt = columns["bend_tip_x_rad"].copy()
+    spoilt[200:280] += 1.0
+    run = arrange(Recording("toy", recording.time, {**columns, "bend_tip_x_rad": spoilt}), sopra, SECTIONS)
+    after = calibrated_specimen(sopra, calibrate(toy(), sopra, [run], QUICK)).calibration
+    assert after.bend("tip").rotation_rad.value == pytest.approx(-1.0, abs=0.02)
+    assert after.scale("lower") == pytest.approx(1.4, rel=0.05)
+
+
+def test_jacobian_agrees_with_finite_differences(sopra: Specimen) -> None:
+    nodes = choose_nodes(arrange(record(kinds=("bend", "frame")), true_specimen(), SECTIONS), 5)
+    layout = build_layout(
+        true_specimen(), nodes.run.suite, nodes.run.pressure_source, range(6), ("upper", "lower")
+    )
+    forward = Forward(toy(), layout, (nodes,), np.array([0.0, 0.0, 9.81]))
+    (at,) = forward.evaluate(layout.means)
+    for index, parameter in enumerate(layout.parameters):
+        size = 1e-5 * parameter.spread
+        ends = []
+        for sign in (-1, 1):
+            moved = layout.means.copy()
+            moved[index] += sign * size
+            ends.append(forward.evaluate(moved)[0].innovation)
+        slope = (ends[0] - ends[1]) / (2 * size)
+        largest = max(float(np.abs(slope).max()), 1e-9)
+        assert np.abs(at.jacobian[:, :, index] - slope).max() < 2e-3 * largest, parameter.name
+
+
+@pytest.mark.parametrize("lag", [-0.1, 0.0, 0.15])
+def test_the_lag_between_the_clocks_is_found(sopra: Specimen, lag: float) -> None:
+    run = arrange(record(lag=lag, rate=50.0), sopra, SECTIONS)
+    assert estimate_lag(run) == pytest.approx(lag, abs=0.02)
+
+
+def test_a_fit_reports_when_it_runs_out_of_iterations(sopra: Specimen) -> None:
+    nodes = choose_nodes(arrange(record(), sopra, SECTIONS), 10)
+    layout = build_layout(sopra, nodes.run.suite, nodes.run.pressure_source, range(6), ("upper", "lower"))
+    found = fit(Forward(toy(), layout, (nodes,), np.array([0.0, 0.0, 9.81])), layout.means, iterations=1)
+    assert found.status == "iterations_exhausted"
+    assert found.iterations == 1
+
+
+CASES = {
+    "more chambers": ({"pressure_6_pa": 1e4}, "the specimen has 6 chambers"),
+    "over the limit": ({"pressure_0_pa": 8e4}, "80000 Pa is above the specimen's limit of 65000 Pa"),
+    "foreign section": (
+        {"bend_top_x_rad": 0.1, "bend_top_y_rad": 0.1},
+        "no section 'top'; the nearest .* is tip",
+    ),
+    "foreign marker": ({f"marker_m1_{a}_m": 0.1 for a in "xyz"}, "no marker 'm1'; it has none"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_recording_that_does_not_fit_the_specimen(sopra: Specimen, case: str) -> None:
+    more, message = CASES[case]
+    base = record(duration=2.0)
+    columns = {**base.columns, **{name: np.full(len(base.time), value) for name, value in more.items()}}
+    with pytest.raises(InputError, match=message):
+        arrange(Recording("toy", base.time, columns), sopra, SECTIONS)
+
+
+def test_a_recording_without_motion(sopra: Specimen) -> None:
+    time = np.arange(5.0)
+    with pytest.raises(InputError, match="holds no motion of the arm"):
+        arrange(Recording("toy", time, {"pressure_0_pa": time}), sopra, SECTIONS)
+
+
+def test_streams_with_times_of_their_own_are_brought_together(sopra: Specimen) -> None:
+    time = np.arange(0, 1, 0.01)
+    slow = np.where(np.arange(100) % 2 == 0, 1e4 * time, np.nan)
+    bends = np.where(np.arange(100) % 2 == 1, 0.1, np.nan)
+    columns = {"pressure_0_pa": slow, "bend_tip_x_rad": bends, "bend_tip_y_rad": bends}
+    run = arrange(Recording("toy", time, columns), sopra, SECTIONS)
+    assert len(run.time) == 50
+    assert run.pressures[:-1, 0] == pytest.approx(1e4 * run.time[:-1])
