@@ -46,6 +46,7 @@ logger = logging.getLogger(__name__)
 Floats = NDArray[np.float64]
 
 STATE_RATE_HZ = 20.0
+VALVE_KINDS = ("festo_mpa", "festo_vtem")
 SECOND_NS = 1_000_000_000
 
 
@@ -64,7 +65,7 @@ class Service:
         self._loop = asyncio.get_running_loop()
         self._stopping = asyncio.Event()
         self._recorder = Recorder(config.recording_directory)
-        self._valves_name = next(device.name for device in setup.devices if device.kind in ("mpa", "vtem"))
+        self._valves_name = next(device.name for device in setup.devices if device.kind in VALVE_KINDS)
         self._streams = RecordedStreams(
             self._recorder, config.sensors, self._valves_name, config.base_body, len(specimen.chambers)
         )
@@ -107,7 +108,9 @@ class Service:
         for device in devices:
             if isinstance(device, ValveBank):
                 return device
-        raise InputError(str(self._setup.path), "no valve bank", "add a device of kind mpa or vtem")
+        raise InputError(
+            str(self._setup.path), "no valve bank", "add a device of kind festo_mpa or festo_vtem"
+        )
 
     def _estimated_sensors(self) -> tuple[SensorSettings, ...]:
         return tuple(sensor for sensor in self._setup.config.sensors if sensor.kind != "gauge")
@@ -125,7 +128,6 @@ class Service:
                         tasks.create_task(self._connect()),
                         tasks.create_task(self._serve_commands()),
                     ]
-                    await self._worker.until(lambda state: state.running or state.gave_up)
                     await self._control()
                     for task in background:
                         task.cancel()
@@ -166,10 +168,8 @@ class Service:
         config = self._setup.config
         interval_s = 1.0 / config.control.rate_hz
         every = max(1, round(config.control.rate_hz / STATE_RATE_HZ))
-        self._controller.fire(Event.READY, "started")
         gc.collect()
         gc.freeze()
-        self._notifier.ready(f"serving {config.arm}")
         stopped = asyncio.create_task(self._stopping.wait())
         with Ticker(interval_s) as ticker:
             async for tick in ticker.ticks():
@@ -184,6 +184,9 @@ class Service:
         self._ticks += 1
         self._overruns += tick.missed
         self._late.extend([now_ns] * tick.missed)
+        if self._controller.modes.mode is Mode.STARTING and not self._worker.state.starting:
+            self._follow(self._controller.fire(Event.READY, "the estimator is ready"))
+            self._notifier.ready(f"serving {self._setup.config.arm}")
         elapsed_s = interval_s * (1 + tick.missed)
         transition = self._controller.tick(now_ns, elapsed_s, self._knowledge.hold)
         self._follow(transition)

@@ -35,6 +35,11 @@ class WorkerState:
     restarts: int
     gave_up: bool
 
+    @property
+    def starting(self) -> bool:
+        """Whether it is being built for the first time."""
+        return not self.running and not self.gave_up and self.restarts == 0
+
 
 def _serve(pipe: Connection, factory: SolverFactory) -> None:
     """Run in the child: build the solver, then answer until the pipe closes."""
