@@ -80,8 +80,6 @@ def _device_table(device: Mapping[str, Any]) -> dict[str, Any]:
         }
     if device["kind"] == "qualisys":
         return table | {"host": device["host"], "port": device["port"], "bodies": RIGID_BODIES}
-    if device["kind"] == "bno08x":
-        table["kind"] = "bno08x_rvc"
     return table | {"port": device["path"]}
 
 

@@ -212,7 +212,7 @@ class InertialPart(SerialPart):
 class BnoPart(InertialPart):
     """BNO08x in UART-RVC mode."""
 
-    kind: Literal["bno08x"]
+    kind: Literal["bno08x_rvc"]
     rate_hz: Positive = 100.0
     baud: int = 115200
 

@@ -60,7 +60,7 @@ SUBJECTS = (
     Subject("qtm", {"kind": "qualisys"}, {"kind": "qualisys"}, "shutdown"),
     Subject("gauge", {"kind": "lutron"}, {"kind": "lutron"}, "unplug"),
     Subject("bend", {"kind": "bendlabs"}, {"kind": "bendlabs"}, "unplug"),
-    Subject("imu", {"kind": "bno08x", "section": "tip"}, {"kind": "bno08x_rvc"}, "unplug"),
+    Subject("imu", {"kind": "bno08x_rvc", "section": "tip"}, {"kind": "bno08x_rvc"}, "unplug"),
 )
 
 
