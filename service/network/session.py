@@ -75,7 +75,7 @@ def _overrides(settings: NetworkSettings) -> dict[str, object]:
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": settings.lease_ms,
         "open/return_conditions/connect_scouted": bool(settings.connect),
-        "timestamping/enabled": listening,
+        "timestamping/enabled": True,
         "adminspace/enabled": listening,
     }
     if listening:
