@@ -29,6 +29,21 @@ class Fault:
     limits: Mapping[str, tuple[float, float] | tuple[str, ...]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Struck:
+    """A fault that is on; always true, also without parameters.
+
+    Args:
+        parameters: Its parameters.
+    """
+
+    parameters: Mapping[str, Value]
+
+    def __getitem__(self, name: str) -> Value:
+        """Give one parameter."""
+        return self.parameters[name]
+
+
 class FaultBoard:
     """The switches of one fake.
 
@@ -41,7 +56,7 @@ class FaultBoard:
         self._device = device
         self.catalogue = {fault.name: fault for fault in catalogue}
         self.counts = dict.fromkeys(self.catalogue, 0)
-        self._active: dict[str, Mapping[str, Value]] = {}
+        self._active: dict[str, Struck] = {}
         self._left: dict[str, int] = {}
         self._listeners: list[Callable[[str, bool], None]] = []
 
@@ -61,7 +76,7 @@ class FaultBoard:
             InputError: Unknown fault or parameter, a value of another type, or ``times`` below one.
         """
         fault = self.check(name, parameters or {}, times)
-        self._active[name] = {**fault.parameters, **(parameters or {})}
+        self._active[name] = Struck({**fault.parameters, **(parameters or {})})
         if fault.once:
             self._left[name] = times
         self._tell(name, active=True)
@@ -86,29 +101,29 @@ class FaultBoard:
                 self._left.pop(active, None)
                 self._tell(active, active=False)
 
-    def active(self, name: str) -> Mapping[str, Value] | None:
-        """Give the parameters of a fault that is on, else None; counts nothing."""
+    def active(self, name: str) -> Struck | None:
+        """Give a fault that is on with its parameters, else None; counts nothing."""
         return self._active.get(name)
 
-    def hit(self, name: str) -> Mapping[str, Value] | None:
-        """Give the parameters of a fault that is on and count that it showed, else None.
+    def hit(self, name: str) -> Struck | None:
+        """Give a fault that is on with its parameters and count that it showed, else None.
 
         A fault that strikes once is used up by as many hits as it was set for.
         """
-        parameters = self._active.get(name)
-        if parameters is None:
+        struck = self._active.get(name)
+        if struck is None:
             return None
         self.counts[name] += 1
         if name in self._left:
             self._left[name] -= 1
             if self._left[name] == 0:
                 self.clear(name)
-        return parameters
+        return struck
 
     def snapshot(self) -> dict[str, object]:
         """Tell what is on, with its parameters, and the counts of what has struck."""
         return {
-            "active": {name: dict(parameters) for name, parameters in self._active.items()},
+            "active": {name: dict(struck.parameters) for name, struck in self._active.items()},
             "counts": {name: count for name, count in self.counts.items() if count},
         }
 

@@ -214,13 +214,14 @@ async def running(scenario: Scenario) -> AsyncIterator[Rig]:
         rig = Rig(scenario, clock, folder)
         clock.restart()
         ready = asyncio.Event()
-        async with asyncio.TaskGroup() as tasks:
-            serving = tasks.create_task(rig.run(ready), name="fakes")
-            waiting = tasks.create_task(ready.wait(), name="fakes ready")
-            await asyncio.wait({serving, waiting}, return_when=asyncio.FIRST_COMPLETED)
-            waiting.cancel()
-            try:
-                if not serving.done():
-                    yield rig
-            finally:
-                serving.cancel()
+        serving = asyncio.create_task(rig.run(ready), name="fakes")
+        serving.add_done_callback(lambda _: ready.set())
+        try:
+            await ready.wait()
+            if not serving.done():
+                yield rig
+        finally:
+            serving.cancel()
+            await asyncio.wait({serving})
+        if not serving.cancelled():
+            serving.result()

@@ -127,8 +127,13 @@ class ModbusTcpLink:
     ) -> ModbusPDU:
         began_ns = self._clock()
         self._pending = True
+        task = asyncio.current_task()
+        cancelled = task.cancelling() if task else 0
         try:
             answer = await request()
+            if task and task.cancelling() > cancelled:
+                # Before Python 3.12 `wait_for`, under pymodbus, loses a cancellation that meets the answer.
+                raise asyncio.CancelledError
         except ModbusException as error:
             if not self._client.connected:
                 raise ConnectionLost(self._device, "dropped the connection", CURE) from error

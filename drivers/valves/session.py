@@ -1,5 +1,6 @@
 """One connection to a valve terminal: a block read and a block write per pass, each answer judged."""
 
+import asyncio
 from dataclasses import dataclass
 
 from drivers.clock import NANOSECONDS, Clock, Tick, Ticker
@@ -240,6 +241,7 @@ class BankSession:
                 continue
             if echo is None or not any(echo):
                 break
+            await asyncio.sleep(self._settings.echo_lag_s / CLOSE_ATTEMPTS)
         else:
             told = self._watchdog.fact
             raise ConnectionLost(

@@ -2,6 +2,7 @@
 
 import asyncio
 import struct
+from typing import cast
 
 from sim_fakes.qtm.packets import COMMAND, DISCOVER, HEADER
 
@@ -39,8 +40,8 @@ class Discovery(asyncio.DatagramProtocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Keep the way back."""
-        assert isinstance(transport, asyncio.DatagramTransport)
-        self._transport = transport
+        # asyncio's own datagram transport does not derive from this class before Python 3.12.
+        self._transport = cast(asyncio.DatagramTransport, transport)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         """Answer a request."""

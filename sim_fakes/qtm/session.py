@@ -29,12 +29,16 @@ class Stream:
     components: tuple[str, ...]
     share: float
     udp: tuple[str | None, int] | None
-    credit: float = 1.0
+    credit: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Let the next frame be the first."""
+        self.credit = 1.0 - self.share
 
     def due(self) -> bool:
         """Tell whether the next captured frame goes out."""
         self.credit += self.share
-        if self.credit < 1.0:
+        if self.credit < 1.0 - 1e-9:
             return False
         self.credit -= 1.0
         return True

@@ -1,0 +1,48 @@
+"""An event loop whose waits are shorter than they say: real sockets and terminals, accelerated time."""
+
+import asyncio
+import selectors
+import time
+from typing import Any
+
+
+class WarpSelector(selectors.SelectSelector):
+    """Waits a fraction of what is asked for.
+
+    Virtual time moves only while the loop waits, so a slow or busy machine makes no deadline pass.
+
+    Args:
+        speed: Virtual seconds per second of waiting.
+    """
+
+    def __init__(self, speed: float) -> None:
+        super().__init__()
+        self.now = 0.0
+        self._speed = speed
+
+    def select(self, timeout: float | None = None) -> list[Any]:
+        """Wait for events, or until the virtual time-out has passed."""
+        events = super().select(0)
+        if events or (timeout is not None and timeout <= 0):
+            return events
+        begin = time.perf_counter()
+        events = super().select(None if timeout is None else timeout / self._speed)
+        passed = (time.perf_counter() - begin) * self._speed
+        self.now += passed if timeout is None or (events and passed < timeout) else timeout
+        return events
+
+
+class WarpLoop(asyncio.SelectorEventLoop):
+    """An event loop in accelerated time; only for fakes and drivers that take their time from the loop.
+
+    Args:
+        speed: Virtual seconds per second of waiting.
+    """
+
+    def __init__(self, speed: float = 10.0) -> None:
+        self._warp = WarpSelector(speed)
+        super().__init__(self._warp)
+
+    def time(self) -> float:
+        """Give the virtual time [s]."""
+        return self._warp.now

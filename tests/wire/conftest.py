@@ -1,0 +1,88 @@
+"""Real sockets and terminals, accelerated time: a bench of fakes, drivers on it, and waiting for facts."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+
+from drivers.registry import load_devices
+from sim_fakes.rig import Rig, running
+from sim_fakes.scenario import check_scenario
+from sim_fakes.warp import WarpLoop
+
+SPEED = 10.0
+
+
+class Readings:
+    """The sink of one driver: keeps readings and checks what must hold for every one of them."""
+
+    def __init__(self) -> None:
+        self.all: list[Any] = []
+
+    def __call__(self, reading: Any) -> None:
+        assert reading.measured_ns <= reading.host_monotonic_ns
+        assert reading.source.startswith("fake+")
+        if self.all:
+            before = self.all[-1]
+            assert reading.epoch >= before.epoch
+            assert reading.host_monotonic_ns >= before.host_monotonic_ns
+        self.all.append(reading)
+
+    @property
+    def last(self) -> Any:
+        return self.all[-1]
+
+    @property
+    def valid(self) -> list[Any]:
+        return [reading for reading in self.all if reading.valid]
+
+
+class Wire:
+    """Builds benches and drivers, and waits."""
+
+    @staticmethod
+    def clock() -> int:
+        return round(asyncio.get_running_loop().time() * 1e9)
+
+    @staticmethod
+    def run(main: Callable[[], Awaitable[Any]], speed: float = SPEED) -> Any:
+        """Run a coroutine function in accelerated time and demand that it leaves no task behind."""
+
+        async def checked() -> Any:
+            result = await main()
+            left = [task.get_name() for task in asyncio.all_tasks() if task is not asyncio.current_task()]
+            assert not left, f"tasks left behind: {left}"
+            return result
+
+        with asyncio.Runner(loop_factory=lambda: WarpLoop(speed)) as runner:
+            return runner.run(checked())
+
+    @staticmethod
+    def bench(*devices: dict[str, Any], **keys: Any) -> Any:
+        """Run fakes behind the arm without dynamics."""
+        return running(check_scenario({"plant": {"kind": "still"}, "device": list(devices), **keys}))
+
+    def driver(self, table: dict[str, Any], **options: Any) -> tuple[Any, Readings]:
+        """Build a driver from its configuration."""
+        (config,) = load_devices([{**table, "simulated": True}])
+        readings = Readings()
+        return config.build(readings, self.clock, **options), readings
+
+    @staticmethod
+    async def until(fact: Callable[[], Any], within: float = 3.0, what: str = "") -> Any:
+        """Wait in virtual time until a fact holds."""
+        deadline = asyncio.get_running_loop().time() + within
+        while not (value := fact()):
+            assert asyncio.get_running_loop().time() < deadline, f"not within {within} s: {what or fact}"
+            await asyncio.sleep(0.002)
+        return value
+
+    @staticmethod
+    def counts(rig: Rig, device: str) -> dict[str, int]:
+        return rig.boards[device].counts
+
+
+@pytest.fixture(scope="session")
+def wire() -> Wire:
+    return Wire()
