@@ -139,6 +139,7 @@ class FakeArm:
         self._balls = self._chain.slides[:, None] + np.arange(4)
         self._quaternions = self._chain.slide_positions[:, None] + np.arange(1, 5)
         self._section_forces = np.zeros((len(self.sections), 3))
+        self._damping = self._chain.model.dof_damping.copy()
         mujoco.mj_step1(self._chain.model, self._data)
 
     def _take_over(self, chain: Chain, data: mujoco.MjData, memory: FibreMemory) -> None:
@@ -156,12 +157,10 @@ class FakeArm:
 
     def _settle(self) -> None:
         """Come to rest under gravity, with nothing remembered of the way."""
-        damping = self._chain.model.dof_damping.copy()
-        self._chain.model.dof_damping[:] *= SETTLING_DAMPING
         inputs = PlantInputs(np.zeros(self.chambers))
         for _ in range(int(SETTLING_TIME / self._parameters.step)):
             self._step(inputs, settling=True)
-        self._chain.model.dof_damping[:] = damping
+        self._chain.model.dof_damping[:] = self._damping
         self._data.qvel[:] = 0.0
         self._steps = 0
         mujoco.mj_step1(self._chain.model, self._data)
@@ -182,10 +181,19 @@ class FakeArm:
             self._modulus_factor(), settling,
         )  # fmt: skip
         self._data.qfrc_applied[self._balls] = forces
+        self._damp(settling)
         self._apply_loads(inputs)
         mujoco.mj_step2(self._chain.model, self._data)
         mujoco.mj_step1(self._chain.model, self._data)
         self._steps += 1
+
+    def _damp(self, settling: bool) -> None:
+        """Set the viscosity, which may depend on the speed of the tip."""
+        if settling:
+            self._chain.model.dof_damping[:] = SETTLING_DAMPING * self._damping
+        elif self._parameters.damping_rise > 0.0:
+            slow = np.exp(-np.linalg.norm(self._velocity(-1)) / self._parameters.damping_speed)
+            self._chain.model.dof_damping[:] = (1.0 + self._parameters.damping_rise * slow) * self._damping
 
     def _modulus_factor(self) -> float:
         """Give the scale of all moduli at this temperature."""

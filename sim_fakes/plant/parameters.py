@@ -266,6 +266,9 @@ class ArmParameters:
         cord_stiffness: Of the gauge's cord and spring [N/m].
         cord_damping: Of the taut cord [N s/m].
         density_factor: Scale of the silicone's mass.
+        damping_rise: How much more viscous the arm is at rest than in fast motion; a swing that dies is damped
+            ever more, as recorded on a silicone beam.
+        damping_speed: Speed of the tip over which that goes [m/s].
         mount: Where it is clamped.
         step: Time step [s].
     """
@@ -285,8 +288,10 @@ class ArmParameters:
     cord_stiffness: float = 1500.0
     cord_damping: float = 1.0
     density_factor: float = 1.0
+    damping_rise: float = 0.0
+    damping_speed: float = 0.1
     mount: Mount = field(default_factory=Mount)
-    step: float = 0.002
+    step: float = 0.0025
 
     @property
     def sections(self) -> tuple[str, ...]:

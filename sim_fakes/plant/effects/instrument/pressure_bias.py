@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Bias:
-    """Give more or less than asked, except when vented."""
+    """Give more or less than asked, except when vented; the valve's own sensor does not see it."""
 
     bias: float
     mask: NDArray[np.bool_]
@@ -24,9 +24,10 @@ class Bias:
         return np.where(driven, np.maximum(0.0, value + self.bias), value)
 
 
-def make(signal: str, where: Where, numbers: Numbers) -> Filter:  # noqa: ARG001
-    """Make the filter of the valves."""
-    return Bias(numbers["bias"], chamber_mask(where))
+def make(signal: str, where: Where, numbers: Numbers) -> Filter:
+    """Make the filter of the valves, or of what they say of the pressure they give."""
+    bias = numbers["bias"] if signal == "valve" else -numbers["bias"]
+    return Bias(bias, chamber_mask(where))
 
 
 EFFECT = InstrumentEffect(
@@ -34,6 +35,6 @@ EFFECT = InstrumentEffect(
     "bias",
     {"bias": Quantity("Pa", 2e3, 0.7e3, 5e3)},
     ("chamber",),
-    signals=("valve",),
+    signals=("valve", "pressure"),
     make=make,
 )
