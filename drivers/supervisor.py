@@ -13,6 +13,7 @@ from drivers.backoff import Backoff
 from drivers.clock import NANOSECONDS, Clock, monotonic
 from drivers.errors import ConnectionLost, DeviceError, ProtocolError
 from drivers.health import Health
+from drivers.tasks import finish
 
 logger = logging.getLogger(__name__)
 
@@ -146,9 +147,7 @@ class Supervisor:
         """End the session, which leaves the device safe, and the attempts."""
         task, self._task = self._task, None
         if task is not None:
-            task.cancel()
-            # Not `await task`: cancelling this wait must not cut short what leaves the device safe.
-            await asyncio.wait({task})
+            await finish(task, cancel=True)
         self._enter(State.DISCONNECTED)
         self.health.alarms.clear_all()
 
@@ -247,9 +246,7 @@ class Supervisor:
                 if task in done:
                     task.result()
         finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await finish(*tasks, cancel=True)
 
     async def _watch(self) -> None:
         """Notice silence: degraded without valid readings, lost without any sign of life."""
@@ -278,15 +275,7 @@ class Supervisor:
 
     async def _close(self, session: Session) -> None:
         """Close a session to the end, even when cancelled: this is what leaves the device safe."""
-        closing = asyncio.create_task(self._close_in_time(session), name=f"{self.device} close")
-        cancelled = False
-        while not closing.done():
-            try:
-                await asyncio.wait({closing})
-            except asyncio.CancelledError:
-                cancelled = True
-        if cancelled:
-            raise asyncio.CancelledError
+        await finish(asyncio.create_task(self._close_in_time(session), name=f"{self.device} close"))
 
     async def _close_in_time(self, session: Session) -> None:
         try:

@@ -6,6 +6,7 @@ Motion Terminal (a status word and two pressures per slot). Words are signed: th
 electronics gives "sign + 15 bit, two's complement".
 """
 
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -88,11 +89,8 @@ class MpaLayout:
 
     def decode(self, words: Sequence[int]) -> TerminalInputs:
         """Read actual pressure, set-point echo and diagnosis of each valve."""
-        return TerminalInputs(
-            tuple(signed(word) for word in words[0::3]),
-            tuple(signed(word) for word in words[1::3]),
-            tuple(words[2::3]),
-        )
+        pressures = signed_all(words)
+        return TerminalInputs(pressures[0::3], pressures[1::3], tuple(words[2::3]))
 
     def encode(self, counts: Sequence[int]) -> list[int]:
         """Write one set-point per word."""
@@ -100,7 +98,7 @@ class MpaLayout:
 
     def echo_of_outputs(self, words: Sequence[int]) -> tuple[int, ...]:
         """Read the set-points back."""
-        return tuple(signed(word) for word in words)
+        return signed_all(words)
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,9 +176,9 @@ class SlotStatus:
         return self.mode == VTEM_PRESSURE_APP and self.state == VTEM_RUNNING
 
 
-def signed(word: int) -> int:
-    """Read a word as two's complement."""
-    return word - 0x10000 if word & 0x8000 else word
+def signed_all(words: Sequence[int]) -> tuple[int, ...]:
+    """Read words as two's complement."""
+    return struct.unpack(f"{len(words)}h", struct.pack(f"{len(words)}H", *words))
 
 
 def unsigned(count: int) -> int:
@@ -191,4 +189,5 @@ def unsigned(count: int) -> int:
 
 
 def _pairs(words: Sequence[int]) -> tuple[int, ...]:
-    return tuple(signed(word) for slot in range(0, len(words), 3) for word in words[slot + 1 : slot + 3])
+    pressures = signed_all(words)
+    return tuple(pressures[index] for index in range(len(pressures)) if index % 3)

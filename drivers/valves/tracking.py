@@ -81,7 +81,7 @@ class Extreme:
         if self._before is None:
             self._before = value
         # The value held until now counts up to now, so that a jump is inside the window for its whole length.
-        for entry in (self._before, value):
+        for entry in (value,) if value == self._before else (self._before, value):
             while self._entries and self._sign * (self._entries[-1][1] - entry) <= 0:
                 self._entries.pop()
             self._entries.append((now_ns, entry))

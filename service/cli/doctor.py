@@ -15,7 +15,7 @@ from drivers.device import Device
 from drivers.errors import DeviceError, DeviceErrors
 from drivers.reading import Reading
 from drivers.registry import load_devices
-from drivers.supervisor import State
+from drivers.supervisor import ALIVE, State
 from estimator.errors import InputError
 from service.cli.output import Cell, Table, json_option, progress, show
 
@@ -199,7 +199,7 @@ def describe(config: DriverConfig, device: Device, tally: Tally) -> Examination:
         "device": config.name,
         "kind": config.kind,
         "address": device.source,
-        "state": str(device.state),
+        "state": str(_standing(device)),
         "rate_hz": tally.rate_hz,
         "readings": tally.readings,
         "invalid": tally.invalid,
@@ -210,10 +210,15 @@ def describe(config: DriverConfig, device: Device, tally: Tally) -> Examination:
     return Examination(row, tuple(_findings(config.name, device, tally)), dict(health.facts))
 
 
+def _standing(device: Device) -> State:
+    """Tell the state; between two attempts in vain that is a fault."""
+    return device.state if device.state in ALIVE or not device.health.failures else State.FAULT
+
+
 def _findings(name: str, device: Device, tally: Tally) -> list[Finding]:
     health = device.health
     found = []
-    if device.state is not State.STREAMING and device.state is not State.DEGRADED:
+    if device.state not in ALIVE:
         found.append(_of_error(name, health.last_error))
     elif not tally.readings:
         found.append(Finding(name, True, "answers, but sends no reading", "start its measurement"))

@@ -10,7 +10,7 @@ from drivers.errors import LimitError
 from drivers.valves.echo import EchoMonitor, Verdict
 from drivers.valves.limits import PressureLimits, limit_lifetime, limit_step
 from drivers.valves.pressures import ChamberMap
-from drivers.valves.registers import MpaLayout, SlotStatus, VtemLayout, signed, unsigned
+from drivers.valves.registers import MpaLayout, SlotStatus, VtemLayout, signed_all, unsigned
 from drivers.valves.tracking import TrackingMonitor
 
 words = st.integers(0, 0xFFFF)
@@ -19,8 +19,7 @@ counts = st.integers(-0x8000, 0x7FFF)
 
 @given(counts)
 def test_words_are_signed(count):
-    assert signed(unsigned(count)) == count
-    assert signed(0xFFFF) == -1
+    assert signed_all([unsigned(count), 0xFFFF, 0x7FFF]) == (count, -1, 32767)
 
 
 @pytest.mark.parametrize("count", [0x8000, -0x8001, 70_000])
@@ -33,8 +32,9 @@ def test_a_count_that_does_not_fit_is_refused(count):
 def test_mpa_words_fall_to_their_valves(block):
     inputs = MpaLayout().decode(block)
     for valve in range(16):
-        assert inputs.actual[valve] == signed(block[3 * valve])
-        assert inputs.echo[valve] == signed(block[3 * valve + 1])
+        assert inputs.actual[valve] % 0x10000 == block[3 * valve]
+        assert -0x8000 <= inputs.actual[valve] <= 0x7FFF
+        assert inputs.echo[valve] % 0x10000 == block[3 * valve + 1]
         assert inputs.diagnosis[valve] == block[3 * valve + 2]
 
 
@@ -52,7 +52,7 @@ def test_a_vtem_slot_that_does_not_regulate_shows(block):
         word = block[3 * slot]
         healthy = word & 0x3F == 3 and word >> 6 & 3 == 2
         assert inputs.diagnosis[2 * slot] == (0 if healthy else word)
-        assert inputs.actual[2 * slot + 1] == signed(block[3 * slot + 2])
+        assert inputs.actual[2 * slot + 1] % 0x10000 == block[3 * slot + 2]
     assert inputs.echo is None
 
 

@@ -5,7 +5,7 @@ from random import Random
 
 from drivers.errors import ConnectionLost
 from drivers.valves.bank import ValveBank
-from drivers.valves.config import MpaConfig
+from drivers.valves.config import MpaConfig, VtemConfig
 from drivers.valves.link import NoAnswer, Refused
 
 TIMEOUT_S = 0.1
@@ -138,6 +138,17 @@ CONFIG = {
 def build(virtual, terminal, sink=lambda reading: None, *, observe=False, **changes):
     """A bank on a terminal in memory."""
     config = MpaConfig.model_validate({**CONFIG, **changes})
+    return on_memory(config, virtual, terminal, sink, observe)
+
+
+def build_vtem(virtual, terminal, sink=lambda reading: None):
+    """A bank on a VTEM terminal in memory."""
+    config = VtemConfig.model_validate({**CONFIG, "kind": "festo_vtem"})
+    return on_memory(config, virtual, terminal, sink, observe=False)
+
+
+def on_memory(config, virtual, terminal, sink, observe):
+    """What the configuration builds, with the link exchanged."""
     built = config.build(sink, virtual.clock, observe=observe)
 
     async def open_link(bank):
@@ -149,7 +160,7 @@ def build(virtual, terminal, sink=lambda reading: None, *, observe=False, **chan
         "valves",
         config.source,
         open_link,
-        layout=config.layout(),
+        layout=built.layout,
         chambers=built.chambers,
         limits=built.limits,
         settings=built.settings,
