@@ -1,0 +1,262 @@
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.errors import LimitError
+from estimator.model import Load
+from service.api.commands import VERBS, Applied, Refused
+from service.config import ControlSettings, SafetySettings
+from service.control.controller import Controller
+from service.control.knowledge import Knowledge
+from service.control.poses import PoseStore
+from service.control.recorder import Recorder
+from service.control.verbs import Context, Verbs
+from service.estimation.messages import EstimationResult, HoldAnswer
+from service.safety.findings import Finding
+from service.safety.modes import PRESSURISED, Event, Mode
+
+LIMIT = 65e3
+LOADS = tuple(
+    Load(f"{section}_{axis}", "force", direction, section=section)
+    for section in ("intermediate", "tip")
+    for axis, direction in {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}.items()
+)
+SECOND = 1_000_000_000
+
+
+class Valves:
+    """Valves as the controller sees them, remembering what they were told."""
+
+    def __init__(self):
+        self.armed, self.pressures, self.vents = False, (0.0,) * 6, 0
+
+    def arm(self):
+        self.armed = True
+
+    def vent(self, reason):
+        self.armed, self.pressures = False, (0.0,) * 6
+        self.vents += 1
+
+    def command(self, setpoint, lifetime_s):
+        assert self.armed
+        if not all(0.0 <= p <= LIMIT for p in setpoint):
+            raise LimitError(
+                "valves", "set-point out of range", "ask for less", value=max(setpoint), limit=LIMIT
+            )
+        self.pressures = tuple(setpoint)
+
+
+def hold_answer(pressure=20e3):
+    return HoldAnswer(np.full(6, pressure), reachable=True, note="")
+
+
+def result(hold=None, loads=(0.0, 0.0, 0.0, 0.0)):
+    return EstimationResult(
+        request_time_s=0.0,
+        newest_arrival_ns=0,
+        converged=True,
+        loads=np.array(loads),
+        load_covariance=1e-4 * np.eye(4),
+        positions=np.zeros((3, 3)),
+        quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)),
+        frame_std=np.zeros((3, 6)),
+        innovation_squared=1.0,
+        degrees_of_freedom=1.0,
+        hold=hold,
+    )
+
+
+class Bench:
+    """The control side of a service without devices, network or clock."""
+
+    def __init__(self, tmp_path):
+        self.now_ns = 0
+        self.unix_ns = 10**18
+        self.valves = Valves()
+        self.controller = Controller(
+            self.valves, np.full(6, LIMIT), ControlSettings(), SafetySettings(lease_s=1.0)
+        )
+        sections = ("base", "intermediate", "tip")
+        self.knowledge = Knowledge(sections, LOADS, lambda _: ("imu",))
+        self.knowledge.take(result(hold_answer()), 0)
+        self.faults = ()
+        context = Context(
+            self.controller,
+            self.knowledge,
+            Recorder(tmp_path / "recordings"),
+            PoseStore(tmp_path / "poses.json"),
+            {},
+            lambda _: self.faults,
+            lambda: self.now_ns,
+            lambda: self.unix_ns,
+        )
+        self.verbs = Verbs(context)
+        self.sequence = 0
+        self.token = ""
+        self.controller.fire(Event.READY, "test")
+
+    async def send(self, verb, **fields):
+        self.sequence += 1
+        request = {
+            "deadline_unix_ns": self.unix_ns + SECOND,
+            "sequence": self.sequence,
+            "client": "test",
+        }
+        if "lease" in VERBS[verb].model_fields and self.token:
+            request["lease"] = self.token
+        return await self.verbs.answer(verb, json.dumps(request | fields).encode())
+
+    async def acquire(self):
+        self.token = (await self.send("lease/acquire")).applied["lease"]
+
+    async def armed(self):
+        await self.acquire()
+        await self.send("arm")
+        return self
+
+    def tick(self, seconds=0.01):
+        self.now_ns += round(seconds * 1e9)
+        return self.controller.tick(self.now_ns, seconds, self.knowledge.hold)
+
+    @property
+    def mode(self):
+        return self.controller.modes.mode
+
+
+@pytest.fixture
+def bench(tmp_path):
+    return Bench(tmp_path)
+
+
+def code(answer):
+    return answer.code if isinstance(answer, Refused) else None
+
+
+async def test_every_verb_is_served(bench):
+    for verb in VERBS:
+        assert code(await bench.send(verb, lease="x")) != "internal"
+
+
+async def test_moving_needs_the_lease_and_stop_does_not(bench):
+    assert code(await bench.send("arm", lease="guess")) == "no_lease"
+    await bench.armed()
+    assert bench.mode is Mode.ARMED
+    bench.token = ""
+    assert isinstance(await bench.send("stop"), Applied)
+    assert bench.mode is Mode.FAULTED
+    assert not bench.valves.armed
+
+
+async def test_set_point_is_applied_expires_and_vents(bench):
+    await bench.armed()
+    answer = await bench.send("set_pressures", pressures_pa=[1e4] * 6, lifetime_s=0.5)
+    assert answer.applied["asked_pa"] == [1e4] * 6
+    bench.tick(0.4)
+    assert bench.valves.pressures == (1e4,) * 6
+    bench.tick(0.2)
+    np.testing.assert_array_equal(bench.controller.asked, np.zeros(6))
+
+
+async def test_out_of_limit_is_refused_and_nothing_moves(bench):
+    await bench.armed()
+    await bench.send("set_pressures", pressures_pa=[1e4] * 6, lifetime_s=5)
+    answer = await bench.send("set_pressures", pressures_pa=[7e4] + [0.0] * 5, lifetime_s=5)
+    assert code(answer) == "out_of_limit"
+    bench.tick()
+    assert bench.valves.pressures == (1e4,) * 6
+
+
+async def test_lost_lease_vents(bench):
+    await bench.armed()
+    await bench.send("set_pressures", pressures_pa=[1e4] * 6, lifetime_s=5)
+    transition = bench.tick(1.1)
+    assert transition.event is Event.LEASE_LOST
+    assert bench.mode is Mode.IDLE
+    assert bench.valves.pressures == (0.0,) * 6
+
+
+async def test_late_repeated_and_malformed_commands_are_refused(bench):
+    await bench.armed()
+    late = await bench.send("disarm", deadline_unix_ns=bench.unix_ns - 1)
+    again = await bench.send("disarm", sequence=1)
+    odd = await bench.verbs.answer("disarm", b"{")
+    unknown = await bench.verbs.answer("dance", b"{}")
+    assert [code(answer) for answer in (late, again, odd, unknown)] == [
+        "stale",
+        "stale",
+        "malformed",
+        "malformed",
+    ]
+    assert bench.mode is Mode.ARMED
+
+
+async def test_fault_that_stands_keeps_from_arming_and_clearing(bench):
+    bench.faults = (Finding("valves_lost", "valves", "fault", "gone", "look"),)
+    await bench.acquire()
+    assert code(await bench.send("arm")) == "not_available"
+    await bench.send("stop")
+    assert code(await bench.send("clear")) == "not_available"
+    bench.faults = ()
+    assert (await bench.send("clear")).applied == {"cleared": "stopped by test"}
+    assert bench.mode is Mode.IDLE
+
+
+async def test_teach_hold_ramps_without_a_bump_then_saves_and_returns(bench):
+    await bench.armed()
+    await bench.send("teach/start")
+    await bench.send("teach/hold", ramp_s=1.0)
+    seen = []
+    for _ in range(150):
+        bench.tick()
+        await bench.send("lease/acquire", lease=bench.token)
+        seen.append(bench.valves.pressures[0])
+    assert max(np.abs(np.diff([0.0, *seen]))) < 1.6 * 20e3 * 0.01
+    assert seen[-1] == pytest.approx(20e3, rel=1e-3)
+    await bench.send("teach/save", name="a")
+    await bench.send("teach/release")
+    assert bench.mode is Mode.ARMED
+    bench.tick()
+    assert bench.valves.pressures[0] == pytest.approx(20e3, rel=1e-3)
+    assert set((await bench.send("teach/list")).applied) == {"a"}
+    assert (await bench.send("teach/goto", name="a")).mode == Mode.HOLDING
+    assert code(await bench.send("teach/goto", name="b")) == "not_available"
+
+
+async def test_set_points_are_refused_while_holding(bench):
+    await bench.armed()
+    await bench.send("teach/hold")
+    answer = await bench.send("set_pressures", pressures_pa=[0.0] * 6, lifetime_s=1)
+    assert code(answer) == "wrong_mode"
+
+
+async def test_recording_starts_and_stops(bench):
+    path = (await bench.send("record/start", name="run")).applied["path"]
+    assert code(await bench.send("record/start")) == "not_available"
+    assert (await bench.send("record/stop")).applied == {"path": path, "dropped": 0}
+
+
+@settings(max_examples=60, deadline=None)
+@given(verbs=st.lists(st.sampled_from([*VERBS, "tick", "late tick"]), max_size=25))
+async def test_pressure_only_in_pressurised_modes(tmp_path_factory, verbs):
+    bench = Bench(tmp_path_factory.mktemp("bench"))
+    await bench.acquire()
+    for verb in verbs:
+        if verb.endswith("tick"):
+            bench.tick(1.5 if verb == "late tick" else 0.01)
+        else:
+            fields = {
+                "set_pressures": {"pressures_pa": [1e4] * 6, "lifetime_s": 1.0},
+                "teach/goto": {"name": "a"},
+                "teach/save": {"name": "a"},
+            }.get(verb, {})
+            answer = await bench.send(verb, **fields)
+            if verb == "lease/acquire" and isinstance(answer, Applied):
+                bench.token = answer.applied["lease"]
+        if bench.mode not in PRESSURISED:
+            assert not bench.valves.armed
+            assert bench.valves.pressures == (0.0,) * 6
+    bench.controller.fire(Event.FAULT, "test")
+    assert not bench.valves.armed
