@@ -306,11 +306,20 @@ class Service:
             for sensor in self._setup.config.sensors
         } | {self._valves_name: self._readings.age_s(self._valves_name, now_ns)}
         recording = None if self._recorder.path is None else str(self._recorder.path)
+        gauges = self._gauges(now_ns)
         self._bus.publish(
             "state",
-            self._publisher.state(applied, measured, ages, self._ticks, self._overruns, recording),
+            self._publisher.state(applied, measured, gauges, ages, self._ticks, self._overruns, recording),
         )
         self._bus.publish("mismatch", self._publisher.mismatch(self._test, recording))
+
+    def _gauges(self, now_ns: int) -> dict[str, float | None]:
+        found = {}
+        for sensor in self._setup.config.sensors:
+            if sensor.kind == "gauge":
+                sample = self._readings.fresh(channel(sensor), now_ns)
+                found[sensor.section] = None if sample is None else sample.values[0]
+        return found
 
     def _slow_values(self) -> dict[str, Callable[[], bytes]]:
         config, specimen = self._setup.config, self._setup.specimen

@@ -17,7 +17,6 @@ from estimator.errors import InputError
 
 READY_TIMEOUT_S = 120.0
 END_TIMEOUT_S = 25.0
-RIGID_BODIES = {"0": "base", "1": "intermediate", "2": "tip"}
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ def _device_table(device: Mapping[str, Any]) -> dict[str, Any]:
             "maximum_pa": 65e3,
         }
     if device["kind"] == "qualisys":
-        return table | {"host": device["host"], "port": device["port"], "bodies": RIGID_BODIES}
+        return table | {"host": device["host"], "port": device["port"]}
     return table | {"port": device["path"]}
 
 

@@ -71,6 +71,7 @@ class Publisher:
         self,
         applied: Floats,
         measured: Floats,
+        gauges_n: Mapping[str, float | None],
         ages_s: Mapping[str, float | None],
         ticks: int,
         overruns: int,
@@ -89,6 +90,7 @@ class Publisher:
             applied_pa=tuple(applied.tolist()),
             measured_pa=tuple(None if np.isnan(p) else float(p) for p in measured),
             sections=self._knowledge.sections,
+            gauges_n=dict(gauges_n),
             ages_s=dict(ages_s),
             lease=LeaseState(
                 holder=controller.lease.holder(now_ns), remaining_s=controller.lease.remaining_s(now_ns)
