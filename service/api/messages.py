@@ -64,7 +64,7 @@ class State(Message):
     applied_pa: tuple[float, ...] = Field(description="Gauge pressures after limits and slew.")
     measured_pa: tuple[float | None, ...] = Field(description="Gauge pressures measured; null when lost.")
     gauges_n: dict[str, float | None] = Field(
-        default_factory=dict, description="Pull on each force gauge by its section; null when lost."
+        description="Pull on each force gauge by its section; null when lost."
     )
     sections: tuple[SectionPose, ...] = Field(description="Section poses of the last estimate.")
     ages_s: dict[str, float | None] = Field(description="Age of the last valid reading of every input.")
