@@ -29,7 +29,7 @@ class FakeArm:
     Args:
         parameters: Of the arm without concealed effects; SoPrA when left out.
         effects: What is concealed in it.
-        start: Time at which it hangs at rest, vented [s].
+        start: Time at which it hangs at rest, vented [s]; it has warmed since time 0.
     """
 
     def __init__(
@@ -198,7 +198,7 @@ class FakeArm:
     def _modulus_factor(self) -> float:
         """Give the scale of all moduli at this temperature."""
         warming = self._parameters.warming
-        return 1.0 - warming.change * float(np.expm1(-(self._time - self._start) / warming.time))
+        return 1.0 - warming.change * float(np.expm1(-self._time / warming.time))
 
     def _apply_loads(self, inputs: PlantInputs) -> None:
         """Put every load on its body, and keep the sums per section in the base frame."""

@@ -29,6 +29,8 @@ class Laboratory:
         instruments: How well is measured.
         streams: What is recorded.
         valve: The valves; drawn from the seed when left out.
+        session_start: Time since the laboratory was switched on at which the run begins [s]; warming and
+            drifting go on from there.
     """
 
     arm: ArmParameters = field(default_factory=sopra)
@@ -36,6 +38,7 @@ class Laboratory:
     instruments: Instruments = field(default_factory=Instruments)
     streams: Streams = field(default_factory=Streams)
     valve: Valve | None = None
+    session_start: float = 0.0
 
     def mounted(self, mount: Mount) -> "Laboratory":
         """The same arm in another mount."""
@@ -74,7 +77,7 @@ def generate(laboratory: Laboratory, manoeuvre: Manoeuvre, seed: int) -> Generat
     """
     rng = np.random.default_rng(seed)
     concealed = laboratory.concealed
-    arm = FakeArm(laboratory.arm, arm_effects(concealed))
+    arm = FakeArm(laboratory.arm, arm_effects(concealed), laboratory.session_start)
     valve = laboratory.valve or draw_valve(rng, arm.chambers)
     given = outlet(valve, manoeuvre.commands, filters(concealed, "valve"))
     run = perform(arm, manoeuvre, given)
@@ -95,6 +98,7 @@ def _info(laboratory: Laboratory, manoeuvre: Manoeuvre) -> dict[str, Any]:
         "rate_hz": 1.0 / SAMPLE,
         "pressure_source": "measured" if laboratory.streams.measured else "commanded",
         "manoeuvre": manoeuvre.name,
+        "session_start_s": laboratory.session_start,
         "mount_position_m": list(mount.position),
         "mount_quaternion": list(mount.quaternion),
         "gravity_m_s2": [float(round(component, 9)) for component in gravity_in_base(laboratory.arm)],

@@ -38,6 +38,11 @@ def random_pressures(rng: Random, highest: float = HIGHEST) -> Floats:
     return pressures
 
 
+def one_of_each(rng: Random) -> tuple[int, int]:
+    """Draw a chamber of the upper and one of the lower segment."""
+    return int(rng.integers(3)), 3 + int(rng.integers(3))
+
+
 def random_holds(
     rng: Random, seconds: float = 60.0, hold: float = 5.0, ramp: float = 0.4, highest: float = HIGHEST
 ) -> Manoeuvre:

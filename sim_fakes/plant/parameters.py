@@ -84,7 +84,7 @@ class Segment:
     length: float
     radii: tuple[float, float]
     mass: float
-    links: int = 10
+    links: int = 8
     modulus: float = 300e3
     exponent: float = 1.5
     torsion: float = 0.22
@@ -266,7 +266,7 @@ class ArmParameters:
         cord_stiffness: Of the gauge's cord and spring [N/m].
         cord_damping: Of the taut cord [N s/m].
         density_factor: Scale of the silicone's mass.
-        damping_rise: How much more viscous the arm is at rest than in fast motion; a swing that dies is damped
+        damping_rise: How much more viscous the arm is at rest than in fast motion; a dying swing is damped
             ever more, as recorded on a silicone beam.
         damping_speed: Speed of the tip over which that goes [m/s].
         mount: Where it is clamped.

@@ -25,6 +25,20 @@ def vector_quaternion(vector: Floats) -> Floats:
     return np.array([np.cos(0.5 * angle), *(share * vector)])
 
 
+def quaternion_vector(quaternion: Floats) -> Floats:
+    """Turn a unit quaternion into the rotation vector of the shorter way [rad], shape (3,)."""
+    w, axis = float(quaternion[0]), np.asarray(quaternion[1:])
+    if w < 0.0:
+        w, axis = -w, -axis
+    sine = float(np.linalg.norm(axis))
+    return np.asarray((2.0 * np.arctan2(sine, w) / sine if sine > 1e-12 else 2.0) * axis)
+
+
+def inverse(quaternion: Floats) -> Floats:
+    """Invert a unit quaternion, shape (4,)."""
+    return np.asarray(quaternion * np.array([1.0, -1.0, -1.0, -1.0]))
+
+
 def product(first: Floats, second: Floats) -> Floats:
     """Multiply quaternions: the rotation ``second`` followed by ``first``, shape (..., 4)."""
     a, b = np.moveaxis(first, -1, 0), np.moveaxis(second, -1, 0)

@@ -1,7 +1,7 @@
 """Sealed trials: an arm and what is concealed in it, both drawn by a seed."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,12 +17,27 @@ from sim_fakes.plant.effects import (
 )
 from sim_fakes.plant.generate import Laboratory
 from sim_fakes.plant.manoeuvre import Manoeuvre
-from sim_fakes.plant.manoeuvres import LIBRARY
+from sim_fakes.plant.manoeuvres import (
+    co_contraction,
+    directions,
+    each_alone,
+    growing_cycles,
+    long_holds,
+    one_of_each,
+    pulled_steps,
+    ramps,
+    random_holds,
+    random_pressures,
+    staircase,
+    steps,
+    triangles,
+)
 from sim_fakes.plant.mounts import MOUNTS
 from sim_fakes.plant.variants import variant
 
 Random = np.random.Generator
 
+PAUSE = 20.0
 KINDS = ("null", "single", "pair", "triple", "foreign")
 SENSORS = {"pose": ("frame_intermediate", "frame_tip"), "bend": ("bend_intermediate", "bend_tip")}
 DRAWN = {
@@ -47,6 +62,20 @@ RUNS = (
     ("each_alone", "sideways"),
     ("random_holds", "hanging"),
 )
+SHORT: dict[str, Callable[[Random], Manoeuvre]] = {
+    "growing_cycles": lambda rng: growing_cycles(one_of_each(rng), cycle=5.0),
+    "random_holds": lambda rng: random_holds(rng, seconds=40.0),
+    "ramps": lambda rng: ramps(rng, durations=(4.0, 12.0)),
+    "long_holds": lambda rng: long_holds(rng, hold=30.0, count=1),
+    "each_alone": lambda rng: each_alone(ramp=3.0, hold=1.0, highest=float(rng.uniform(40e3, 55e3))),
+    "triangles": lambda rng: triangles(one_of_each(rng)),
+    "steps": lambda rng: steps(rng, count=4),
+    "staircase": lambda rng: staircase(rise=float(rng.uniform(1.2e3, 1.6e3)), hold=1.0, top=8e3),
+    "co_contraction": lambda rng: co_contraction(ramp=3.0, highest=float(rng.uniform(35e3, 45e3))),
+    "pulled_steps": lambda rng: pulled_steps(
+        count=6, ways=directions(2), pressures=random_pressures(rng, 20e3)
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -88,8 +117,8 @@ def draw(seed: int, kind: str, background: float = 1.0, only: tuple[str, ...] = 
 
     Args:
         seed: Which one.
-        kind: ``null`` for nothing concealed, ``single``, ``pair`` or ``triple`` for effects of the vocabulary,
-            ``foreign`` for one outside it.
+        kind: ``null`` for nothing concealed, ``single``, ``pair`` or ``triple`` for effects of the
+            vocabulary, ``foreign`` for one outside it.
         background: Scale of what every arm has of creep, hysteresis and the like.
         only: Names to draw from; all of the kind when left out.
 
@@ -109,7 +138,7 @@ def draw(seed: int, kind: str, background: float = 1.0, only: tuple[str, ...] = 
 
 
 def draw_effect(rng: Random, known: Effect) -> Concealed:
-    """Draw the place and the size of one effect: sizes even on a logarithmic scale where they keep their sign."""
+    """Draw the place and the size of one effect; sizes of one sign are even on a logarithmic scale."""
     where = {place: _choose(rng, DRAWN[place]) for place in known.places if place in DRAWN}
     if "sensor" in known.places:
         where["sensor"] = _choose(rng, SENSORS["pose"])
@@ -146,17 +175,18 @@ def _size(rng: Random, quantity: Quantity) -> float:
 def _runs(
     prefix: str, laboratory: Laboratory, plan: tuple[tuple[str, str], ...], seed: int
 ) -> tuple[Run, ...]:
-    """Lay out the runs of an arm."""
-    runs = []
+    """Lay out the runs of an arm, one session with pauses."""
+    runs, clock = [], 0.0
     for number, (name, mount) in enumerate(plan):
         own = [seed, number, len(plan)]
-        library: Callable[[Random], Manoeuvre] = LIBRARY[name]
+        manoeuvre = SHORT[name](np.random.default_rng(own))
         runs.append(
             Run(
                 f"{prefix}_{number:02d}_{name}_{mount}",
-                laboratory.mounted(MOUNTS[mount]),
-                library(np.random.default_rng(own)),
+                replace(laboratory.mounted(MOUNTS[mount]), session_start=clock),
+                manoeuvre,
                 int(np.random.default_rng([*own, 1]).integers(2**31)),
             )
         )
+        clock += manoeuvre.duration + PAUSE
     return tuple(runs)

@@ -1,4 +1,4 @@
-"""Other arms of the same drawing: cast tolerances, another batch of rubber, another make of the fake itself."""
+"""Other arms of the same drawing: cast tolerances, another batch of rubber, another make of the fake."""
 
 from dataclasses import dataclass, replace
 
@@ -69,7 +69,7 @@ def _segment(rng: Random, segment: Segment, spread: float, background: float) ->
         segment,
         radii=(radii[0], radii[1]),
         mass=segment.mass * _about(rng, 0.01, spread),
-        links=int(rng.integers(9, 13)) if spread > 0.0 else segment.links,
+        links=int(rng.integers(6, 10)) if spread > 0.0 else segment.links,
         modulus=segment.modulus * _about(rng, 0.08, spread),
         exponent=segment.exponent + 0.5 * spread * float(rng.uniform(-1.0, 1.0)),
         torsion=segment.torsion * _about(rng, 0.1, spread),

@@ -12,23 +12,19 @@ from sim_fakes.plant.effects.places import azimuth
 Floats = NDArray[np.float64]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Drift:
-    """Add what has grown since the first reading."""
+    """Add what has grown since time 0."""
 
     signal: str
     vector: Floats
     offset: float
-    start: float | None = None
 
     def update(self, time: float, value: Floats) -> Floats:
         """Pass a reading through."""
-        if self.start is None:
-            self.start = time
-        age = time - self.start
         if self.signal in ("pose", "bend"):
-            return turned(self.signal, value, age * self.vector)
-        return value + age * self.offset
+            return turned(self.signal, value, time * self.vector)
+        return value + time * self.offset
 
 
 def make(signal: str, where: Where, numbers: Numbers) -> Filter:

@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_fakes.plant.effects.effect import Filter, InstrumentEffect, Numbers, Quantity, Where
+from sim_fakes.plant.rotations import inverse, product, quaternion_vector, vector_quaternion
 
 Floats = NDArray[np.float64]
 
 
 @dataclass
 class Scale:
-    """Scale a bend or a pull; of a pose, the distance from its first position."""
+    """Scale a bend or a pull; of a pose, the way and the turn from the first reading."""
 
     signal: str
     factor: float
@@ -23,8 +24,11 @@ class Scale:
         if self.signal != "pose":
             return value * self.factor
         if self.first is None:
-            self.first = value[:3].copy()
-        return np.concatenate([self.first + self.factor * (value[:3] - self.first), value[3:]])
+            self.first = value.copy()
+        place, turn = self.first[:3], self.first[3:]
+        moved = place + self.factor * (value[:3] - place)
+        turned = quaternion_vector(product(inverse(turn), value[3:]))
+        return np.concatenate([moved, product(turn, vector_quaternion(self.factor * turned))])
 
 
 def make(signal: str, where: Where, numbers: Numbers) -> Filter:  # noqa: ARG001

@@ -12,15 +12,17 @@ Floats = NDArray[np.float64]
 
 @dataclass
 class Stuck:
-    """Hold the reading at the start of the fault until its end."""
+    """Hold the reading at the start of the fault until its end, counted from the first reading."""
 
     start: float
     end: float
+    first: float | None = None
     held: Floats | None = None
 
     def update(self, time: float, value: Floats) -> Floats:
         """Pass a reading through."""
-        if not self.start <= time < self.end:
+        self.first = time if self.first is None else self.first
+        if not self.start <= time - self.first < self.end:
             return value
         if self.held is None:
             self.held = value.copy()
