@@ -46,6 +46,7 @@ logger = logging.getLogger(__name__)
 Floats = NDArray[np.float64]
 
 STATE_RATE_HZ = 20.0
+SHAPE_RATE_HZ = 10.0
 VALVE_KINDS = ("festo_mpa", "festo_vtem")
 SECOND_NS = 1_000_000_000
 
@@ -99,6 +100,7 @@ class Service:
                 self._blocking,
             )
         )
+        self._shape_every = max(1, round(config.control.rate_hz / SHAPE_RATE_HZ))
         self._ticks = 0
         self._overruns = 0
         self._late: deque[int] = deque(maxlen=1000)
@@ -212,6 +214,7 @@ class Service:
                 pressures,
                 gravity,
                 want_hold=teaching,
+                want_mesh=self._ticks % self._shape_every == 0 and self._bus.shape_wanted,
             )
         )
 
@@ -227,6 +230,8 @@ class Service:
                 result.sensor_innovations,
                 unix_ns,
             )
+        if result.nodes is not None:
+            self._bus.publish_shape(result.nodes.astype("<f4").tobytes())
         if self._snapshot is None:
             return
         estimate = self._publisher.estimate(self._snapshot)

@@ -110,7 +110,15 @@ def render() -> str:
     ]
     for name, model in STREAMS.items():
         lines += [f"### `{name}`", "", _summary(model), "", *_fields(model)]
-    lines += ["## Shared parts", ""]
+    lines += [
+        "### `shape`",
+        "",
+        "Not JSON: x, y, z [m] and von Mises stress [Pa] of every node of the specimen's mesh, little-endian",
+        "float32, published while somebody listens.",
+        "",
+        "## Shared parts",
+        "",
+    ]
     for part in SHARED:
         lines += [f"### {part.__name__}", "", _summary(part), "", *_fields(part)]
     lines += [

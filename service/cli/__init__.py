@@ -16,6 +16,7 @@ COMMANDS = {
     "plot": "Plot a recording.",
     "bench": "Run a benchmark and print its table.",
     "fakes": "Start the fake devices on real ports.",
+    "page": "Serve the operator page in the browser.",
     "vent": "Vent every chamber, whatever became of the service.",
     "doctor": "Say which configured devices answer, at what rate, with which fault.",
 }

@@ -64,7 +64,7 @@ class EstimationResult:
         sensor_innovations: Root mean square of each sensor's residual over its standard deviation.
         unobservable: What these readings cannot tell, in words.
         hold: Pressures that hold the pose, when they were asked for.
-        nodes: Positions of the mesh's nodes [m], shape (nodes, 3), when they were asked for.
+        nodes: Position [m] and stress [Pa] of the mesh's nodes, shape (nodes, 4), when they were asked for.
         solve_s: Time taken.
     """
 

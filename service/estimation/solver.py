@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from estimator.arm import build_arm
@@ -126,6 +127,18 @@ class Solver:
         wanted = np.clip(self._actuation.to_measured(reach.pressures), 0.0, self._limits)
         return HoldAnswer(wanted, reach.reachable, reach.statement)
 
-    def _nodes(self, estimate: Estimate[Any]) -> np.ndarray[Any, np.dtype[np.float32]]:
+    def _nodes(self, estimate: Estimate[Any]) -> NDArray[np.float32]:
+        """Give position [m] and von Mises stress [Pa] of every node, shape (nodes, 4)."""
         positions = self._model.mesh.points + estimate.state.displacement
-        return np.asarray(positions, dtype=np.float32)
+        _, stress = self._model.energy_and_stress(estimate.state)
+        nodes = np.zeros((len(positions), 4), dtype=np.float32)
+        nodes[:, :3] = positions
+        count = np.zeros(len(positions))
+        first = 0
+        for block in self._model.mesh.blocks:
+            on_elements = stress[first : first + len(block.connectivity)]
+            first += len(block.connectivity)
+            np.add.at(nodes[:, 3], block.connectivity, on_elements[:, None].astype(np.float32))
+            np.add.at(count, block.connectivity, 1.0)
+        nodes[:, 3] /= np.maximum(count, 1.0)
+        return nodes

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import zenoh
 from zenoh.ext import CacheConfig, declare_advanced_publisher
@@ -17,6 +17,7 @@ from service.network.inbox import Inbox
 from service.network.session import NetworkSettings, open_session
 
 COMMANDS_WAITING = 16
+SHAPE = "shape"
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,7 @@ class Bus:
         self._inbox: Inbox[Call] = Inbox(loop, COMMANDS_WAITING)
         self._session: zenoh.Session | None = None
         self._publishers: dict[str, zenoh.ext.AdvancedPublisher] = {}
+        self._shape: zenoh.Publisher | None = None
         self._declared: list[object] = []  # zenoh undeclares what nobody holds
 
     @property
@@ -87,6 +89,11 @@ class Bus:
                     congestion_control=zenoh.CongestionControl.DROP,
                     encoding=zenoh.Encoding(f"application/json;softarm.{name}/1"),
                 )
+            self._shape = self._session.declare_publisher(
+                self.keys.stream(SHAPE),
+                congestion_control=zenoh.CongestionControl.DROP,
+                encoding=zenoh.Encoding("application/octet-stream;float32"),
+            )
             for name, provider in slow_values.items():
                 self._declared.append(
                     self._session.declare_queryable(self.keys.query(name), _provide(provider))
@@ -116,6 +123,18 @@ class Bus:
     def publish(self, stream: str, message: Message) -> None:
         """Publish on a stream; a slow subscriber loses messages and never stops the service."""
         self._publishers[stream].put(message.model_dump_json().encode())
+
+    @property
+    def shape_wanted(self) -> bool:
+        """Whether anybody listens to the shape."""
+        # The wheel's stub says bool; what comes is an object that is always true and carries the answer.
+        status: Any = None if self._shape is None else self._shape.matching_status
+        return bool(getattr(status, "matching", status))
+
+    def publish_shape(self, nodes: bytes) -> None:
+        """Publish the shape: x, y, z [m] and stress [Pa] of every node, little-endian float32."""
+        if self._shape is not None:
+            self._shape.put(nodes)
 
     async def next_call(self) -> Call:
         """Wait for the next command."""

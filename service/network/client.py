@@ -144,6 +144,17 @@ class SoftarmClient:
         finally:
             subscriber.undeclare()
 
+    @contextmanager
+    def subscribe_shape(self, handler: Callable[[bytes], None]) -> Iterator[None]:
+        """Call ``handler`` with every shape: x, y, z [m] and stress [Pa] of each node, float32."""
+        subscriber = self._session.declare_subscriber(
+            self.keys.stream("shape"), lambda sample: handler(bytes(sample.payload))
+        )
+        try:
+            yield
+        finally:
+            subscriber.undeclare()
+
     def wait_for(
         self,
         stream: str,
