@@ -1,36 +1,21 @@
 """The discretised body: every force term, assembled into a residual and a tangent."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from estimator.errors import InputError
 from estimator.fem.bars import Bars, Membrane, Springs, build_fibres
 from estimator.fem.cavities import Cavities, build_cavities
+from estimator.fem.dissection import adjacency, dissect
+from estimator.fem.factor import FactorPlan
+from estimator.fem.fronts import analyse
 from estimator.fem.materials import Material
-from estimator.fem.pattern import Pattern, build_pattern
+from estimator.fem.pattern import Pattern, Tangent, build_pattern, free_nodes
 from estimator.fem.solids import Solids, build_solids
 from estimator.fem.tetrahedra import Tetrahedra, build_tetrahedra
 from estimator.mesh import ElementBlock, Floats, Indices, Mesh
-
-
-@dataclass(frozen=True)
-class Tangent:
-    """Blocks of a tangent stiffness, laid out by ``Pattern``.
-
-    Args:
-        values: Lower blocks [N/m], shape (slots, 3, 3).
-        mirror: Transposes of the upper blocks; the same array when the tangent is symmetric.
-    """
-
-    values: Floats
-    mirror: Floats
-
-    @property
-    def symmetric(self) -> bool:
-        """Whether the upper blocks mirror the lower ones."""
-        return self.mirror is self.values
 
 
 @dataclass(frozen=True)
@@ -63,7 +48,7 @@ class Body:
         bars: Fibres.
         cavities: Chamber walls.
         chambers: Number of chambers.
-        pattern: Where tangent blocks go.
+        plan: Where tangent blocks go, and how they are factored.
         parameters: Names of the stiffness factors: regions, then fibres.
     """
 
@@ -73,13 +58,18 @@ class Body:
     bars: tuple[Bars, ...]
     cavities: tuple[Cavities, ...]
     chambers: int
-    pattern: Pattern
+    plan: FactorPlan
     parameters: tuple[str, ...]
 
     @property
     def blocks(self) -> tuple[Solids | Tetrahedra, ...]:
         """All element blocks, the hyperelastic ones first."""
         return (*self.solids, *self.tetrahedra)
+
+    @property
+    def pattern(self) -> Pattern:
+        """Where tangent blocks go."""
+        return self.plan.pattern
 
     @property
     def symmetric(self) -> bool:
@@ -161,7 +151,6 @@ def build_body(
     chambers: tuple[str, ...],
     fibres: Sequence[Membrane | Springs],
     held: Indices,
-    order: Indices | None = None,
 ) -> Body:
     """Prepare a body; see ``FiniteElementModel.build``."""
     solids, tetrahedra = _elements(mesh, _materials(mesh, materials))
@@ -174,7 +163,9 @@ def build_body(
         *(bar.nodes for bar in bars),
         *(cavity.facets for cavity in cavities),
     ]
-    pattern = build_pattern(len(mesh.points), held, groups, order)
+    graph = adjacency(len(mesh.points), groups)
+    dissection = dissect(mesh.points, graph, free_nodes(len(mesh.points), held, groups))
+    pattern = build_pattern(len(mesh.points), dissection.order, groups)
     return Body(
         points=np.array(mesh.points, dtype=float),
         solids=tuple(block.attach(pattern) for block in solids),
@@ -182,7 +173,7 @@ def build_body(
         bars=tuple(bar.attach(pattern) for bar in bars),
         cavities=tuple(cavity.attach(pattern) for cavity in cavities),
         chambers=len(chambers),
-        pattern=pattern,
+        plan=FactorPlan.of(pattern, analyse(pattern, dissection)),
         parameters=tuple(names),
     )
 
@@ -213,15 +204,3 @@ def _elements(
             else:
                 solids.append(build_solids(mesh.points, part, materials))
     return tuple(solids), tuple(tetrahedra)
-
-
-def with_pattern(body: Body, pattern: Pattern) -> Body:
-    """Move a body to another pattern."""
-    return replace(
-        body,
-        pattern=pattern,
-        solids=tuple(block.attach(pattern) for block in body.solids),
-        tetrahedra=tuple(block.attach(pattern) for block in body.tetrahedra),
-        bars=tuple(bar.attach(pattern) for bar in body.bars),
-        cavities=tuple(cavity.attach(pattern) for cavity in body.cavities),
-    )

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.fem.body import Body, Evaluation, Tangent
-from estimator.fem.factor import StiffnessFactor, factorise
+from estimator.fem.body import Body, Evaluation
+from estimator.fem.factor import StiffnessFactor
+from estimator.fem.pattern import Tangent
 from estimator.fem.solution import Solution, SolveStatus
 from estimator.mesh import Floats
 from estimator.model import Inputs
@@ -69,20 +70,20 @@ def stable_factor(
     if not balance.evaluation.valid:
         return balance, None
     factor = _factor(body, balance)
-    if factor is not None and factor.negative_pivots == 0:
+    if factor is not None:
         return balance, factor
     without = balancer(displacement, inputs, True, False)
     factor = _factor(body, without)
     shift = SHIFT
-    while (factor is None or factor.negative_pivots) and shift < 1e3:
-        factor = factorise(body.pattern, shifted(body, without, shift))
+    while factor is None and shift < 1e3:
+        factor = body.plan.factorise(shifted(body, without, shift))
         shift *= 10.0
     return balance, factor
 
 
 def _factor(body: Body, balance: Balance) -> StiffnessFactor | None:
     assert balance.evaluation.tangent is not None
-    return factorise(body.pattern, balance.evaluation.tangent)
+    return body.plan.factorise(balance.evaluation.tangent)
 
 
 def shifted(body: Body, balance: Balance, shift: float) -> Tangent:
@@ -136,8 +137,7 @@ def newton(
 
 
 def _is_stable(body: Body, balance: Balance) -> bool:
-    factor = _factor(body, balance)
-    return factor is not None and (factor.negative_pivots == 0 or not body.symmetric)
+    return _factor(body, balance) is not None or not body.symmetric
 
 
 def take_step(balancer: Balancer, displacement: Floats, step: Floats, inputs: Inputs, reach: float) -> Floats:

@@ -70,7 +70,7 @@ class Pattern:
     def gather(self, nodal: Floats) -> Floats:
         """Pick the free part of nodal vectors, shape (..., nodes, 3) to (..., 3 free)."""
         free = nodal[..., self.free_nodes, :]
-        return free.reshape(*free.shape[:-2], -1)
+        return free.reshape(*free.shape[:-2], free.shape[-2] * free.shape[-1])
 
     def scatter(self, free: Floats) -> Floats:
         """Fill nodal vectors with zeros at held nodes, shape (..., 3 free) to (..., nodes, 3)."""
@@ -91,22 +91,35 @@ class Pattern:
         return sparse.bsr_matrix((blocks[order], columns[order], starts), shape=(size, size)).tocsc()
 
 
-def build_pattern(
-    nodes: int, held: Indices, groups: Sequence[Indices], order: Indices | None = None
-) -> Pattern:
+@dataclass(frozen=True)
+class Tangent:
+    """Blocks of a tangent stiffness, laid out by a pattern.
+
+    Args:
+        values: Lower blocks [N/m], shape (slots, 3, 3).
+        mirror: Transposes of the upper blocks; the same array when the tangent is symmetric.
+    """
+
+    values: Floats
+    mirror: Floats
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the upper blocks mirror the lower ones."""
+        return self.mirror is self.values
+
+
+def build_pattern(nodes: int, order: Indices, groups: Sequence[Indices]) -> Pattern:
     """Collect the pattern from the groups of coupled nodes.
 
     Args:
         nodes: Number of mesh nodes.
-        held: Nodes whose displacement is prescribed.
+        order: Free nodes in elimination order.
         groups: Arrays of coupled nodes, each of shape (groups, nodes per group).
-        order: Free nodes in elimination order; ascending when left out. Nodes in no group are never free.
 
     Returns:
         The pattern.
     """
-    if order is None:
-        order = free_nodes(nodes, held, groups)
     place = np.full(nodes, FIXED, dtype=np.int64)
     place[order] = np.arange(len(order))
     keys = [np.arange(len(order)) * (len(order) + 1)]

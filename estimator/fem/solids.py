@@ -3,13 +3,40 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimator.errors import InputError
+from estimator.fem.lanes import LANES
 from estimator.fem.materials import Material
-from estimator.fem.pattern import Pattern, Slots
-from estimator.fem.shapes import parent_nodes, quadrature, shape_functions
+from estimator.fem.pattern import FIXED, Pattern, Slots
+from estimator.fem.shapes import quadrature, shape_functions
 from estimator.fem.solids_kernel import solid_forces
 from estimator.mesh import ElementBlock, Floats, Indices
+
+
+@dataclass(frozen=True)
+class Batches:
+    """Elements in groups of ``LANES``, as ``solid_forces`` reads them.
+
+    Args:
+        element: Element of each lane, shape (batches lanes,).
+        padding: Whether a lane only fills up the last group, shape (batches lanes,).
+        connectivity: Nodes, -1 - n in padding, shape (batches, lanes, nodes).
+        gradients: Shape (batches, nodes, points, 3, lanes).
+        weights: Shape (batches, points, lanes).
+        coefficients: Shape (batches, lanes, 5).
+        region: Shape (batches, lanes).
+        slots: Where the blocks go, shape (batches, nodes, nodes, lanes).
+    """
+
+    element: Indices
+    padding: NDArray[np.bool_]
+    connectivity: Indices
+    gradients: Floats
+    weights: Floats
+    coefficients: Floats
+    region: Indices
+    slots: Slots
 
 
 @dataclass(frozen=True)
@@ -23,26 +50,29 @@ class Solids:
     Args:
         kind: Element kind.
         connectivity: Nodes, shape (elements, nodes per element).
-        gradients: Gradients of the shape functions at rest [1/m], shape (elements, points, 3, nodes).
+        batches: The same arrays in groups of lanes, as the kernel reads them.
+        gradients: Gradients of the shape functions at rest [1/m], shape (elements, nodes, 3, points).
         weights: Volume of each quadrature point [m3], shape (elements, points).
         values: Shape functions at the quadrature points, shape (points, nodes).
         coefficients: ``Material.coefficients`` of each element, shape (elements, 5).
         region: Region of each element, shape (elements,).
-        slots: Where the blocks of each element go, shape (elements, nodes, nodes).
     """
 
     kind: str
     connectivity: Indices
+    batches: "Batches"
     gradients: Floats
     weights: Floats
     values: Floats
     coefficients: Floats
     region: Indices
-    slots: Slots
 
     def attach(self, pattern: Pattern) -> "Solids":
         """Find where the blocks go in a pattern."""
-        return replace(self, slots=pattern.locate(self.connectivity))
+        slots = pattern.locate(self.connectivity)
+        padded = np.where(self.batches.padding[:, None, None], np.int32(FIXED), slots[self.batches.element])
+        grouped = padded.reshape(-1, LANES, *slots.shape[1:]).transpose(0, 2, 3, 1)
+        return replace(self, batches=replace(self.batches, slots=np.ascontiguousarray(grouped)))
 
     def forces(
         self, positions: Floats, scales: Floats, forces: Floats, values: Floats, tangent: bool
@@ -59,17 +89,18 @@ class Solids:
         Returns:
             Whether every element has a positive volume ratio at every point.
         """
+        batches = self.batches
         return bool(
             solid_forces(
-                positions, self.connectivity, self.gradients, self.weights, self.coefficients,
-                scales[self.region], self.slots, forces, values, tangent,
+                positions, batches.connectivity, batches.gradients, batches.weights, batches.coefficients,
+                scales[batches.region], batches.slots, forces, values, tangent,
             )
         )  # fmt: skip
 
     def deformation(self, positions: Floats) -> Floats:
         """Give the deformation gradients, shape (elements, points, 3, 3)."""
         corners = positions[self.connectivity]
-        return np.asarray(np.einsum("eqjn,eni->eqij", self.gradients, corners))
+        return np.asarray(np.einsum("enjq,eni->eqij", self.gradients, corners))
 
     def nodal_mass(self, density: Floats, nodes: int) -> Floats:
         """Integrate the density of each region [kg/m3] against the shape functions [kg], shape (nodes,)."""
@@ -141,18 +172,36 @@ def build_solids(points: Floats, block: ElementBlock, materials: tuple[Material,
         raise InputError(
             where, f"its volume is not positive ({len(bad)} such elements)", "reorder or repair it"
         )
-    gradients = np.einsum("qnk,eqkj->eqjn", slopes, np.linalg.inv(jacobian))
+    gradients = np.einsum("qnk,eqkj->enjq", slopes, np.linalg.inv(jacobian))
     connectivity = np.array(block.connectivity, dtype=np.int64)
     region = np.array(block.region, dtype=np.int64)
     table = np.array([material.coefficients() for material in materials])
-    nodes = len(parent_nodes(block.kind))
-    return Solids(
-        kind=block.kind,
-        connectivity=connectivity,
-        gradients=np.ascontiguousarray(gradients),
-        weights=np.ascontiguousarray(measure * parent_weights),
-        values=values,
-        coefficients=np.ascontiguousarray(table[region]),
-        region=region,
-        slots=np.empty((0, nodes, nodes), dtype=np.int32),
+    weights = measure * parent_weights
+    batches = _batches(connectivity, gradients, weights, table[region], region)
+    return Solids(block.kind, connectivity, batches, gradients, weights, values, table[region], region)
+
+
+def _batches(
+    connectivity: Indices, gradients: Floats, weights: Floats, coefficients: Floats, region: Indices
+) -> Batches:
+    """Group elements by lanes; the last one fills up what is left over, with nodes -1 - n."""
+    count = len(connectivity)
+    element = np.minimum(np.arange(-(-count // LANES) * LANES), count - 1)
+    padding = np.arange(len(element)) >= count
+    nodes = np.where(padding[:, None], -1 - connectivity[element], connectivity[element])
+
+    def grouped(values: Floats) -> Floats:
+        """Move the lanes last, shape (elements, ...) to (batches, ..., lanes)."""
+        lanes_second = values[element].reshape(-1, LANES, *values.shape[1:])
+        return np.ascontiguousarray(np.moveaxis(lanes_second, 1, -1))
+
+    return Batches(
+        element=element,
+        padding=padding,
+        connectivity=np.ascontiguousarray(nodes.reshape(-1, LANES, connectivity.shape[1])),
+        gradients=grouped(gradients.transpose(0, 1, 3, 2)),
+        weights=grouped(weights),
+        coefficients=np.ascontiguousarray(coefficients[element].reshape(-1, LANES, 5)),
+        region=region[element].reshape(-1, LANES),
+        slots=np.empty((0, connectivity.shape[1], connectivity.shape[1], LANES), dtype=np.int32),
     )
