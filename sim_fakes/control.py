@@ -57,7 +57,7 @@ class HandRequest(Part):
 
 
 class SwitchRequest(Part):
-    """Set a concealed effect of the arm."""
+    """Set a concealed effect of the arm, of the valves or of a sensor."""
 
     do: Literal["switch"]
     effect: str
@@ -129,7 +129,7 @@ def _act(rig: Rig, request: Request) -> dict[str, Any]:
         numbers = request.force_n, request.position_m, request.stiffness_n_per_m
         rig.world.hold(Hand(request.section, *numbers) if request.section else None)
     elif isinstance(request, SwitchRequest):
-        rig.plant.switch(request.effect, request.value)
+        rig.switch(request.effect, request.value)
     else:
         answers: dict[str, Callable[[Rig], dict[str, Any]]] = {
             "status": status, "truth": _truth, "catalogue": _catalogue

@@ -2,6 +2,7 @@
 
 import zlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from estimator.errors import InputError
 from sim_fakes.faults import Fault, FaultBoard, nearest
@@ -37,6 +38,7 @@ from sim_fakes.serial.quaternion_line import QUATERNION_LINE_FAULTS, QuaternionL
 from sim_fakes.serial.sauter import SAUTER_FAULTS, SauterGauge
 from sim_fakes.serial.witmotion import WITMOTION_FAULTS, WitMotion
 from sim_fakes.serial.xbus import XBUS_FAULTS, XbusModule
+from sim_fakes.signals import See, by_valve, plainly
 from sim_fakes.valves.mpa import MpaBank, bank_faults
 from sim_fakes.valves.node import CpxNode, node_faults
 from sim_fakes.valves.pneumatics import MBAR, Regulators
@@ -44,6 +46,21 @@ from sim_fakes.valves.server import WIRE_FAULTS
 from sim_fakes.valves.vtem import LOWEST_MBAR, VtemBank, vtem_faults
 
 VALVES = 16
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What devices are built into.
+
+    Args:
+        plant: The arm.
+        seed: Seed of the scenario.
+        see: What is concealed in signals.
+    """
+
+    plant: Plant
+    seed: int
+    see: See = plainly
 
 
 def seed_of(seed: int, name: str) -> int:
@@ -73,14 +90,14 @@ def catalogue(part: DevicePart) -> tuple[Fault, ...]:
     return fixed[type(part)]
 
 
-def build_node(part: ValvesPart, plant: Plant, faults: FaultBoard, seed: int) -> CpxNode:
+def build_node(part: ValvesPart, around: Surroundings, faults: FaultBoard) -> CpxNode:
     """Build a terminal.
 
     Raises:
         InputError: Its valve map does not fit the arm.
     """
-    if len(part.valve_map) != plant.chambers:
-        what = f"valve_map has {len(part.valve_map)} entries, the arm has {plant.chambers} chambers"
+    if len(part.valve_map) != around.plant.chambers:
+        what = f"valve_map has {len(part.valve_map)} entries, the arm has {around.plant.chambers} chambers"
         raise InputError(f"scenario, device {part.name}", what, "give one valve per chamber")
     mpa = part.kind == "festo_mpa"
     figures = Regulators(
@@ -91,32 +108,34 @@ def build_node(part: ValvesPart, plant: Plant, faults: FaultBoard, seed: int) ->
         supply=part.supply_pa,
         lowest=0.0 if mpa else LOWEST_MBAR * MBAR,
     )
-    bank = MpaBank(faults, VALVES, figures, seed) if mpa else VtemBank(faults, figures, seed)
+    seed, see = seed_of(around.seed, part.name), by_valve(around.see, part.valve_map)
+    bank = MpaBank(faults, VALVES, figures, seed, see) if mpa else VtemBank(faults, figures, seed, see)
     return CpxNode(bank, faults, part.watchdog_ms)
 
 
-def build_measurement(part: QtmPart, plant: Plant, faults: FaultBoard, seed: int) -> Measurement:
+def build_measurement(part: QtmPart, around: Surroundings, faults: FaultBoard) -> Measurement:
     """Build the measurement of a motion capture.
 
     Raises:
         InputError: A body names a section that the arm does not have.
     """
-    bodies = []
+    sections, bodies = around.plant.sections, []
     for body in part.bodies:
-        _index(part, body.section, plant.sections)
+        _index(part, body.section, sections)
         bodies.append(Body(body.name, body.section, body.offset_m, body.rotation_rad))
     cameras = Cameras(part.rate_hz, part.position_noise_m, part.angle_noise_rad, part.clock_ppm)
-    return Measurement(bodies, plant.sections, cameras, faults, seed)
+    return Measurement(bodies, sections, cameras, faults, seed_of(around.seed, part.name), around.see)
 
 
-def build_instrument(part: SerialPart, plant: Plant, faults: FaultBoard, seed: int) -> Instrument:
+def build_instrument(part: SerialPart, around: Surroundings, faults: FaultBoard) -> Instrument:
     """Build a serial instrument.
 
     Raises:
         InputError: It names a section or segment that the arm does not have.
     """
+    seed, plant = seed_of(around.seed, part.name), around.plant
     if isinstance(part, GaugePart):
-        return _build_gauge(part, faults, seed)
+        return _build_gauge(part, faults, seed, around.see)
     if isinstance(part, InertialPart):
         return _build_inertial(part, plant, faults, seed)
     assert isinstance(part, BendPart)
@@ -124,12 +143,12 @@ def build_instrument(part: SerialPart, plant: Plant, faults: FaultBoard, seed: i
         _index(part, name, plant.segments)
     return BendBoard(
         faults, plant.segments, part.sensors, part.rate_hz, part.noise_rad, part.boot_s, part.baud, seed,
-        resets_on_open=part.resets_on_open,
+        resets_on_open=part.resets_on_open, see=around.see, sections=plant.sections,
     )  # fmt: skip
 
 
-def _build_gauge(part: GaugePart, faults: FaultBoard, seed: int) -> Instrument:
-    cell = Cell(part.full_scale_n, part.noise_n, part.drift_n_per_s)
+def _build_gauge(part: GaugePart, faults: FaultBoard, seed: int, see: See) -> Instrument:
+    cell = Cell(part.full_scale_n, part.noise_n, part.drift_n_per_s, see)
     if isinstance(part, LutronPart):
         return LutronGauge(faults, cell, part.rate_hz, part.unit, part.baud, seed)
     if isinstance(part, Mark10Part):

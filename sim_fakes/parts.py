@@ -20,9 +20,10 @@ class Part(BaseModel):
 
 
 class DevicePart(Part):
-    """What every device has: a name."""
+    """What every device has: a name and a kind."""
 
     name: Name
+    kind: str
 
 
 class ValvesPart(DevicePart):

@@ -7,15 +7,12 @@ from sim_fakes.still import StillArm
 
 
 def build_plant(part: PlantPart) -> Plant:
-    """Build the arm of a scenario with its concealed effects.
+    """Build the arm of a scenario, without its concealed effects.
 
     Raises:
-        InputError: It has no such effect, or a value does not fit it; or the physics engine is not installed.
+        InputError: The physics engine is not installed.
     """
-    plant: Plant = _dynamic_arm() if part.kind == "arm" else StillArm()
-    for effect, value in part.switches.items():
-        plant.switch(effect, value)
-    return plant
+    return _dynamic_arm() if part.kind == "arm" else StillArm()
 
 
 def _dynamic_arm() -> Plant:

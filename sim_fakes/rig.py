@@ -9,15 +9,24 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim_fakes.clock import Clock, LoopClock
-from sim_fakes.devices import build_instrument, build_measurement, build_node, catalogue, seed_of
+from sim_fakes.devices import (
+    Surroundings,
+    build_instrument,
+    build_measurement,
+    build_node,
+    catalogue,
+    seed_of,
+)
 from sim_fakes.faults import FaultBoard, Value
-from sim_fakes.parts import QtmPart, SerialPart, ValvesPart
+from sim_fakes.parts import DevicePart, QtmPart, SerialPart, ValvesPart
+from sim_fakes.plant.effects import INSTRUMENT_EFFECTS
 from sim_fakes.plant.state import Cord, Plant, PlantState
 from sim_fakes.plants import build_plant
 from sim_fakes.qtm.discovery import Discovery
 from sim_fakes.qtm.server import QtmServer
 from sim_fakes.scenario import FaultPart, Scenario
 from sim_fakes.serial.port import SerialPort
+from sim_fakes.signals import Signals
 from sim_fakes.valves.server import ModbusPort
 from sim_fakes.world import World, run_world
 
@@ -59,6 +68,7 @@ class Rig:
         self.clock = clock
         self.boards = {part.name: FaultBoard(part.name, catalogue(part)) for part in scenario.device}
         self.plant: Plant = build_plant(scenario.plant)
+        self.signals = Signals()
         self.valve_ports: dict[str, ModbusPort] = {}
         self.qtm_servers: dict[str, QtmServer] = {}
         self.serial_ports: dict[str, SerialPort] = {}
@@ -66,8 +76,11 @@ class Rig:
         self._discoveries: dict[str, asyncio.DatagramTransport] = {}
         self._tasks: asyncio.TaskGroup | None = None
         self.world = World(self.plant, None, (), scenario.step_s)
+        around = Surroundings(self.plant, scenario.seed, self.signals.see)
         for part in scenario.device:
-            self._build(part)
+            self._build(part, around)
+        for effect, value in scenario.plant.switches.items():
+            self.switch(effect, value)
         if scenario.cord is not None:
             cord = scenario.cord
             self.world.tie(Cord(cord.section, cord.hook_m, cord.length_m))
@@ -92,6 +105,17 @@ class Rig:
         finally:
             await self._close()
 
+    def switch(self, effect: str, value: object) -> None:
+        """Set a concealed effect of the arm, of the valves or of a sensor.
+
+        Raises:
+            InputError: There is no such effect, or the value does not fit it.
+        """
+        if effect in INSTRUMENT_EFFECTS:
+            self.signals.switch(effect, value)
+        else:
+            self.plant.switch(effect, value)
+
     def inject(
         self,
         device: str,
@@ -115,7 +139,7 @@ class Rig:
         """Tell where each fake can be reached, in the order of the scenario."""
         return [self._endpoint(part) for part in self.scenario.device]
 
-    def _endpoint(self, part: object) -> Endpoint:
+    def _endpoint(self, part: DevicePart) -> Endpoint:
         if isinstance(part, ValvesPart):
             valves = self.valve_ports[part.name]
             source = f"fake+modbus+tcp://{valves.host}:{valves.port}"
@@ -128,31 +152,27 @@ class Rig:
             return Endpoint(part.name, part.kind, source, server.host, server.port, discovery_port=number)
         assert isinstance(part, SerialPart)
         link = str(self.serial_ports[part.name].link)
-        kind = str(getattr(part, "kind", ""))
-        return Endpoint(part.name, kind, f"fake+serial://{link}", path=link)
+        return Endpoint(part.name, part.kind, f"fake+serial://{link}", path=link)
 
-    def _build(self, part: object) -> None:
-        seed = self.scenario.seed
+    def _build(self, part: DevicePart, around: Surroundings) -> None:
+        board, scenario = self.boards[part.name], self.scenario
         if isinstance(part, ValvesPart):
-            board = self.boards[part.name]
-            node = build_node(part, self.plant, board, seed_of(seed, part.name))
-            self.world = World(self.plant, node, part.valve_map, self.scenario.step_s)
+            node = build_node(part, around, board)
+            self.world = World(self.plant, node, part.valve_map, scenario.step_s)
             self.valve_ports[part.name] = ModbusPort(
-                node, board, self.clock, self.scenario.host, part.port, part.max_clients
+                node, board, self.clock, scenario.host, part.port, part.max_clients
             )
         elif isinstance(part, QtmPart):
-            board = self.boards[part.name]
-            measurement = build_measurement(part, self.plant, board, seed_of(seed, part.name))
+            measurement = build_measurement(part, around, board)
             major, minor = part.newest_version.split(".")
             self.qtm_servers[part.name] = QtmServer(
-                measurement, lambda: self.state, board, self.clock, self.scenario.host, part.port,
+                measurement, lambda: self.state, board, self.clock, scenario.host, part.port,
                 (int(major), int(minor)), part.password, part.latency_s,
             )  # fmt: skip
         elif isinstance(part, SerialPart):
-            board = self.boards[part.name]
-            instrument = build_instrument(part, self.plant, board, seed_of(seed, part.name))
             link = part.link or self._runtime_dir / part.name
-            line_seed = seed_of(seed, f"{part.name}/line")
+            instrument = build_instrument(part, around, board)
+            line_seed = seed_of(scenario.seed, f"{part.name}/line")
             self.serial_ports[part.name] = SerialPort(
                 instrument, link, lambda: self.state, self.clock, line_seed
             )

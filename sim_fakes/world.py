@@ -40,7 +40,7 @@ class World:
         self.hand: Hand | None = None
         self._actuator = actuator
         self._valve_map = np.array(valve_map, dtype=np.int64)
-        self._step = step
+        self.step = step
         self._steps = 0
 
     @property
@@ -51,15 +51,15 @@ class World:
     @property
     def time(self) -> float:
         """Time up to which the world has been stepped [s]."""
-        return self._steps * self._step
+        return self._steps * self.step
 
     def advance(self, time: float, most: int = 50) -> bool:
         """Step up to ``time`` [s], at most ``most`` steps; tell whether it was reached."""
         for _ in range(most):
-            if self.time + self._step > time + 1e-9:
+            if self.time + self.step > time + 1e-9:
                 return True
             self._advance_once()
-        return self.time + self._step > time + 1e-9
+        return self.time + self.step > time + 1e-9
 
     def tie(self, cord: Cord | None) -> None:
         """Tie the cord of the force gauge to a section, or take it off."""
@@ -93,4 +93,4 @@ async def run_world(world: World, clock: Clock, tick: float = 2e-3) -> None:
     """Keep a world at the time of a clock, forever; the loop gets its turn at least every 50 steps."""
     while True:
         reached = world.advance(clock.now())
-        await clock.sleep_until(world.time + tick if reached else 0.0)
+        await clock.sleep_until(world.time + max(tick, world.step) if reached else 0.0)

@@ -9,6 +9,7 @@ from sim_fakes.faults import Fault, FaultBoard
 from sim_fakes.plant.state import PlantState
 from sim_fakes.qtm.packets import BodyPose, Frame
 from sim_fakes.rotation import Quaternion, Vector, matrix, multiply, rotate, turn
+from sim_fakes.signals import See, plainly
 
 MILLIMETRES = 1e3
 QUIET_NAN = float("nan")
@@ -94,6 +95,7 @@ class Measurement:
         cameras: The camera system.
         faults: The board with at least ``measurement_faults``.
         seed: Seed of the noise.
+        see: What is concealed in a ``pose``.
     """
 
     def __init__(
@@ -103,7 +105,9 @@ class Measurement:
         cameras: Cameras,
         faults: FaultBoard,
         seed: int = 0,
+        see: See = plainly,
     ) -> None:
+        self._see = see
         self.bodies = list(bodies)
         self.cameras = cameras
         self.start_time = 0.0
@@ -157,9 +161,11 @@ class Measurement:
 
     def _pose(self, body: Body, state: PlantState) -> BodyPose:
         index = self._sections.index(body.section)
-        w, x, y, z = (float(c) for c in state.quaternions[index])
+        true = np.concatenate([state.positions[index], state.quaternions[index]])
+        seen = self._see("pose", f"frame_{body.section}", state.time, true)
+        w, x, y, z = (float(c) for c in seen[3:])
         section: Quaternion = (w, x, y, z)
-        origin = state.positions[index] + np.array(rotate(section, body.offset))
+        origin = seen[:3] + np.array(rotate(section, body.offset))
         noise = self._random.standard_normal(7)
         origin = (origin + self.cameras.position_noise * noise[:3]) * MILLIMETRES
         wobble = turn(tuple(self.cameras.angle_noise * noise[3:6]))

@@ -9,6 +9,7 @@ from sim_fakes.faults import Fault, FaultBoard
 from sim_fakes.plant.state import Floats, PlantState
 from sim_fakes.serial.beat import Beat
 from sim_fakes.serial.instrument import PORT_FAULTS
+from sim_fakes.signals import See, plainly
 
 DEAD_ZONE_DEGREES = 0.5
 CUTOFF_HZ, FILTER_HZ = 20.0, 100.0
@@ -76,6 +77,8 @@ class BendBoard:
         baud: Speed that paces the line [bit/s]; native USB, so the host's speed does not matter.
         seed: Seed of the noise.
         resets_on_open: Whether it boots when a host opens the port, as an Uno or Mega does.
+        see: What is concealed in a ``bend``, given for each segment as ``bend_<section below it>``.
+        sections: Names of the arm's sections.
     """
 
     checks_baud = False
@@ -83,11 +86,13 @@ class BendBoard:
     def __init__(
         self, faults: FaultBoard, segments: Sequence[str], sensors: Sequence[str], rate: float = 90.0,
         noise: float = 2e-3, boot_time: float = 1.5, baud: int = 115200, seed: int = 0,
-        *, resets_on_open: bool = False,
+        *, resets_on_open: bool = False, see: See = plainly, sections: Sequence[str] = (),
     ) -> None:  # fmt: skip
         self.faults = faults
         self.baud = baud
         self.resets_on_open = resets_on_open
+        self._see = see
+        self._sensors = [f"bend_{section}" for section in sections[1:]] or list(segments)
         self._where = [segments.index(name) if name else None for name in sensors]
         self._noise = noise
         self._boot_time = boot_time
@@ -143,7 +148,8 @@ class BendBoard:
         angles = [0.0, 0.0] * len(self._where)
         for sensor, segment in enumerate(self._where):
             if segment is not None:
-                angles[2 * sensor : 2 * sensor + 2] = [float(a) for a in state.bends[segment]]
+                seen = self._see("bend", self._sensors[segment], state.time, state.bends[segment])
+                angles[2 * sensor : 2 * sensor + 2] = [float(angle) for angle in seen]
         raw = np.degrees(np.array(angles) + self._random.normal(0.0, self._noise, len(angles)))
         numerator, denominator = self._filter
         smooth = numerator[0] * raw + numerator[1:] @ self._past_in - denominator @ self._past_out

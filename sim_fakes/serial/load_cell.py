@@ -6,6 +6,7 @@ import numpy as np
 
 from sim_fakes.faults import Fault, FaultBoard
 from sim_fakes.plant.state import PlantState
+from sim_fakes.signals import See, plainly
 
 STANDARD_GRAVITY = 9.80665
 NEWTONS_PER = {
@@ -34,11 +35,13 @@ class Cell:
         full_scale: Largest load either way [N]; 5 kg.
         noise: Standard deviation of a reading [N].
         drift: Drift of the zero [N/s].
+        see: What is concealed in a ``gauge``.
     """
 
     full_scale: float = 5.0 * STANDARD_GRAVITY
     noise: float = 0.004
     drift: float = 0.0
+    see: See = plainly
 
 
 class LoadCell:
@@ -51,6 +54,7 @@ class LoadCell:
     """
 
     def __init__(self, faults: FaultBoard, cell: Cell, seed: int) -> None:
+        self._see = cell.see
         self._faults = faults
         self._cell = cell
         self._random = np.random.default_rng(seed)
@@ -76,4 +80,5 @@ class LoadCell:
     def _load(self, state: PlantState) -> float:
         offset = self._faults.active("offset")
         shift = float(offset["newtons"]) if offset else 0.0
-        return state.cord_force + shift + self._cell.drift * state.time
+        pull = self._see("gauge", "gauge_cord", state.time, np.array([state.cord_force]))
+        return float(pull[0]) + shift + self._cell.drift * state.time

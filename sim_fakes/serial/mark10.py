@@ -152,5 +152,6 @@ class Mark10Gauge:
         self.faults.hit("unit")
         word, decimals, unit = UNITS[self._chosen_unit()]
         signed = -newtons if self.faults.hit("inverted") else newtons
-        number = "----" if math.isinf(signed) else f"{signed / NEWTONS_PER[unit]:.{decimals}f}"
+        value = round(signed / NEWTONS_PER[unit], decimals) + 0.0 if math.isfinite(signed) else None
+        number = "----" if value is None else f"{value:.{decimals}f}"
         return f"{number}\r\n".encode() if self.faults.hit("no_unit") else f"{number} {word}\r\n".encode()

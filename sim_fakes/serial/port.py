@@ -17,6 +17,7 @@ from sim_fakes.serial.instrument import BITS_PER_BYTE, Instrument
 
 CHUNK = 16
 IDLE = 0.02
+HAIR = 1e-9
 
 SPEEDS = {
     number: getattr(termios, f"B{number}")
@@ -91,10 +92,10 @@ class SerialPort:
             now = self._clock.now()
             self._follow_host(now)
             due = self.instrument.next_time()
-            if due is not None and due <= now and not self._queue:
+            if due is not None and due <= now + HAIR and not self._queue:
                 self._say(self.instrument.update(now, self._state()))
                 continue
-            if self._queue and self._line_free <= now:
+            if self._queue and self._line_free <= now + HAIR:
                 self._send_chunk(now)
                 continue
             await self._pause(min(now + IDLE, self._line_free if self._queue else due or now + IDLE))

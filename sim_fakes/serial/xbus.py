@@ -20,7 +20,7 @@ GO_TO_MEASUREMENT, GO_TO_CONFIG, DATA, WAKE_UP, ERROR, OUTPUT_CONFIGURATION = (
 TICKS_PER_SECOND = 10_000
 WAKE_UP_WAIT = 0.5
 INVALID_MESSAGE = 4
-LONGEST = 2048
+LONGEST_COMMAND = 128
 
 XBUS_FAULTS = (
     *PORT_FAULTS,
@@ -118,6 +118,9 @@ class XbusModule:
             if len(self._buffer) < 5:
                 return None
             length = self._buffer[3]
+            if length > LONGEST_COMMAND:
+                del self._buffer[0]
+                continue
             if len(self._buffer) < length + 5:
                 return None
             message = bytes(self._buffer[: length + 5])

@@ -5,7 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sim_fakes.faults import Fault, FaultBoard
-from sim_fakes.valves.pneumatics import MBAR, Floats, Pneumatics, Regulators
+from sim_fakes.plant.state import Floats
+from sim_fakes.signals import See, plainly
+from sim_fakes.valves.pneumatics import MBAR, Pneumatics, Regulators
 
 UNDERVOLTAGE, SUPPLY_FAULTY, CHANNEL_FAILED = 2, 26, 31
 
@@ -60,16 +62,22 @@ class MpaBank:
         valves: Number of valves, one module each.
         figures: Figures of the regulators.
         seed: Seed of spread and noise.
+        see: What is concealed in set-points and readings, in valve order.
     """
 
     def __init__(
-        self, faults: FaultBoard, valves: int = 16, figures: Regulators | None = None, seed: int = 0
+        self,
+        faults: FaultBoard,
+        valves: int = 16,
+        figures: Regulators | None = None,
+        seed: int = 0,
+        see: See = plainly,
     ) -> None:
         self.modules = valves
         self.haywire = 0
         self._faults = faults
         self._figures = figures or Regulators()
-        self._pneumatics = Pneumatics(valves, self._figures, seed)
+        self._pneumatics = Pneumatics(valves, self._figures, seed, see)
         self._echo = [0] * valves
         self._free = np.ones(valves, dtype=np.bool_)
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from sim_fakes.faults import Fault, FaultBoard
-from sim_fakes.valves.pneumatics import Floats
+from sim_fakes.plant.state import Floats
 
 OUTPUTS = 40001
 PROCESS_WORDS = 256

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from sim_fakes.plant.state import Floats
+from sim_fakes.signals import See, plainly
 
 MBAR = 100.0
 
@@ -50,9 +51,11 @@ class Pneumatics:
         valves: Number of valves.
         figures: Their figures.
         seed: Seed of the spread between valves and of the noise.
+        see: What is concealed in set-points (``valve``) and readings (``pressure``), in valve order.
     """
 
-    def __init__(self, valves: int, figures: Regulators, seed: int) -> None:
+    def __init__(self, valves: int, figures: Regulators, seed: int, see: See = plainly) -> None:
+        self._see = see
         self._random = np.random.default_rng(seed)
         self._figures = figures
         self._dead_time = self._random.uniform(*figures.dead_time, valves)
@@ -74,7 +77,8 @@ class Pneumatics:
         step, self._time = time - self._time, time
         if not np.array_equal(setpoints, self._history[-1][1]):
             self._history.append((time, setpoints.copy()))
-        target = np.clip(self._target(), self._figures.lowest, supply)
+        target = self._see("valve", None, time, self._target())
+        target = np.clip(target, self._figures.lowest, supply)
         fill = (target - self.pressures) * min(1.0, step / self._figures.fill_time)
         over = self.pressures - target
         drop = np.minimum(
@@ -90,7 +94,7 @@ class Pneumatics:
         pulses = self._figures.overshoot * jitter * self._missing if phase < 0.5 else 0.0
         settled = np.where(self._missing > 3.0 * self._figures.bias[1], pulses, 0.0)
         noise = self._random.normal(0.0, self._figures.noise, self.pressures.size)
-        return self.pressures + settled + noise
+        return self._see("pressure", None, self._time, self.pressures + settled) + noise
 
     def _target(self) -> Floats:
         """Give what each regulator works towards: the set-point one dead time ago, less its bias."""

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_fakes.faults import Fault, FaultBoard
+from sim_fakes.plant.state import Floats
+from sim_fakes.signals import See, plainly
 from sim_fakes.valves.mpa import bank_faults, signed
-from sim_fakes.valves.pneumatics import MBAR, Floats, Pneumatics, Regulators
+from sim_fakes.valves.pneumatics import MBAR, Pneumatics, Regulators
 
 SLOTS = 8
 PRESSURE_REGULATION, INACTIVE, ACKNOWLEDGE = 3, 61, 62
@@ -79,13 +81,20 @@ class VtemBank:
         faults: The board with at least ``vtem_faults``.
         figures: Figures of the valves.
         seed: Seed of spread and noise.
+        see: What is concealed in set-points and readings, in valve order.
     """
 
-    def __init__(self, faults: FaultBoard, figures: Regulators = MOTION_FIGURES, seed: int = 0) -> None:
+    def __init__(
+        self,
+        faults: FaultBoard,
+        figures: Regulators = MOTION_FIGURES,
+        seed: int = 0,
+        see: See = plainly,
+    ) -> None:
         self.modules = SLOTS
         self._faults = faults
         self._figures = figures
-        self._pneumatics = Pneumatics(2 * SLOTS, figures, seed)
+        self._pneumatics = Pneumatics(2 * SLOTS, figures, seed, see)
         self._slots = [_Slot() for _ in range(SLOTS)]
         self._free = np.ones(2 * SLOTS, dtype=np.bool_)
 
