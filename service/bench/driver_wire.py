@@ -6,7 +6,8 @@ import json
 import socket
 import sys
 import time
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from drivers.clock import NANOSECONDS
 from drivers.device import Device, close_all, connect_all
 from drivers.errors import DeviceErrors
 from drivers.histogram import Histogram
-from drivers.reading import Reading
+from drivers.reading import Reading, ignore
 from drivers.registry import KINDS, load_devices
 from drivers.supervisor import ALIVE
 from service.cli.output import Cell
@@ -130,15 +131,17 @@ class FakesProcess:
             process.terminate()
             await process.wait()
 
-    async def ask(self, **request: Any) -> None:
-        """Send one request to its control port."""
-        reader, writer = await asyncio.open_connection("127.0.0.1", self._control)
+    async def ask(self, **request: Any) -> dict[str, Any]:
+        """Send one request to its control port and return the answer."""
+        reader, writer = await asyncio.open_connection("127.0.0.1", self._control, limit=1 << 20)
         writer.write(json.dumps(request).encode() + b"\n")
         answer = json.loads(await reader.readline())
         writer.close()
         await writer.wait_closed()
         if not answer["ok"]:
             raise RuntimeError(f"the fakes refuse {request}: {answer['error']}")
+        assert isinstance(answer, dict)
+        return answer
 
 
 @dataclass
@@ -150,18 +153,24 @@ class Watch:
         invalid: How many of them were invalid.
         last_valid_ns: Host monotonic time of the last valid one [ns].
         intervals: Time between arrivals.
+        flags: What the readings said of themselves, with how often.
+        judge: Takes each reading as well.
     """
 
     readings: int = 0
     invalid: int = 0
     last_valid_ns: int = 0
     intervals: Histogram = field(default_factory=Histogram)
+    flags: Counter[str] = field(default_factory=Counter)
+    judge: Callable[[Reading[Any]], None] = ignore
     _last_ns: int | None = None
 
     def take(self, reading: Reading[Any]) -> None:
         """Take one reading."""
         self.readings += 1
         self.invalid += not reading.valid
+        self.flags.update(reading.flags)
+        self.judge(reading)
         if reading.valid:
             self.last_valid_ns = reading.host_monotonic_ns
         if self._last_ns is not None:
