@@ -1,6 +1,7 @@
 """``softarm doctor``: which configured devices answer, at what rate, with which fault, and the cure."""
 
 import asyncio
+import logging
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -119,6 +120,8 @@ def command(path: Path, seconds: float, as_json: bool) -> int:
     Example: softarm doctor --config /etc/softarm/arm.toml
     """
     configs = read_devices(path)
+    # What the drivers would log stands in the table.
+    logging.getLogger("drivers").setLevel(logging.ERROR)
     with progress(f"Listening to {len(configs)} devices", seconds) as advance:
         examinations = asyncio.run(examine_all(configs, seconds, advance))
     show(*tables(examinations), as_json=as_json)
