@@ -187,10 +187,9 @@ class SerialSession:
         except TimeoutError:
             if device.codec.counts.since_frame:
                 raise device.garbage() from None
-            cure = f"switch it on, check cable and port; expected {device.expected}"
-            raise ConnectionLost(
-                device.name, "sends nothing", cure, limit=device.identify_s, unit="s"
-            ) from None
+            cure = f"switch it on, check cable, port and baud rate; expected {device.expected}"
+            what = f"sends nothing at {device.settings.baud} baud"
+            raise ConnectionLost(device.name, what, cure, limit=device.identify_s, unit="s") from None
         await link.while_open(device.prepare(link))
 
     async def stream(self) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated, Generic, Literal
 from pydantic import Field
 
 from drivers.clock import NANOSECONDS, Clock, Ticker, monotonic
+from drivers.config import Seconds
 from drivers.framing import Codec
 from drivers.gauges import mark10, sauter
 from drivers.gauges.device import ForceGauge, GaugeConfig, UnitName
@@ -18,8 +19,6 @@ from drivers.serial_device import FrameT
 from drivers.serial_link import SerialLink
 
 POLARITY = "polarity"
-SETTINGS_PERIOD_S = 5.0
-"""How often the settings of a Mark-10 gauge are read again: the operator may change them."""
 
 
 class PolledConfig(GaugeConfig):
@@ -108,6 +107,7 @@ class Mark10Gauge(PolledGauge[Mark10Reply]):
     def __init__(self, config: "Mark10Config", sink: Sink, clock: Clock, *, observe: bool) -> None:
         super().__init__(config, mark10_codec(), "GCL2 replies", sink, clock, observe=observe)
         self._settings: Mark10Settings | None = None
+        self._check_ns = round(config.settings_s * NANOSECONDS)
         self._checked_ns = 0
 
     def restarted(self) -> None:
@@ -123,7 +123,7 @@ class Mark10Gauge(PolledGauge[Mark10Reply]):
 
     async def poll(self, link: SerialLink) -> bool:
         """Ask for the displayed reading; from time to time for the settings before."""
-        if self.clock() - self._checked_ns > SETTINGS_PERIOD_S * NANOSECONDS:
+        if self.clock() - self._checked_ns > self._check_ns:
             await self._check_settings(link)
         return isinstance(await self.ask(link, mark10.READ), GaugeSample)
 
@@ -190,11 +190,16 @@ class SauterGauge(PolledGauge[GaugeSample]):
 
 
 class Mark10Config(PolledConfig):
-    """A Mark-10 gauge with GCL2; it shows a pull as negative."""
+    """A Mark-10 gauge with GCL2; it shows a pull as negative.
+
+    Attributes:
+        settings_s: How often its settings are read again, for the operator may change them [s].
+    """
 
     kind: Literal["mark10"] = "mark10"
     baud: Annotated[int, Field(ge=300, le=4_000_000)] = 115200
     pull_sign: Literal[-1, 1] = -1
+    settings_s: Seconds = 5.0
 
     def build(self, sink: Sink = ignore, clock: Clock = monotonic, *, observe: bool = False) -> Mark10Gauge:
         """Build the device; no I/O before its `connect`."""

@@ -20,6 +20,9 @@ RATE = "rate"
 RATE_TOLERANCE = 0.2
 RATE_WINDOW_S = 2.0
 RESTARTED = "unit restarted"
+RESTART_NS = 800_000_000
+"""Silence after which a unit without a sequence number may have started anew [ns]."""
+
 SILENT_S = 1.0
 """Silence after which an Xsens unit is asked to measure [s]."""
 
@@ -69,10 +72,12 @@ class Imu(SerialDevice[FrameT, ImuSample], Generic[FrameT]):
         self.rate = RateMonitor(round(RATE_WINDOW_S * NANOSECONDS))
         self._unit = config.unit
         self._index = index
+        self._arrival_ns: int | None = None
 
     def restarted(self) -> None:
         """Forget sequence and rate."""
         self.rate.restart()
+        self._arrival_ns = None
         if self._index is not None:
             self._index.restart()
 
@@ -98,7 +103,10 @@ class Imu(SerialDevice[FrameT, ImuSample], Generic[FrameT]):
 
     def _follow(self, sample: ImuSample, arrival_ns: int) -> int | None:
         """Return the sequence number without wrapping, None where there is none."""
+        last_ns, self._arrival_ns = self._arrival_ns, arrival_ns
         if self._index is None or sample.index is None:
+            if last_ns is not None and arrival_ns - last_ns > RESTART_NS:
+                self.begin_epoch()
             return None
         step = self._index.step(sample.index, arrival_ns)
         self.health.gaps += step.lost

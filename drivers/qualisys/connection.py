@@ -187,7 +187,7 @@ class Connection(asyncio.Protocol):
         event = packet[HEADER_LENGTH]
         waits = self._requests and self._requests[0].kind == PacketKind.EVENT
         if waits and event not in NEVER_A_STATE:
-            # An event that comes before the answer passes for it; the answer is then an event of the same state.
+            # An event before the answer passes for it; the answer is then an event of the same state.
             self._answer(packet)
         elif self.listener is not None:
             self.listener.on_event(event)

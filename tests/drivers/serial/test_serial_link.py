@@ -239,7 +239,7 @@ async def test_silence_is_told_from_garbage(terminal: Terminal) -> None:
         await rig.device.connect()
     (error,) = caught.value.exceptions
     assert isinstance(error, ConnectionLost)
-    assert "sends nothing (limit 0.05 s); switch it on" in str(error)
+    assert "sends nothing at 115200 baud (limit 0.05 s); switch it on" in str(error)
     await rig.device.close()
 
 
