@@ -9,6 +9,7 @@ import click
 from estimator.errors import InputError
 
 COMMANDS = {
+    "demo": "Start fakes, service and page, and run the force experiment on them.",
     "serve": "Serve one arm: the daemon that systemd starts.",
     "convert": "Convert a recording between MCAP, tables and Qualisys exports.",
     "estimate": "Estimate pose and external force over a recording.",

@@ -1,0 +1,1 @@
+"""The experiments of the paper, live over zenoh, and their tables."""
