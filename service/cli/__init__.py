@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import click
 
 from estimator.errors import InputError
+from service.errors import WorkFailedError
 
 COMMANDS = {
     "demo": "Start fakes, service and page, and run the force experiment on them.",
@@ -74,10 +75,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return 0
     except click.ClickException as error:
         click.echo(f"softarm: {error.format_message()}", err=True)
-        return 2
+        return error.exit_code
     except InputError as error:
         click.echo(f"softarm: {error}", err=True)
         return 2
+    except WorkFailedError as error:
+        click.echo(f"softarm: {error}", err=True)
+        return 1
     except (click.Abort, KeyboardInterrupt):
         click.echo("softarm: stopped", err=True)
         return 1

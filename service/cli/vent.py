@@ -9,12 +9,7 @@ from drivers.device import close_all, connect_all
 from drivers.errors import DeviceErrors
 from drivers.valves import ValveBank
 from service.config import load_config
-
-
-class VentFailedError(click.ClickException):
-    """The valves could not be reached."""
-
-    exit_code = 1
+from service.errors import WorkFailedError
 
 
 @click.command()
@@ -35,6 +30,6 @@ async def _vent(path: Path) -> None:
     try:
         await connect_all(valves)
     except DeviceErrors as errors:
-        raise VentFailedError("; ".join(errors.lines())) from errors
+        raise WorkFailedError("; ".join(errors.lines())) from errors
     finally:
         await close_all(valves)  # closing writes zeros

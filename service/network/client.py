@@ -15,12 +15,13 @@ from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 from service.api.commands import VERBS, Applied, Refused
 from service.api.keys import ArmKeys
 from service.api.messages import STREAMS, Estimate, Message, State
+from service.errors import WorkFailedError
 from service.network.session import DEFAULT_ENDPOINT, client_settings, open_session
 
 StreamMessage = TypeVar("StreamMessage", bound=Message)
 
 
-class CommandRefusedError(Exception):
+class CommandRefusedError(WorkFailedError):
     """The service refused a command, or did not answer.
 
     Args:
