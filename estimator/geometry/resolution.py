@@ -1,0 +1,41 @@
+"""How finely a parametric body is meshed."""
+
+from dataclasses import dataclass, replace
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """Divisions of a swept body.
+
+    Args:
+        around: Elements along each quarter of a chamber's arc, and along what meets it.
+        through: Elements through a wall.
+        layers: Layers of elements along each soft segment.
+        section_layers: Layers of elements along each rigid section.
+        end_layer: Thickness of a segment's first and last layer over that of its inner layers.
+        refinement: Parts into which every element is then divided, in each direction.
+    """
+
+    around: int = 1
+    through: int = 1
+    layers: int = 1
+    section_layers: int = 1
+    end_layer: float = 1.0
+    refinement: int = 1
+
+    def refined(self, factor: int) -> "Resolution":
+        """Divide every element ``factor`` times in each direction; the meshes are nested."""
+        return replace(self, refinement=self.refinement * factor)
+
+    @property
+    def arc_divisions(self) -> int:
+        """Elements along each quarter of a chamber's arc."""
+        return self.around * self.refinement
+
+    @property
+    def wall_divisions(self) -> int:
+        """Elements through a wall."""
+        return self.through * self.refinement
+
+
+DEFAULT_RESOLUTION = Resolution()
