@@ -120,3 +120,23 @@ def test_mistakes_are_told(make_arm: MakeArm) -> None:
         hold(arm, PlantInputs(np.zeros(4)), 0.1)
     with pytest.raises(InputError, match="elbow"):
         hold(arm, PlantInputs(np.zeros(6), cord=Cord("elbow", (0.0, 0.0, 0.0), 0.1)), 0.1)
+
+
+def test_the_inertial_readings_agree_with_the_motion(make_arm: MakeArm) -> None:
+    """Rates and forces are those of the last step, whose speed at its end moves the arm."""
+    arm = make_arm()
+    inputs, step = pressures(c0=25e3, c4=15e3), arm.parameters.step
+    states = [arm.advance(number * step, inputs) for number in range(1, 151)]
+    for section in (1, 2):
+        turns = np.array([state.quaternions[section] for state in states])
+        rates = np.array([state.angular_velocities[section] for state in states])
+        change = product(turns[:-1] * [1.0, -1.0, -1.0, -1.0], turns[1:])
+        moved = 2.0 * change[:, 1:] * np.sign(change[:, :1])
+        np.testing.assert_allclose(moved / step, rates[1:], atol=0.03)
+        places = np.array([state.positions[section] for state in states])
+        felt = [
+            rotation_matrix(state.quaternions[section]) @ state.specific_forces[section] for state in states
+        ]
+        seen = np.diff(places, 2, axis=0) / step**2 + [0.0, 0.0, GRAVITY]
+        error = np.array(felt)[2:] - seen
+        assert np.sqrt(np.mean(error[20:] ** 2)) < 0.1 * np.std(seen[20:])

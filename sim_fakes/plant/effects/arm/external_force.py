@@ -24,7 +24,7 @@ EFFECT = ArmEffect(
     "external_force",
     "force",
     {
-        "force": Quantity("N", 0.1, 0.03, 0.3),
+        "force": Quantity("N", 0.1, 0.02, 0.3),
         "x": Quantity("", 1.0, -1.0, 1.0),
         "y": Quantity("", 0.0, -1.0, 1.0),
         "z": Quantity("", 0.0, -0.5, 0.5),

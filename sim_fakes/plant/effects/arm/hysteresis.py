@@ -32,7 +32,7 @@ EFFECT = ArmEffect(
     "hysteresis",
     "strength",
     {
-        "strength": Quantity("", 0.30, 0.10, 0.60),
+        "strength": Quantity("", 0.30, 0.06, 0.60),
         "width": Quantity("", 0.03, 0.015, 0.05),
         "sharpness": Quantity("", 30.0, 2.0, 30.0),
     },

@@ -15,5 +15,5 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 
 
 EFFECT = ArmEffect(
-    "inertia_damping", "time", {"time": Quantity("s", 0.1, 0.03, 0.3)}, ("segment",), change=change
+    "inertia_damping", "time", {"time": Quantity("s", 0.1, 0.015, 0.3)}, ("segment",), change=change
 )

@@ -15,4 +15,4 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
     return replace(arm, actuation=replace(arm.actuation, lags=tuple(lags)))
 
 
-EFFECT = ArmEffect("line_lag", "time", {"time": Quantity("s", 0.3, 0.08, 0.8)}, ("chamber",), change=change)
+EFFECT = ArmEffect("line_lag", "time", {"time": Quantity("s", 0.3, 0.03, 0.8)}, ("chamber",), change=change)

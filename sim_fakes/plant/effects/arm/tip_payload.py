@@ -18,7 +18,7 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 EFFECT = ArmEffect(
     "tip_payload",
     "mass",
-    {"mass": Quantity("kg", 0.02, 0.005, 0.05), "below": Quantity("m", 0.005, 0.0, 0.02)},
+    {"mass": Quantity("kg", 0.02, 0.003, 0.05), "below": Quantity("m", 0.005, 0.0, 0.02)},
     ("section",),
     change=change,
 )

@@ -26,7 +26,7 @@ EFFECT = ArmEffect(
     "viscoelastic_creep",
     "strength",
     {
-        "strength": Quantity("", 0.15, 0.05, 0.30),
+        "strength": Quantity("", 0.15, 0.03, 0.30),
         "time": Quantity("s", 8.0, 3.0, 20.0),
         "decades": Quantity("", 0.0, 0.0, 2.0),
     },
