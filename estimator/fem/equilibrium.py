@@ -1,4 +1,4 @@
-"""Newton's iteration to equilibrium, with load stepping."""
+"""Newton's iteration to an equilibrium near by."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,8 +12,12 @@ from estimator.fem.solution import Solution, SolveStatus
 from estimator.mesh import Floats
 from estimator.model import Inputs
 
-GROWTH_LIMIT = 1e8
-SHIFT = 1e-3
+GROWTH_LIMIT = 1e6
+"""Residual over the least one so far, above which an iteration is given up."""
+POOR = 0.7
+"""Contraction of the residual that counts as poor; three of them in a row end an iteration."""
+SHIFTS = 10.0 ** np.arange(-8, 4)
+"""Multiples of the mean diagonal that are tried to make a tangent positive definite."""
 
 
 @dataclass(frozen=True)
@@ -23,16 +27,16 @@ class Settings:
     Args:
         tolerance: Out-of-balance force over the applied force at which it is converged.
         iterations: Linear solves allowed in one load step.
+        longest_move: Largest displacement of a node in one linear step, over the body's size.
         smallest_step: Fraction of the change of load at which halving ends.
         total_iterations: Linear solves allowed in one call.
-        longest_move: Largest displacement of a node in one iteration, over the body's size.
     """
 
     tolerance: float = 1e-9
-    iterations: int = 14
-    smallest_step: float = 1.0 / 512.0
-    total_iterations: int = 400
-    longest_move: float = 0.25
+    iterations: int = 12
+    longest_move: float = 0.1
+    smallest_step: float = 1e-4
+    total_iterations: int = 500
 
 
 @dataclass(frozen=True)
@@ -55,38 +59,50 @@ class Balance:
 Balancer = Callable[[Floats, Inputs, bool, bool], Balance]
 
 
+@dataclass(frozen=True)
+class Corrected:
+    """Where Newton's iteration ended.
+
+    Args:
+        solution: Displacement and how it ended.
+        balance: Forces there, tangent included.
+        factor: Factor of the tangent there; None where it is not positive definite.
+    """
+
+    solution: Solution[Floats]
+    balance: Balance
+    factor: StiffnessFactor | None
+
+
 def stable_factor(
     body: Body, balancer: Balancer, displacement: Floats, inputs: Inputs
 ) -> tuple[Balance, StiffnessFactor | None]:
     """Evaluate and factor the tangent, or the nearest stand-in that is positive definite.
 
-    An indefinite tangent loses first the pressures' load stiffness, then is shifted by a growing multiple of
-    its diagonal's mean. The balance is that of the exact forces in every case.
+    The stand-in is the tangent with the least shift of its diagonal, among powers of ten, that makes it
+    positive definite. The balance is that of the exact forces in every case.
 
     Returns:
-        The balance, and the factor; None when the configuration is invalid or everything is singular.
+        The balance, and the factor; None when the configuration is invalid.
     """
     balance = balancer(displacement, inputs, True, True)
     if not balance.evaluation.valid:
         return balance, None
-    factor = _factor(body, balance)
-    if factor is not None:
-        return balance, factor
-    without = balancer(displacement, inputs, True, False)
-    factor = _factor(body, without)
-    shift = SHIFT
-    while factor is None and shift < 1e3:
-        factor = body.plan.factorise(shifted(body, without, shift))
-        shift *= 10.0
+    factor = exact_factor(body, balance)
+    for shift in SHIFTS:
+        if factor is not None:
+            break
+        factor = body.plan.factorise(_shifted(body, balance, shift))
     return balance, factor
 
 
-def _factor(body: Body, balance: Balance) -> StiffnessFactor | None:
-    assert balance.evaluation.tangent is not None
-    return body.plan.factorise(balance.evaluation.tangent)
+def exact_factor(body: Body, balance: Balance) -> StiffnessFactor | None:
+    """Factor the tangent of a balance; None where it is not positive definite or was not assembled."""
+    tangent = balance.evaluation.tangent
+    return None if tangent is None else body.plan.factorise(tangent)
 
 
-def shifted(body: Body, balance: Balance, shift: float) -> Tangent:
+def _shifted(body: Body, balance: Balance, shift: float) -> Tangent:
     """Add a multiple of the mean diagonal to a tangent's diagonal."""
     assert balance.evaluation.tangent is not None
     values, mirror = balance.evaluation.tangent.values.copy(), balance.evaluation.tangent.mirror.copy()
@@ -97,10 +113,13 @@ def shifted(body: Body, balance: Balance, shift: float) -> Tangent:
     return Tangent(values, values if balance.evaluation.tangent.symmetric else mirror)
 
 
-def newton(
-    body: Body, balancer: Balancer, start: Floats, inputs: Inputs, settings: Settings
-) -> Solution[Floats]:
-    """Iterate to equilibrium under fixed inputs.
+def size_of(body: Body) -> float:
+    """Give the longest side of the body's box at rest [m]."""
+    return float(np.ptp(body.points, axis=0).max())
+
+
+def correct(body: Body, balancer: Balancer, start: Floats, inputs: Inputs, settings: Settings) -> Corrected:
+    """Iterate by Newton's method from near an equilibrium.
 
     Args:
         body: The body.
@@ -110,34 +129,35 @@ def newton(
         settings: Limits.
 
     Returns:
-        The displacement and how it ended.
+        Where it ended; ``UNSTABLE`` when the tangent there is not positive definite.
     """
-    displacement, first, reach = (
-        start,
-        np.inf,
-        settings.longest_move * float(np.ptp(body.points, axis=0).max()),
-    )
+    displacement, least, last, poor = start, np.inf, np.inf, 0
+    reach = settings.longest_move * size_of(body)
     for iteration in range(settings.iterations + 1):
-        balance, factor = stable_factor(body, balancer, displacement, inputs)
-        if not balance.evaluation.valid:
-            return Solution(displacement, SolveStatus.INVERTED, iteration, np.inf)
-        first = min(first, balance.norm)
-        if balance.norm <= settings.tolerance:
-            stable = _is_stable(body, balance)
-            status = SolveStatus.CONVERGED if stable else SolveStatus.UNSTABLE
-            return Solution(displacement, status, iteration, balance.norm)
-        if factor is None or balance.norm > GROWTH_LIMIT * first:
-            return Solution(displacement, SolveStatus.STALLED, iteration, balance.norm)
-        if iteration == settings.iterations:
-            break
-        displacement = take_step(
-            balancer, displacement, body.pattern.scatter(factor.solve(balance.residual)), inputs, reach
-        )
-    return Solution(displacement, SolveStatus.ITERATIONS, settings.iterations, balance.norm)
+        balance = balancer(displacement, inputs, True, True)
+        factor = exact_factor(body, balance) if balance.evaluation.valid else None
+        status = _verdict(balance, factor, settings)
+        poor = poor + 1 if balance.norm > POOR * last else 0
+        least, last = min(least, balance.norm), balance.norm
+        if status is None and (poor >= 3 or last > GROWTH_LIMIT * least):
+            status = SolveStatus.STALLED
+        if status is None and iteration == settings.iterations:
+            status = SolveStatus.ITERATIONS
+        if status is not None:
+            return Corrected(Solution(displacement, status, iteration, balance.norm), balance, factor)
+        assert factor is not None
+        step = body.pattern.scatter(factor.solve(balance.residual))
+        displacement = take_step(balancer, displacement, step, inputs, reach)
+    raise AssertionError("the loop returns")
 
 
-def _is_stable(body: Body, balance: Balance) -> bool:
-    return _factor(body, balance) is not None or not body.symmetric
+def _verdict(balance: Balance, factor: StiffnessFactor | None, settings: Settings) -> SolveStatus | None:
+    """Tell whether an iteration is over; None to go on."""
+    if not balance.evaluation.valid:
+        return SolveStatus.INVERTED
+    if factor is None:
+        return SolveStatus.UNSTABLE
+    return SolveStatus.CONVERGED if balance.norm <= settings.tolerance else None
 
 
 def take_step(balancer: Balancer, displacement: Floats, step: Floats, inputs: Inputs, reach: float) -> Floats:
@@ -153,45 +173,32 @@ def take_step(balancer: Balancer, displacement: Floats, step: Floats, inputs: In
     return displacement + step
 
 
-def between(first: Inputs, second: Inputs, fraction: float) -> Inputs:
-    """Interpolate inputs."""
-    return Inputs(
-        *(
-            a + fraction * (b - a)
-            for a, b in zip(
-                (first.pressures, first.loads, first.gravity),
-                (second.pressures, second.loads, second.gravity),
-                strict=True,
-            )
-        )
-    )
+def descend(
+    body: Body, balancer: Balancer, start: Floats, inputs: Inputs, settings: Settings, iterations: int
+) -> Corrected:
+    """Go downhill to a stable equilibrium, however far: the way across a snap-through.
 
-
-def follow(
-    body: Body, balancer: Balancer, start: Floats, origin: Inputs, target: Inputs, settings: Settings
-) -> Solution[Floats]:
-    """Bring a body from equilibrium under ``origin`` to equilibrium under ``target``.
-
-    The whole change is tried first; what fails is halved, what succeeds is doubled. A path that cannot be
-    continued ends with the status of its last failure and the last equilibrium reached.
-
-    Returns:
-        The displacement and how it ended; ``residual_norm`` is taken at the displacement under ``target``.
+    Every step is one of descent, for the tangent's stand-in is positive definite, and is halved while the
+    force along it has turned round by more than half, so that the potential energy falls.
     """
-    displacement, done, step, spent = start, 0.0, 1.0, 0
-    last = SolveStatus.STALLED
-    while done < 1.0:
-        aim = min(1.0, done + step)
-        found = newton(body, balancer, displacement, between(origin, target, aim), settings)
-        spent += found.iterations
-        if found.converged:
-            displacement, done, step = found.value, aim, 2.0 * step
-            continue
-        last, step = found.status, 0.5 * min(step, aim - done)
-        if spent >= settings.total_iterations:
-            last = SolveStatus.ITERATIONS
-            break
-        if step < settings.smallest_step:
-            break
-    norm = balancer(displacement, target, False, False).norm
-    return Solution(displacement, SolveStatus.CONVERGED if done >= 1.0 else last, spent, norm)
+    displacement = start
+    reach = settings.longest_move * size_of(body)
+    for iteration in range(iterations):
+        balance, factor = stable_factor(body, balancer, displacement, inputs)
+        if factor is None:
+            return Corrected(Solution(displacement, SolveStatus.INVERTED, iteration, np.inf), balance, None)
+        if balance.norm <= settings.tolerance:
+            exact = exact_factor(body, balance)
+            status = SolveStatus.UNSTABLE if exact is None else SolveStatus.CONVERGED
+            return Corrected(Solution(displacement, status, iteration, balance.norm), balance, exact)
+        step = factor.solve(balance.residual)
+        slope = float(step @ balance.residual)
+        nodal = body.pattern.scatter(step)
+        nodal *= min(1.0, reach / max(float(np.sqrt((nodal**2).sum(axis=1).max())), 1e-300))
+        for _ in range(10):
+            trial = balancer(displacement + nodal, inputs, False, False)
+            if trial.evaluation.valid and step @ trial.residual > -0.5 * slope:
+                break
+            nodal *= 0.5
+        displacement = displacement + nodal
+    return Corrected(Solution(displacement, SolveStatus.ITERATIONS, iterations, balance.norm), balance, None)

@@ -21,7 +21,7 @@ class Lanes(types.Type):
     """Type of four doubles."""
 
     def __init__(self) -> None:
-        super().__init__(name="Lanes")  # type: ignore[no-untyped-call]
+        super().__init__(name="Lanes")
 
 
 @register_model(Lanes)
@@ -30,7 +30,7 @@ class _LanesModel(models.PrimitiveModel):
         super().__init__(manager, kind, VECTOR)
 
 
-lanes = Lanes()
+lanes = Lanes()  # type: ignore[no-untyped-call,unused-ignore]
 
 
 def _load(context: Any, address: Any) -> Any:  # noqa: ARG001

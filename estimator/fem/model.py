@@ -8,7 +8,8 @@ import numpy as np
 from estimator.errors import InputError
 from estimator.fem.bars import Membrane, Springs
 from estimator.fem.body import Body, build_body
-from estimator.fem.equilibrium import Balance, Settings, follow, stable_factor, take_step
+from estimator.fem.continuation import Path, between
+from estimator.fem.equilibrium import Balance, Settings, stable_factor, take_step
 from estimator.fem.factor import StiffnessFactor
 from estimator.fem.interpolation import PointMap, points_inside
 from estimator.fem.loads import LoadSet, build_loads
@@ -290,8 +291,9 @@ class FiniteElementModel:
             The state, how the solve ended, the linear solves it took and its residual.
         """
         start = start or self.rest()
-        found = follow(self.body, self.balance, start.displacement, start.inputs, inputs, self.settings)
-        reached = inputs if found.converged else start.inputs
+        path = Path(self.body, self.balance, start.inputs, inputs, self.nodal_mass, self.settings)
+        found = path.walk(start.displacement)
+        reached = inputs if found.converged else between(start.inputs, inputs, path.fraction)
         return replace_value(found, FiniteElementState(found.value, reached))
 
     def poses(self, displacement: Floats) -> tuple[FramePose, ...]:

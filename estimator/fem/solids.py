@@ -13,6 +13,9 @@ from estimator.fem.shapes import quadrature, shape_functions
 from estimator.fem.solids_kernel import solid_forces
 from estimator.mesh import ElementBlock, Floats, Indices
 
+LOCAL_BULK = {"tet4": 0.0, "tet10": 0.0, "hex8": 0.0, "hex20": 10.0}
+"""Bulk modulus held at the quadrature points, over the shear modulus."""
+
 
 @dataclass(frozen=True)
 class Batches:
@@ -24,7 +27,7 @@ class Batches:
         connectivity: Nodes, -1 - n in padding, shape (batches, lanes, nodes).
         gradients: Shape (batches, nodes, points, 3, lanes).
         weights: Shape (batches, points, lanes).
-        coefficients: Shape (batches, lanes, 5).
+        coefficients: Shape (batches, lanes, 6).
         region: Shape (batches, lanes).
         slots: Where the blocks go, shape (batches, nodes, nodes, lanes).
     """
@@ -43,9 +46,11 @@ class Batches:
 class Solids:
     """A block of elements of one kind, ready for the kernel.
 
-    The energy of an element is sum_q w_q psi(I(F_q)) + V U(mean J): the isochoric part at each quadrature
-    point q, the volumetric part of the mean volume ratio (mean dilatation; Nagtegaal, Parks and Rice 1974,
-    Simo, Taylor and Pister 1985). So no element locks near incompressibility.
+    The energy of an element is sum_q w_q [psi(I(F_q)) + P(J_q)] + V U(mean J): the isochoric part at each
+    point q, the volumetric part of the mean volume ratio (mean dilatation; Nagtegaal, Parks and
+    Rice 1974, Simo, Taylor and Pister 1985), so that no element locks near incompressibility. P takes
+    ``LOCAL_BULK`` shear moduli of the bulk modulus: with the mean alone, the volume ratios at the eight
+    points of a 20-node hexahedron part without limit, and it is too soft and unstable in large strain.
 
     Args:
         kind: Element kind.
@@ -54,7 +59,8 @@ class Solids:
         gradients: Gradients of the shape functions at rest [1/m], shape (elements, nodes, 3, points).
         weights: Volume of each quadrature point [m3], shape (elements, points).
         values: Shape functions at the quadrature points, shape (points, nodes).
-        coefficients: ``Material.coefficients`` of each element, shape (elements, 5).
+        coefficients: Law code, half shear modulus, bulk modulus of the mean, a, b, bulk modulus at the points
+            of each element, shape (elements, 6).
         region: Region of each element, shape (elements,).
     """
 
@@ -123,6 +129,7 @@ class Solids:
         von_mises = np.sqrt(1.5 * np.einsum("eqij,eqij->eq", deviator, deviator))
         share = self.weights / self.weights.sum(axis=1, keepdims=True)
         volumetric = 0.25 * self.coefficients[:, 2] * (mean**2 - 1.0 - 2.0 * np.log(mean))
+        energy = energy + 0.25 * self.coefficients[:, 5, None] * (ratio**2 - 1.0 - 2.0 * np.log(ratio))
         scale = scales[self.region]
         return scale * ((share * energy).sum(axis=1) + volumetric), scale * (share * von_mises).sum(axis=1)
 
@@ -177,8 +184,17 @@ def build_solids(points: Floats, block: ElementBlock, materials: tuple[Material,
     region = np.array(block.region, dtype=np.int64)
     table = np.array([material.coefficients() for material in materials])
     weights = measure * parent_weights
-    batches = _batches(connectivity, gradients, weights, table[region], region)
-    return Solids(block.kind, connectivity, batches, gradients, weights, values, table[region], region)
+    coefficients = _split_bulk(table[region], LOCAL_BULK[block.kind])
+    batches = _batches(connectivity, gradients, weights, coefficients, region)
+    return Solids(block.kind, connectivity, batches, gradients, weights, values, coefficients, region)
+
+
+def _split_bulk(table: Floats, limit: float) -> Floats:
+    """Divide the bulk modulus between the element's mean and its points, shape (elements, 5) to (., 6)."""
+    local = np.minimum(table[:, 2], limit * 2.0 * table[:, 1])
+    split = np.column_stack([table, local])
+    split[:, 2] -= local
+    return split
 
 
 def _batches(
@@ -201,7 +217,7 @@ def _batches(
         connectivity=np.ascontiguousarray(nodes.reshape(-1, LANES, connectivity.shape[1])),
         gradients=grouped(gradients.transpose(0, 1, 3, 2)),
         weights=grouped(weights),
-        coefficients=np.ascontiguousarray(coefficients[element].reshape(-1, LANES, 5)),
+        coefficients=np.ascontiguousarray(coefficients[element].reshape(-1, LANES, 6)),
         region=region[element].reshape(-1, LANES),
         slots=np.empty((0, connectivity.shape[1], connectivity.shape[1], LANES), dtype=np.int32),
     )

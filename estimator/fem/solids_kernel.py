@@ -7,9 +7,10 @@ f_a = F G_a and h_a = F^-T G_a, the derivatives of the isochoric energy psi(I) a
     d2 psi / d x_a d x_b = psi'' q_a q_b^T + psi' J^(-2/3) [ 2 (G_a . G_b) 1 - 4/3 (f_a h_b^T + h_a f_b^T)
                            + 4/9 F:F h_a h_b^T + 2/3 F:F h_b h_a^T ]
 
-and of the volumetric energy V U(m), m = sum_q w_q J_q / V, with b_a = sum_q w_q J h_a:
+and of the volumetric energies V U(m) and sum_q w_q P(J_q), m = sum_q w_q J_q / V, with b_a = sum_q w_q J h_a:
 
-    U' b_a   and   U''/V b_a b_b^T + U' sum_q w_q J (h_a h_b^T - h_b h_a^T).
+    U' b_a   and   U''/V b_a b_b^T + U' sum_q w_q J (h_a h_b^T - h_b h_a^T),
+    sum_q w_q P' J h_a   and   sum_q w_q [(P'' J^2 + P' J) h_a h_b^T - P' J h_b h_a^T].
 
 Four elements go through together, one per lane of a vector. The records that the pair loop streams through
 are laid out for it: for each node and point f, h, G (``RIGHT``), and the combinations of them that multiply
@@ -181,7 +182,7 @@ def _stresses(
         weights: Volumes of the points, shape (points, lanes).
         ratios: J, shape (points, lanes).
         squares: F:F, shape (points, lanes).
-        table: ``Material.coefficients``, shape (lanes, 5).
+        table: ``Solids.coefficients``, shape (lanes, 6).
         scales: Factors on the stiffness, shape (lanes,).
         of_f: Filled with the factor of f in the force, shape (points, lanes).
         of_h: Filled with the factor of h in the force, shape (points, lanes).
@@ -200,6 +201,7 @@ def _stresses(
         mean /= volume
         code, a, b = table[lane, 0], table[lane, 3], table[lane, 4]
         half, bulk = scales[lane] * table[lane, 1], scales[lane] * table[lane, 2]
+        local = scales[lane] * table[lane, 5]
         pressure = 0.5 * bulk * (mean - 1.0 / mean)
         stiffening[lane] = np.sqrt(0.5 * bulk * (1.0 + 1.0 / (mean * mean)) / volume)
         for p in range(weights.shape[0]):
@@ -209,7 +211,8 @@ def _stresses(
             if not np.isfinite(first):
                 return False
             base, curving = weight * first * shrink, weight * second * shrink * shrink
-            volumetric = pressure * weight * ratios[p, lane]
+            ratio = ratios[p, lane]
+            volumetric = weight * (pressure * ratio + 0.5 * local * (ratio * ratio - 1.0))
             bent = base + curving * square
             of_f[p, lane] = 2.0 * base
             of_h[p, lane] = volumetric - 2.0 / 3.0 * base * square
@@ -217,7 +220,8 @@ def _stresses(
             terms[p, 0, lane] = 2.0 * base
             terms[p, 1, lane] = 4.0 * curving
             terms[p, 2, lane] = -4.0 / 3.0 * bent
-            terms[p, 3, lane] = 4.0 / 9.0 * square * bent + volumetric
+            stiff = 0.5 * local * weight * (ratio * ratio + 1.0)
+            terms[p, 3, lane] = 4.0 / 9.0 * square * bent + volumetric + stiff
             terms[p, 4, lane] = 2.0 / 3.0 * base * square - volumetric
     return True
 
