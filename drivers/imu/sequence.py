@@ -8,6 +8,9 @@ from drivers.clock import NANOSECONDS
 SILENCE_NS: Final = 150_000_000
 """Silence [ns] that a unit needs to start anew; a jump of the index without it is lost samples."""
 
+PAUSE_NS: Final = 400_000_000
+"""Silence [ns] that is no low rate but a pause."""
+
 _SLACK: Final = 3
 
 
@@ -70,7 +73,7 @@ class IndexTracker:
 
 @dataclass(slots=True)
 class RateMonitor:
-    """Measures the rate of samples over windows.
+    """Measures the rate of samples over windows; a pause begins a new one.
 
     Args:
         window_ns: Length of a window [ns].
@@ -79,6 +82,7 @@ class RateMonitor:
     window_ns: int
     rate: float | None = None
     _start_ns: int | None = None
+    _last_ns: int = 0
     _count: int = 0
 
     def restart(self) -> None:
@@ -87,8 +91,9 @@ class RateMonitor:
 
     def sample(self, arrival_ns: int) -> bool:
         """Count a sample, and tell whether a window has ended and `rate` [Hz] is new."""
-        if self._start_ns is None:
-            self._start_ns = arrival_ns
+        last_ns, self._last_ns = self._last_ns, arrival_ns
+        if self._start_ns is None or arrival_ns - last_ns > PAUSE_NS:
+            self._start_ns, self._count = arrival_ns, 0
             return False
         self._count += 1
         elapsed_ns = arrival_ns - self._start_ns

@@ -112,6 +112,10 @@ class Connection(asyncio.Protocol):
             self._requests.append(_Request(kind, answer))
         return answer
 
+    def withdraw(self, answer: asyncio.Future[bytes]) -> None:
+        """Leave the line: the answer, should it still come, is nobody's."""
+        self._requests = deque(request for request in self._requests if request.answer is not answer)
+
     def send(self, command: str) -> None:
         """Send a command that has no answer."""
         if self._transport is not None:

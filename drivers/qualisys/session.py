@@ -116,11 +116,24 @@ class QtmSession:
             raise self._connection.error
         now_ns = self._clock()
         if now_ns - self._connection.heard_ns >= self._pause_ns:
-            await self._ask("GetState", PacketKind.EVENT)
+            await self._check_alive(now_ns)
         if self._names_due and now_ns - self._asked_names_ns >= self._pause_ns:
             await self._read_names()
         if self._stream_due:
             self._start_stream()
+
+    async def _check_alive(self, asked_ns: int) -> None:
+        """Ask for the state; anything that comes meanwhile is a sign of life as good as the answer."""
+        answer = self._connection.expect(PacketKind.EVENT)
+        self._connection.send("GetState")
+        try:
+            async with asyncio.timeout(self._options.answer_s):
+                await answer
+        except TimeoutError:
+            self._health.timeouts += 1
+            if self._connection.heard_ns <= asked_ns:
+                raise self._unanswered("GetState") from None
+            self._connection.withdraw(answer)
 
     @property
     def _pause_ns(self) -> int:
@@ -200,17 +213,15 @@ class QtmSession:
                 packet = await self._connection.request(command, kind)
         except TimeoutError:
             self._health.timeouts += 1
-            error = ConnectionLost(
-                self._device,
-                f"does not answer {command}",
-                "check QTM and the network",
-                limit=self._options.answer_s,
-                unit="s",
-            )
-            self._connection.fail(error)
-            raise error from None
+            raise self._unanswered(command) from None
         self._health.round_trip.add(self._clock() - asked_ns)
         return packet
+
+    def _unanswered(self, command: str) -> ConnectionLost:
+        what, cure = f"does not answer {command}", "check QTM and the network"
+        error = ConnectionLost(self._device, what, cure, limit=self._options.answer_s, unit="s")
+        self._connection.fail(error)
+        return error
 
     def on_data(self, packet: bytes, arrival_ns: int) -> None:
         """Publish the bodies of a data packet."""

@@ -108,6 +108,13 @@ def test_rate_monitor_counts_over_its_window() -> None:
     assert monitor.rate == pytest.approx(40)
 
 
+def test_a_pause_is_no_low_rate() -> None:
+    monitor = RateMonitor(1000 * MS)
+    times = [*range(0, 600, 25), *range(1200, 2300, 25)]
+    assert [monitor.sample(t * MS) for t in times].count(True) == 1
+    assert monitor.rate == pytest.approx(40)
+
+
 def xbus(counter: int, ticks: int) -> bytes:
     groups = struct.pack(">HBH", 0x1020, 2, counter) + struct.pack(">HBI", 0x1060, 4, ticks)
     return encode_message(0x36, groups + struct.pack(">HB4f", 0x2010, 16, 1, 0, 0, 0))

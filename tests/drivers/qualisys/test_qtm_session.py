@@ -479,6 +479,22 @@ def test_silence_is_asked_about_and_no_answer_is_a_loss(virtual: Any) -> None:
     run(virtual, main)
 
 
+def test_an_unanswered_question_is_no_loss_while_frames_come(virtual: Any) -> None:
+    async def main(rig: Rig) -> None:
+        await rig.device.connect()
+        rig.peer.mute = True
+        await asyncio.sleep(1.5)
+        rig.peer.mute = False
+        await rig.say(*(frame(number, 1.0, 2.0) for number in range(1, 200)))
+        assert rig.device.health.timeouts == 1
+        assert rig.device.health.failures == 0
+        await rig.say(event(4), event(11))
+        assert rig.device.health.events["capture stopped"] == 1
+        assert rig.device.health.events["camera settings changed"] == 1
+
+    run(virtual, main)
+
+
 def test_a_peer_that_dies_while_waiting_is_noticed(virtual: Any) -> None:
     async def main(rig: Rig) -> None:
         rig.peer.running = False
