@@ -72,6 +72,10 @@ class StiffnessFactor:
         """Solve K x = right, shapes (3 free,) or (right-hand sides, 3 free)."""
         return self._refined(right, transposed=False)
 
+    def solve_roughly(self, right: Floats) -> Floats:
+        """Solve with the symmetric part alone, which is exact for a symmetric tangent."""
+        return self._solve(right)
+
     def solve_transposed(self, right: Floats) -> Floats:
         """Solve K^T x = right, shapes (3 free,) or (right-hand sides, 3 free)."""
         return self._refined(right, transposed=True)

@@ -27,10 +27,10 @@ class Lanes(types.Type):
 @register_model(Lanes)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, VECTOR)
+        super().__init__(manager, kind, VECTOR)  # type: ignore[no-untyped-call,unused-ignore]
 
 
-lanes = Lanes()  # type: ignore[no-untyped-call,unused-ignore]
+lanes = Lanes()
 
 
 def _load(context: Any, address: Any) -> Any:  # noqa: ARG001

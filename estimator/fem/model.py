@@ -58,7 +58,7 @@ class FiniteElementStep:
     @property
     def frames(self) -> Frames:
         """Frames of the sections at the iterate."""
-        return _frames(self.poses)
+        return frames_of(self.poses)
 
     @property
     def residual_norm(self) -> float:
@@ -70,15 +70,19 @@ class FiniteElementStep:
         nodal = np.concatenate([self.balance.evaluation.gradients, self.balance.load_vectors])
         return self.model.body.pattern.gather(nodal)
 
-    def adjoint(self, rows: Floats) -> Floats:
-        """Solve K^T y = J^T rows for rows on the stacked twists, shape (outputs, 3 free)."""
+    def nodal_rows(self, rows: Floats) -> Floats:
+        """Turn rows on the stacked twists into rows on the free nodes, shape (outputs, 3 free)."""
         nodes = len(self.displacement)
         nodal = np.zeros((len(rows), nodes, 3))
         for index, pose in enumerate(self.poses):
             part = rows[:, 6 * index : 6 * index + 6]
             if part.any():
                 nodal += pose.pull_back(part, nodes)
-        on_free = self.model.body.pattern.gather(nodal)
+        return self.model.body.pattern.gather(nodal)
+
+    def adjoint(self, rows: Floats) -> Floats:
+        """Solve K^T y = J^T rows for rows on the stacked twists, shape (outputs, 3 free)."""
+        on_free = self.nodal_rows(rows)
         if self.factor is None:
             return np.full(on_free.shape, np.nan)
         return self.factor.solve_transposed(on_free)
@@ -302,7 +306,7 @@ class FiniteElementModel:
 
     def section_frames(self, state: FiniteElementState) -> Frames:
         """Give the sections' frames in a state."""
-        return _frames(self.poses(state.displacement))
+        return frames_of(self.poses(state.displacement))
 
     def point_map(self, points: Floats) -> PointMap:
         """Follow material points given at rest [m], shape (points, 3), through ``PointMap.apply``.
@@ -326,7 +330,8 @@ def replace_value(found: Solution[Floats], value: FiniteElementState) -> Solutio
     return Solution(value, found.status, found.iterations, found.residual_norm)
 
 
-def _frames(poses: tuple[FramePose, ...]) -> Frames:
+def frames_of(poses: tuple[FramePose, ...]) -> Frames:
+    """Stack the frames of fitted sections."""
     return Frames(
         np.array([pose.position for pose in poses]).reshape(-1, 3),
         np.array([pose.rotation for pose in poses]).reshape(-1, 3, 3),

@@ -1,0 +1,188 @@
+"""The finite-element model for following an arm in time: the factor is reused until it stops serving."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from estimator.fem.background import Refactoriser
+from estimator.fem.equilibrium import Balance, size_of, take_step
+from estimator.fem.model import FiniteElementModel, FiniteElementState, frames_of
+from estimator.fem.sections import FramePose
+from estimator.fem.stiffness import Stiffness, take_stiffness
+from estimator.mesh import Floats
+from estimator.model import Frames, Inputs, Load
+
+
+@dataclass(frozen=True)
+class TrackingState:
+    """A configuration, and the factor with which it was reached.
+
+    Args:
+        displacement: Displacement of the nodes [m], shape (nodes, 3).
+        inputs: Inputs it was brought to.
+        stiffness: The factor; None before the first linearisation.
+        forces: Norm of the forces that the last step was to balance [N].
+    """
+
+    displacement: Floats
+    inputs: Inputs
+    stiffness: Stiffness | None = None
+    forces: float = np.inf
+
+
+@dataclass(frozen=True)
+class TrackingStep:
+    """The model linearised with a factor that may be of another configuration.
+
+    The residual and the frames are exact, so what an iteration converges to is exact; only its path and the
+    sensitivities feel the factor's age.
+
+    Args:
+        model: The model.
+        state: Configuration.
+        inputs: Inputs.
+        balance: Forces there, without tangent.
+        poses: Frames of the sections there.
+        stiffness: The factor; None where the configuration is invalid.
+    """
+
+    model: FiniteElementModel
+    state: TrackingState
+    inputs: Inputs
+    balance: Balance
+    poses: tuple[FramePose, ...]
+    stiffness: Stiffness | None
+
+    @property
+    def frames(self) -> Frames:
+        """Frames of the sections at the iterate."""
+        return frames_of(self.poses)
+
+    @property
+    def residual_norm(self) -> float:
+        """Norm of the out-of-balance force over that of the applied forces; infinite when invalid."""
+        return self.balance.norm if self.stiffness is not None else np.inf
+
+    @cached_property
+    def input_forces(self) -> Floats:
+        """Forces per unit of each pressure, then each load, shape (inputs, 3 free)."""
+        nodal = np.concatenate([self.balance.evaluation.gradients, self.balance.load_vectors])
+        return self.model.body.pattern.gather(nodal)
+
+    @cached_property
+    def _twists(self) -> tuple[Floats, Floats]:
+        """Change of the twists of all sections through the Newton step and per unit of each input."""
+        if self.stiffness is None:
+            size = 6 * len(self.poses)
+            return np.full(size, np.nan), np.full((size, len(self.input_forces)), np.nan)
+        adjoint = self.stiffness.adjoint
+        return adjoint @ self.balance.residual, adjoint @ self.input_forces.T
+
+    def response(self, rows: Floats) -> tuple[Floats, Floats]:
+        """Project the motion of the sections on rows; see ``estimator.model.Linearisation.response``."""
+        drift, motion = self._twists
+        return rows @ drift, rows @ motion
+
+
+@dataclass(frozen=True)
+class TrackingModel:
+    """A finite-element model whose linearisations reuse the factor; implements ``estimator.model.ArmModel``.
+
+    A factor is replaced by the newest one from the background, or, where it contracts the residual by less
+    than ``contraction``, by a fresh one on the spot.
+
+    Args:
+        model: The model.
+        background: Who factors in the background, started and stopped by the caller; None for nobody.
+        contraction: Residual after a step over the forces it was to balance, from which on the factor is
+            renewed.
+    """
+
+    model: FiniteElementModel
+    background: Refactoriser | None = None
+    contraction: float = 0.25
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections whose frames it gives."""
+        return self.model.sections
+
+    @property
+    def chambers(self) -> int:
+        """Number of chambers."""
+        return self.model.chambers
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Loads whose amplitudes are inputs."""
+        return self.model.loads
+
+    def rest(self) -> TrackingState:
+        """Give the unloaded state."""
+        state = self.model.rest()
+        return TrackingState(state.displacement, state.inputs)
+
+    def linearise(self, state: TrackingState, inputs: Inputs) -> TrackingStep:
+        """Linearise about a state under given inputs."""
+        balance = self.model.balance(state.displacement, inputs, tangent=False)
+        poses = self.model.poses(state.displacement)
+        stiffness = self._stiffness(state, inputs, balance) if balance.evaluation.valid else None
+        return TrackingStep(self.model, state, inputs, balance, poses, stiffness)
+
+    def _stiffness(self, state: TrackingState, inputs: Inputs, balance: Balance) -> Stiffness | None:
+        stale = state.stiffness
+        if self.background is not None:
+            stale = self.background.latest or stale
+            self.background.offer(state.displacement, inputs)
+        settled = balance.norm < self.model.settings.tolerance
+        moved_on = not np.array_equal(inputs.gravity, state.inputs.gravity)
+        contracted = float(np.linalg.norm(balance.residual)) < self.contraction * state.forces or moved_on
+        renewed = stale is not state.stiffness
+        if stale is not None and (settled or contracted or renewed):
+            return stale
+        return take_stiffness(self.model, state.displacement, inputs)
+
+    def advance(self, step: TrackingStep, change: Floats) -> TrackingState:
+        """Take the Newton step for inputs changed by ``change`` (pressures, then loads)."""
+        pressures = step.inputs.pressures + change[: self.chambers]
+        inputs = Inputs(pressures, step.inputs.loads + change[self.chambers :], step.inputs.gravity)
+        if step.stiffness is None:
+            return replace(step.state, inputs=inputs)
+        force = step.balance.residual + change @ step.input_forces
+        body = self.model.body
+        move = body.pattern.scatter(step.stiffness.factor.solve_roughly(force))
+        reach = self.model.settings.longest_move * size_of(body)
+        longest = float(np.sqrt((move**2).sum(axis=1).max()))
+        if longest > 0.2 * reach or not np.isfinite(longest):
+            displacement = take_step(self.model.balance, step.state.displacement, move, inputs, reach)
+        else:
+            displacement = step.state.displacement + move
+        return TrackingState(displacement, inputs, step.stiffness, float(np.linalg.norm(force)))
+
+    def solve(self, inputs: Inputs, start: TrackingState) -> tuple[TrackingState, bool]:
+        """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
+        found, converged = self.model.solve(inputs, FiniteElementState(start.displacement, start.inputs))
+        return TrackingState(found.displacement, found.inputs, start.stiffness), converged
+
+
+def predict_state(past: tuple[tuple[float, TrackingState], ...], time: float) -> TrackingState:
+    """Extrapolate the states of past instants, by a polynomial of one degree less than their number.
+
+    Worth it where the motion is smooth and its estimates are hardly noisy: a quadratic through three equally
+    spaced instants multiplies white noise by the square root of 19.
+
+    Args:
+        past: Up to three times [s] and states, the last one latest.
+        time: Instant to predict [s].
+
+    Returns:
+        The state, with the inputs and the factor of the last one.
+    """
+    times = np.array([instant for instant, _ in past])
+    last = past[-1][1]
+    displacement = np.zeros_like(last.displacement)
+    for k, (instant, state) in enumerate(past):
+        others = np.delete(times, k)
+        displacement += float(np.prod((time - others) / (instant - others))) * state.displacement
+    return replace(last, displacement=displacement)

@@ -1,0 +1,79 @@
+"""Reused and background factors change the path of an iteration, not where it ends."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from estimator.fem import FiniteElementModel, Refactoriser, TrackingModel, TrackingState, predict_state
+from estimator.model import Inputs
+
+ArmOf = Callable[..., FiniteElementModel]
+GRAVITY = np.array([0.0, 0.0, 9.81])
+
+
+def _inputs(time: float) -> Inputs:
+    pressure = 4e3 * (1.0 - np.cos(time))
+    return Inputs(np.array([pressure]), np.array([0.05 * np.sin(time), 0.0, 0.03 * time]), GRAVITY)
+
+
+def _follow(model: TrackingModel, state: TrackingState, target: Inputs) -> tuple[TrackingState, int]:
+    """Iterate to the equilibrium under the target's inputs; count the linearisations."""
+    change = np.concatenate([target.pressures - state.inputs.pressures, target.loads - state.inputs.loads])
+    for count in range(1, 40):
+        step = model.linearise(state, Inputs(state.inputs.pressures, state.inputs.loads, GRAVITY))
+        if count > 1 and step.residual_norm < 1e-8:
+            return state, count
+        state = model.advance(step, change)
+        change = np.zeros_like(change)
+    raise AssertionError("it did not converge")
+
+
+def test_reused_factors_reach_the_same_equilibria(arm_of: ArmOf) -> None:
+    arm = arm_of("hex8")
+    tracking = TrackingModel(arm)
+    state, found = tracking.solve(_inputs(0.0), tracking.rest())
+    assert found
+    factors = set()
+    for time in np.linspace(0.05, 1.0, 8):
+        state, _ = _follow(tracking, state, _inputs(time))
+        factors.add(id(state.stiffness))
+        exact = arm.equilibrium(_inputs(time)).value
+        assert np.abs(exact.displacement - state.displacement).max() < 1e-8
+    assert len(factors) < 8
+
+
+def test_background_factors_are_taken_over(arm_of: ArmOf) -> None:
+    arm = arm_of("hex8")
+    with Refactoriser(arm) as background:
+        tracking = TrackingModel(arm, background)
+        state, _ = tracking.solve(_inputs(0.0), tracking.rest())
+        counts = []
+        for time in np.linspace(0.05, 1.0, 6):
+            state, count = _follow(tracking, state, _inputs(time))
+            background.wait()
+            counts.append(count)
+            assert np.abs(arm.equilibrium(_inputs(time)).value.displacement - state.displacement).max() < 1e-8
+        assert background.finished >= 6
+        assert state.stiffness is not None
+        assert max(counts) <= 6
+
+
+def test_response_with_a_fresh_factor_is_that_of_the_model(arm_of: ArmOf) -> None:
+    arm = arm_of("hex20")
+    tracking = TrackingModel(arm)
+    state, _ = tracking.solve(_inputs(1.0), tracking.rest())
+    claimed = tracking.linearise(state, state.inputs).response(np.eye(6))
+    exact = arm.linearise(arm.equilibrium(_inputs(1.0)).value, state.inputs).response(np.eye(6))
+    assert np.abs(claimed[1] - exact[1]).max() < 1e-6 * np.abs(exact[1]).max()
+
+
+def test_prediction_is_exact_for_quadratic_motion(arm_of: ArmOf) -> None:
+    rest = TrackingModel(arm_of("hex8")).rest()
+    rng = np.random.default_rng(2)
+    a, b = rng.standard_normal((2, *rest.displacement.shape))
+
+    def at(time: float) -> TrackingState:
+        return TrackingState(a * time + b * time**2, rest.inputs)
+
+    predicted = predict_state(tuple((t, at(t)) for t in (0.0, 0.1, 0.25)), 0.4)
+    assert np.allclose(predicted.displacement, at(0.4).displacement)
