@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LONGEST_BRIDGE = 0.25  # s; a longer gap in a pressure leaves its samples out
+SYSTEMATIC_SHARE = 0.25  # of a marker's noise that stays however many readings are averaged
 OVERSHOOT = 1.1  # a measured pressure may pass the limit that commands must keep by this factor
 
 
@@ -178,7 +179,9 @@ def _registration(recording: Recording, specimen: Specimen, names: Sequence[str]
         offsets = np.array([marker.offset_m for marker in markers])
         points = np.array(base.frame_origin_m) + offsets @ rotation.T
         measured = np.stack([recording.marker(marker.name) for marker in markers], axis=1)
-        return register(points, measured, specimen.noise.marker_m)
+        samples = max(int(np.isfinite(measured).all(axis=(1, 2)).sum()), 1)
+        sigma = specimen.noise.marker_m * max(samples**-0.5, SYSTEMATIC_SHARE)
+        return register(points, measured, sigma)
     if base.name in recording.frames:
         return _registration_by_pose(recording, specimen, base.name)
     return Registration()

@@ -274,6 +274,7 @@ def _subset(
         Evaluation(
             e.innovation[chosen],
             e.jacobian[chosen],
+            e.rigid[chosen],
             Frames(e.frames.positions[chosen], e.frames.rotations[chosen]),
             tuple(state for state, keep in zip(e.states, chosen, strict=True) if keep),
             e.converged[chosen],
@@ -294,6 +295,7 @@ def _merge(
             Evaluation(
                 np.concatenate([one.innovation, other.innovation])[order],
                 np.concatenate([one.jacobian, other.jacobian])[order],
+                np.concatenate([one.rigid, other.rigid])[order],
                 Frames(
                     np.concatenate([one.frames.positions, other.frames.positions])[order],
                     np.concatenate([one.frames.rotations, other.frames.rotations])[order],

@@ -34,6 +34,8 @@ class Rows:
     Args:
         innovation: Measured minus predicted, shape (rows,).
         jacobian: Derivative of the prediction by the unknowns, shape (rows, unknowns).
+        rigid: Derivative by a rigid motion of the arm, for sensors in the laboratory frame, shape (rows, 6).
+        run: Number of its run, shape (rows,).
         sensor: Name of each row's sensor.
         weight: Weight of its node, shape (rows,).
         noise: Standard deviation of its sensor's own noise, shape (rows,).
@@ -42,6 +44,8 @@ class Rows:
 
     innovation: Floats
     jacobian: Floats
+    rigid: Floats
+    run: NDArray[np.int64]
     sensor: NDArray[np.str_]
     weight: Floats
     noise: Floats
@@ -110,6 +114,7 @@ def fit(
         else:
             break
     covariance = _covariance(forward, rows, scatter, correlated, normal)
+    covariance += _registration_covariance(forward, rows, scatter, correlated, normal)
     status = "converged" if settled else "iterations_exhausted"
     return Fit(values, covariance, current, scatter, correlated, status, count)
 
@@ -118,13 +123,14 @@ def collect(evaluations: Sequence[Evaluation[State]], nodes: Sequence[Nodes]) ->
     """Stack the residuals that are present."""
     parts = []
     first_block = 0
-    for evaluation, own in zip(evaluations, nodes, strict=True):
+    for number, (evaluation, own) in enumerate(zip(evaluations, nodes, strict=True)):
         suite = own.run.suite
         sensor = np.empty(suite.size, dtype="U64")
-        noise = np.empty(suite.size)
+        noise, registered = np.empty(suite.size), np.zeros(suite.size)
         for measurement in suite.measurements:
             rows = suite.slices[measurement.name]
             sensor[rows] = _component_names(measurement.name, measurement.size)
+            registered[rows] = measurement.registration is not None
             noise[rows] = np.sqrt(np.diag(measurement.covariance(np.zeros(measurement.reading_size))))
         seen = np.isfinite(evaluation.innovation)
         shape = evaluation.innovation.shape
@@ -132,6 +138,8 @@ def collect(evaluations: Sequence[Evaluation[State]], nodes: Sequence[Nodes]) ->
             Rows(
                 evaluation.innovation[seen],
                 evaluation.jacobian[seen],
+                (evaluation.rigid * registered[:, None])[seen],
+                np.broadcast_to(number, shape)[seen],
                 np.broadcast_to(sensor, shape)[seen],
                 np.broadcast_to(own.weights[:, None], shape)[seen],
                 np.broadcast_to(noise, shape)[seen],
@@ -142,7 +150,7 @@ def collect(evaluations: Sequence[Evaluation[State]], nodes: Sequence[Nodes]) ->
     return Rows(
         *(
             np.concatenate([getattr(part, name) for part in parts])
-            for name in ("innovation", "jacobian", "sensor", "weight", "noise", "block")
+            for name in ("innovation", "jacobian", "rigid", "run", "sensor", "weight", "noise", "block")
         )
     )
 
@@ -244,3 +252,24 @@ def _covariance(
     ratio = np.sqrt(widest / np.diag(curvature))
     covariance: Floats = curvature * np.outer(ratio, ratio)
     return covariance
+
+
+def _registration_covariance(
+    forward: Forward[State, Step], rows: Rows, scatter: dict[str, float], correlated: float, normal: Floats
+) -> Floats:
+    """Give what the errors of the laboratory's registrations add: they move all readings of a run together.
+
+    An error e of covariance C moves the fit by H^-1 J^T W R e, with R the derivative by a rigid motion.
+    """
+    _, weight = _whitened(rows, scatter)
+    scale = np.array([scatter[str(name)] for name in rows.sensor])
+    total = np.zeros_like(normal)
+    for number, own in enumerate(forward.nodes):
+        covariances = [m.registration.covariance for m in own.run.suite.measurements if m.registration]
+        part = rows.run == number
+        if not covariances or not part.any():
+            continue
+        weighted = rows.jacobian[part].T * (weight[part] / scale[part] ** 2 / correlated)
+        gain = np.linalg.solve(normal, weighted @ rows.rigid[part])
+        total += gain @ covariances[0] @ gain.T
+    return total

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from estimator.calibration.nodes import Nodes
 from estimator.calibration.parameters import Layout, Setting
 from estimator.model import ArmModel, Frames, Inputs, Linearisation
+from estimator.rotations import skew
 from estimator.sensing import Scene, SensorSuite
 
 Floats = NDArray[np.float64]
@@ -22,6 +23,9 @@ class ScaledLinearisation(Linearisation, Protocol):
     def parameter_response(self, rows: Floats) -> Floats:
         """Differentiate outputs by the stiffness factors, shape (outputs, parameters)."""
 
+
+NEAR = 1e-3  # out-of-balance force over the applied one, at which a Newton step leaves about its square
+NEWTON_STEPS = 12
 
 State = TypeVar("State")
 Step = TypeVar("Step", bound=ScaledLinearisation)
@@ -45,6 +49,8 @@ class Evaluation(Generic[State]):
     Args:
         innovation: Measured minus predicted, NaN where absent or not converged, shape (nodes, rows).
         jacobian: Derivative of the prediction by the unknowns, shape (nodes, rows, unknowns).
+        rigid: Derivative by a rigid motion (translation, rotation) of the whole arm, which is what an error
+            of the laboratory's registration looks like, shape (nodes, rows, 6).
         frames: Frames of the sections at each node.
         states: The model's state at each node, for a warm start.
         converged: Where the model found its equilibrium, shape (nodes,).
@@ -52,9 +58,39 @@ class Evaluation(Generic[State]):
 
     innovation: Floats
     jacobian: Floats
+    rigid: Floats
     frames: Frames
     states: tuple[State, ...]
     converged: Flags
+
+
+def rigid_motion(frames: Frames) -> Floats:
+    """Give the stacked twists of the sections in a rigid motion (v, w) of all, shape (6 sections, 6)."""
+    motion = np.zeros((len(frames.positions), 6, 6))
+    motion[:] = np.eye(6)
+    motion[:, :3, 3:] = -skew(frames.positions)
+    return motion.reshape(-1, 6)
+
+
+def settle(model: ScaledModel[State, Step], start: State, inputs: Inputs) -> tuple[State, Step, bool]:
+    """Bring a state near equilibrium by Newton steps, else by the model's own solver.
+
+    Nearness is enough: what is left is one Newton step, which the linearisation gives as its drift.
+
+    Returns:
+        The state, the model linearised there, and whether it is near equilibrium.
+    """
+    state, last = start, np.inf
+    for _ in range(NEWTON_STEPS):
+        step = model.linearise(state, inputs)
+        if step.residual_norm < NEAR:
+            return state, step, True
+        if not step.residual_norm < last:
+            break
+        last = step.residual_norm
+        state = model.advance(step, np.zeros(model.chambers + len(model.loads)))
+    state, found = model.solve(inputs, start)
+    return state, model.linearise(state, inputs), found
 
 
 @dataclass(frozen=True)
@@ -108,6 +144,7 @@ class Forward(Generic[State, Step]):
         count = len(nodes.time)
         innovation = np.full((count, suite.size), np.nan)
         jacobian = np.zeros((count, suite.size, len(self.layout.parameters)))
+        rigid = np.zeros((count, suite.size, 6))
         positions = np.zeros((count, len(model.sections), 3))
         rotations = np.zeros((count, len(model.sections), 3, 3))
         converged = np.zeros(count, dtype=bool)
@@ -116,24 +153,25 @@ class Forward(Generic[State, Step]):
         for index, pressures in enumerate(acting):
             inputs = Inputs(pressures, np.zeros(len(model.loads)), self.gravity)
             begin = state if start is None or not start.converged[index] else start.states[index]
-            state, converged[index] = model.solve(inputs, begin)
-            step = model.linearise(state, inputs)
+            state, step, converged[index] = settle(model, begin, inputs)
             states.append(state)
             positions[index], rotations[index] = step.frames.positions, step.frames.rotations
             if converged[index]:
-                innovation[index], jacobian[index] = self._node(step, suite, setting, nodes, index)
+                innovation[index], jacobian[index], rigid[index] = self._node(
+                    step, suite, setting, nodes, index
+                )
             self.advance(1)
-        return Evaluation(innovation, jacobian, Frames(positions, rotations), tuple(states), converged)
+        return Evaluation(innovation, jacobian, rigid, Frames(positions, rotations), tuple(states), converged)
 
     def _node(
         self, step: Step, suite: SensorSuite, setting: Setting, nodes: Nodes, index: int
-    ) -> tuple[Floats, Floats]:
-        """Give the innovation and the derivative of the prediction at one node."""
+    ) -> tuple[Floats, Floats, Floats]:
+        """Give the innovation at one node and the derivatives of the prediction."""
         scene = Scene(step.frames, np.zeros(len(self.model.loads)))
         reading = nodes.readings[index]
         sensitivity = suite.sensitivity(scene, reading)
         twists = np.nan_to_num(sensitivity.twists)
-        _, by_input = step.response(twists)
+        drift, by_input = step.response(twists)
         by_factor = step.parameter_response(twists)
         by_alignment = np.nan_to_num(suite.parameter_rows(scene, reading))
         jacobian = np.zeros((suite.size, len(self.layout.parameters)))
@@ -147,7 +185,7 @@ class Forward(Generic[State, Step]):
                 jacobian[:, column] = by_input[:, int(target)]
             elif target in suite.parameter_names:
                 jacobian[:, column] = by_alignment[:, suite.parameter_names.index(target)]
-        return sensitivity.innovation, jacobian
+        return sensitivity.innovation - drift, jacobian, twists @ rigid_motion(step.frames)
 
     @property
     def _targets(self) -> tuple[tuple[str, str, str], ...]:

@@ -74,8 +74,8 @@ def choose_nodes(run: Run, count: int, window: float = WINDOW) -> Nodes:
     return Nodes(
         run,
         time,
-        np.array([row[0] for row in rows]).reshape(-1, chambers),
-        np.array([row[1] for row in rows]).reshape(-1, readings),
+        np.array([row[0] for row in rows]).reshape(len(rows), chambers),
+        np.array([row[1] for row in rows]).reshape(len(rows), readings),
         np.array(weights),
         block_of(run, time),
     )

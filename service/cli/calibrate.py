@@ -1,0 +1,148 @@
+"""``softarm calibrate RECORDING... --specimen S --out S2``: moduli, chamber gains, alignment of sensors."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from service.cli.output import (
+    Table,
+    force_option,
+    json_option,
+    progress,
+    recordings_argument,
+    say,
+    show,
+    specimen_option,
+)
+
+if TYPE_CHECKING:
+    from estimator.calibration import Calibrated
+
+DEGREES = 57.29577951308232
+
+
+@click.command()
+@recordings_argument
+@specimen_option
+@click.option(
+    "--out", "-o", required=True, type=click.Path(path_type=Path), help="Specimen file to write (TOML)."
+)
+@click.option(
+    "--window", type=(float, float), metavar="FROM TO", help="Use only these seconds of each recording."
+)
+@click.option("--nodes", type=click.IntRange(8), default=160, show_default=True, help="Samples to fit.")
+@click.option(
+    "--axes/--no-axes",
+    default=None,
+    help="Search rotation and handedness of bend axes everywhere; by default where the specimen has none.",
+)
+@force_option
+@json_option
+def command(
+    recordings: tuple[Path, ...],
+    specimen: str | None,
+    out: Path,
+    window: tuple[float, float] | None,
+    nodes: int,
+    axes: bool | None,
+    force: bool,
+    as_json: bool,
+) -> int:
+    """Fit moduli, chamber gains and biases, and the alignment of bends and frames to recordings.
+
+    Alternate blocks of ten seconds, or alternate recordings, are held out to check the fit. What the
+    recordings do not determine keeps its value and is named with the manoeuvre that would determine
+    it. Nothing is written when the fit does not hold.
+
+    Example: softarm calibrate run1 run2 --specimen sopra --out my_sopra.toml
+    """
+    from estimator.arm import build_arm
+    from estimator.calibration import (
+        CalibrationRefusedError,
+        Options,
+        arrange,
+        calibrate,
+        calibrated_specimen,
+    )
+    from estimator.specimen import save_specimen
+    from service.offline.inputs import load_recordings, specimen_of
+    from service.recordings.files import refuse_existing
+
+    refuse_existing(out, force=force)
+    loaded = load_recordings(recordings, window)
+    robot = specimen_of(specimen, recordings, loaded)
+    model = build_arm(robot, loads=())
+    runs = [arrange(recording, robot, model.sections) for recording in loaded]
+    options = Options(nodes=nodes, search_axes=axes)
+    try:
+        with progress(f"calibrating {robot.name}") as advance:
+            found = calibrate(model, robot, runs, options, advance)
+    except CalibrationRefusedError as refusal:
+        say(f"softarm: {refusal}")
+        return 1
+    save_specimen(calibrated_specimen(robot, found), out)
+    show(*tables(found), as_json=as_json)
+    say(f"wrote {out}")
+    return 0
+
+
+def tables(found: "Calibrated") -> tuple[Table, ...]:
+    """Arrange a calibration in tables: what was found, how well it predicts, what is missing."""
+    missing = tuple(
+        f"{entry.parameter.name}: {entry.verdict}; {entry.manoeuvre}"
+        for entry in found.identified
+        if entry.verdict != "determined"
+    )
+    lags = ", ".join("unknown" if lag is None else f"{lag * 1e3:.0f} ms" for lag in found.lags)
+    unknowns: list[dict[str, str | int | float | bool | None]] = [
+        {
+            "unknown": entry.parameter.name,
+            "value": entry.value,
+            "std": entry.std,
+            "unit": entry.parameter.unit,
+            "verdict": entry.verdict,
+            "std_over_known_before": entry.share,
+        }
+        for entry in found.identified
+    ]
+    handed = ", ".join(
+        f"{name} {'left' if mirrored else 'right'}" for name, mirrored in found.mirrored.items()
+    )
+    notes = (
+        f"{found.fitted} unknowns fitted to {found.nodes} samples; {found.status}; "
+        f"motion lags the pressures by {lags}"
+        + (f"; axes of bends: {handed}-handed" if handed else "")
+        + ".",
+        "A modulus is the logarithm of the factor on the specimen's.",
+    )
+    return (
+        Table("Calibration", unknowns, (*notes, *missing)),
+        Table(
+            "Prediction error, rms",
+            [_error_row(found, name) for name in found.check.training],
+            (
+                f"Held out: alternate blocks that no fit has seen. Line: ordinary linear regression of the "
+                f"readings on the pressures, {found.check.line_parameters} numbers fitted on the same blocks."
+                if found.check.line
+                else "Held out: alternate blocks or recordings that no fit has seen.",
+            ),
+        ),
+    )
+
+
+def _error_row(found: "Calibrated", name: str) -> dict[str, str | float | None]:
+    check = found.check
+    sensor, _, component = name.rpartition(".")
+    scale, unit = (1e3, "mm") if sensor.startswith("marker") else (DEGREES, "degrees")
+    if sensor.startswith("frame"):
+        scale, unit = (1e3, "mm") if int(component) < 3 else (DEGREES, "degrees")
+    row: dict[str, str | float | None] = {"sensor": sensor, "component": component, "unit": unit}
+    for heading, values in (
+        ("old_calibration", check.before),
+        ("training", check.training),
+        ("held_out", check.held_out),
+        ("line_held_out", check.line),
+    ):
+        row[heading] = values[name] * scale if name in values else None
+    return row

@@ -1,0 +1,119 @@
+"""``softarm estimate RECORDING --specimen S``: pose and external force over a recording."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from service.cli.output import (
+    Table,
+    force_option,
+    json_option,
+    progress,
+    recording_argument,
+    say,
+    show,
+    specimen_option,
+)
+
+if TYPE_CHECKING:
+    from estimator.fem import FiniteElementState
+    from service.offline.track import Track
+
+DEFAULT_RATE = 10.0
+
+
+@click.command()
+@recording_argument
+@specimen_option
+@click.option(
+    "--out",
+    "-o",
+    type=click.Path(path_type=Path),
+    help="Where estimates go: .mcap, .csv, .parquet or a folder.",
+)
+@click.option(
+    "--plots", type=click.Path(path_type=Path), help="Folder of the plots; plots/NAME when left out."
+)
+@click.option(
+    "--rate",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=DEFAULT_RATE,
+    show_default=True,
+    metavar="HZ",
+    help="Estimates per second of recording; readings between them are averaged.",
+)
+@click.option(
+    "--window", type=(float, float), metavar="FROM TO", help="Use only these seconds of the recording."
+)
+@force_option
+@json_option
+def command(
+    recording: Path,
+    specimen: str | None,
+    out: Path | None,
+    plots: Path | None,
+    rate: float,
+    window: tuple[float, float] | None,
+    force: bool,
+    as_json: bool,
+) -> int:
+    """Estimate pose and external force over a recording, with their uncertainty.
+
+    Each instant is solved on its own to the nonlinear optimum on the finite-element mesh: pressures as
+    recorded, two lateral forces unknown at every rigid section. Prints a summary, writes plots and, with
+    --out, every estimate.
+
+    Example: softarm estimate ../shared/recordings/sopra_2021-07-09 --specimen sopra
+    """
+    from estimator.arm import build_arm
+    from estimator.calibration import arrange
+    from service.offline.inputs import load_recordings, specimen_of
+    from service.offline.resample import resample
+    from service.offline.result import as_recording
+    from service.offline.surface import outer_surface
+    from service.offline.track import track
+    from service.plots.estimate import plot_track
+    from service.recordings import save_recording
+    from service.recordings.files import refuse_existing
+
+    if out is not None:
+        refuse_existing(out, force=force or out.is_dir())
+    (loaded,) = load_recordings([recording], window)
+    robot = specimen_of(specimen, [recording], [loaded])
+    model = build_arm(robot)
+    run = resample(arrange(loaded, robot, model.sections), rate)
+    with progress(f"estimating {loaded.name}", len(run.time)) as advance:
+        found = track(model, robot, run, advance)
+    show(*tables(found, loaded.name), as_json=as_json)
+    folder = plots or Path("plots") / loaded.name
+    for path in plot_track(found, loaded.name, folder, lambda state: outer_surface(model, state)):
+        say(f"wrote {path}")
+    if out is not None:
+        info = {"specimen": robot.name, "estimated_rate_hz": rate, "estimated_with": "finite elements"}
+        for path in save_recording(as_recording(found, loaded, info), out, force=force):
+            say(f"wrote {path}")
+    return 0 if bool((found.status == 0).any()) else 1
+
+
+def tables(found: "Track[FiniteElementState]", name: str) -> tuple[Table, ...]:
+    """Summarise estimates in tables: loads, sections, sensors."""
+    from service.offline.result import force_rows, section_rows, sensor_rows, status_counts
+
+    counts = status_counts(found)
+    first, last = found.run.time[[0, -1]]
+    ended = ", ".join(f"{count} {status.replace('_', ' ')}" for status, count in counts.items() if count)
+    return (
+        Table(
+            f"{name}: external loads",
+            force_rows(found),
+            (
+                f"{len(found.run.time)} estimates from {first:.2f} to {last:.2f} s: {ended}.",
+                f"At the first: {found.statement}" if found.statement else "No search converged.",
+                "The estimate's deviation follows from the noise of sensors and pressures; what the "
+                "calibrated model gets wrong comes on top.",
+            ),
+        ),
+        Table("Sections in the base frame", section_rows(found)),
+        Table("Readings over the estimate", sensor_rows(found)),
+    )

@@ -1,0 +1,117 @@
+"""The offline commands on recordings of a beam of known stiffness, with a known weight, made by the model."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimator.arm import build_arm
+from estimator.model import Inputs
+from estimator.recording import Recording
+from estimator.specimen import Specimen, load_specimen
+from service.cli import run
+from service.recordings import load_recording, save_recording
+
+SCALE = 1.3
+WEIGHT = -0.3  # N along x, which points up
+TURN = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+SHIFT = np.array([0.2, -0.1, 0.05])
+
+
+@pytest.fixture(scope="module")
+def beam() -> Specimen:
+    return load_specimen("beam")
+
+
+def record(beam: Specimen, scale: float, weight: float, folder: Path, seconds: float = 1.5) -> Path:
+    model = build_arm(beam).with_scales({"upper": scale})
+    inputs = Inputs(np.zeros(0), np.array([weight, 0.0]), np.array(beam.gravity_m_s2))
+    state, found = model.solve(inputs, model.rest())
+    assert found
+    frames = model.section_frames(state)
+    rng = np.random.default_rng(0)
+    time = np.arange(0, seconds, 0.02)
+    columns = {}
+    for marker in beam.markers:
+        section = model.sections.index(marker.section)
+        place = frames.positions[section] + frames.rotations[section] @ np.array(marker.offset_m)
+        noisy = TURN @ place + SHIFT + rng.normal(0, 1e-4, (len(time), 3))
+        columns |= {f"marker_{marker.name}_{a}_m": noisy[:, i] for i, a in enumerate("xyz")}
+    recording = Recording(folder.name, time, columns, {"specimen": "beam", "rate_hz": 50.0})
+    save_recording(recording, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def loaded(beam: Specimen, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record(beam, SCALE, WEIGHT, tmp_path_factory.mktemp("runs") / "loaded")
+
+
+@pytest.fixture(scope="module")
+def bare(beam: Specimen, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record(beam, SCALE, 0.0, tmp_path_factory.mktemp("runs") / "bare")
+
+
+def test_calibration_finds_the_modulus_and_then_the_estimate_finds_the_weight(
+    bare: Path, loaded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    specimen = tmp_path / "mine.toml"
+    assert run(["calibrate", str(bare), "--out", str(specimen), "--json"]) == 0
+    tables = json.loads(capsys.readouterr().out)["tables"]
+    assert tables[0]["rows"][0]["unknown"] == "modulus.upper"
+    modulus = tables[0]["rows"][0]
+    assert abs(modulus["value"] - np.log(SCALE)) < 3 * modulus["std"] < 0.2
+
+    out = tmp_path / "estimate.mcap"
+    words = ["estimate", str(loaded), "--specimen", str(specimen), "--rate", "5", "--out", str(out)]
+    assert run([*words, "--plots", str(tmp_path / "plots"), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)["tables"]
+    forces = {row["load"]: row for row in printed[0]["rows"]}
+    assert forces["tip_x"]["mean"] == pytest.approx(WEIGHT, abs=0.02)
+    assert abs(forces["tip_x"]["mean"] - WEIGHT) < 3 * forces["tip_x"]["std_of_estimate"]
+    assert forces["tip_y"]["mean"] == pytest.approx(0.0, abs=0.02)
+
+    estimate = load_recording(out)
+    assert estimate.columns["estimate_force_tip_x_n"].mean() == pytest.approx(forces["tip_x"]["mean"])
+    assert (estimate.columns["estimate_status"] == 0).all()
+    assert estimate.markers == load_recording(loaded).markers
+    names = ["arm.png", "forces.png", "residuals.png", "sections.png"]
+    assert sorted(path.name for path in (tmp_path / "plots").iterdir()) == names
+
+
+def test_the_old_specimen_is_never_replaced_unasked(
+    bare: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine.toml").write_text("keep me")
+    assert run(["calibrate", str(bare), "--out", str(tmp_path / "mine.toml")]) == 2
+    assert (tmp_path / "mine.toml").read_text() == "keep me"
+    assert "exists already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--specimen", "bean"], "did you mean 'beam'"),
+        (["--specimen", "sopra"], "no marker 'tip1'"),
+        (["--window", "7", "9"], "has no samples between 7 and 9 s; it lasts from 0 to 1.48 s"),
+        (["--rate", "0"], "0.0 is not in the range"),
+    ],
+)
+def test_wrong_use_is_one_line(
+    words: list[str], message: str, bare: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["estimate", str(bare), "--plots", str(tmp_path / "plots"), *words]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_that_names_no_specimen(
+    bare: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = load_recording(bare)
+    save_recording(Recording("x", recording.time, recording.columns), tmp_path / "x.csv")
+    assert run(["estimate", str(tmp_path / "x.csv")]) == 2
+    assert "give it with --specimen" in capsys.readouterr().err
