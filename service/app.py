@@ -8,27 +8,27 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from drivers.device import Device, close_all, connect_all
-from drivers.errors import DeviceErrors
-from drivers.valves import BankReading, ValveBank
-from drivers.valves.alarms import FOREIGN_WRITER, WATCHDOG_FIRED
 from estimator.arm import default_loads
-from estimator.errors import InputError
+from estimator.recording import Recording
 from estimator.specimen import specimen_table
 from service.api.page import schemas
 from service.config import SensorSettings, Setup
+from service.control.channels import Sample
 from service.control.controller import Controller
+from service.control.instruments import Instruments, LiveInstruments
 from service.control.knowledge import Knowledge
 from service.control.mismatch import MismatchTest
 from service.control.poses import PoseStore
-from service.control.publishing import Publisher, Source
+from service.control.publishing import Publisher
 from service.control.readings import Readings, Snapshot, channel
 from service.control.recorder import Recorder, RecorderError
+from service.control.replay import ReplayedInstruments
 from service.control.streams import RecordedStreams
 from service.control.tick import Tick, Ticker
 from service.control.verbs import Context, Verbs
@@ -47,8 +47,25 @@ Floats = NDArray[np.float64]
 
 STATE_RATE_HZ = 20.0
 SHAPE_RATE_HZ = 10.0
-VALVE_KINDS = ("festo_mpa", "festo_vtem")
 SECOND_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A recording to play instead of the instruments.
+
+    Args:
+        recording: What to play.
+        speed: Factor on the recorded time.
+    """
+
+    recording: Recording
+    speed: float
+
+    @property
+    def base(self) -> str:
+        """Channel of the base's pose, empty when the recording has none."""
+        return "base" if "base" in self.recording.frames else ""
 
 
 class Service:
@@ -57,24 +74,24 @@ class Service:
     Args:
         setup: The checked configuration.
         notifier: Speaks to systemd.
+        replay: A recording to play instead of the instruments.
     """
 
-    def __init__(self, setup: Setup, notifier: Notifier) -> None:
+    def __init__(self, setup: Setup, notifier: Notifier, replay: Replay | None = None) -> None:
         self._setup = setup
         self._notifier = notifier
         config, specimen = setup.config, setup.specimen
         self._loop = asyncio.get_running_loop()
         self._stopping = asyncio.Event()
         self._recorder = Recorder(config.recording_directory)
-        self._valves_name = next(device.name for device in setup.devices if device.kind in VALVE_KINDS)
+        base_body = config.base_body if replay is None else replay.base
+        self._readings = Readings(config.sensors, base_body, config.safety, self._record)
+        self._instruments = self._make_instruments(replay)
         self._streams = RecordedStreams(
-            self._recorder, config.sensors, self._valves_name, config.base_body, len(specimen.chambers)
+            self._recorder, config.sensors, self._instruments.bank, base_body, len(specimen.chambers)
         )
-        self._readings = Readings(config.sensors, config.base_body, config.safety, self._streams.take)
-        self._devices = [device.build(self._readings.take) for device in setup.devices]
-        self._valves = self._find_valves(self._devices)
         self._limits = np.array(specimen.pressure_limits)
-        self._controller = Controller(self._valves, self._limits, config.control, config.safety)
+        self._controller = Controller(self._instruments.valves, self._limits, config.control, config.safety)
         sections = tuple(section.name for section in specimen.sections)
         self._knowledge = Knowledge(sections, default_loads(specimen), self._readings.rest)
         self._book = FindingBook(ALL_CHECKS)
@@ -84,7 +101,7 @@ class Service:
             SolverSettings(specimen, self._estimated_sensors(), config.control), self._on_result
         )
         self._publisher = Publisher(
-            self._source(), self._controller, self._knowledge, self._book, config.control.model
+            self._instruments.source, self._controller, self._knowledge, self._book, config.control.model
         )
         self._bus = Bus(config.network, config.arm, self._loop)
         self._verbs = Verbs(
@@ -106,19 +123,23 @@ class Service:
         self._late: deque[int] = deque(maxlen=1000)
         self._last_result_ns: int | None = None
 
-    def _find_valves(self, devices: list[Device]) -> ValveBank:
-        for device in devices:
-            if isinstance(device, ValveBank):
-                return device
-        raise InputError(
-            str(self._setup.path), "no valve bank", "add a device of kind festo_mpa or festo_vtem"
+    def _make_instruments(self, replay: Replay | None) -> Instruments:
+        if replay is None:
+            return LiveInstruments(self._setup, self._readings.take)
+        return ReplayedInstruments(
+            replay.recording,
+            self._setup.config.sensors,
+            len(self._setup.specimen.chambers),
+            replay.speed,
+            self._readings.put,
+            self.stop,
         )
+
+    def _record(self, name: str, sample: Sample) -> None:
+        self._streams.take(name, sample)
 
     def _estimated_sensors(self) -> tuple[SensorSettings, ...]:
         return tuple(sensor for sensor in self._setup.config.sensors if sensor.kind != "gauge")
-
-    def _source(self) -> Source:
-        return "fake" if any(device.simulated for device in self._setup.devices) else "live"
 
     async def run(self) -> None:
         """Serve until a signal or ``shut_down``; the arm is vented on every way out."""
@@ -127,7 +148,7 @@ class Service:
             try:
                 async with self._worker, asyncio.TaskGroup() as tasks:
                     background = [
-                        tasks.create_task(self._connect()),
+                        tasks.create_task(self._instruments.connect()),
                         tasks.create_task(self._serve_commands()),
                     ]
                     await self._control()
@@ -143,17 +164,10 @@ class Service:
     async def _shut_down(self) -> None:
         self._notifier.stopping()
         self._controller.fire(Event.SHUT_DOWN, "the service ends")
-        await close_all(self._devices)
+        await self._instruments.close()
         if self._recorder.path is not None:
             with contextlib.suppress(RecorderError):
                 await asyncio.to_thread(self._recorder.stop)
-
-    async def _connect(self) -> None:
-        try:
-            await connect_all(self._devices)
-        except DeviceErrors as errors:
-            for line in errors.lines():
-                logger.warning("%s", line)
 
     async def _serve_commands(self) -> None:
         while True:
@@ -200,7 +214,7 @@ class Service:
     def _submit(self, now_ns: int) -> None:
         snapshot = self._readings.snapshot(now_ns)
         self._snapshot = snapshot
-        valves = self._readings.fresh(self._valves_name, now_ns)
+        valves = self._readings.fresh(self._instruments.bank, now_ns)
         pressures = np.full(len(self._limits), np.nan) if valves is None else np.array(valves.values)
         if not snapshot.used:
             return
@@ -245,6 +259,8 @@ class Service:
 
     def _check(self, now_ns: int) -> None:
         observation = self._observe(now_ns, self._controller.modes.mode)
+        if self._instruments.source == "replay":
+            return  # stored readings raise no live alarm
         new, cleared = self._book.update(observation, time.time_ns())
         for finding in new:
             logger.warning("%s: %s; %s", finding.where, finding.message, finding.hint)
@@ -270,20 +286,18 @@ class Service:
 
     def _observe(self, now_ns: int, mode: Mode) -> Observation:
         safety = self._setup.config.safety
-        alarms = self._valves.health.alarms.standing
-        fatal = tuple(f"{alarm.what}; {alarm.cure}" for alarm in alarms if _fatal(alarm.key))
-        others = tuple(f"{alarm.what}; {alarm.cure}" for alarm in alarms if not _fatal(alarm.key))
+        fatal, others = self._instruments.valve_alarms()
         age_s = None if self._last_result_ns is None else (now_ns - self._last_result_ns) * 1e-9
         return Observation(
             mode=mode,
             valves=Valves(
-                self._valves_name,
-                self._readings.age_s(self._valves_name, now_ns),
+                self._instruments.bank,
+                self._readings.age_s(self._instruments.bank, now_ns),
                 safety.valve_deadline_s,
                 fatal,
                 others,
             ),
-            inputs=self._readings.inputs(now_ns, self._troubles()),
+            inputs=self._readings.inputs(now_ns, self._instruments.troubles()),
             estimator=Estimator(
                 self._worker.state.running, age_s, safety.estimator_deadline_s, self._knowledge.failures
             ),
@@ -291,30 +305,22 @@ class Service:
             overruns=sum(1 for late_ns in self._late if now_ns - late_ns < SECOND_NS),
         )
 
-    def _troubles(self) -> dict[str, str]:
-        found = {}
-        for device in self._devices:
-            for alarm in device.health.alarms.standing:
-                found[device.name] = f"{alarm.what}; {alarm.cure}"
-        return found
-
     def _publish_state(self) -> None:
         now_ns = time.monotonic_ns()
-        latest = self._valves.latest
-        bank: BankReading | None = None if latest is None else latest.value
         chambers = len(self._limits)
-        applied = np.zeros(chambers) if bank is None else np.array(bank.applied)
-        fresh = self._readings.fresh(self._valves_name, now_ns)
+        fresh = self._readings.fresh(self._instruments.bank, now_ns)
         measured = np.full(chambers, np.nan) if fresh is None else np.array(fresh.values)
         ages = {
             f"{sensor.kind}_{sensor.section}": self._readings.age_s(channel(sensor), now_ns)
             for sensor in self._setup.config.sensors
-        } | {self._valves_name: self._readings.age_s(self._valves_name, now_ns)}
+        } | {self._instruments.bank: self._readings.age_s(self._instruments.bank, now_ns)}
         recording = None if self._recorder.path is None else str(self._recorder.path)
         gauges = self._gauges(now_ns)
         self._bus.publish(
             "state",
-            self._publisher.state(applied, measured, gauges, ages, self._ticks, self._overruns, recording),
+            self._publisher.state(
+                self._instruments.applied, measured, gauges, ages, self._ticks, self._overruns, recording
+            ),
         )
         self._bus.publish("mismatch", self._publisher.mismatch(self._test, recording))
 
@@ -333,8 +339,3 @@ class Service:
             "specimen": lambda: specimen.model_dump_json(by_alias=True).encode(),
             "schema": lambda: json.dumps(schemas()).encode(),
         }
-
-
-def _fatal(key: str) -> bool:
-    """Tell whether an alarm of the valve bank ends every pressurised mode."""
-    return key in (WATCHDOG_FIRED, FOREIGN_WRITER) or key.endswith(" tracking")

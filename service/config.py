@@ -129,8 +129,8 @@ class ConfigError(InputError):
     """
 
     def __init__(self, path: Path, lines: list[str]) -> None:
-        listed = "\n  ".join(lines)
-        super().__init__(str(path), f"{len(lines)} mistake(s):\n  {listed}\n", "correct them and try again")
+        listed = "".join(f"\n  {line}" for line in lines)
+        super().__init__(str(path), f"{len(lines)} mistake(s)", f"correct them:{listed}")
         self.lines = lines
 
 

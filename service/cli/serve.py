@@ -7,17 +7,22 @@ from pathlib import Path
 
 import click
 
-from service.app import Service
+from service.app import Replay, Service
 from service.config import load_config
 from service.notify import Notifier
+from service.recordings import load_recording
 
 
 @click.command()
 @click.option(
     "--config", "path", required=True, type=click.Path(path_type=Path), help="The service's TOML file."
 )
+@click.option(
+    "--replay", type=click.Path(path_type=Path), help="Play this recording instead of the instruments."
+)
+@click.option("--speed", default=1.0, show_default=True, help="Factor on the recorded time.")
 @click.option("--verbose", is_flag=True, help="Log every change and every command.")
-def command(path: Path, verbose: bool) -> None:
+def command(path: Path, replay: Path | None, speed: float, verbose: bool) -> None:
     """Serve one arm: acquisition, estimation, safety and teach mode over zenoh.
 
     Example: softarm serve --config /etc/softarm/sopra.toml
@@ -25,13 +30,13 @@ def command(path: Path, verbose: bool) -> None:
     logging.basicConfig(
         level=logging.INFO if verbose else logging.WARNING, format="%(levelname)s %(name)s: %(message)s"
     )
-    asyncio.run(_serve(path))
+    asyncio.run(_serve(path, None if replay is None else Replay(load_recording(replay), speed)))
 
 
-async def _serve(path: Path) -> None:
+async def _serve(path: Path, replay: Replay | None) -> None:
     setup = load_config(path)
     notifier = Notifier.from_environment()
-    service = Service(setup, notifier)
+    service = Service(setup, notifier, replay)
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, service.stop)

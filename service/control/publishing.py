@@ -16,6 +16,7 @@ from service.api.messages import (
     State,
 )
 from service.control.controller import Controller
+from service.control.instruments import Source
 from service.control.knowledge import Knowledge
 from service.control.mismatch import MismatchTest
 from service.control.readings import Snapshot
@@ -23,7 +24,6 @@ from service.safety.findings import FindingBook
 from service.safety.modes import Mode
 
 Floats = NDArray[np.float64]
-Source = Literal["live", "fake", "replay"]
 Status = Literal["converged", "not_converged", "degraded", "no_data"]
 ADVICE = "record the mismatch and run: softarm diagnose RECORDING --specimen SPECIMEN"
 
@@ -49,7 +49,7 @@ class Publisher:
         clock_ns: Callable[[], int] = time.monotonic_ns,
         unix_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        self._source: Source = source
+        self._source = source
         self._controller = controller
         self._knowledge = knowledge
         self._book = book

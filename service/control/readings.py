@@ -64,8 +64,12 @@ class Readings:
     def take(self, reading: Reading[Any]) -> None:
         """Take a reading from a driver; this is the drivers' sink."""
         for name, sample in samples(reading):
-            self._latest[name] = sample
-            self._forward(name, sample)
+            self.put(name, sample)
+
+    def put(self, name: str, sample: Sample) -> None:
+        """Take a sample of a channel."""
+        self._latest[name] = sample
+        self._forward(name, sample)
 
     def latest(self, name: str) -> Sample | None:
         """Give the newest sample of a channel, however old."""
