@@ -102,9 +102,7 @@ class Outputs:
         expired = self._setpoint is not None and self._clock() >= self._deadline_ns
         if expired:
             self._drop(InterlockError(self._device, "set-point expired", "renew it within its lifetime"))
-        if self._setpoint is None:
-            self._level = (0.0,) * len(self._level)
-        else:
+        if self._setpoint is not None:
             self._level = limit_step(self._device, self._setpoint, self._level, self.limits, seconds)
         counts = self.chambers.to_counts(self._level, self.limits.maximum)
         applied = self.chambers.to_pressures(counts)
@@ -133,6 +131,8 @@ class Outputs:
 
     def _drop(self, error: InterlockError) -> None:
         self._setpoint = None
+        # Also without a pass in between: whoever arms and commands at once starts from zero.
+        self._level = (0.0,) * len(self._level)
         self.fail(error)
 
     def _take_waiting(self) -> list[asyncio.Future[Applied]]:

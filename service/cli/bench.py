@@ -11,6 +11,7 @@ BENCHES = {
     "step": "Time a step of the estimator, part by part.",
     "mesh": "Compare the shipped meshes with their refinements.",
     "drivers": "Time and load the device drivers against the fakes.",
+    "faults": "Strike every kind of device with random faults, and hold each reading against the truth.",
     "plant": "Time the fake arm against real time.",
     "real-data": "Calibrate on real recordings and predict what was held out.",
 }

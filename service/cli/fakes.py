@@ -3,6 +3,7 @@
 import asyncio
 import json
 import signal
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,8 @@ from service.cli.output import Table, json_option, say, show
 from sim_fakes.control import ControlPort, status
 from sim_fakes.devices import catalogue
 from sim_fakes.rig import Rig, running
-from sim_fakes.scenario import Scenario, read_scenario
+from sim_fakes.scenario import Scenario, check_scenario, read_scenario
+from sim_fakes.warp import WarpLoop
 
 
 @click.command()
@@ -37,6 +39,27 @@ def command(scenario: Path, list_faults: bool, as_json: bool) -> None:
         show(_faults_table(checked), as_json=as_json)
         return
     asyncio.run(serve(checked, as_json=as_json))
+
+
+def bench(table: dict[str, Any]) -> AbstractAsyncContextManager[Rig]:
+    """Run fakes in this process for the length of a block.
+
+    Args:
+        table: A scenario as a table.
+
+    Raises:
+        InputError: Something in it is wrong.
+    """
+    return running(check_scenario(table))
+
+
+def accelerated(speed: float) -> asyncio.AbstractEventLoop:
+    """Make an event loop for fakes and drivers in one process whose waits are shorter than they say.
+
+    Args:
+        speed: Virtual seconds per second of waiting.
+    """
+    return WarpLoop(speed)
 
 
 async def serve(scenario: Scenario, *, as_json: bool) -> None:

@@ -156,8 +156,14 @@ class Measurement:
             self._number += behind
 
     def _named(self, fault: str) -> set[str]:
-        found = self._faults.hit(fault)
-        return set(str(found["bodies"]).split(",")) if found else set()
+        """Give the bodies that a fault strikes; it shows only if one of them is in the project."""
+        found = self._faults.active(fault)
+        struck = (
+            {body.name for body in self.bodies} & set(str(found["bodies"]).split(",")) if found else set()
+        )
+        if struck:
+            self._faults.hit(fault)
+        return struck
 
     def _pose(self, body: Body, state: PlantState) -> BodyPose:
         index = self._sections.index(body.section)

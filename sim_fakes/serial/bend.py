@@ -121,8 +121,8 @@ class BendBoard:
             return b""
         self._beat.take(time)
         text = b"" if self._greeted else self._greeting()
-        self._greeted = True
         angles = self._sense(state)
+        self._greeted = True
         if malformed := self.faults.hit("malformed"):
             return text + MALFORMED[str(malformed["kind"])] + b"\r\n"
         return text + ",".join(f"{angle:.2f}" for angle in angles).encode() + b"\r\n"
@@ -152,6 +152,8 @@ class BendBoard:
                 angles[2 * sensor : 2 * sensor + 2] = [float(angle) for angle in seen]
         raw = np.degrees(np.array(angles) + self._random.normal(0.0, self._noise, len(angles)))
         numerator, denominator = self._filter
+        if not self._greeted:
+            self._past_in, self._past_out = np.stack([raw, raw]), np.stack([raw, raw])
         smooth = numerator[0] * raw + numerator[1:] @ self._past_in - denominator @ self._past_out
         self._past_in, self._past_out = (
             np.stack([raw, self._past_in[0]]),

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+from itertools import pairwise
 
 import pytest
 
@@ -67,7 +68,8 @@ def outlets(rig):
 async def inflate(wire, rig, bank):
     """Arm and wait until chamber 0 (valve 3) has its pressure."""
     bank.arm()
-    await wire.until(lambda: outlets(rig)[3] > 27e3, what="inflated")
+    async with holding(bank):
+        await wire.until(lambda: outlets(rig)[3] > 27e3, what="inflated")
 
 
 def test_pressures_arrive_in_the_mapped_valves_and_are_read_back(wire):
@@ -132,6 +134,28 @@ def test_a_node_that_goes_down_is_found_again_and_stays_vented(wire):
             assert bank.health.reconnects == 1
 
     session(wire, body)
+
+
+def test_after_a_reconnection_pressure_starts_from_zero_at_the_slew_limit(wire):
+    async def body(rig, bank, readings):
+        await inflate(wire, rig, bank)
+        rig.inject("valves", "freeze")
+        await bank.supervisor.wait_for(State.FAULT)
+        await wire.until(lambda: outlets(rig).max() < 200.0)
+        rig.boards["valves"].clear()
+        await bank.supervisor.wait_for(State.STREAMING)
+        count = len(readings.all)
+        bank.arm()
+        async with holding(bank):
+            await wire.until(lambda: len(readings.all) > count)
+            echoes = [0.0]
+            while echoes[-1] < 30e3:
+                await wire.until(lambda: readings.last.value.echo[0] != echoes[-1], what="the next echo")
+                echoes.append(readings.last.value.echo[0])
+        assert max(after - before for before, after in pairwise(echoes)) <= 6e3
+        assert len(echoes) > 10
+
+    session(wire, body, slew_pa_per_s=100e3)
 
 
 def test_refused_connections_are_retried_with_growing_waits(wire):
