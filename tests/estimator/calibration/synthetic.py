@@ -2,9 +2,8 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from toy import ToyModel, toy
+from toy import toy
 
-from estimator.model import Frames, Inputs
 from estimator.recording import Recording
 from estimator.rotations import to_quaternions
 from estimator.sensing import Registration, Scene
@@ -23,7 +22,6 @@ Floats = NDArray[np.float64]
 
 GAINS = np.array([1.1, 0.95, 0.95, 0.9, 1.05, 1.05])
 SCALES = {"upper": 0.7, "lower": 1.4}
-GRAVITY = np.array([0.0, 0.0, 9.81])
 HOLD = 2.0  # s
 
 
@@ -67,11 +65,6 @@ def staircase(
     return time, pressures
 
 
-def toy_frames(model: ToyModel, pressures: Floats) -> Frames:
-    found = [model.frames(Inputs(p, np.zeros(0), GRAVITY)) for p in pressures]
-    return Frames(np.array([f.positions for f in found]), np.array([f.rotations for f in found]))
-
-
 def record(
     duration: float = 40.0,
     rate: float = 20.0,
@@ -88,7 +81,7 @@ def record(
     time, pressures = staircase(duration, rate, chambers, seed)
     model = toy().with_scales(SCALES)
     late = np.column_stack([np.interp(time - lag, time, column) for column in pressures.T])
-    frames = toy_frames(model, late * GAINS)
+    frames = model.batch(late * GAINS, np.tile(model.scales, (len(time), 1)))
     scene = Scene(frames, np.zeros((len(time), 0)))
     make = SpecimenSensors(specimen, model.sections, Registration())
     columns = {f"pressure_{k}_pa": pressures[:, k] + rng.normal(0, 100, len(time)) for k in chambers}

@@ -5,6 +5,7 @@ The bend of a segment is the chambers' push over its stiffness and that which gr
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +20,15 @@ PUSH = -2e-5 * np.array([np.cos(AZIMUTHS), np.sin(AZIMUTHS)])  # rad per Pa at a
 LENGTH = 0.14
 
 
+STEP = 1e-6
+
+
 @dataclass(frozen=True)
 class ToyStep:
     model: "ToyModel"
     inputs: Inputs
 
-    @property
+    @cached_property
     def frames(self) -> Frames:
         return self.model.frames(self.inputs)
 
@@ -33,33 +37,20 @@ class ToyStep:
         return 0.0
 
     def response(self, rows: Floats) -> tuple[Floats, Floats]:
-        columns = [self._twist(replace_pressure(self.inputs, k, 1.0), 1.0) for k in range(6)]
-        return np.zeros(len(rows)), rows @ np.column_stack(columns)
+        moved = self.model.batch(self.inputs.pressures + np.eye(6), np.tile(self.model.scales, (6, 1)))
+        return np.zeros(len(rows)), rows @ twists(self.frames, moved).T
 
     def parameter_response(self, rows: Floats) -> Floats:
-        columns = []
-        for k in range(2):
-            scales = self.model.scales.copy()
-            scales[k] += 1e-6
-            changed = replace(self.model, scales=scales).frames(self.inputs)
-            columns.append(twist(self.frames, changed) / 1e-6)
-        return rows @ np.column_stack(columns)
-
-    def _twist(self, inputs: Inputs, size: float) -> Floats:
-        return twist(self.frames, self.model.frames(inputs)) / size
+        scales = self.model.scales + STEP * np.eye(2)
+        moved = self.model.batch(np.tile(self.inputs.pressures, (2, 1)), scales)
+        return rows @ twists(self.frames, moved).T / STEP
 
 
-def replace_pressure(inputs: Inputs, chamber: int, change: float) -> Inputs:
-    pressures = inputs.pressures.copy()
-    pressures[chamber] += change
-    return Inputs(pressures, inputs.loads, inputs.gravity)
-
-
-def twist(one: Frames, other: Frames) -> Floats:
-    turned = other.rotations @ np.swapaxes(one.rotations, -1, -2)
+def twists(one: Frames, others: Frames) -> Floats:
+    turned = others.rotations @ np.swapaxes(one.rotations, -1, -2)
     skew = 0.5 * (turned - np.swapaxes(turned, -1, -2))
-    rotation = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
-    return np.concatenate([other.positions - one.positions, rotation], axis=1).reshape(-1)
+    rotation = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)
+    return np.concatenate([others.positions - one.positions, rotation], axis=-1).reshape(-1, 18)
 
 
 @dataclass(frozen=True)
@@ -88,16 +79,23 @@ class ToyModel:
         return None, bool(np.isfinite(inputs.pressures).all())
 
     def frames(self, inputs: Inputs) -> Frames:
-        positions, rotations = [np.zeros(3)], [np.eye(3)]
-        for k, scale in enumerate(self.scales):
+        found = self.batch(inputs.pressures[None], self.scales[None])
+        return Frames(found.positions[0], found.rotations[0])
+
+    def batch(self, pressures: Floats, scales: Floats) -> Frames:
+        """Give frames for many pressures, shape (samples, 6), and stiffness factors, shape (samples, 2)."""
+        samples = len(pressures)
+        positions, rotations = np.zeros((samples, 3, 3)), np.zeros((samples, 3, 3, 3))
+        rotations[:, 0] = np.eye(3)
+        for k in range(2):
             # Gravity pulls a bend straight, which tells stiffness from the gain of the pressures.
-            stiffness = scale + 0.3 * inputs.gravity[2] / 9.81
-            bend = PUSH @ inputs.pressures[3 * k : 3 * k + 3] / stiffness
-            turn = exp(np.array([-bend[1], bend[0], 0.0]))
-            middle = exp(0.5 * np.array([-bend[1], bend[0], 0.0]))
-            positions.append(positions[-1] + rotations[-1] @ middle @ [0.0, 0.0, LENGTH])
-            rotations.append(rotations[-1] @ turn)
-        return Frames(np.array(positions), np.array(rotations))
+            bend = pressures[:, 3 * k : 3 * k + 3] @ PUSH.T / (scales[:, k, None] + 0.3)
+            axis = np.column_stack([-bend[:, 1], bend[:, 0], np.zeros(samples)])
+            above = rotations[:, k]
+            reach = above @ exp(0.5 * axis) @ np.array([0.0, 0.0, LENGTH])
+            positions[:, k + 1] = positions[:, k] + reach
+            rotations[:, k + 1] = above @ exp(axis)
+        return Frames(positions, rotations)
 
 
 def toy() -> ToyModel:
