@@ -53,7 +53,7 @@ class Case:
 def cases() -> list[Case]:
     """List the drivers that are put under load."""
     return [
-        Case("valves", "a pass: two requests in memory, echo, alarms", _passes),
+        Case("valves", "a pass: two requests in memory, echo, alarms", _passes()),
         Case("qualisys", "a packet of three bodies to poses", _packets()),
         Case("lutron", "a frame of 16 characters", _serial("lutron", _lutron_frames())),
         Case("bendlabs", "a line of three sensors", _serial("bendlabs", _bend_lines())),
@@ -119,19 +119,24 @@ class InstantLink:
         """Do nothing."""
 
 
-def _passes(count: int) -> None:
+def _passes() -> Callable[[int], None]:
     (config,) = load_devices([VALVES])
     bank = config.build()
     assert isinstance(bank, ValveBank)
     session = bank.session(InstantLink())
+    asyncio.run(session.identify())
+    numbers = itertools.count()
 
-    async def run() -> None:
-        await session.identify()
-        for index in range(count):
-            await session.run_pass(Tick(index, 0, 0))
+    async def run(count: int) -> None:
+        for number in itertools.islice(numbers, count):
+            await session.run_pass(Tick(number, 0, 0))
 
-    asyncio.run(run())
-    assert bank.health.frames == count
+    def produce(count: int) -> None:
+        before = bank.health.frames
+        asyncio.run(run(count))
+        assert bank.health.frames - before == count
+
+    return produce
 
 
 def _packets() -> Callable[[int], None]:
