@@ -58,6 +58,10 @@ class ForceScale:
         """Forget the last sample: the connection is new."""
         self._last = None
 
+    def gross(self, sample: GaugeSample, unit: str | None = None) -> float:
+        """Return the pull that a sample shows [N], 0 if its unit is not known."""
+        return self.pull_sign * sample.value * NEWTON_PER.get(sample.unit or unit or self.unit or "", 0.0)
+
     def judge(self, sample: GaugeSample, unit: str | None = None) -> Judged:
         """Return the force that a sample shows.
 
@@ -67,7 +71,7 @@ class ForceScale:
         """
         known = sample.unit or unit or self.unit
         per = NEWTON_PER.get(known or "", 0.0)
-        gross = self.pull_sign * sample.value * per
+        gross = self.gross(sample, unit)
         force = Force(gross - self.tare, gross, per / 10**sample.decimals, known or "", sample.stable)
         flags = [
             flag for flag, holds in (("over_range", sample.over_range), ("unit_unknown", not per)) if holds

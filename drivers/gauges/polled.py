@@ -19,6 +19,8 @@ from drivers.serial_device import FrameT
 from drivers.serial_link import SerialLink
 
 POLARITY = "polarity"
+TURNED_N = 0.2
+"""Load [N] on both sides of zero from which on a turn makes the settings doubtful."""
 
 
 class PolledConfig(GaugeConfig):
@@ -102,18 +104,26 @@ class PolledGauge(ForceGauge[FrameT], Generic[FrameT]):
 
 
 class Mark10Gauge(PolledGauge[Mark10Reply]):
-    """A Mark-10 gauge. Its readings are trusted while `LIST` says that they carry their sign."""
+    """A Mark-10 gauge. Its readings are trusted while `LIST` says that they carry their sign.
+
+    Whether somebody has inverted the sign cannot be seen in a reading, but a load that turns over from one
+    reading to the next is what it would look like: then the settings are asked for before anything is trusted
+    again.
+    """
 
     def __init__(self, config: "Mark10Config", sink: Sink, clock: Clock, *, observe: bool) -> None:
         super().__init__(config, mark10_codec(), "GCL2 replies", sink, clock, observe=observe)
         self._settings: Mark10Settings | None = None
         self._check_ns = round(config.settings_s * NANOSECONDS)
         self._checked_ns = 0
+        self._last_gross = 0.0
+        self._doubtful = False
 
     def restarted(self) -> None:
         """Forget the settings, which may have been changed meanwhile."""
         super().restarted()
         self._settings = None
+        self._last_gross = 0.0
 
     async def begin(self, link: SerialLink) -> None:
         """Read the settings, then a first reading."""
@@ -123,26 +133,34 @@ class Mark10Gauge(PolledGauge[Mark10Reply]):
 
     async def poll(self, link: SerialLink) -> bool:
         """Ask for the displayed reading; from time to time for the settings before."""
-        if self.clock() - self._checked_ns > self._check_ns:
+        if self._doubtful or self.clock() - self._checked_ns > self._check_ns:
             await self._check_settings(link)
         return isinstance(await self.ask(link, mark10.READ), GaugeSample)
 
     def take(self, frame: Mark10Reply, arrival_ns: int) -> None:
         """Publish a reading, which may also come unasked; keep settings; count errors."""
         if isinstance(frame, GaugeSample):
-            trusted = self._settings is not None and self._settings.sends_polarity
-            unit = self._settings.unit if self._settings else None
-            self.publish(frame, arrival_ns, unit=unit, trusted=trusted)
+            self._publish(frame, arrival_ns)
         elif isinstance(frame, Mark10Error):
             self.health.rejected += 1
             self.health.events[f"error {frame.code}: {frame.meaning}"] += 1
         self.answered(frame)
 
+    def _publish(self, sample: GaugeSample, arrival_ns: int) -> None:
+        settings = self._settings
+        unit = settings.unit if settings else None
+        gross = self.scale.gross(sample, unit)
+        if min(abs(gross), abs(self._last_gross)) >= TURNED_N and gross * self._last_gross < 0:
+            self._doubtful = True
+        self._last_gross = gross
+        trusted = settings is not None and settings.sends_polarity and not self._doubtful
+        self.publish(sample, arrival_ns, unit=unit, trusted=trusted)
+
     async def _check_settings(self, link: SerialLink) -> bool:
         reply = await self.ask(link, mark10.LIST)
         if not isinstance(reply, Mark10Settings):
             return False
-        self._settings, self._checked_ns = reply, self.clock()
+        self._settings, self._checked_ns, self._doubtful = reply, self.clock(), False
         self.health.facts.update(firmware=reply.fields[0], settings=";".join(reply.fields))
         if not reply.sends_polarity:
             cure = "set the output to send polarity in the gauge's menu"
@@ -199,7 +217,7 @@ class Mark10Config(PolledConfig):
     kind: Literal["mark10"] = "mark10"
     baud: Annotated[int, Field(ge=300, le=4_000_000)] = 115200
     pull_sign: Literal[-1, 1] = -1
-    settings_s: Seconds = 5.0
+    settings_s: Seconds = 1.0
 
     def build(self, sink: Sink = ignore, clock: Clock = monotonic, *, observe: bool = False) -> Mark10Gauge:
         """Build the device; no I/O before its `connect`."""

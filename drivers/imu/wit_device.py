@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from drivers.clock import Clock, monotonic
-from drivers.errors import ConfigurationError
+from drivers.errors import ProtocolError
 from drivers.imu import witmotion
 from drivers.imu.device import RATE_TOLERANCE, RATE_WINDOW_S, Imu, ImuConfig
 from drivers.imu.sample import ImuSample
@@ -82,7 +82,8 @@ class WitImu(Imu[ImuSample]):
         """Look at what it sends, and set it if that is not what is wanted.
 
         Raises:
-            ConfigurationError: It sends something else, and may not be set or does not take it.
+            ProtocolError: It sends something else, and may not be set or does not take it. Tried again: on a
+                bad line it may only look so.
         """
         seen = await self._look(SETTLE_S)
         if not seen or self._right(seen, SETTLE_S):
@@ -128,8 +129,8 @@ class WitImu(Imu[ImuSample]):
         slack = max(2.0, RATE_TOLERANCE * expected)
         return all(abs(seen.get(kind, 0) - expected) <= slack for kind in self._wanted)
 
-    def _refusal(self, seen: dict[int, int], seconds: float) -> ConfigurationError:
+    def _refusal(self, seen: dict[int, int], seconds: float) -> ProtocolError:
         sends = ", ".join(f"{kind:#04x} at {count / seconds:.0f} Hz" for kind, count in sorted(seen.items()))
         wants = ", ".join(f"{kind:#04x}" for kind in sorted(self._wanted))
         cure = f"set the unit to {wants} at {self.rate_hz:g} Hz, or allow `configure`"
-        return ConfigurationError(self.name, f"the unit sends {sends}", cure)
+        return ProtocolError(self.name, f"the unit sends {sends}", cure)

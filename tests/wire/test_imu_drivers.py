@@ -154,7 +154,7 @@ def test_a_wit_unit_that_forgets_is_set_again(wire):
     session(wire, body, WIT)
 
 
-def test_a_wit_unit_that_is_locked_is_a_configuration_error(wire):
+def test_a_wit_unit_that_is_locked_is_told_until_somebody_unlocks_it(wire):
     async def body(rig, imu, readings):
         rig.inject("imu", "locked")
         with pytest.raises(DeviceErrors) as caught:
@@ -162,7 +162,8 @@ def test_a_wit_unit_that_is_locked_is_a_configuration_error(wire):
         (line,) = caught.value.lines()
         assert "the unit sends 0x51 at 10 Hz" in line
         assert "set the unit to 0x51, 0x59 at 50 Hz" in line
-        await wire.until(lambda: not imu.supervisor.retrying)
+        rig.boards["imu"].clear()
+        await wire.until(lambda: imu.state is State.STREAMING, within=10)
 
     session(wire, body, WIT, connect=False)
 

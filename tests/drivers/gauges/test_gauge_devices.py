@@ -214,8 +214,28 @@ def test_mark10_settings_are_read_again_and_the_alarm_ends(virtual: Any) -> None
         await asyncio.gather(running, return_exceptions=True)
         assert readings[-1].valid
         assert "polarity" not in device.health.alarms
-        assert link.asked.count(b"LIST\r\n") == 2
-        assert 100 <= len(readings) <= 122
+        assert 6 <= link.asked.count(b"LIST\r\n") <= 8
+        assert 95 <= len(readings) <= 122
+
+    virtual.run(main)
+
+
+def test_mark10_a_load_that_turns_over_is_trusted_only_after_the_settings_were_read(virtual: Any) -> None:
+    async def main() -> None:
+        device, readings = build_mark10(virtual)
+        settings, value = [GOOD], [b"-1.00 N\r\n"]
+        link: Any = ScriptedLink(device, lambda q: [settings[0] if q == b"LIST\r\n" else value[0]])
+        await device.begin(link)
+        value[0] = b"1.00 N\r\n"
+        await device.poll(link)
+        await device.poll(link)
+        assert [reading.valid for reading in readings] == [True, False, True]
+        assert readings[1].flags == ("settings",)
+        settings[0], value[0] = GOOD.replace(b"POL", b"INV"), b"-1.00 N\r\n"
+        await device.poll(link)
+        await device.poll(link)
+        assert not readings[-1].valid
+        assert not readings[-2].valid
 
     virtual.run(main)
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.errors import ConfigurationError
+from drivers.errors import ProtocolError
 from drivers.imu.device import Bno08xConfig, QuaternionLineConfig, XbusConfig
 from drivers.imu.sample import ImuSample
 from drivers.imu.sequence import IndexTracker, RateMonitor
@@ -255,15 +255,13 @@ def test_a_wit_unit_with_other_content_and_rate_is_set(virtual: Any) -> None:
 
 
 @pytest.mark.parametrize(("deaf", "configure", "commands"), [(True, True, 3), (False, False, 0)])
-def test_a_wit_unit_that_stays_wrong_is_a_configuration_error(
+def test_a_wit_unit_that_stays_wrong_is_told(
     virtual: Any, deaf: bool, configure: bool, commands: int
 ) -> None:
     async def main() -> None:
         device, _ = wit(virtual, configure=configure)
         unit: Any = WitUnit(device, {0x51, 0x53}, 10, deaf=deaf)
-        with pytest.raises(
-            ConfigurationError, match=r"sends 0x51 at \d+ Hz, 0x53 at \d+ Hz; set the unit to"
-        ):
+        with pytest.raises(ProtocolError, match=r"sends 0x51 at \d+ Hz, 0x53 at \d+ Hz; set the unit to"):
             await with_unit(unit, device.begin(unit))
         assert len(unit.commands) == commands
 
