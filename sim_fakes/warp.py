@@ -5,7 +5,6 @@ import selectors
 import time
 from typing import Any
 
-
 TURN = 1e-9
 
 

@@ -80,12 +80,13 @@ class Controller:
 
         Raises:
             TransitionRefusedError: The present mode does not allow it.
+            InterlockError: The valve bank does not let itself be armed; the mode stays.
         """
+        if event is Event.ARM and self.modes.allows(event):
+            self._valves.arm()
         transition = self.modes.fire(event, cause)
         if transition.after not in PRESSURISED:
             self._vent(f"{transition.after}: {cause}")
-        elif transition.before not in PRESSURISED:
-            self._valves.arm()
         if transition.after is not Mode.HOLDING:
             self._hold = None
         return transition

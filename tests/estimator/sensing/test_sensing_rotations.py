@@ -52,9 +52,7 @@ def test_inverse_jacobian_is_the_derivative_of_the_logarithm(size: float) -> Non
         lambda d: log(exp(d) @ exp(vector)), inverse_left_jacobian(vector), np.zeros(3), 1e-4
     )
     assert error < 1e-9
-    np.testing.assert_allclose(
-        left_jacobian(vector) @ inverse_left_jacobian(vector), np.eye(3), atol=1e-13
-    )
+    np.testing.assert_allclose(left_jacobian(vector) @ inverse_left_jacobian(vector), np.eye(3), atol=1e-13)
 
 
 def test_mean_of_scattered_rotations_is_near_their_centre() -> None:
