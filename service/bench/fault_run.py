@@ -280,7 +280,8 @@ async def _strike_once(target: Target, fault: Any, board: Any, dice: random.Rand
     lasts = ONCE_S if fault.once else dice.uniform(*LASTING_S)
     if fault.name in subject.blind:
         watcher.blind_until = math.inf
-    board.set(fault.name, subject.parameters.get(fault.name) or _draw(fault, dice))
+    fixed = subject.parameters.get(fault.name)
+    board.set(fault.name, _draw(fault, dice) if fixed is None else fixed)
     ends, noticed, waits = loop.time() + lasts, False, True
     while waits:
         await asyncio.sleep(LOOK_S)

@@ -30,9 +30,10 @@ class Subject:
         error: Distance of a value from the truth of one moment, over what it may be: at most 1 is right.
         window: How long before its time a value may have been true [s].
         quiet: Faults that a driver need not notice.
-        blind: Faults under which a wrong value cannot be told from a right one.
+        blind: Faults under which a wrong value, or a late one on a line without time stamps, cannot be told
+            from a right one.
         left_out: Faults whose consequence lasts for ever, so that no value after them can be checked.
-        parameters: Parameters of faults that are not drawn from their limits.
+        parameters: Parameters of faults whose words are not to be drawn from their limits.
     """
 
     name: str
@@ -90,7 +91,7 @@ def _down(quaternion: Sequence[float]) -> Floats:
 
 
 def _gauge(name: str, fake: Mapping[str, Any], driver: Mapping[str, Any], **sets: Any) -> Subject:
-    blind = NO_CHECKSUM | {"offset", "inverted", *sets.get("blind", ())}
+    blind = NO_CHECKSUM | {"offset", "inverted", "stall", *sets.get("blind", ())}
     quiet = {"offset", "stall", "lower_display", "garbage", *sets.get("quiet", ())}
     return Subject(
         name,
@@ -101,7 +102,7 @@ def _gauge(name: str, fake: Mapping[str, Any], driver: Mapping[str, Any], **sets
         quiet | NO_CHECKSUM,
         blind,
         {"operator_zero", *sets.get("left_out", ())},
-        {"malformed": {"kind": "nan"}},
+        {"malformed": {"kind": "nan"}, "unit": {}},
     )
 
 
@@ -143,7 +144,7 @@ SUBJECTS = (
         _bend,
         0.30,
         quiet={"dropout", "stall", "torn_frame"} | NO_CHECKSUM,
-        blind={"dropout", "cannot_connect"} | NO_CHECKSUM,
+        blind={"dropout", "cannot_connect", "stall"} | NO_CHECKSUM,
         parameters={"malformed": {"kind": "seven"}},
     ),
     Subject(
@@ -153,6 +154,7 @@ SUBJECTS = (
         _attitude(2, 0.05),
         0.05,
         quiet={"stall", "false_header", "wrong_rate", "garbage"},
+        blind={"stall"},
         parameters={"index_gap": {"frames": 20}},
     ),
     Subject(
@@ -162,6 +164,7 @@ SUBJECTS = (
         _attitude(2, 0.05),
         0.06,
         quiet={"stall", "locked", "garbage", "torn_frame"},
+        blind={"stall"},
     ),
     Subject(
         "xbus",
@@ -170,6 +173,7 @@ SUBJECTS = (
         _attitude(2, 0.05),
         0.05,
         quiet={"stall", "garbage"},
+        blind={"stall"},
         parameters={"index_gap": {"frames": 20}},
     ),
     Subject(
@@ -179,7 +183,7 @@ SUBJECTS = (
         _attitude(2, 0.10),
         0.25,
         quiet={"stall", "garbage", "torn_frame"} | NO_CHECKSUM,
-        blind=NO_CHECKSUM,
+        blind={"stall"} | NO_CHECKSUM,
         parameters={"malformed": {"kind": "three"}},
     ),
 )
