@@ -23,7 +23,8 @@ class Check:
     """Root mean square of measured minus predicted at the nodes, by component of each sensor.
 
     Args:
-        before: With the old calibration, on the nodes of ``held_out``, or of all where none are held out.
+        before: With the old calibration, on the nodes of ``held_out``, or of all where none are held out;
+            empty where the model so calibrated has no equilibrium at the recorded pressures.
         training: On the nodes that the fit has seen.
         held_out: On those that it has not; empty where there are none.
         line: Of the ordinary linear regression of the readings on the pressures, fitted on the training
