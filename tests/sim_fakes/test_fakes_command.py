@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import os
 import signal
 import sys
 
@@ -17,6 +16,10 @@ TABLE = {
 }
 
 
+def links(folder):
+    return [path.name for path in folder.iterdir()]
+
+
 async def test_ready_line_control_and_end(tmp_path):
     scenario = tmp_path / "small.toml"
     scenario.write_text(tomli_w.dumps({**TABLE, "runtime_dir": str(tmp_path / "run")}))
@@ -27,18 +30,17 @@ async def test_ready_line_control_and_end(tmp_path):
     ready = json.loads(await asyncio.wait_for(process.stdout.readline(), 60))
     assert ready["ready"] is True
     assert [device["kind"] for device in ready["devices"]] == ["festo_mpa", "lutron"]
-    link = ready["devices"][1]["path"]
-    assert os.path.islink(link)  # noqa: PTH114  a look at one link, once
+    assert links(tmp_path / "run") == ["gauge"]
     host, port = ready["control"].split(":")
     reader, writer = await asyncio.open_connection(host, int(port))
     writer.write(b'{"do": "fault", "device": "gauge", "fault": "unplug"}\n')
     assert json.loads(await reader.readline()) == {"ok": True}
-    assert not os.path.lexists(link)
+    assert links(tmp_path / "run") == []
     process.send_signal(signal.SIGTERM)
     out, err = await asyncio.wait_for(process.communicate(), 60)
     assert (process.returncode, out, err) == (0, b"", b"fakes: stopped\n")
     writer.close()
-    assert list((tmp_path / "run").iterdir()) == []
+    assert links(tmp_path / "run") == []
 
 
 def test_a_mistake_is_one_line_and_status_2(tmp_path, capsys):
