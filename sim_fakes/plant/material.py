@@ -224,8 +224,8 @@ def _elastic(strain, exponent, stiffening, softening):  # type: ignore[no-untype
     stretch = 1.0 + strain
     share = abs(strain) / REFERENCE_STRAIN
     shape = (1.0 + stiffening * share * share) / (1.0 + softening * share)
-    if exponent == 1.5:
-        return shape * (stretch - 1.0 / (stretch * np.sqrt(stretch))) / 2.5
+    if exponent == 3.0:
+        return 0.25 * shape * (stretch - 1.0 / (stretch * stretch * stretch))
     return shape * (stretch - stretch ** (-exponent)) / (exponent + 1.0)
 
 

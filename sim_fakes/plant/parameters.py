@@ -68,7 +68,7 @@ class Segment:
         mass: Of the silicone, with its caps [kg].
         links: Elastic joints that make it up.
         modulus: Small-strain modulus along the arm [Pa].
-        exponent: n of the stress E (stretch - stretch^-n) / (n + 1).
+        exponent: n of the stress E (stretch - stretch^-n) / (n + 1); 3 where windings forbid the sides to narrow.
         torsion: Torsional stiffness over modulus times polar moment.
         stiffening: Relative gain of stress at 20 % strain, growing with its square.
         softening: Relative loss of stress at 20 % strain, growing with its size.
@@ -85,8 +85,8 @@ class Segment:
     radii: tuple[float, float]
     mass: float
     links: int = 8
-    modulus: float = 300e3
-    exponent: float = 1.5
+    modulus: float = 400e3
+    exponent: float = 3.0
     torsion: float = 0.22
     stiffening: float = 0.0
     softening: float = 0.0
@@ -107,7 +107,7 @@ class Actuation:
             chamber whose pressure it is; zero on the diagonal.
         lags: First-order time constants of the lines [s].
         leak_rates: Rates at which a chamber loses pressure through its wall [1/s].
-        growth: Relative growth of the effective area at 50 kPa.
+        growth: Relative growth of the effective area at 50 kPa, as the windings give way.
         narrowing: Relative loss of area per unit of stretch at the chamber, first and second order.
         twist: Torque per sum of pressure forces [m], from fibres wound at an angle.
         buckling_pressure: Pressure at which a wall snaps through [Pa]; 0 for never.
@@ -119,8 +119,8 @@ class Actuation:
     crosstalk: tuple[tuple[float, ...], ...] = ((0.0,) * 6,) * 6
     lags: tuple[float, ...] = (0.012, 0.012, 0.012, 0.018, 0.018, 0.018)
     leak_rates: tuple[float, ...] = (0.0,) * 6
-    growth: float = 0.02
-    narrowing: tuple[float, float] = (0.10, 0.0)
+    growth: float = 0.28
+    narrowing: tuple[float, float] = (0.05, 0.0)
     twist: float = 0.0
     buckling_pressure: float = 0.0
     buckling: float = 0.0
@@ -306,6 +306,6 @@ class ArmParameters:
 
 def sopra() -> ArmParameters:
     """Describe the two-segment SoPrA arm (masses, lengths and radii of the owners' parameter files)."""
-    upper = Segment("upper", start=0.010, length=0.120, radii=(0.0175, 0.0140), mass=0.160, modulus=305e3)
-    lower = Segment("lower", start=0.151, length=0.120, radii=(0.0140, 0.0099), mass=0.082, modulus=380e3)
+    upper = Segment("upper", start=0.010, length=0.120, radii=(0.0175, 0.0140), mass=0.160, modulus=390e3)
+    lower = Segment("lower", start=0.151, length=0.120, radii=(0.0140, 0.0099), mass=0.082, modulus=490e3)
     return ArmParameters(segments=(upper, lower))

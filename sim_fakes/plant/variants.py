@@ -29,7 +29,7 @@ def variant(seed: int, spread: float = 1.0, background: float = 1.0) -> Variant:
     Args:
         seed: Which one; the same seed gives the same arm.
         spread: Scale of the tolerances and of the misalignments; 0 for the drawing.
-        background: Scale of what every arm has of creep, hysteresis, growth of the chambers and cross-talk.
+        background: Scale of what every arm has of creep, hysteresis and cross-talk.
     """
     rng = np.random.default_rng([seed, 20])
     plain = sopra()
@@ -71,7 +71,7 @@ def _segment(rng: Random, segment: Segment, spread: float, background: float) ->
         mass=segment.mass * _about(rng, 0.01, spread),
         links=int(rng.integers(6, 10)) if spread > 0.0 else segment.links,
         modulus=segment.modulus * _about(rng, 0.08, spread),
-        exponent=segment.exponent + 0.5 * spread * float(rng.uniform(-1.0, 1.0)),
+        exponent=segment.exponent + 0.6 * spread * float(rng.uniform(-1.0, 1.0)),
         torsion=segment.torsion * _about(rng, 0.1, spread),
         damping_time=segment.damping_time * _about(rng, 0.15, spread),
         memory=_memory(rng, segment.memory, spread, background),
@@ -101,6 +101,6 @@ def _actuation(rng: Random, actuation: Actuation, spread: float, background: flo
         gains=tuple(gain * _about(rng, 0.03, spread) for gain in actuation.gains),
         crosstalk=tuple(_triple(row) for row in mixing),
         lags=tuple(lag * _about(rng, 0.2, spread) for lag in actuation.lags),
-        growth=background * actuation.growth * _about(rng, 0.5, spread),
+        growth=actuation.growth * _about(rng, 0.15, spread),
         narrowing=(actuation.narrowing[0] * _about(rng, 0.3, spread), actuation.narrowing[1]),
     )
