@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from estimator.arm import build_arm
-from estimator.fem import FiniteElementModel
+from estimator.fem import FiniteElementModel, FiniteElementState, Refactoriser, TrackingModel
 from estimator.inverse import Estimate, Estimator, LoadProcess, TrackerSettings, reach_pose
 from estimator.rotations import to_quaternions
 from estimator.sensing import Measurement, Registration, SensorSuite
@@ -72,7 +72,10 @@ class Solver:
         sigma = np.full(len(self._model.loads), settings.control.load_std_n)
         process = LoadProcess(sigma, settings.control.load_time_constant_s)
         tracker = TrackerSettings(process, self._actuation, self._limits)
-        self._estimator: Estimator[Any, Any] = Estimator(self._model, self._suite, tracker)
+        # The thread lives as long as the process, which exists for this solver alone.
+        background = Refactoriser(self._model).__enter__()
+        following = TrackingModel(self._model, background)
+        self._estimator: Estimator[Any, Any] = Estimator(following, self._suite, tracker)
         self._warm_up(np.array(specimen.gravity_m_s2))
 
     def _warm_up(self, gravity: np.ndarray[Any, np.dtype[np.float64]]) -> None:
@@ -121,16 +124,16 @@ class Solver:
         return found
 
     def _hold(self, request: EstimationRequest, estimate: Estimate[Any]) -> HoldAnswer:
-        reach = reach_pose(
-            self._model, self._suite, request.readings, self._limits, (estimate.state, estimate.inputs)
-        )
+        state = FiniteElementState(estimate.state.displacement, estimate.inputs)
+        reach = reach_pose(self._model, self._suite, request.readings, self._limits, (state, estimate.inputs))
         wanted = np.clip(self._actuation.to_measured(reach.pressures), 0.0, self._limits)
         return HoldAnswer(wanted, reach.reachable, reach.statement)
 
     def _nodes(self, estimate: Estimate[Any]) -> NDArray[np.float32]:
         """Give position [m] and von Mises stress [Pa] of every node, shape (nodes, 4)."""
         positions = self._model.mesh.points + estimate.state.displacement
-        _, stress = self._model.energy_and_stress(estimate.state)
+        state = FiniteElementState(estimate.state.displacement, estimate.inputs)
+        _, stress = self._model.energy_and_stress(state)
         nodes = np.zeros((len(positions), 4), dtype=np.float32)
         nodes[:, :3] = positions
         count = np.zeros(len(positions))
