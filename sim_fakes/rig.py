@@ -2,12 +2,14 @@
 
 import asyncio
 import contextlib
+import errno
 import functools
 import tempfile
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from estimator.errors import InputError
 from sim_fakes.clock import Clock, LoopClock
 from sim_fakes.devices import (
     Surroundings,
@@ -75,6 +77,7 @@ class Rig:
         self._runtime_dir = runtime_dir
         self._discoveries: dict[str, asyncio.DatagramTransport] = {}
         self._tasks: asyncio.TaskGroup | None = None
+        self._ends: dict[tuple[str, str], float] = {}
         self.world = World(self.plant, None, (), scenario.step_s)
         around = Surroundings(self.plant, scenario.seed, self.signals.see)
         for part in scenario.device:
@@ -95,10 +98,15 @@ class Rig:
     async def run(self, ready: asyncio.Event) -> None:
         """Open every port, then serve until cancelled."""
         try:
+            for part in self.scenario.device:
+                await self._open(part)
             async with asyncio.TaskGroup() as tasks:
                 self._tasks = tasks
-                await self._open(tasks)
                 tasks.create_task(run_world(self.world, self.clock), name="world")
+                for name, server in self.qtm_servers.items():
+                    tasks.create_task(server.run(), name=name)
+                for name, port in self.serial_ports.items():
+                    tasks.create_task(port.run(), name=name)
                 for fault in self.scenario.fault:
                     tasks.create_task(self._script(fault), name=f"fault {fault.device}.{fault.fault}")
                 ready.set()
@@ -129,11 +137,11 @@ class Rig:
         Raises:
             InputError: The fault or a parameter is unknown.
         """
-        board = self.boards[device]
-        board.set(fault, parameters, times)
+        self.boards[device].set(fault, parameters, times)
+        self._ends.pop((device, fault), None)
         if for_s is not None and self._tasks is not None:
-            until = self.clock.now() + for_s
-            self._tasks.create_task(self._clear_at(board, fault, until), name=f"clear {device}.{fault}")
+            until = self._ends[device, fault] = self.clock.now() + for_s
+            self._tasks.create_task(self._clear_at(device, fault, until), name=f"clear {device}.{fault}")
 
     def endpoints(self) -> list[Endpoint]:
         """Tell where each fake can be reached, in the order of the scenario."""
@@ -177,16 +185,29 @@ class Rig:
                 instrument, link, lambda: self.state, self.clock, line_seed
             )
 
-    async def _open(self, tasks: asyncio.TaskGroup) -> None:
-        for valves in self.valve_ports.values():
-            await valves.start()
-        for part in self.scenario.device:
-            if isinstance(part, QtmPart):
+    async def _open(self, part: DevicePart) -> None:
+        """Open the ports of one device.
+
+        Raises:
+            InputError: One of them cannot be had.
+        """
+        try:
+            if isinstance(part, ValvesPart):
+                await self.valve_ports[part.name].start()
+            elif isinstance(part, QtmPart):
                 await self._open_qtm(part)
-                tasks.create_task(self.qtm_servers[part.name].run(), name=part.name)
-        for name, port in self.serial_ports.items():
-            port.plug()
-            tasks.create_task(port.run(), name=name)
+            else:
+                self._plug(self.serial_ports[part.name])
+        except OSError as error:
+            where, reason = f"scenario, device {part.name}", error.strerror or str(error)
+            raise InputError(
+                where, reason.lower(), "choose another port or link; port 0 takes a free one"
+            ) from None
+
+    def _plug(self, port: SerialPort) -> None:
+        if port.link.exists() and not port.link.is_symlink():
+            raise FileExistsError(errno.EEXIST, f"{port.link} is in the way")
+        port.plug()
 
     async def _open_qtm(self, part: QtmPart) -> None:
         server = self.qtm_servers[part.name]
@@ -213,9 +234,11 @@ class Rig:
         await self.clock.sleep_until(fault.at_s)
         self.inject(fault.device, fault.fault, fault.parameters, fault.times, fault.for_s)
 
-    async def _clear_at(self, board: FaultBoard, fault: str, until: float) -> None:
+    async def _clear_at(self, device: str, fault: str, until: float) -> None:
+        """Clear a fault at its end, unless it has been given another one meanwhile."""
         await self.clock.sleep_until(until)
-        board.clear(fault)
+        if self._ends.get((device, fault)) == until:
+            self.boards[device].clear(fault)
 
 
 @contextlib.asynccontextmanager
@@ -229,7 +252,12 @@ async def running(scenario: Scenario) -> AsyncIterator[Rig]:
         folder = scenario.runtime_dir
         if folder is None:
             folder = Path(folders.enter_context(tempfile.TemporaryDirectory(prefix="softarm-fakes-")))
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(
+                "scenario, runtime_dir", f"{folder}: {error.strerror}", "name a folder"
+            ) from None
         clock = LoopClock()
         rig = Rig(scenario, clock, folder)
         clock.restart()
