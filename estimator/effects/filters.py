@@ -1,0 +1,86 @@
+"""Exact steps of linear filters whose input runs straight between samples.
+
+A filter begins in equilibrium with its first input. Its memory holds time, input and state of the last
+sample, so that a stretch cut in two gives the same as the whole.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Memory = tuple[Floats, ...]
+
+
+def first_order(time: Floats, values: Floats, lag: float, memory: Memory) -> tuple[Floats, Memory]:
+    """Follow values by lag z' = u - z.
+
+    With u from u0 to u1 at slope s over h: z1 = u1 - lag s + (z0 - u0 + lag s) exp(-h / lag).
+
+    Args:
+        time: Seconds, shape (samples,).
+        values: Input u, shape (samples, ...).
+        lag: Time constant [s]; 0 follows at once.
+        memory: Memory of the stretch before.
+
+    Returns:
+        The output, shape (samples, ...), and the memory.
+    """
+    if lag <= 0.0:
+        return values, (time[-1:], values[-1], values[-1])
+    when, before, state = memory or (time[:1], values[0], values[0])
+    steps = np.diff(time, prepend=when)
+    change = np.diff(values, axis=0, prepend=before[None])
+    wide = np.where(steps > 0.0, steps, 1.0).reshape(-1, *(1,) * (values.ndim - 1))
+    behind = lag * change / wide
+    out = np.empty_like(values)
+    kept = np.exp(-steps / lag)
+    start = np.concatenate([before[None], values[:-1]])
+    for k in range(len(time)):
+        state = values[k] - behind[k] + (state - start[k] + behind[k]) * kept[k]
+        out[k] = state
+    return out, (time[-1:], values[-1], state)
+
+
+def second_order(
+    time: Floats, values: Floats, inertia: float, damping: float, memory: Memory
+) -> tuple[Floats, Memory]:
+    """Follow values by inertia^2 x'' + damping x' + x = u, at rest with the first input.
+
+    Args:
+        time: Seconds, shape (samples,).
+        values: Input u, shape (samples, ...).
+        inertia: Inverse of the undamped angular frequency [s]; 0 leaves the first-order filter.
+        damping: Damping time [s].
+        memory: Memory of the stretch before: time, input, x and x'.
+
+    Returns:
+        The output, shape (samples, ...), and the memory.
+    """
+    if inertia <= 0.0:
+        out, left = first_order(time, values, damping, memory[:3])
+        return out, (*left, np.zeros_like(left[2]))
+    when, before, state, speed = memory or (time[:1], values[0], values[0], np.zeros_like(values[0]))
+    steps = np.diff(time, prepend=when)
+    move = _propagators(steps, inertia, damping)
+    out = np.empty_like(values)
+    for k, step in enumerate(steps):
+        if step > 0.0:
+            slope = (values[k] - before) / step
+            gap, drift = state - before + damping * slope, speed - slope
+            (a, b), (c, d) = move[k]
+            state = values[k] - damping * slope + a * gap + b * drift
+            speed = slope + c * gap + d * drift
+        before = values[k]
+        out[k] = state
+    return out, (time[-1:], values[-1], state, speed)
+
+
+def _propagators(steps: Floats, inertia: float, damping: float) -> Floats:
+    """Give exp(A h) of x'' = -(damping x' + x) / inertia^2 for each step h, shape (steps, 2, 2)."""
+    decay = 0.5 * damping / inertia**2
+    root = np.sqrt(complex(decay**2 - inertia**-2))
+    root = root if abs(root) > 1e-6 / inertia else complex(1e-6 / inertia)
+    slow, fast = np.exp((root - decay) * steps), np.exp((-root - decay) * steps)
+    sine, cosine = ((slow - fast) / (2.0 * root)).real, ((slow + fast) / 2.0).real
+    rows = [[cosine + decay * sine, sine], [-sine / inertia**2, cosine - decay * sine]]
+    return np.moveaxis(np.array(rows), -1, 0)

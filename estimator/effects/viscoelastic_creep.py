@@ -1,0 +1,42 @@
+"""Creep: strain grows after every step of load, and comes back after release.
+
+Kelvin-Voigt element in series with the elastic segment: eps = u + g z, tau z' = u - z, with u the elastic
+strain, g the strength and tau the time constant (a one-term Prony series of the creep compliance).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.effects.effect import Effect, Memory, Parameter, Signals
+from estimator.effects.filters import first_order
+from estimator.effects.world import Spot, whole_and_segments
+
+Floats = NDArray[np.float64]
+
+
+def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Add the delayed strain; a rested arm starts without."""
+    strength, lag = theta
+    start = memory or (signals.time[:1], signals.strains[0], np.zeros_like(signals.strains[0]))
+    late, memory = first_order(signals.time, signals.strains, lag, start)
+    return signals.strains + strength * spot.segments[:, None] * late, memory
+
+
+EFFECT = Effect(
+    name="viscoelastic_creep",
+    hook="couple",
+    parameters=(
+        Parameter("strength", "1", 0.1, -0.5, 2.0, spread=0.2),
+        Parameter("time_constant", "s", 20.0, 0.5, 500.0, "shape", "log", 1.5),
+    ),
+    places=whole_and_segments,
+    act=act,
+    statement="The material of {where} creeps: after a step its strain grows by a further {strength} of the "
+    "elastic one, with a time constant of {time_constant} s.",
+    source="W. N. Findley et al., Creep and Relaxation of Nonlinear Viscoelastic Materials, 1976",
+    needs=frozenset({"holds"}),
+    splits=(
+        ("hysteresis", "ramps at two rates, then holds of three time constants"),
+        ("thermal_drift", "repeat the hold after an hour of the same load"),
+    ),
+)
