@@ -1,0 +1,120 @@
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimator.recording import Recording
+from service.api.messages import State
+from service.network.client import CommandRefusedError, SoftarmClient
+from service.recordings import save_recording
+
+pytestmark = pytest.mark.timeout(300)  # the estimator compiles its kernels in a fresh checkout
+
+CONFIG = """
+arm = "test"
+specimen = "sopra"
+[network]
+listen = ["tcp/127.0.0.1:{port}"]
+[control]
+rate_hz = 50
+[[devices]]
+name = "valves"
+kind = "festo_mpa"
+host = "127.0.0.1"
+port = {nobody}
+chambers = [0, 1, 2, 3, 4, 5]
+maximum_pa = 65e3
+[[devices]]
+name = "bend"
+kind = "bendlabs"
+port = "/nonexistent"
+[[sensors]]
+kind = "bend"
+section = "intermediate"
+device = "bend"
+channel = "0"
+needed = true
+"""
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class Daemon:
+    """``softarm serve`` as systemd runs it: a process with a notify socket."""
+
+    def __init__(self, folder: Path, *arguments):
+        self.port = free_port()
+        config = folder / "service.toml"
+        config.write_text(CONFIG.format(port=self.port, nobody=free_port()))
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.socket.bind(str(folder / "notify"))
+        self.socket.settimeout(100.0)
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "service", "serve", "--config", config, *arguments],
+            env=os.environ | {"NOTIFY_SOCKET": str(folder / "notify")},
+        )
+
+    def wait_for(self, word):
+        while word not in (told := self.socket.recv(256).decode()):
+            pass
+        return told
+
+    def client(self):
+        return SoftarmClient("test", f"tcp/127.0.0.1:{self.port}")
+
+    def end(self):
+        self.process.send_signal(signal.SIGTERM)
+        status = self.process.wait(30)
+        self.socket.close()
+        return status
+
+
+@pytest.fixture
+def daemon(tmp_path):
+    running = []
+
+    def start(*arguments):
+        running.append(Daemon(tmp_path, *arguments))
+        return running[-1]
+
+    yield start
+    for process in running:
+        process.process.kill()
+        process.process.wait()
+
+
+def test_service_tells_systemd_and_refuses_to_arm_without_valves(daemon):
+    service = daemon()
+    service.wait_for("READY=1")
+    service.wait_for("WATCHDOG=1")
+    with service.client() as client:
+        assert client.alive()
+        with client.lease(), pytest.raises(CommandRefusedError, match="valve bank never answered"):
+            client.command("arm")
+        assert client.state().mode == "IDLE"
+    assert service.end() == 0
+
+
+def test_replay_is_marked_alarms_nothing_and_moves_nothing(daemon, tmp_path):
+    time = np.arange(0.0, 60.0, 0.02)
+    columns = {f"pressure_{k}_pa": np.zeros_like(time) for k in range(6)}
+    columns |= {f"bend_intermediate_{axis}_rad": np.zeros_like(time) for axis in "xy"}
+    save_recording(Recording("still", time, columns, {"specimen": "sopra"}), tmp_path / "still.mcap")
+    service = daemon("--replay", tmp_path / "still.mcap")
+    service.wait_for("READY=1")
+    with service.client() as client:
+        state = client.wait_for("state", State, lambda s: s.measured_pa[0] is not None, 20.0)
+        assert state.stamp.source == "replay"
+        assert state.findings == ()
+        with client.lease(), pytest.raises(CommandRefusedError, match="replayed"):
+            client.command("arm")
+    assert service.end() == 0
