@@ -2,19 +2,20 @@
 
 from estimator.calibration.arrange import Run, arrange
 from estimator.calibration.calibrate import CalibrationRefusedError, Options, calibrate
-from estimator.calibration.forward import ScaledLinearisation, ScaledModel
 from estimator.calibration.identifiability import Identified
 from estimator.calibration.outcome import Calibrated, Check, calibrated_specimen
+from estimator.calibration.solver import NodeSolver, Response, Solver
 
 __all__ = [
     "Calibrated",
     "CalibrationRefusedError",
     "Check",
     "Identified",
+    "NodeSolver",
     "Options",
+    "Response",
     "Run",
-    "ScaledLinearisation",
-    "ScaledModel",
+    "Solver",
     "arrange",
     "calibrate",
     "calibrated_specimen",

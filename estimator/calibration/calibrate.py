@@ -1,20 +1,21 @@
 """Calibration of a specimen on recordings, checked on blocks of them that no fit has seen."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.calibration.arrange import Run
-from estimator.calibration.fit import Fit, State, Step, fit
-from estimator.calibration.forward import Evaluation, Forward, ScaledModel
+from estimator.calibration.fit import Fit, fit
+from estimator.calibration.forward import Evaluation, Forward
 from estimator.calibration.identifiability import KEPT, MANOEUVRES, identify, kept
 from estimator.calibration.nodes import BLOCK, Nodes, choose_nodes, training_blocks
 from estimator.calibration.outcome import Calibrated, Check
 from estimator.calibration.parameters import Layout, build_layout
 from estimator.calibration.regression import estimate_lag, fit_line
 from estimator.calibration.search import AxesFit, search_axes
+from estimator.calibration.solver import Solver
 from estimator.errors import InputError
 from estimator.model import Frames
 from estimator.sensing import Bend, SensorSuite
@@ -54,20 +55,18 @@ class Options:
 
 
 def calibrate(
-    model: ScaledModel[State, Step],
+    solver: Solver,
     specimen: Specimen,
     runs: Sequence[Run],
     options: Options | None = None,
-    advance: Callable[[float], None] = lambda _: None,
 ) -> Calibrated:
     """Fit moduli, chamber gains and biases, and the alignment of sensors to recordings.
 
     Args:
-        model: Model of the specimen, stiffness factors of one.
+        solver: Model of the specimen.
         specimen: The robot; its calibration is what is known beforehand.
         runs: The recordings, arranged.
         options: What to do.
-        advance: Called with 1 after each solve of the model.
 
     Raises:
         CalibrationRefusedError: The recordings hold too little motion, the model finds no equilibrium for
@@ -78,7 +77,7 @@ def calibrate(
     nodes = _choose(runs, lags, options.nodes)
     train = training_flags(nodes)
     unseen = tuple(~flags for flags in train)
-    forward = _forward(model, specimen, nodes, advance)
+    forward = _forward(solver, specimen, nodes)
     known = forward.layout.means
     first = _solvable(forward, known)
     before = forward.evaluate(first)
@@ -88,7 +87,7 @@ def calibrate(
         solved = tuple(flags & part.converged for flags, part in zip(train, before, strict=True))
         gains = search_axes(nodes[0].run.suite, _parts(nodes, solved), _frames(before, solved))
         nodes = tuple(replace(own, run=_with_axes(own.run, gains)) for own in nodes)
-        forward = _forward(model, specimen, nodes, advance)
+        forward = _forward(solver, specimen, nodes)
     start = _start(specimen, forward.layout, first, gains)
     trained, layout = _fit_determined(forward, start, before, train, options)
     _require_excitation(layout)
@@ -97,8 +96,7 @@ def calibrate(
     old = before if np.array_equal(first, known) else ()
     check = _check(old, trained.evaluations, held_out, nodes, train)
     _require_improvement(check)
-    merged = _merge(trained.evaluations, held_out, train)
-    final = fit(everything, trained.values, iterations=options.iterations, evaluations=merged)
+    final = fit(everything, trained.values, iterations=options.iterations, evaluations=before)
     dropped = [p for p in forward.layout.parameters if p.name not in layout.names]
     return Calibrated(
         identified=(*identify(layout, final.values, final.covariance), *map(kept, dropped)),
@@ -122,7 +120,7 @@ def training_flags(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
     return tuple(np.ones(len(own.time), dtype=bool) for own in nodes)
 
 
-def rms(evaluations: Sequence[Evaluation[State]], nodes: Sequence[Nodes]) -> dict[str, float]:
+def rms(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> dict[str, float]:
     """Give the root mean square of the innovations by component of each sensor, over all runs."""
     squares: dict[str, list[Floats]] = {}
     for evaluation, own in zip(evaluations, nodes, strict=True):
@@ -147,19 +145,14 @@ def _choose(runs: Sequence[Run], lags: Sequence[float | None], count: int) -> tu
     return tuple(own for own in chosen if len(own.time))
 
 
-def _forward(
-    model: ScaledModel[State, Step],
-    specimen: Specimen,
-    nodes: tuple[Nodes, ...],
-    advance: Callable[[float], None],
-) -> Forward[State, Step]:
+def _forward(solver: Solver, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Forward:
     pressures = np.concatenate([own.pressures for own in nodes])
     moved = [k for k in range(pressures.shape[1]) if np.ptp(pressures[:, k]) > LEAST_PRESSURE_SPREAD]
     sources = nodes[0].run.pressure_source
     measurements = {m.name: m for own in nodes for m in own.run.suite.measurements}
     suite = SensorSuite(tuple(measurements.values()))
-    layout = build_layout(specimen, suite, sources, moved, model.parameters)
-    return Forward(model, layout, nodes, np.array(specimen.gravity_m_s2), advance)
+    layout = build_layout(specimen, suite, sources, moved, solver.factors)
+    return Forward(solver, layout, nodes, np.array(specimen.gravity_m_s2))
 
 
 def _axes_wanted(specimen: Specimen, options: Options) -> bool:
@@ -179,7 +172,7 @@ def _with_axes(run: Run, found: Mapping[str, AxesFit]) -> Run:
     return replace(run, suite=SensorSuite(measurements))
 
 
-def _solvable(forward: Forward[State, Step], known: Floats) -> Floats:
+def _solvable(forward: Forward, known: Floats) -> Floats:
     """Stiffen the segments until the model has an equilibrium at the highest pressures.
 
     A model that is too soft has none: its chambers would have run away at pressures that the arm was seen
@@ -230,12 +223,12 @@ def _section_below(specimen: Specimen, segment: str, sections: Sequence[str]) ->
 
 
 def _fit_determined(
-    forward: Forward[State, Step],
+    forward: Forward,
     start: Floats,
-    before: Sequence[Evaluation[State]],
+    before: Sequence[Evaluation],
     train: Sequence[Flags],
     options: Options,
-) -> tuple[Fit[State], Layout]:
+) -> tuple[Fit, Layout]:
     """Fit on the training nodes, settle what they do not determine, and fit the rest again."""
     part = _part(forward, train)
     found = fit(part, start, iterations=options.iterations, evaluations=_subset(before, train))
@@ -252,9 +245,9 @@ def _fit_determined(
 
 
 def _check(
-    before: Sequence[Evaluation[State]],
-    trained: Sequence[Evaluation[State]],
-    held_out: Sequence[Evaluation[State]],
+    before: Sequence[Evaluation],
+    trained: Sequence[Evaluation],
+    held_out: Sequence[Evaluation],
     nodes: Sequence[Nodes],
     train: Sequence[Flags],
 ) -> Check:
@@ -288,7 +281,7 @@ def _line(
     return dict(zip(names, values, strict=True)), line.parameters
 
 
-def _part(forward: Forward[State, Step], flags: Sequence[Flags]) -> Forward[State, Step]:
+def _part(forward: Forward, flags: Sequence[Flags]) -> Forward:
     return replace(forward, nodes=_parts(forward.nodes, flags))
 
 
@@ -296,48 +289,12 @@ def _parts(nodes: Sequence[Nodes], flags: Sequence[Flags]) -> tuple[Nodes, ...]:
     return tuple(own.keep(chosen) for own, chosen in zip(nodes, flags, strict=True))
 
 
-def _frames(evaluations: Sequence[Evaluation[State]], flags: Sequence[Flags]) -> list[Frames]:
+def _frames(evaluations: Sequence[Evaluation], flags: Sequence[Flags]) -> list[Frames]:
     return [part.frames for part in _subset(evaluations, flags)]
 
 
-def _subset(
-    evaluations: Sequence[Evaluation[State]], flags: Sequence[Flags]
-) -> tuple[Evaluation[State], ...]:
-    return tuple(
-        Evaluation(
-            e.innovation[chosen],
-            e.jacobian[chosen],
-            e.rigid[chosen],
-            Frames(e.frames.positions[chosen], e.frames.rotations[chosen]),
-            tuple(state for state, keep in zip(e.states, chosen, strict=True) if keep),
-            e.converged[chosen],
-        )
-        for e, chosen in zip(evaluations, flags, strict=True)
-    )
-
-
-def _merge(
-    trained: Sequence[Evaluation[State]], held_out: Sequence[Evaluation[State]], train: Sequence[Flags]
-) -> tuple[Evaluation[State], ...]:
-    """Put the evaluations of training and held-out nodes back into the order of time."""
-    merged = []
-    for one, other, flags in zip(trained, held_out, train, strict=True):
-        order = np.argsort(np.concatenate([np.flatnonzero(flags), np.flatnonzero(~flags)]))
-        states = (*one.states, *other.states)
-        merged.append(
-            Evaluation(
-                np.concatenate([one.innovation, other.innovation])[order],
-                np.concatenate([one.jacobian, other.jacobian])[order],
-                np.concatenate([one.rigid, other.rigid])[order],
-                Frames(
-                    np.concatenate([one.frames.positions, other.frames.positions])[order],
-                    np.concatenate([one.frames.rotations, other.frames.rotations])[order],
-                ),
-                tuple(states[k] for k in order),
-                np.concatenate([one.converged, other.converged])[order],
-            )
-        )
-    return tuple(merged)
+def _subset(evaluations: Sequence[Evaluation], flags: Sequence[Flags]) -> tuple[Evaluation, ...]:
+    return tuple(part.keep(chosen) for part, chosen in zip(evaluations, flags, strict=True))
 
 
 def _handedness(nodes: Sequence[Nodes]) -> dict[str, bool]:
@@ -345,7 +302,7 @@ def _handedness(nodes: Sequence[Nodes]) -> dict[str, bool]:
     return {bend.name.removeprefix("bend_"): bend.mirrored for bend in bends}
 
 
-def _require_solutions(evaluations: Sequence[Evaluation[State]], nodes: Sequence[Nodes]) -> None:
+def _require_solutions(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> None:
     solved = np.concatenate([evaluation.converged for evaluation in evaluations])
     if solved.mean() < LEAST_SOLVED:
         raise CalibrationRefusedError(

@@ -8,18 +8,15 @@ say the same thing, from the residuals' correlation in time.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.calibration.forward import Evaluation, Forward, ScaledLinearisation
+from estimator.calibration.forward import Evaluation, Forward
 from estimator.calibration.nodes import Nodes
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-State = TypeVar("State")
-Step = TypeVar("Step", bound=ScaledLinearisation)
 
 HUBER = 1.5  # in units of the scatter
 NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
@@ -53,7 +50,7 @@ class Rows:
 
 
 @dataclass(frozen=True)
-class Fit(Generic[State]):
+class Fit:
     """Where a fit ended.
 
     Args:
@@ -69,7 +66,7 @@ class Fit(Generic[State]):
 
     values: Floats
     covariance: Floats
-    evaluations: tuple[Evaluation[State], ...]
+    evaluations: tuple[Evaluation, ...]
     scatter: dict[str, float]
     correlated: float
     status: str
@@ -77,13 +74,13 @@ class Fit(Generic[State]):
 
 
 def fit(
-    forward: Forward[State, Step],
+    forward: Forward,
     start: Floats,
     *,
     iterations: int = 15,
     tolerance: float = 0.01,
-    evaluations: Sequence[Evaluation[State]] | None = None,
-) -> Fit[State]:
+    evaluations: Sequence[Evaluation] | None = None,
+) -> Fit:
     """Fit the unknowns to the nodes.
 
     Args:
@@ -119,7 +116,7 @@ def fit(
     return Fit(values, covariance, current, scatter, correlated, status, count)
 
 
-def collect(evaluations: Sequence[Evaluation[State]], nodes: Sequence[Nodes]) -> Rows:
+def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
     """Stack the residuals that are present."""
     parts = []
     first_block = 0
@@ -155,7 +152,7 @@ def collect(evaluations: Sequence[Evaluation[State]], nodes: Sequence[Nodes]) ->
     )
 
 
-def correlation_length(evaluations: Sequence[Evaluation[State]], nodes: Sequence[Nodes]) -> float:
+def correlation_length(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> float:
     """Give the number of consecutive nodes that say the same thing: 1 + 2 sum of autocorrelations.
 
     Summed up to the first that is not positive (Geyer's initial sequence), averaged over the sensors' rows.
@@ -207,7 +204,7 @@ def _whitened(rows: Rows, scatter: dict[str, float]) -> tuple[Floats, Floats]:
 
 
 def _normal_equations(
-    forward: Forward[State, Step], rows: Rows, values: Floats, scatter: dict[str, float], correlated: float
+    forward: Forward, rows: Rows, values: Floats, scatter: dict[str, float], correlated: float
 ) -> tuple[Floats, Floats, float]:
     whitened, weight = _whitened(rows, scatter)
     scale = np.array([scatter[str(name)] for name in rows.sensor])
@@ -229,7 +226,7 @@ def _step(normal: Floats, gradient: Floats, damping: float, tolerance: float) ->
 
 
 def _covariance(
-    forward: Forward[State, Step], rows: Rows, scatter: dict[str, float], correlated: float, normal: Floats
+    forward: Forward, rows: Rows, scatter: dict[str, float], correlated: float, normal: Floats
 ) -> Floats:
     """Give the covariance: that of the curvature, widened to what blocks of ten seconds disagree by.
 
@@ -255,7 +252,7 @@ def _covariance(
 
 
 def _registration_covariance(
-    forward: Forward[State, Step], rows: Rows, scatter: dict[str, float], correlated: float, normal: Floats
+    forward: Forward, rows: Rows, scatter: dict[str, float], correlated: float, normal: Floats
 ) -> Floats:
     """Give what the errors of the laboratory's registrations add: they move all readings of a run together.
 

@@ -60,6 +60,7 @@ def command(
     from estimator.arm import build_arm
     from estimator.calibration import (
         CalibrationRefusedError,
+        NodeSolver,
         Options,
         arrange,
         calibrate,
@@ -77,7 +78,7 @@ def command(
     options = Options(nodes=nodes, search_axes=axes)
     try:
         with progress(f"calibrating {robot.name}") as advance:
-            found = calibrate(model, robot, runs, options, advance)
+            found = calibrate(NodeSolver(model, advance), robot, runs, options)
     except CalibrationRefusedError as refusal:
         say(f"softarm: {refusal}")
         return 1

@@ -7,6 +7,7 @@ from toy import toy
 
 from estimator.calibration import (
     CalibrationRefusedError,
+    NodeSolver,
     Options,
     arrange,
     calibrate,
@@ -32,7 +33,7 @@ def sopra() -> Specimen:
 
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_finds_moduli_gains_and_axes_wherever_they_point(sopra: Specimen, mirrored: bool) -> None:
-    found = calibrate(toy(), sopra, [arrange(record(mirrored=mirrored), sopra, SECTIONS)], QUICK)
+    found = calibrate(NodeSolver(toy()), sopra, [arrange(record(mirrored=mirrored), sopra, SECTIONS)], QUICK)
     after = calibrated_specimen(sopra, found).calibration
     truth = true_specimen(mirrored).calibration
     for name, scale in SCALES.items():
@@ -53,7 +54,7 @@ def test_finds_moduli_gains_and_axes_wherever_they_point(sopra: Specimen, mirror
 
 
 def test_held_out_blocks_are_predicted_as_well_as_by_a_line_with_more_parameters(sopra: Specimen) -> None:
-    found = calibrate(toy(), sopra, [arrange(record(), sopra, SECTIONS)], QUICK)
+    found = calibrate(NodeSolver(toy()), sopra, [arrange(record(), sopra, SECTIONS)], QUICK)
     assert found.fitted < found.check.line_parameters == 28
     for name, value in found.check.held_out.items():
         assert value < 1.2 * found.check.line[name]
@@ -61,7 +62,7 @@ def test_held_out_blocks_are_predicted_as_well_as_by_a_line_with_more_parameters
 
 def test_poses_give_misalignment_and_offset(sopra: Specimen) -> None:
     run = arrange(record(kinds=("frame",)), sopra, SECTIONS)
-    after = calibrated_specimen(sopra, calibrate(toy(), sopra, [run], QUICK)).calibration
+    after = calibrated_specimen(sopra, calibrate(NodeSolver(toy()), sopra, [run], QUICK)).calibration
     truth = true_specimen().calibration.frame("tip")
     assert after.frame("tip").misalignment_rad == pytest.approx(truth.misalignment_rad, abs=0.01)
     assert after.frame("tip").offset_m == pytest.approx(truth.offset_m, abs=1e-3)
@@ -69,7 +70,7 @@ def test_poses_give_misalignment_and_offset(sopra: Specimen) -> None:
 
 
 def test_what_is_not_excited_is_named_and_kept(sopra: Specimen) -> None:
-    found = calibrate(toy(), sopra, [arrange(record(chambers=(0, 1, 2)), sopra, SECTIONS)], QUICK)
+    found = calibrate(NodeSolver(toy()), sopra, [arrange(record(chambers=(0, 1, 2)), sopra, SECTIONS)], QUICK)
     verdicts = {entry.parameter.name: entry for entry in found.identified}
     assert verdicts["modulus.lower"].verdict == "kept"
     assert "hold the arm still" in verdicts["modulus.lower"].manoeuvre
@@ -84,7 +85,7 @@ def test_an_arm_at_rest_is_refused(sopra: Specimen) -> None:
     still = record(chambers=(0,), duration=15.0)
     still = Recording(still.name, still.time, {**still.columns, "pressure_0_pa": 0.0 * still.time})
     with pytest.raises(CalibrationRefusedError, match="neither a modulus nor a gain; hold the arm still"):
-        calibrate(toy(), sopra, [arrange(_at_rest(still), sopra, SECTIONS)], QUICK)
+        calibrate(NodeSolver(toy()), sopra, [arrange(_at_rest(still), sopra, SECTIONS)], QUICK)
 
 
 def _at_rest(recording: Recording) -> Recording:
@@ -96,9 +97,9 @@ def _at_rest(recording: Recording) -> Recording:
 
 def test_a_second_calibration_changes_nothing(sopra: Specimen) -> None:
     run = arrange(record(), sopra, SECTIONS)
-    once = calibrated_specimen(sopra, calibrate(toy(), sopra, [run], QUICK))
+    once = calibrated_specimen(sopra, calibrate(NodeSolver(toy()), sopra, [run], QUICK))
     again = arrange(record(), once, SECTIONS)
-    twice = calibrated_specimen(once, calibrate(toy(), once, [again], QUICK))
+    twice = calibrated_specimen(once, calibrate(NodeSolver(toy()), once, [again], QUICK))
     for name in SCALES:
         assert twice.calibration.scale(name) == pytest.approx(once.calibration.scale(name), rel=0.02)
     assert twice.calibration.recordings == ("toy",)
@@ -106,7 +107,7 @@ def test_a_second_calibration_changes_nothing(sopra: Specimen) -> None:
 
 def test_several_short_runs_hold_out_every_other_one(sopra: Specimen) -> None:
     runs = [arrange(record(duration=9.0, seed=seed), sopra, SECTIONS) for seed in range(4)]
-    found = calibrate(toy(), sopra, runs, QUICK)
+    found = calibrate(NodeSolver(toy()), sopra, runs, QUICK)
     assert found.check.held_out
     assert found.value("modulus.upper") is not None
 
@@ -117,7 +118,7 @@ def test_outliers_do_not_move_it(sopra: Specimen) -> None:
     spoilt = columns["bend_tip_x_rad"].copy()
     spoilt[200:280] += 1.0
     run = arrange(Recording("toy", recording.time, {**columns, "bend_tip_x_rad": spoilt}), sopra, SECTIONS)
-    after = calibrated_specimen(sopra, calibrate(toy(), sopra, [run], QUICK)).calibration
+    after = calibrated_specimen(sopra, calibrate(NodeSolver(toy()), sopra, [run], QUICK)).calibration
     assert after.bend("tip").rotation_rad.value == pytest.approx(-1.0, abs=0.02)
     assert after.scale("lower") == pytest.approx(1.4, rel=0.05)
 
@@ -127,7 +128,7 @@ def test_jacobian_agrees_with_finite_differences(sopra: Specimen) -> None:
     layout = build_layout(
         true_specimen(), nodes.run.suite, nodes.run.pressure_source, range(6), ("upper", "lower")
     )
-    forward = Forward(toy(), layout, (nodes,), np.array([0.0, 0.0, 9.81]))
+    forward = Forward(NodeSolver(toy()), layout, (nodes,), np.array([0.0, 0.0, 9.81]))
     (at,) = forward.evaluate(layout.means)
     for index, parameter in enumerate(layout.parameters):
         size = 1e-5 * parameter.spread
@@ -150,7 +151,9 @@ def test_the_lag_between_the_clocks_is_found(sopra: Specimen, lag: float) -> Non
 def test_a_fit_reports_when_it_runs_out_of_iterations(sopra: Specimen) -> None:
     nodes = choose_nodes(arrange(record(), sopra, SECTIONS), 10)
     layout = build_layout(sopra, nodes.run.suite, nodes.run.pressure_source, range(6), ("upper", "lower"))
-    found = fit(Forward(toy(), layout, (nodes,), np.array([0.0, 0.0, 9.81])), layout.means, iterations=1)
+    found = fit(
+        Forward(NodeSolver(toy()), layout, (nodes,), np.array([0.0, 0.0, 9.81])), layout.means, iterations=1
+    )
     assert found.status == "iterations_exhausted"
     assert found.iterations == 1
 

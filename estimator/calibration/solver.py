@@ -1,0 +1,178 @@
+"""Where the sections are at many pressures, and how that changes, by any model of the arm."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Generic, Protocol, Self, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.model import ArmModel, Frames, Inputs, Linearisation
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Memory = tuple[object, ...]
+
+NEAR = 1e-3  # out-of-balance force over the applied one, at which a Newton step leaves about its square
+NEWTON_STEPS = 12
+
+
+@dataclass(frozen=True)
+class Response:
+    """Answers for many nodes.
+
+    Args:
+        frames: Frames of the sections, arrays with a leading axis (nodes,).
+        drift: Section twists that are left to the equilibrium, shape (nodes, 6 sections).
+        by_pressure: Section twists per unit of each pressure, shape (nodes, 6 sections, chambers).
+        by_factor: Section twists per unit of each stiffness factor, shape (nodes, 6 sections, factors).
+        converged: Where an equilibrium was found, shape (nodes,).
+        memory: The model's state at each node, for the next solve.
+    """
+
+    frames: Frames
+    drift: Floats
+    by_pressure: Floats
+    by_factor: Floats
+    converged: Flags
+    memory: Memory
+
+    def keep(self, flags: Flags) -> "Response":
+        """Keep some nodes, shape (nodes,)."""
+        return Response(
+            Frames(self.frames.positions[flags], self.frames.rotations[flags]),
+            self.drift[flags],
+            self.by_pressure[flags],
+            self.by_factor[flags],
+            self.converged[flags],
+            tuple(state for state, keep in zip(self.memory, flags, strict=True) if keep),
+        )
+
+
+class Solver(Protocol):
+    """What a calibration knows of a model."""
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections."""
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Names of the stiffness factors."""
+
+    def respond(
+        self, scales: Mapping[str, float], pressures: Floats, gravity: Floats, memory: Response | None
+    ) -> Response:
+        """Solve at many pressures.
+
+        Args:
+            scales: Stiffness factors; the model's own for those left out.
+            pressures: Pressures in the chambers [Pa], shape (nodes, chambers).
+            gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
+            memory: An earlier answer at the same nodes to start from.
+        """
+
+
+class ScaledLinearisation(Linearisation, Protocol):
+    """A linearisation that also knows the stiffness factors."""
+
+    def parameter_response(self, rows: Floats) -> Floats:
+        """Differentiate outputs by the stiffness factors, shape (outputs, parameters)."""
+
+
+State = TypeVar("State")
+Step = TypeVar("Step", bound=ScaledLinearisation)
+
+
+class ScaledModel(ArmModel[State, Step], Protocol[State, Step]):
+    """A model whose regions' stiffness can be scaled."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the stiffness factors."""
+
+    def with_scales(self, scales: Mapping[str, float]) -> Self:
+        """Copy the model with other stiffness factors."""
+
+
+@dataclass(frozen=True)
+class NodeSolver(Generic[State, Step]):
+    """Solves a model node by node, each begun from its own last state or from its neighbour's.
+
+    Args:
+        model: The model; it carries no loads but those that are zero.
+        advance: Called with 1 after each node.
+    """
+
+    model: ScaledModel[State, Step]
+    advance: Callable[[float], None] = lambda _: None
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections."""
+        return tuple(self.model.sections)
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Names of the stiffness factors."""
+        return tuple(self.model.parameters)
+
+    def respond(
+        self, scales: Mapping[str, float], pressures: Floats, gravity: Floats, memory: Response | None
+    ) -> Response:
+        """Solve at many pressures; see ``Solver.respond``."""
+        model = self.model.with_scales(scales)
+        nodes, sections = len(pressures), len(self.sections)
+        found = Response(
+            Frames(np.zeros((nodes, sections, 3)), np.zeros((nodes, sections, 3, 3))),
+            np.zeros((nodes, 6 * sections)),
+            np.zeros((nodes, 6 * sections, model.chambers)),
+            np.zeros((nodes, 6 * sections, len(self.factors))),
+            np.zeros(nodes, dtype=bool),
+            (),
+        )
+        states: list[State] = []
+        state = model.rest()
+        for index, acting in enumerate(pressures):
+            if memory is not None and memory.converged[index]:
+                state = cast(State, memory.memory[index])
+            inputs = Inputs(acting, np.zeros(len(model.loads)), gravity)
+            state, step, found.converged[index] = settle(model, state, inputs)
+            states.append(state)
+            self._put(found, index, step, model.chambers)
+            self.advance(1)
+        return Response(
+            found.frames, found.drift, found.by_pressure, found.by_factor, found.converged, tuple(states)
+        )
+
+    def _put(self, found: Response, index: int, step: Step, chambers: int) -> None:
+        found.frames.positions[index] = step.frames.positions
+        found.frames.rotations[index] = step.frames.rotations
+        if not found.converged[index]:
+            return
+        rows = np.eye(found.drift.shape[1])
+        drift, by_input = step.response(rows)
+        found.drift[index] = drift
+        found.by_pressure[index] = by_input[:, :chambers]
+        found.by_factor[index] = step.parameter_response(rows)
+
+
+def settle(model: ScaledModel[State, Step], start: State, inputs: Inputs) -> tuple[State, Step, bool]:
+    """Bring a state near equilibrium by Newton steps, else by the model's own solver.
+
+    Nearness is enough: what is left is one Newton step, which the linearisation gives as its drift.
+
+    Returns:
+        The state, the model linearised there, and whether it is near equilibrium.
+    """
+    state, last = start, np.inf
+    for _ in range(NEWTON_STEPS):
+        step = model.linearise(state, inputs)
+        if step.residual_norm < NEAR:
+            return state, step, True
+        if not step.residual_norm < last:
+            break
+        last = step.residual_norm
+        state = model.advance(step, np.zeros(model.chambers + len(model.loads)))
+    state, found = model.solve(inputs, start)
+    return state, model.linearise(state, inputs), found
