@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 
 SETTLING_TIME = 2.0
 SETTLING_DAMPING = 6.0
+FORCE_LIMIT = 500.0
 OBJECT = mujoco.mjtObj.mjOBJ_SITE
 
 
@@ -83,7 +84,8 @@ class FakeArm:
             inputs: What drives the arm meanwhile.
 
         Raises:
-            InputError: The time lies before the last step, or the number of pressures is wrong.
+            InputError: The time lies before the last step, the number of pressures is wrong, or an effect is
+                so strong that the arm flew apart.
         """
         steps = int(np.floor((time - self._start) / self._parameters.step + 1e-6))
         if steps < self._steps:
@@ -115,7 +117,7 @@ class FakeArm:
         effects = {name: known for name, known in self._effects.items() if name != effect}
         if chosen is not None:
             effects[effect] = chosen
-        apply(self._plain, tuple(effects.values()))
+        build(apply(self._plain, tuple(effects.values())))
         self._effects = effects
         old = self._chain, self._data, self._memory
         self._install()
@@ -180,6 +182,8 @@ class FakeArm:
             self._table, self._memory, (slides, quaternions), worth[self._places], self._area_law,
             self._modulus_factor(), settling,
         )  # fmt: skip
+        if not np.abs(forces).max() < FORCE_LIMIT:
+            raise InputError("fake arm", f"flew apart at {self._time:.3f} s", "weaken its effects or loads")
         self._data.qfrc_applied[self._balls] = forces
         self._damp(settling)
         self._apply_loads(inputs)

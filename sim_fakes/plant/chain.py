@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.errors import InputError
 from sim_fakes.plant.cross_section import CrossSection, lobed
 from sim_fakes.plant.parameters import GRAVITY, ArmParameters, Segment
 from sim_fakes.plant.rotations import rotation_matrix, vector_quaternion
@@ -68,14 +69,21 @@ class Chain:
 
 
 def build(parameters: ArmParameters) -> Chain:
-    """Build the chain of an arm."""
+    """Build the chain of an arm.
+
+    Raises:
+        InputError: A part would have negative mass.
+    """
     joints = tuple(joint for index in range(len(parameters.segments)) for joint in _joints(parameters, index))
     spec = mujoco.MjSpec()
     spec.option.timestep = parameters.step
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT
+    off = mujoco.mjtDisableBit
+    spec.option.disableflags |= off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_AUTORESET
     spec.option.gravity = gravity_in_base(parameters)
     masses = _masses(parameters, joints)
+    if min(masses.min(), *(payload.mass for payload in parameters.loads.payloads), 1.0) < 0.0:
+        raise InputError("fake arm", "a part of negative mass", "give masses and densities above 0")
     body, height = _support(spec, parameters), 0.0
     for index, (joint, mass) in enumerate(zip(joints, masses, strict=True)):
         body = _link(body, index, joint, joint.height - height, mass, parameters)

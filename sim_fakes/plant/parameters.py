@@ -68,7 +68,8 @@ class Segment:
         mass: Of the silicone, with its caps [kg].
         links: Elastic joints that make it up.
         modulus: Small-strain modulus along the arm [Pa].
-        exponent: n of the stress E (stretch - stretch^-n) / (n + 1); 3 where windings forbid the sides to narrow.
+        exponent: n of the stress E (stretch - stretch^-n) / (n + 1); 3 where windings keep the sides from
+            narrowing.
         torsion: Torsional stiffness over modulus times polar moment.
         stiffening: Relative gain of stress at 20 % strain, growing with its square.
         softening: Relative loss of stress at 20 % strain, growing with its size.

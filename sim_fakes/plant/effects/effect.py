@@ -1,5 +1,6 @@
 """What a concealed effect is: a name, a place, a few numbers, and a change of the arm or of a signal."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -79,7 +80,7 @@ class Effect:
         """Complete the parameters by the typical ones.
 
         Raises:
-            InputError: A parameter or a kind of place is unknown.
+            InputError: A parameter or a kind of place is unknown, or a value is not finite.
         """
         given = {
             self.principal if name == "strength" else name: v for name, v in concealed.parameters.items()
@@ -88,6 +89,8 @@ class Effect:
         for name in given:
             if name not in self.quantities:
                 raise InputError(where, f"no parameter '{name}'", f"one of {', '.join(self.quantities)}")
+            if not math.isfinite(given[name]):
+                raise InputError(where, f"{name} = {given[name]}", "give a finite number")
         for place in concealed.where:
             if place not in self.places:
                 raise InputError(

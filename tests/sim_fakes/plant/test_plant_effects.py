@@ -190,6 +190,8 @@ def test_a_switch_acts_without_a_jump_and_can_be_taken_back(make_arm: MakeArm) -
         ("segment_stiffness", {"where": {"segment": "middle"}}, "no segment 'middle'"),
         ("tip_payload", {"where": {"section": "base"}, "mass": 0.01}, "no moving section"),
         ("tip_payload", "heavy", "value 'heavy'"),
+        ("tip_payload", -0.5, "negative mass"),
+        ("tip_payload", float("nan"), "finite"),
         ("sensor_bias", 0.1, "acts in an instrument"),
         ("base_tilt", {"where": {"axis": "up"}, "angle": 0.1}, "axis"),
     ],
@@ -210,3 +212,10 @@ def test_every_quantity_has_a_range_for_trials() -> None:
         assert effect(name).principal in quantities
         for quantity in quantities.values():
             assert quantity.low <= quantity.typical <= quantity.high
+
+
+def test_an_arm_that_flies_apart_is_told(make_arm: MakeArm) -> None:
+    arm = make_arm()
+    arm.switch("segment_stiffness", -3.0)
+    with pytest.raises(InputError, match="flew apart"):
+        hold(arm, pressures(c0=30e3), 10.0)
