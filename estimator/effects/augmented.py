@@ -175,10 +175,11 @@ def _shape_drive(
 ) -> Drive:
     """Let effects act on pressures and gravity."""
     for k, placed in enumerate(effects):
-        if placed.effect.hook == "pressure":
+        hook = placed.effect.hook
+        if hook == "pressure" or (hook == "command" and not world.pressures_measured):
             pressures, after[k] = placed.act(signals_of(drive, world), before[k])
             drive = replace(drive, pressures=pressures)
-        elif placed.effect.hook == "gravity":
+        elif hook == "gravity":
             change, after[k] = placed.act(signals_of(drive, world), before[k])
             drive = replace(drive, gravity=drive.gravity + change)
     return drive

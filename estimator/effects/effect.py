@@ -17,7 +17,7 @@ from estimator.specimen.physics import EffectName, Place
 
 Floats = NDArray[np.float64]
 
-Hook = Literal["pressure", "gravity", "support", "load", "couple", "sensing"]
+Hook = Literal["command", "pressure", "gravity", "support", "load", "couple", "sensing"]
 Memory = tuple[Floats, ...]
 """Internal state after the last sample, empty before the first."""
 
@@ -94,8 +94,8 @@ Act = Callable[[Signals, Floats, Spot, Memory], tuple[Floats, Memory]]
 class Effect:
     """One physical effect.
 
-    What ``act`` returns depends on the hook: ``pressure`` the new pressures (samples, chambers), ``gravity``
-    a change of gravity (samples, 3), ``support`` a rotation of the base (samples, 3), ``load`` wrenches on
+    What ``act`` returns depends on the hook: ``pressure`` the new pressures (samples, chambers), as does
+    ``command``, which acts before the pressure sensors and so not on measured pressures; ``gravity`` a change of gravity (samples, 3), ``support`` a rotation of the base (samples, 3), ``load`` wrenches on
     the sections (samples, sections, 6), ``couple`` the strains (samples, segments, 4) into which the free
     strains turn, ``sensing`` the new reading.
 
@@ -107,7 +107,7 @@ class Effect:
         act: The effect itself, of signals, parameters, place and memory.
         statement: Plain sentence, with the fields ``where`` and the parameters' names.
         source: Where the equation comes from.
-        equivalence: Structural class of effects that orientation and pressure cannot tell apart.
+        equivalence: Structural classes: effects that share one look alike to orientation and pressure.
         needs: Excitation without which it cannot be tested.
         splits: Rival effect to the manoeuvre that tells the two apart.
     """
@@ -119,7 +119,7 @@ class Effect:
     act: Act
     statement: str
     source: str
-    equivalence: str | None = None
+    equivalence: tuple[str, ...] = ()
     needs: frozenset[Excitation] = frozenset()
     splits: tuple[tuple[EffectName, str], ...] = ()
 

@@ -34,6 +34,7 @@ EFFECT = Effect(
     statement="The material of {where} creeps: after a step its strain grows by a further {strength} of the "
     "elastic one, with a time constant of {time_constant} s.",
     source="W. N. Findley et al., Creep and Relaxation of Nonlinear Viscoelastic Materials, 1976",
+    equivalence=("memory_at_one_rate",),
     needs=frozenset({"holds"}),
     splits=(
         ("hysteresis", "ramps at two rates, then holds of three time constants"),

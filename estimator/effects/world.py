@@ -28,6 +28,7 @@ class World:
         stiffness: Stiffness of each segment against its couples: bending twice, torsion [N m], axial force
             [N/m]; shape (segments, 4).
         masses: Weighed masses, gathered at the sections' origins [kg], 0 where unknown; shape (sections,).
+        pressures_measured: Whether pressures are those of sensors at the chambers, not set-points.
     """
 
     segments: tuple[str, ...]
@@ -38,6 +39,7 @@ class World:
     pressure_limits: Floats
     stiffness: Floats
     masses: Floats
+    pressures_measured: bool = False
 
     @classmethod
     def of(
@@ -47,6 +49,7 @@ class World:
         sections: tuple[str, ...],
         stiffness: Floats,
         sensors: tuple[str, ...] = (),
+        pressures_measured: bool = False,
     ) -> "World":
         """Describe a specimen whose segments' stiffness is known, as of ``SimulatedArm.stiffness``."""
         return cls(
@@ -58,6 +61,7 @@ class World:
             np.array(specimen.pressure_limits),
             stiffness,
             _masses(specimen, segments, sections),
+            pressures_measured,
         )
 
     @property

@@ -11,7 +11,7 @@ from tests.estimator.effects.effects_bench import WORLD, drive_of, placed, run
 def lively(samples: int = 60) -> Drive:
     time = 0.1 * np.arange(samples)
     phase = np.array([0.3, 0.5, 0.7, 0.9, 1.1, 1.3])
-    return drive_of(time, 2e4 * np.sin(time[:, None] * phase) ** 2)
+    return drive_of(time, 5e4 * np.sin(time[:, None] * phase) ** 2)
 
 
 @pytest.mark.parametrize("name", sorted(EFFECTS))

@@ -1,0 +1,34 @@
+"""The base is mounted turned: a constant rotation about its x and y axes, gravity staying where it is."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.effects.effect import Effect, Memory, Parameter, Signals
+from estimator.effects.world import (
+    Spot,
+    everywhere,
+)
+
+Floats = NDArray[np.float64]
+
+
+def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
+    """Turn the base."""
+    return np.tile(np.append(theta, 0.0), (len(signals.time), 1)), memory
+
+
+EFFECT = Effect(
+    name="base_tilt",
+    hook="support",
+    parameters=(
+        Parameter("tilt_x", "rad", 0.05, -0.6, 0.6, spread=0.05),
+        Parameter("tilt_y", "rad", 0.05, -0.6, 0.6, spread=0.05),
+    ),
+    places=everywhere,
+    act=act,
+    statement="The base is tilted by ({tilt_x}, {tilt_y}) rad against the model's.",
+    source="Kinematics",
+    equivalence=("constant_offset",),
+    needs=frozenset({"mount_turned"}),
+    splits=(("sensor_bias", "mount turned by 90 degrees"),),
+)
