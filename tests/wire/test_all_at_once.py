@@ -1,8 +1,11 @@
 """Every kind of device at once under random faults, on real sockets and terminals, against the truth."""
 
+import pytest
+
 from service.bench import fault_run
 
 
+@pytest.mark.timeout(300)
 def test_twenty_seconds_of_random_faults():
     result = fault_run.run(20.0, seed=1, speed=40.0)
     assert [line for outcome in result.outcomes.values() for line in outcome.examples] == []
