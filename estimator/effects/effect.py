@@ -95,9 +95,10 @@ class Effect:
     """One physical effect.
 
     What ``act`` returns depends on the hook: ``pressure`` the new pressures (samples, chambers), as does
-    ``command``, which acts before the pressure sensors and so not on measured pressures; ``gravity`` a change of gravity (samples, 3), ``support`` a rotation of the base (samples, 3), ``load`` wrenches on
-    the sections (samples, sections, 6), ``couple`` the strains (samples, segments, 4) into which the free
-    strains turn, ``sensing`` the new reading.
+    ``command``, which acts before the pressure sensors and so not on measured pressures; ``gravity`` a change
+    of gravity (samples, 3), ``support`` a rotation of the base (samples, 3), ``load`` wrenches on the
+    sections (samples, sections, 6), ``couple`` the strains (samples, segments, 4) into which the free strains
+    turn, ``sensing`` the new reading.
 
     Args:
         name: Name in the vocabulary.

@@ -42,7 +42,7 @@ def inventory(time: Floats, pressures: Floats, gravity: Floats, limits: Floats) 
     alone = driven & (driven.sum(axis=1) == 1)[:, None]
     tests: dict[Excitation, bool] = {
         "motion": bool((np.ptp(pressures, axis=0) > OPEN).any()),
-        "rest": _longest(time, ~driven.any(axis=1)) >= REST,
+        "rest": _longest(time, pressures.max(axis=1) <= OPEN) >= REST,
         "holds": _longest_hold(time, pressures) >= HOLD,
         "pressure_steps": _has_steps(time, pressures),
         "two_rates": _spread(_rates(time, pressures)) >= RATIO,
