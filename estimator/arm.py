@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from estimator.fem import FiniteElementModel, Material, Membrane, Section, Springs
-from estimator.geometry import DEFAULT_RESOLUTION, Resolution, build_mesh
+from estimator.geometry import Resolution, build_mesh
 from estimator.geometry.checks import element_volumes
 from estimator.geometry.rings import wall_rings
 from estimator.mesh import Mesh
@@ -27,7 +27,7 @@ def default_loads(specimen: Specimen) -> tuple[Load, ...]:
 
 
 def build_arm(
-    specimen: Specimen, loads: Sequence[Load] | None = None, resolution: Resolution = DEFAULT_RESOLUTION
+    specimen: Specimen, loads: Sequence[Load] | None = None, resolution: Resolution | None = None
 ) -> FiniteElementModel:
     """Build the finite-element model of a specimen, with the stiffness that calibration found.
 
@@ -37,7 +37,7 @@ def build_arm(
     Args:
         specimen: Description.
         loads: Loads whose amplitudes are inputs; ``default_loads`` when left out.
-        resolution: Divisions of a parametric body.
+        resolution: Divisions of a parametric body; those of its kind when left out.
 
     Returns:
         The model; its sections, chambers and regions carry the specimen's names.
@@ -45,7 +45,11 @@ def build_arm(
     Raises:
         InputError: The specimen cannot be meshed, or a load does not fit it.
     """
-    mesh = build_mesh(specimen, resolution)
+    return model_on_mesh(specimen, build_mesh(specimen, resolution), loads)
+
+
+def model_on_mesh(specimen: Specimen, mesh: Mesh, loads: Sequence[Load] | None = None) -> FiniteElementModel:
+    """Build the model of a specimen on a mesh of its body, as ``build_arm`` does on its own."""
     model = FiniteElementModel.build(
         mesh,
         region_materials(specimen, mesh),

@@ -6,18 +6,19 @@ from estimator.errors import InputError
 from estimator.geometry.checks import check_mesh
 from estimator.geometry.cross_sections import block_patches, lobe_patches, quadrant_patches
 from estimator.geometry.mesh_file import read_mesh
-from estimator.geometry.resolution import DEFAULT_RESOLUTION, Resolution
+from estimator.geometry.resolution import DEFAULTS, Resolution
 from estimator.geometry.sweep import sweep
 from estimator.mesh import Mesh
 from estimator.specimen import Block, MeshFile, QuadrantCylinder, Specimen, SweptLobes
 
 
-def build_mesh(specimen: Specimen, resolution: Resolution = DEFAULT_RESOLUTION) -> Mesh:
+def build_mesh(specimen: Specimen, resolution: Resolution | None = None) -> Mesh:
     """Mesh the body of a specimen.
 
     Args:
         specimen: Description.
-        resolution: Divisions of a parametric body; a mesh from a file is taken as it is.
+        resolution: Divisions of a parametric body, those of ``DEFAULTS`` when left out; a mesh from a file is
+            taken as it is.
 
     Returns:
         A mesh with one region per segment and section, surfaces ``chamber_<k>`` and ``outer``, and node sets
@@ -27,6 +28,7 @@ def build_mesh(specimen: Specimen, resolution: Resolution = DEFAULT_RESOLUTION) 
         InputError: The description cannot be meshed, or the mesh file is not what it says.
     """
     geometry = specimen.geometry
+    resolution = resolution or DEFAULTS[geometry.kind]
     where = f"{specimen.name}: geometry"
     match geometry:
         case MeshFile():

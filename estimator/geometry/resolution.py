@@ -38,4 +38,10 @@ class Resolution:
         return self.through * self.refinement
 
 
-DEFAULT_RESOLUTION = Resolution()
+DEFAULTS = {
+    "swept_lobes": Resolution(layers=1),
+    "quadrant_cylinder": Resolution(layers=3, through=2),
+    "block": Resolution(layers=6),
+    "mesh_file": Resolution(),
+}
+"""Resolution of each kind of body, chosen so that refining it changes little (``softarm bench mesh``)."""
