@@ -23,7 +23,10 @@ Floats = NDArray[np.float64]
 ITERATIONS = 40
 TOLERANCE = 1e-7
 """Change of a strain [rad, m], a base rotation [rad] or a wrench [N, N m] that ends the search."""
-ANSWERING = ("couple", "load", "support")
+FIRST_STEP = {"couple": 1.0, "load": 1e-4, "support": 1.0}
+"""Share of the first gap to take: a stiff contact taken whole would throw the arm off the wall for good."""
+
+SMALLEST_STEP = 1e-6
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,7 @@ def simulate_with(
         if settled:
             break
         for k, gap in gaps.items():
-            step = _relaxed(gap, old.get(k))
+            step = _relaxed(gap, old.get(k), FIRST_STEP[effects[k].effect.hook])
             old[k] = (gap, step)
             shares[k] = shares[k] + step[:, None] * gap
         drive = _loaded(base, effects, shares, world)
@@ -148,7 +151,7 @@ def advance_with(
 
 
 def _answers(placed: PlacedEffect) -> bool:
-    return placed.effect.hook in ANSWERING
+    return placed.effect.hook in FIRST_STEP
 
 
 def signals_of(drive: Drive, world: World, response: Response | None = None) -> Signals:
@@ -204,14 +207,14 @@ def _share(
     return (strains - free).reshape(drive.samples, -1), memory
 
 
-def _relaxed(gap: Floats, old: tuple[Floats, Floats] | None) -> Floats:
+def _relaxed(gap: Floats, old: tuple[Floats, Floats] | None, first: float) -> Floats:
     """Give the share of each sample's gap to take (Aitken), shape (samples,)."""
     if old is None:
-        return np.ones(len(gap))
+        return np.full(len(gap), first)
     turned = gap - old[0]
     square = (turned**2).sum(axis=1)
     step = -old[1] * (old[0] * turned).sum(axis=1) / np.where(square > 0.0, square, 1.0)
-    return np.where(square > 0.0, np.clip(step, 1e-4, 2.0), 1.0)
+    return np.where(square > 0.0, np.clip(step, SMALLEST_STEP, 2.0), 1.0)
 
 
 def _loaded(drive: Drive, effects: Sequence[PlacedEffect], shares: dict[int, Floats], world: World) -> Drive:

@@ -1,0 +1,209 @@
+"""What each effect looks like: how it shows, and when it does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.effects.augmented import simulate_with
+from estimator.rotations import exp
+from tests.estimator.effects.effects_bench import SUITE, WORLD, drive_of, placed, run, step_drive
+from tests.estimator.simulation.straight_arm import straight_arm
+
+WEIGHTLESS = (0.0, 0.0, 0.0)
+
+
+def bends(drive, *effects) -> np.ndarray:
+    return run(drive, *effects).response.strains
+
+
+def ramps(period: float, amplitude: float = 3e4, cycles: int = 2, samples: int = 400):
+    phase = np.linspace(0.0, cycles, samples)
+    pressures = np.zeros((samples, 6))
+    pressures[:, 0] = amplitude * (1.0 - np.abs(1.0 - 2.0 * (phase % 1.0)))
+    return drive_of(phase * period, pressures, WEIGHTLESS)
+
+
+def test_creep_grows_after_a_step_by_its_law():
+    drive = step_drive()
+    ratio = bends(drive, placed("viscoelastic_creep", [0.2, 10.0]))[:, 0, 1] / bends(drive)[-1, 0, 1]
+    since = drive.time - drive.time[20]
+    expected = 1.0 + 0.2 * (1.0 - np.exp(-since / 10.0))
+    assert np.allclose(ratio[21:], expected[21:], atol=5e-3)
+
+
+def test_creep_of_one_segment_leaves_the_other():
+    drive = drive_of(np.arange(100.0), np.full((100, 6), [2e4, 0, 0, 2e4, 0, 0]), WEIGHTLESS)
+    gain = bends(drive, placed("viscoelastic_creep", [0.2, 10.0], segment="lower")) - bends(drive)
+    assert np.abs(gain[:, 0]).max() < 1e-12
+    assert gain[-1, 1, 1] > 0.01
+
+
+@pytest.mark.parametrize("name", ["hysteresis", "mullins_softening", "material_stiffening"])
+def test_what_knows_no_rate_is_the_same_at_every_rate(name: str):
+    theta = {"hysteresis": [0.3, 0.1], "mullins_softening": [0.3, 0.2], "material_stiffening": [1.0]}[name]
+    slow, fast = ramps(100.0), ramps(1.0)
+    assert np.allclose(bends(slow, placed(name, theta)), bends(fast, placed(name, theta)), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["viscoelastic_creep", "line_lag", "inertia_damping"])
+def test_what_knows_a_rate_is_not(name: str):
+    theta = {"viscoelastic_creep": [0.3, 5.0], "line_lag": [0.3], "inertia_damping": [0.0, 0.3]}[name]
+    slow, fast = ramps(100.0), ramps(1.0)
+    assert np.abs(bends(slow, placed(name, theta)) - bends(fast, placed(name, theta))).max() > 0.01
+
+
+def test_hysteresis_opens_a_loop_that_closes():
+    drive = ramps(10.0, cycles=3, samples=601)
+    strain = bends(drive, placed("hysteresis", [0.3, 0.05]))[:, 0, 1]
+    up, down = strain[250], strain[350]
+    assert drive.pressures[250, 0] == pytest.approx(drive.pressures[350, 0])
+    assert down - up > 0.01
+    assert strain[450] == pytest.approx(up, abs=1e-4)
+
+
+def test_mullins_softens_only_after_the_first_passage():
+    drive = ramps(10.0, cycles=2, samples=401)
+    ratio = bends(drive, placed("mullins_softening", [0.3, 0.2]))[:, 0, 1] - bends(drive)[:, 0, 1]
+    assert np.abs(ratio[:101]).max() < 1e-9
+    assert ratio[250] == pytest.approx(ratio[150])
+    assert ratio[150] > 0.01
+
+
+def test_line_lag_vanishes_against_measured_pressures():
+    drive = step_drive(dt=0.1)
+    effect = placed("line_lag", [0.5])
+    measured = replace(WORLD, pressures_measured=True)
+    plain = bends(drive)
+    arm = straight_arm(drive.time)
+    assert np.abs(bends(drive, effect) - plain).max() > 0.01
+    assert np.array_equal(simulate_with([effect], arm, measured, drive).response.strains, plain)
+
+
+def test_stiffening_obeys_its_law():
+    drive = ramps(10.0)
+    free, stiff = bends(drive)[:, 0, 1], bends(drive, placed("material_stiffening", [2.0]))[:, 0, 1]
+    assert np.allclose(stiff + 2.0 * stiff**3, free, atol=1e-6)
+
+
+def test_an_arm_with_inertia_rings_at_its_frequency():
+    frequency, time = 8.2, np.arange(0.0, 1.0, 0.002)
+    pressures = np.zeros((len(time), 6))
+    pressures[10:, 0] = 2e4
+    drive = drive_of(time, pressures, WEIGHTLESS)
+    strain = bends(drive, placed("inertia_damping", [1 / (2 * np.pi * frequency), 0.002]))[:, 0, 1]
+    swing = strain - bends(drive)[-1, 0, 1]
+    crossings = np.flatnonzero(np.diff(np.sign(swing[12:])) != 0)
+    measured = 0.5 / (0.002 * np.diff(crossings).mean())
+    assert measured == pytest.approx(frequency, rel=0.02)
+    assert strain.max() > 1.7 * bends(drive)[-1, 0, 1]
+
+
+def test_a_softer_segment_bends_more_whatever_the_load():
+    drive = drive_of(np.arange(3.0), np.zeros((3, 6)), (1.0, 0.0, 9.7))
+    effect = placed("segment_stiffness", [-0.2], segment="upper")
+    ratio = bends(drive, effect)[:, 0, 1] / bends(drive)[:, 0, 1]
+    assert np.allclose(ratio, 1.25)
+
+
+def test_a_defect_depends_on_the_direction_of_the_bend():
+    effect = placed("local_stiffness_defect", [0.5, 0.0], segment="upper")
+    about_x = drive_of(np.arange(2.0), np.zeros((2, 6)), (0.0, 1.0, 0.0))
+    about_y = drive_of(np.arange(2.0), np.zeros((2, 6)), (1.0, 0.0, 0.0))
+    assert np.allclose(bends(about_x, effect)[:, 0, 0], 2.0 * bends(about_x)[:, 0, 0])
+    assert np.allclose(bends(about_y, effect)[:, 0, 1], bends(about_y)[:, 0, 1])
+
+
+def test_a_payload_weighs_like_a_force_in_the_direction_of_gravity():
+    gravity = (2.0, 0.0, 9.6)
+    drive = drive_of(np.arange(2.0), np.zeros((2, 6)), gravity)
+    weight = bends(drive, placed("tip_payload", [0.1], section="tip"))
+    force = bends(drive, placed("external_force", 0.1 * np.array(gravity), section="tip"))
+    assert np.allclose(weight, force)
+
+
+@pytest.mark.parametrize("stiffness", [5.0, 50.0, 500.0])
+def test_contact_acts_on_one_side_and_balances(stiffness: float):
+    drive = ramps(10.0)
+    effect = placed("contact_obstacle", [stiffness, 0.01, 0.0], section="tip")
+    done = run(drive, effect)
+    assert done.settled
+    depth = done.response.frames.positions[:, 1, 0] - 0.01
+    assert np.allclose(done.drive.wrenches[:, 1, 0], -stiffness * np.maximum(depth, 0.0), atol=1e-5)
+    away = placed("contact_obstacle", [stiffness, 0.01, np.pi], section="tip")
+    assert np.allclose(bends(drive, away), bends(drive))
+
+
+def test_a_yielding_base_turns_all_sections_alike():
+    drive = drive_of(np.arange(2.0), np.zeros((2, 6)), (3.0, 0.0, 9.0))
+    turned = run(drive, placed("base_compliance", [0.2])).response.frames.rotations
+    plain = run(drive).response.frames.rotations
+    extra = turned @ np.swapaxes(plain, -1, -2)
+    assert np.allclose(extra[:, 0], extra[:, 1], atol=0.01)
+    assert np.abs(extra[:, 0] - np.eye(3)).max() > 0.01
+
+
+def test_a_tilted_base_tilts_an_unloaded_arm_rigidly():
+    drive = drive_of(np.arange(2.0), np.zeros((2, 6)), WEIGHTLESS)
+    frames = run(drive, placed("base_tilt", [0.1, -0.2])).response.frames
+    assert np.allclose(frames.rotations, exp(np.array([0.1, -0.2, 0.0])))
+
+
+def test_valves_cut_pressures_as_they_say():
+    pressures = np.zeros((4, 6))
+    pressures[:, 2] = [0.0, 1000.0, 20e3, 60e3]
+    drive = drive_of(np.arange(4.0), pressures)
+
+    def after(name: str, value: float) -> np.ndarray:
+        return run(drive, placed(name, [value], chamber=2)).drive.pressures[:, 2]
+
+    assert np.allclose(after("valve_deadband", 1500.0), [0.0, 0.0, 18.5e3, 58.5e3])
+    assert np.allclose(after("pressure_saturation", 15e3), [0.0, 1000.0, 20e3, 50e3])
+    assert np.allclose(after("pressure_bias", -600.0), [0.0, 400.0, 19.4e3, 59.4e3])
+    assert np.allclose(after("chamber_gain", -0.1), 0.9 * pressures[:, 2])
+
+
+def test_a_leak_loses_its_share_in_a_long_hold():
+    drive = step_drive()
+    pressure = run(drive, placed("line_leak", [0.2, 5.0], chamber=0)).drive.pressures[:, 0]
+    assert pressure[21] > 0.9 * 2e4
+    assert pressure[-1] == pytest.approx(0.8 * 2e4, rel=1e-3)
+
+
+def test_crosstalk_bends_the_other_segment():
+    done = run(step_drive(), placed("chamber_crosstalk", [0.1], segment="upper"))
+    assert done.drive.pressures[-1, 3] == pytest.approx(2e3)
+    assert done.drive.pressures[-1, [1, 2, 4, 5]].max() == 0.0
+
+
+def test_fibres_twist_with_pressure():
+    drive = drive_of(np.arange(2.0), np.full((2, 6), 1e4), WEIGHTLESS)
+    extra = bends(drive, placed("fibre_twist", [1e-6], segment="lower")) - bends(drive)
+    assert np.allclose(extra[:, 1], [0.0, 0.0, 0.03, 0.0], atol=1e-9)
+    assert np.abs(extra[:, 0]).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("name", "theta", "expected"),
+    [
+        ("sensor_bias", [0.01, -0.02], lambda t, y: y + np.array([0.01, -0.02])),
+        ("sensor_drift", [1e-3, 0.0], lambda t, y: y + np.outer(t, [1e-3, 0.0])),
+        ("sensor_scale", [0.1], lambda t, y: 1.1 * y),
+        ("frame_misalignment", [np.pi / 2], lambda t, y: np.stack([-y[:, 1], y[:, 0]], axis=1)),
+        ("sensor_latency", [0.5], lambda t, y: np.concatenate([y[:1], y[:-1]])),
+        ("sensor_stuck", [1.0, 30.0], lambda t, y: np.where(t[:, None] < 30.0, y, y[59])),
+    ],
+)
+def test_a_faulty_sensor_errs_alone(name: str, theta: list[float], expected):
+    drive = ramps(50.0, samples=101, cycles=1)
+    plain, faulty = run(drive), run(drive, placed(name, theta, sensor="bend_tip"))
+    reading = plain.readings["bend_tip"]
+    assert np.allclose(faulty.readings["bend_tip"], expected(drive.time, reading), atol=1e-9)
+    assert np.array_equal(faulty.readings["bend_intermediate"], plain.readings["bend_intermediate"])
+    assert set(faulty.readings) == {sensor.name for sensor in SUITE.measurements}
+
+
+def test_effects_act_together():
+    drive = step_drive()
+    both = bends(drive, placed("segment_stiffness", [0.3], segment="upper"), placed("chamber_gain", [0.3]))
+    assert np.allclose(both[:, 0, :3], bends(drive)[:, 0, :3], atol=1e-6)
