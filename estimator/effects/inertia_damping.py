@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.effects.effect import Effect, Memory, Parameter, Signals
-from estimator.effects.filters import second_order
 from estimator.effects.world import (
     Spot,
     everywhere,
 )
+from estimator.simulation.filters import second_order
 
 Floats = NDArray[np.float64]
 

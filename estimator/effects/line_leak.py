@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.effects.effect import Effect, Memory, Parameter, Signals
-from estimator.effects.filters import first_order
 from estimator.effects.world import (
     Spot,
     whole_and_chambers,
 )
+from estimator.simulation.filters import first_order
 
 Floats = NDArray[np.float64]
 

@@ -28,13 +28,12 @@ def first_order(time: Floats, values: Floats, lag: float, memory: Memory) -> tup
     if lag <= 0.0:
         return values, (time[-1:], values[-1], values[-1])
     when, before, state = memory or (time[:1], values[0], values[0])
-    steps = np.diff(time, prepend=when)
-    change = np.diff(values, axis=0, prepend=before[None])
+    times, inputs = np.concatenate((when, time)), np.concatenate((before[None], values))
+    steps, change, start = times[1:] - times[:-1], inputs[1:] - inputs[:-1], inputs[:-1]
     wide = np.where(steps > 0.0, steps, 1.0).reshape(-1, *(1,) * (values.ndim - 1))
     behind = lag * change / wide
     out = np.empty_like(values)
     kept = np.exp(-steps / lag)
-    start = np.concatenate([before[None], values[:-1]])
     for k in range(len(time)):
         state = values[k] - behind[k] + (state - start[k] + behind[k]) * kept[k]
         out[k] = state
