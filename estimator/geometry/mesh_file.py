@@ -36,6 +36,8 @@ def read_mesh(specimen: Specimen, geometry: MeshFile) -> Mesh:
     path = specimen.folder / geometry.path
     content = read_content(path)
     rotation = from_quaternions(np.array(geometry.quaternion))
+    if not np.isfinite(content.points).all():
+        raise InputError(f"{path}: geometry.path", "a node's coordinate is not finite", "mesh the body again")
     points = content.points * geometry.metres_per_unit @ rotation.T + np.array(geometry.origin_m)
     regions = _regions(specimen, geometry, content, points, path)
     blocks = tuple(

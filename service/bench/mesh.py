@@ -175,8 +175,8 @@ def command(names: tuple[str, ...], quick: bool, as_json: bool) -> int:
             passed = passed and all(row["passes"] for row in verdict)
             note = (
                 f"Ratios to the default with every edge divided in {2 if quick else 4}: {reference.nodes} "
-                f"nodes, {reference.elements} elements; for nu = {INCOMPRESSIBLE}, divided in 2. The tetrahedra "
-                "split hexahedra of a sweep and are up to ten times as long as wide."
+                f"nodes, {reference.elements} elements; for nu = {INCOMPRESSIBLE}, divided in 2. "
+                "The tetrahedra split hexahedra of a sweep and are up to ten times as long as wide."
             )
             tables.append(Table(f"{specimen.name}: responses of its meshes", rows, (note,)))
             tables.append(Table(f"{specimen.name}: errors of the default mesh", verdict))

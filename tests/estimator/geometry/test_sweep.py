@@ -132,7 +132,7 @@ def test_converted_meshes_fill_the_same_body(kind: ElementKind) -> None:
 
 @settings(max_examples=8, deadline=None)
 @given(
-    radius=st.floats(0.008, 0.05),
+    radius=st.floats(0.0125, 0.05),
     taper=st.floats(0.5, 1.5),
     wall=st.floats(0.0005, 0.002),
     floor=st.floats(0.0005, 0.002),
