@@ -58,7 +58,7 @@ def _crossings(cells: Floats, heights: Floats) -> tuple[Indices, Floats]:
     facets, places = [], []
     for start, end in ((0, 1), (1, 2), (2, 0)):
         below, above = heights[..., start], heights[..., end]
-        facet, cell = np.nonzero(below * above < 0.0)
+        facet, cell = np.nonzero((below < 0.0) != (above < 0.0))
         share = (below[facet, cell] / (below[facet, cell] - above[facet, cell]))[:, None]
         facets.append(facet)
         places.append((1.0 - share) * cells[cell, start] + share * cells[cell, end])
