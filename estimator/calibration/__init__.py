@@ -4,9 +4,10 @@ from estimator.calibration.arrange import Run, arrange
 from estimator.calibration.calibrate import CalibrationRefusedError, Options, calibrate
 from estimator.calibration.identifiability import Identified
 from estimator.calibration.outcome import Calibrated, Check, calibrated_specimen
-from estimator.calibration.solver import NodeSolver, Response, Solver
+from estimator.calibration.solver import BatchSolver, NodeSolver, Response, Solver
 
 __all__ = [
+    "BatchSolver",
     "Calibrated",
     "CalibrationRefusedError",
     "Check",

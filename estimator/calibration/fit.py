@@ -20,6 +20,7 @@ Flags = NDArray[np.bool_]
 
 HUBER = 1.5  # in units of the scatter
 NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
+SETTLING = 4  # evaluations after which scatter and correlation stay, so that one function is minimised
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e6
 
@@ -78,7 +79,7 @@ def fit(
     start: Floats,
     *,
     iterations: int = 15,
-    tolerance: float = 0.01,
+    tolerance: float = 0.05,
     evaluations: Sequence[Evaluation] | None = None,
 ) -> Fit:
     """Fit the unknowns to the nodes.
@@ -91,11 +92,14 @@ def fit(
         evaluations: An earlier evaluation for a warm start of the model.
     """
     values, damping, count = start, FIRST_DAMPING, 1
+    scatter: dict[str, float] = {}
+    correlated = 1.0
     current = forward.evaluate(values, evaluations)
     while True:
         rows = collect(current, forward.nodes)
-        scatter = _scatter(rows)
-        correlated = correlation_length(current, forward.nodes)
+        if count <= SETTLING:
+            scatter = _scatter(rows)
+            correlated = correlation_length(current, forward.nodes)
         normal, gradient, cost = _normal_equations(forward, rows, values, scatter, correlated)
         step, settled = _step(normal, gradient, damping, tolerance)
         if settled or count >= iterations:

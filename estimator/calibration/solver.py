@@ -7,7 +7,7 @@ from typing import Generic, Protocol, Self, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.model import ArmModel, Frames, Inputs, Linearisation
+from estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -176,3 +176,83 @@ def settle(model: ScaledModel[State, Step], start: State, inputs: Inputs) -> tup
         state = model.advance(step, np.zeros(model.chambers + len(model.loads)))
     state, found = model.solve(inputs, start)
     return state, model.linearise(state, inputs), found
+
+
+class BatchAnswer(Protocol):
+    """Answers of a model that solves many samples at once."""
+
+    @property
+    def frames(self) -> Frames:
+        """Frames of the sections, arrays with a leading axis (samples,)."""
+
+    @property
+    def motion(self) -> Floats:
+        """Section twists per unit of each input, component of gravity and stiffness factor."""
+
+    @property
+    def converged(self) -> Flags:
+        """Where an equilibrium was found, shape (samples,)."""
+
+
+class BatchModel(Protocol):
+    """A model that solves many samples at once, such as the calibrated rod."""
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections."""
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the regions whose stiffness can be scaled."""
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Loads whose amplitudes are inputs."""
+
+    def with_scales(self, scales: Mapping[str, float]) -> Self:
+        """Copy the model with other stiffness factors of some regions."""
+
+    def evaluate(self, pressures: Floats, loads: Floats, gravity: Floats) -> BatchAnswer:
+        """Solve samples of pressures and loads, motion by inputs, gravity and factors."""
+
+
+@dataclass(frozen=True)
+class BatchSolver:
+    """Solves a model for all nodes at once.
+
+    Args:
+        model: The model.
+    """
+
+    model: BatchModel
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections."""
+        return tuple(self.model.sections)
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Names of the stiffness factors."""
+        return tuple(self.model.regions)
+
+    def respond(
+        self,
+        scales: Mapping[str, float],
+        pressures: Floats,
+        gravity: Floats,
+        memory: Response | None,  # noqa: ARG002
+    ) -> Response:
+        """Solve at many pressures; see ``Solver.respond``."""
+        model = self.model.with_scales({name: f for name, f in scales.items() if name in self.factors})
+        loads = np.zeros((len(pressures), len(model.loads)))
+        answer = model.evaluate(pressures, loads, gravity)
+        chambers = pressures.shape[1]
+        return Response(
+            answer.frames,
+            np.zeros(answer.motion.shape[:2]),
+            answer.motion[..., :chambers],
+            answer.motion[..., chambers + loads.shape[1] + 3 :],
+            answer.converged,
+            (None,) * len(pressures),
+        )
