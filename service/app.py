@@ -26,7 +26,7 @@ from service.control.knowledge import Knowledge
 from service.control.mismatch import MismatchTest
 from service.control.poses import PoseStore
 from service.control.publishing import Publisher
-from service.control.readings import Readings, Snapshot, channel
+from service.control.readings import Readings, channel
 from service.control.recorder import Recorder, RecorderError
 from service.control.replay import ReplayedInstruments
 from service.control.streams import RecordedStreams
@@ -96,7 +96,6 @@ class Service:
         self._knowledge = Knowledge(sections, default_loads(specimen), self._readings.rest)
         self._book = FindingBook(ALL_CHECKS)
         self._test = MismatchTest()
-        self._snapshot: Snapshot | None = None
         self._worker: Worker[EstimationRequest, EstimationResult] = Worker(
             SolverSettings(specimen, self._estimated_sensors(), config.control), self._on_result
         )
@@ -213,7 +212,6 @@ class Service:
 
     def _submit(self, now_ns: int) -> None:
         snapshot = self._readings.snapshot(now_ns)
-        self._snapshot = snapshot
         valves = self._readings.fresh(self._instruments.bank, now_ns)
         pressures = np.full(len(self._limits), np.nan) if valves is None else np.array(valves.values)
         if not snapshot.used:
@@ -227,6 +225,8 @@ class Service:
                 snapshot.readings,
                 pressures,
                 gravity,
+                snapshot.used,
+                snapshot.lost,
                 want_hold=teaching,
                 want_mesh=self._ticks % self._shape_every == 0 and self._bus.shape_wanted,
             )
@@ -238,7 +238,7 @@ class Service:
         self._knowledge.take(result, unix_ns)
         if result.converged:
             self._test = self._test.update(
-                result.request_time_s,
+                result.request.time_s,
                 result.innovation_squared,
                 result.degrees_of_freedom,
                 result.sensor_innovations,
@@ -246,16 +246,14 @@ class Service:
             )
         if result.nodes is not None:
             self._bus.publish_shape(result.nodes.astype("<f4").tobytes())
-        if self._snapshot is None:
-            return
-        estimate = self._publisher.estimate(self._snapshot)
+        estimate = self._publisher.estimate(result)
         self._bus.publish("estimate", estimate)
         values = {
             f"force_{load.section}_{axis}_n": load.force_n[index]
             for load in estimate.loads
             for index, axis in enumerate("xyz")
         }
-        self._streams.estimated(values, result.request_time_s)
+        self._streams.estimated(values, result.request.time_s)
 
     def _check(self, now_ns: int) -> None:
         observation = self._observe(now_ns, self._controller.modes.mode)

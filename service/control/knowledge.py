@@ -92,11 +92,6 @@ class Knowledge:
         return None if self.result is None else self.result.hold
 
     @property
-    def net_loads(self) -> Floats | None:
-        """Load amplitudes less the tare, shape (loads,)."""
-        return None if self.result is None else self.result.loads - self.tare
-
-    @property
     def sections(self) -> tuple[SectionPose, ...]:
         """Section poses of the newest estimate."""
         result = self.result

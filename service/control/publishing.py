@@ -19,7 +19,7 @@ from service.control.controller import Controller
 from service.control.instruments import Source
 from service.control.knowledge import Knowledge
 from service.control.mismatch import MismatchTest
-from service.control.readings import Snapshot
+from service.estimation.messages import EstimationResult
 from service.safety.findings import FindingBook
 from service.safety.modes import Mode
 
@@ -116,19 +116,17 @@ class Publisher:
             for standing in self._book.standing
         ]
 
-    def estimate(self, snapshot: Snapshot) -> Estimate:
+    def estimate(self, result: EstimationResult) -> Estimate:
         """Tell the external force.
 
         Args:
-            snapshot: The readings that the newest result was made from.
+            result: What the estimator found.
         """
-        result, net = self._knowledge.result, self._knowledge.net_loads
-        assert result is not None
-        assert net is not None
+        net, request = result.loads - self._knowledge.tare, result.request
         dof = result.degrees_of_freedom
         ratio = float(np.sqrt(result.innovation_squared / dof)) if dof > 0.1 else None
         tare = self._knowledge.load_map.forces(self._knowledge.tare, result.load_covariance)
-        solved: Status = "degraded" if snapshot.lost else "converged"
+        solved: Status = "degraded" if request.lost else "converged"
         return Estimate(
             stamp=self._stamp("estimate"),
             status=solved if result.converged else "not_converged",
@@ -140,9 +138,9 @@ class Publisher:
             normalised_residual=ratio,
             degrees_of_freedom=round(dof),
             unobservable=result.unobservable,
-            sensors_used=snapshot.used,
-            sensors_lost=snapshot.lost,
-            latency_s=(self._clock_ns() - result.newest_arrival_ns) * 1e-9,
+            sensors_used=request.used,
+            sensors_lost=request.lost,
+            latency_s=(self._clock_ns() - request.newest_arrival_ns) * 1e-9,
             solve_s=result.solve_s,
         )
 

@@ -18,6 +18,8 @@ class EstimationRequest:
         readings: Stacked in the order of the sensors, NaN where absent, shape (readings,).
         pressures: Measured gauge pressures [Pa], NaN where lost, shape (chambers,).
         gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
+        used: Names of the sensors in the readings.
+        lost: Names of those that are absent.
         want_hold: Whether to find the pressures that hold the pose.
         want_mesh: Whether to send the positions of the mesh's nodes.
     """
@@ -27,6 +29,8 @@ class EstimationRequest:
     readings: Floats
     pressures: Floats
     gravity: Floats
+    used: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
     want_hold: bool = False
     want_mesh: bool = False
 
@@ -51,8 +55,7 @@ class EstimationResult:
     """What the estimator found.
 
     Args:
-        request_time_s: Time of the readings [s].
-        newest_arrival_ns: Arrival of the newest of them.
+        request: What it answers.
         converged: Whether the search converged.
         loads: Amplitudes of the model's loads [N or N m], shape (loads,).
         load_covariance: Shape (loads, loads).
@@ -68,8 +71,7 @@ class EstimationResult:
         solve_s: Time taken.
     """
 
-    request_time_s: float
-    newest_arrival_ns: int
+    request: EstimationRequest
     converged: bool
     loads: Floats
     load_covariance: Floats

@@ -95,8 +95,7 @@ class Solver:
         sections = len(self._model.sections)
         deviation = np.sqrt(np.maximum(np.diag(estimate.frame_covariance), 0.0)).reshape(sections, 6)
         return EstimationResult(
-            request_time_s=request.time_s,
-            newest_arrival_ns=request.newest_arrival_ns,
+            request=request,
             converged=estimate.converged,
             loads=estimate.inputs.loads,
             load_covariance=estimate.load_covariance,

@@ -8,7 +8,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from estimator.errors import InputError
-from service.api.messages import State
+from service.api.messages import Estimate, State
 from service.experiments.bench import FakeControl
 from service.experiments.force import ForceSample, ForceSettings, run_fake
 from service.network.client import CommandRefusedError, SoftarmClient
@@ -25,7 +25,7 @@ def wait_ready(client: SoftarmClient) -> State:
     """
     try:
         state = client.wait_for("state", State, lambda s: s.mode != "STARTING", READY_S)
-        client.estimate(timeout_s=READY_S)
+        client.wait_for("estimate", Estimate, lambda e: e.status in ("converged", "degraded"), READY_S)
     except TimeoutError as error:
         raise InputError(client.keys.arm, f"is not ready ({error})", "see the service's log") from error
     return state

@@ -14,7 +14,7 @@ from service.control.knowledge import Knowledge
 from service.control.poses import PoseStore
 from service.control.recorder import Recorder
 from service.control.verbs import Context, Verbs
-from service.estimation.messages import EstimationResult, HoldAnswer
+from service.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
 from service.safety.findings import Finding
 from service.safety.modes import PRESSURISED, Event, Mode
 
@@ -55,8 +55,7 @@ def hold_answer(pressure=20e3):
 
 def result(hold=None, loads=(0.0, 0.0, 0.0, 0.0)):
     return EstimationResult(
-        request_time_s=0.0,
-        newest_arrival_ns=0,
+        request=EstimationRequest(0.0, 0, np.zeros(0), np.zeros(6), np.zeros(3)),
         converged=True,
         loads=np.array(loads),
         load_covariance=1e-4 * np.eye(4),
