@@ -3,7 +3,7 @@
 import queue
 import shutil
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -40,6 +40,10 @@ class Document:
 Item = Sample | Document | None
 
 
+def _create(path: Path) -> IO[bytes]:
+    return path.open("xb")
+
+
 class Recorder:
     """Writes the streams to MCAP files in a directory.
 
@@ -47,10 +51,12 @@ class Recorder:
 
     Args:
         directory: Where the files go; it is made when missing.
+        create: Creates a file and opens it for writing.
     """
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, create: Callable[[Path], IO[bytes]] = _create) -> None:
         self._directory = directory
+        self._create = create
         self._queue: queue.Queue[Item] = queue.Queue(QUEUE_LENGTH)
         self._thread: threading.Thread | None = None
         self._path: Path | None = None
@@ -86,7 +92,7 @@ class Recorder:
         try:
             self._directory.mkdir(parents=True, exist_ok=True)
             path = _free_path(self._directory, name)
-            file = path.with_name(path.name + PART_SUFFIX).open("xb")
+            file = self._create(path.with_name(path.name + PART_SUFFIX))
         except OSError as error:
             raise RecorderError(f"{self._directory}: {error.strerror}") from error
         self._queue = queue.Queue(QUEUE_LENGTH)
