@@ -1,7 +1,9 @@
 """Fibres: one-dimensional stretch of a vector that is linear in the nodes.
 
 Membranes on the chamber walls and the discrete circumferential springs are the same thing to the kernel: a
-vector d = sum_a g_a x_a of length 1 at rest, with the energy stiffness/2 (|d| - 1)^2.
+vector d = sum_a g_a x_a of length 1 at rest, whose strain e = |d| - 1 is resisted by the force
+stiffness T(e). Springs have T = e. Threads buckle as soon as they are compressed by a strain s, after which
+they carry no more: T = r(e + s) - r(s) with the rounded ramp r(x) = (x + sqrt(x^2 + s^2/4)) / 2.
 """
 
 from collections.abc import Sequence
@@ -26,13 +28,14 @@ class Membrane:
     Args:
         surface: Named surface of the mesh.
         stiffness: Force per width per strain along the fibres [N/m].
-        tension_only: Whether the fibres go slack under compression.
+        slack: Strain by which fibres are compressed when they buckle; ``inf`` for fibres that never do,
+            such as those wound under tension.
         pitch: Angle by which the fibres climb towards +z off the circumferential direction [rad].
     """
 
     surface: str
     stiffness: float
-    tension_only: bool = False
+    slack: float = np.inf
     pitch: float = 0.0
 
 
@@ -61,7 +64,7 @@ class Bars:
         nodes: Nodes of each fibre, shape (bars, nodes).
         gradients: The coefficients g [1/m], shape (bars, nodes).
         stiffness: Energy per unit of squared strain, twice [J], shape (bars,).
-        tension_only: Whether each goes slack under compression, shape (bars,).
+        slack: Compressive strain at which each buckles, shape (bars,).
         parameter: Index of the factor that scales each, shape (bars,).
         slots: Where the blocks of each fibre go, shape (bars, nodes, nodes).
     """
@@ -69,7 +72,7 @@ class Bars:
     nodes: Indices
     gradients: Floats
     stiffness: Floats
-    tension_only: Indices
+    slack: Floats
     parameter: Indices
     slots: Slots
 
@@ -82,7 +85,7 @@ class Bars:
     ) -> None:
         """Add the internal forces and, where wanted, the tangent; arguments as for ``Solids.forces``."""
         bar_forces(
-            positions, self.nodes, self.gradients, scales[self.parameter] * self.stiffness, self.tension_only,
+            positions, self.nodes, self.gradients, scales[self.parameter] * self.stiffness, self.slack,
             self.slots, forces, values, tangent,
         )  # fmt: skip
 
@@ -115,7 +118,7 @@ def build_membrane(mesh: Mesh, membrane: Membrane, parameter: int) -> Bars:
         nodes=np.array(nodes, dtype=np.int64),
         gradients=np.ascontiguousarray(gradients.reshape(-1, count)[keep]),
         stiffness=(membrane.stiffness * weights * area).ravel()[keep],
-        tension_only=np.full(int(keep.sum()), int(membrane.tension_only)),
+        slack=np.full(int(keep.sum()), membrane.slack),
         parameter=np.full(int(keep.sum()), parameter),
         slots=np.empty((0, count, count), dtype=np.int32),
     )
@@ -131,7 +134,7 @@ def build_springs(mesh: Mesh, springs: Springs, parameter: int) -> Bars:
         nodes=np.hstack([ends[0].nodes, ends[1].nodes]),
         gradients=np.ascontiguousarray(gradients),
         stiffness=springs.stiffness * length**2,
-        tension_only=np.zeros(len(length), dtype=np.int64),
+        slack=np.full(len(length), np.inf),
         parameter=np.full(len(length), parameter),
         slots=np.empty((0, count, count), dtype=np.int32),
     )
@@ -171,7 +174,7 @@ def _merge(parts: Sequence[Bars]) -> tuple[Bars, ...]:
                 nodes=np.concatenate([part.nodes for part in same]),
                 gradients=np.concatenate([part.gradients for part in same]),
                 stiffness=np.concatenate([part.stiffness for part in same]),
-                tension_only=np.concatenate([part.tension_only for part in same]),
+                slack=np.concatenate([part.slack for part in same]),
                 parameter=np.concatenate([part.parameter for part in same]),
                 slots=same[0].slots,
             )
@@ -185,13 +188,13 @@ def bar_forces(  # noqa: C901 (one loop nest, compiled)
     nodes: Indices,
     gradients: Floats,
     stiffness: Floats,
-    tension_only: Indices,
+    slack: Floats,
     slots: Slots,
     forces: Floats,
     values: Floats,
     tangent: bool,
 ) -> None:
-    """Add g_a s (1 - 1/|d|) d to the forces and g_a g_b s [(1 - 1/|d|) 1 + d d^T / |d|^3] to the tangent."""
+    """Add g_a k T n to the forces and g_a g_b k [T' n n^T + T/|d| (1 - n n^T)] to the tangent, n = d/|d|."""
     width = nodes.shape[1]
     block = np.empty((3, 3))
     d = np.empty(3)
@@ -201,9 +204,14 @@ def bar_forces(  # noqa: C901 (one loop nest, compiled)
             for a in range(width):
                 d[i] += gradients[m, a] * positions[nodes[m, a], i]
         length = np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-        if tension_only[m] and length < 1.0:
-            continue
-        pull = stiffness[m] * (1.0 - 1.0 / length)
+        pull, stretching = length - 1.0, 1.0
+        if np.isfinite(slack[m]):
+            past = length - 1.0 + slack[m]
+            root = np.sqrt(past * past + 0.25 * slack[m] * slack[m])
+            pull = 0.5 * (past + root) - (0.5 + 0.25 * np.sqrt(5.0)) * slack[m]
+            stretching = 0.5 * (1.0 + past / root)
+        pull *= stiffness[m] / length
+        along = (stiffness[m] * stretching - pull) / (length * length)
         for a in range(width):
             for i in range(3):
                 forces[nodes[m, a], i] += gradients[m, a] * pull * d[i]
@@ -211,7 +219,7 @@ def bar_forces(  # noqa: C901 (one loop nest, compiled)
             continue
         for i in range(3):
             for k in range(3):
-                block[i, k] = stiffness[m] / length**3 * d[i] * d[k] + (pull if i == k else 0.0)
+                block[i, k] = along * d[i] * d[k] + (pull if i == k else 0.0)
         for a in range(width):
             for b in range(width):
                 slot = slots[m, a, b]

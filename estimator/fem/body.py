@@ -15,6 +15,7 @@ from estimator.fem.materials import Material
 from estimator.fem.pattern import Pattern, Tangent, build_pattern, free_nodes
 from estimator.fem.solids import Solids, build_solids
 from estimator.fem.tetrahedra import Tetrahedra, build_tetrahedra
+from estimator.fem.transport import Transport, build_transport
 from estimator.mesh import ElementBlock, Floats, Indices, Mesh
 
 
@@ -49,6 +50,7 @@ class Body:
         cavities: Chamber walls.
         chambers: Number of chambers.
         plan: Where tangent blocks go, and how they are factored.
+        transport: Carries displacements between configurations.
         parameters: Names of the stiffness factors: regions, then fibres.
     """
 
@@ -59,6 +61,7 @@ class Body:
     cavities: tuple[Cavities, ...]
     chambers: int
     plan: FactorPlan
+    transport: Transport
     parameters: tuple[str, ...]
 
     @property
@@ -174,6 +177,7 @@ def build_body(
         cavities=tuple(cavity.attach(pattern) for cavity in cavities),
         chambers=len(chambers),
         plan=FactorPlan.of(pattern, analyse(pattern, dissection)),
+        transport=build_transport(mesh.points, mesh.blocks, pattern, dissection),
         parameters=tuple(names),
     )
 

@@ -147,7 +147,7 @@ def correct(body: Body, balancer: Balancer, start: Floats, inputs: Inputs, setti
             return Corrected(Solution(displacement, status, iteration, balance.norm), balance, factor)
         assert factor is not None
         step = body.pattern.scatter(factor.solve(balance.residual))
-        displacement = take_step(balancer, displacement, step, inputs, reach)
+        displacement = take_step(body, balancer, displacement, step, inputs, reach)
     raise AssertionError("the loop returns")
 
 
@@ -160,17 +160,24 @@ def _verdict(balance: Balance, factor: StiffnessFactor | None, settings: Setting
     return SolveStatus.CONVERGED if balance.norm <= settings.tolerance else None
 
 
-def take_step(balancer: Balancer, displacement: Floats, step: Floats, inputs: Inputs, reach: float) -> Floats:
-    """Move by a step, shortened to ``reach`` [m] and halved while it inverts an element (8 times at most)."""
+def take_step(
+    body: Body, balancer: Balancer, displacement: Floats, step: Floats, inputs: Inputs, reach: float
+) -> Floats:
+    """Move by a step, shortened to ``reach`` [m] and halved while it inverts an element (8 times at most).
+
+    The step bends the body instead of moving its nodes straight on, which would stretch it.
+    """
     longest = float(np.sqrt((step**2).sum(axis=1).max()))
     if not np.isfinite(longest):
         return displacement
     step = step * min(1.0, reach / max(longest, 1e-300))
-    for _ in range(8):
-        if balancer(displacement + step, inputs, False, False).evaluation.valid:
+    deformation = body.transport.deformation(displacement)
+    change = body.transport.gradient(step)
+    for halving in range(8):
+        after = body.transport.moved(deformation, change * 0.5**halving)
+        if balancer(after, inputs, False, False).evaluation.valid:
             break
-        step = 0.5 * step
-    return displacement + step
+    return after
 
 
 def descend(
@@ -195,10 +202,10 @@ def descend(
         slope = float(step @ balance.residual)
         nodal = body.pattern.scatter(step)
         nodal *= min(1.0, reach / max(float(np.sqrt((nodal**2).sum(axis=1).max())), 1e-300))
-        for _ in range(10):
-            trial = balancer(displacement + nodal, inputs, False, False)
+        deformation, change = body.transport.deformation(displacement), body.transport.gradient(nodal)
+        for halving in range(10):
+            displacement = body.transport.moved(deformation, change * 0.5**halving)
+            trial = balancer(displacement, inputs, False, False)
             if trial.evaluation.valid and step @ trial.residual > -0.5 * slope:
                 break
-            nodal *= 0.5
-        displacement = displacement + nodal
     return Corrected(Solution(displacement, SolveStatus.ITERATIONS, iterations, balance.norm), balance, None)

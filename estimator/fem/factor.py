@@ -36,7 +36,7 @@ class FactorPlan:
     @property
     def widest(self) -> int:
         """Size of the largest front in dofs."""
-        return 3 * int((self.fronts.pivots + self.fronts.borders).max(initial=0))
+        return self.fronts.size * int((self.fronts.pivots + self.fronts.borders).max(initial=0))
 
     def factorise(self, tangent: Tangent) -> "StiffnessFactor | None":
         """Factor the symmetric part of a tangent by Cholesky.
@@ -98,8 +98,8 @@ class StiffnessFactor:
         f = self.plan.fronts
         solution = np.array(np.atleast_2d(right), dtype=float, order="C")
         solve_fronts(
-            self.plan.blas.addresses, self.plan.blas.letters, f.pivots, f.borders, f.rows, f.row_start,
-            f.panel, self.panels, solution, np.empty(self.plan.widest * len(solution)),
+            self.plan.blas.addresses, self.plan.blas.letters, f.size, f.pivots, f.borders, f.rows,
+            f.row_start, f.panel, self.panels, solution, np.empty(self.plan.widest * len(solution)),
         )  # fmt: skip
         return solution.reshape(np.shape(right))
 

@@ -1,4 +1,4 @@
-"""Symbolic analysis of the multifrontal factorisation: done once per block pattern."""
+"""Symbolic analysis of the multifrontal factorisation: done once per block pattern and block size."""
 
 from dataclasses import dataclass
 
@@ -11,13 +11,14 @@ from estimator.mesh import Indices
 
 @dataclass(frozen=True)
 class Fronts:
-    """Dense fronts, children before parents; all indices count blocks of three unless they say dofs.
+    """Dense fronts, children before parents; all indices count blocks unless they say dofs.
 
     Front s eliminates ``pivots[s]`` nodes and updates ``borders[s]`` others. Its panel holds the columns of
     the factor, (pivots + borders) by pivots; its update matrix is borders by borders; both are column-major
     in dofs.
 
     Args:
+        size: Dofs per block, that is per node.
         pivots: Shape (fronts,).
         borders: Shape (fronts,).
         rows: Elimination positions of each front, pivots then border, concatenated.
@@ -35,6 +36,7 @@ class Fronts:
         work: Size in doubles of that work space.
     """
 
+    size: int
     pivots: Indices
     borders: Indices
     rows: Indices
@@ -54,12 +56,21 @@ class Fronts:
     @property
     def operations(self) -> float:
         """Multiply-adds of one factorisation."""
-        pivots, borders = 3.0 * self.pivots, 3.0 * self.borders
+        pivots, borders = float(self.size) * self.pivots, float(self.size) * self.borders
         return float((pivots**3 / 6.0 + pivots**2 * borders / 2.0 + pivots * borders**2 / 2.0).sum())
 
 
-def analyse(pattern: Pattern, dissection: Dissection) -> Fronts:
-    """Find the fronts of a pattern whose free nodes stand in the dissection's order."""
+def analyse(pattern: Pattern, dissection: Dissection, size: int = 3) -> Fronts:
+    """Find the fronts of a pattern whose free nodes stand in the dissection's order.
+
+    Args:
+        pattern: Block pattern.
+        dissection: Elimination tree.
+        size: Dofs per node.
+
+    Returns:
+        The fronts.
+    """
     count = len(dissection.parent)
     owner = np.repeat(np.arange(count), np.diff(dissection.start))
     column = pattern.column
@@ -86,8 +97,9 @@ def analyse(pattern: Pattern, dissection: Dissection) -> Fronts:
         slot_column[part] = column[by_owner[part]] - dissection.start[s]
     pivots = np.diff(dissection.start)
     sizes = np.array([len(border) for border in borders])
-    update, work = _place(9 * sizes**2, dissection.parent)
+    update, work = _place(size**2 * sizes**2, dissection.parent)
     return Fronts(
+        size=size,
         pivots=pivots,
         borders=sizes,
         rows=np.concatenate(rows),
@@ -100,7 +112,7 @@ def analyse(pattern: Pattern, dissection: Dissection) -> Fronts:
         slot_start=slot_start,
         slot_row=slot_row,
         slot_column=slot_column,
-        panel=_starts(9 * (pivots + sizes) * pivots),
+        panel=_starts(size**2 * (pivots + sizes) * pivots),
         update=update,
         work=work,
     )

@@ -13,38 +13,44 @@ NO, TRANSPOSED, RIGHT, LEFT = 1, 2, 3, 4
 def _assemble(
     panel: Floats, height: int, values: Floats, slots: Indices, rows: Indices, columns: Indices
 ) -> None:
-    """Put blocks of the tangent into a front's panel, column-major of ``height`` dofs."""
+    """Put blocks of the matrix into a front's panel, column-major of ``height`` dofs."""
+    size = values.shape[1]
     for m in range(slots.shape[0]):
-        for k in range(3):
-            at = (3 * columns[m] + k) * height + 3 * rows[m]
-            for i in range(3):
+        for k in range(size):
+            at = (size * columns[m] + k) * height + size * rows[m]
+            for i in range(size):
                 panel[at + i] = values[slots[m], i, k]
 
 
 @compiled
 def _extend(
-    panel: Floats, height: int, pivots: int, update: Floats, border: int, child: Floats, relative: Indices
+    size: int,
+    panel: Floats,
+    height: int,
+    pivots: int,
+    update: Floats,
+    border: int,
+    child: Floats,
+    relative: Indices,
 ) -> None:
     """Add a child's update matrix (lower triangle) to its parent's panel and update matrix."""
     count = relative.shape[0]
     for j in range(count):
         column = relative[j]
-        for k in range(3):
-            source = (3 * j + k) * 3 * count
+        for k in range(size):
+            source = (size * j + k) * size * count
             if column < pivots:
-                target = (3 * column + k) * height
+                target = (size * column + k) * height
                 for i in range(j, count):
-                    at, to = source + 3 * i, target + 3 * relative[i]
-                    panel[to] += child[at]
-                    panel[to + 1] += child[at + 1]
-                    panel[to + 2] += child[at + 2]
+                    at, to = source + size * i, target + size * relative[i]
+                    for d in range(size):
+                        panel[to + d] += child[at + d]
             else:
-                target = (3 * (column - pivots) + k) * border - 3 * pivots
+                target = (size * (column - pivots) + k) * border - size * pivots
                 for i in range(j, count):
-                    at, to = source + 3 * i, target + 3 * relative[i]
-                    update[to] += child[at]
-                    update[to + 1] += child[at + 1]
-                    update[to + 2] += child[at + 2]
+                    at, to = source + size * i, target + size * relative[i]
+                    for d in range(size):
+                        update[to + d] += child[at + d]
 
 
 @compiled
@@ -73,8 +79,9 @@ def factor_fronts(
     ``Fronts``.
     """
     ints, reals = np.empty(8, dtype=np.int32), np.empty(2)
+    size = values.shape[1]
     for s in range(pivots.shape[0]):
-        width, border = 3 * pivots[s], 3 * borders[s]
+        width, border = size * pivots[s], size * borders[s]
         height = width + border
         panel = factor[panel_start[s] : panel_start[s + 1]]
         update = work[update_start[s] : update_start[s] + border * border]
@@ -83,9 +90,9 @@ def factor_fronts(
         part = slice(slot_start[s], slot_start[s + 1])
         _assemble(panel, height, values, slot[part], slot_row[part], slot_column[part])
         for c in children[child_start[s] : child_start[s + 1]]:
-            child = work[update_start[c] : update_start[c] + 9 * borders[c] * borders[c]]
+            child = work[update_start[c] : update_start[c] + size * size * borders[c] * borders[c]]
             places = relative[relative_start[c] : relative_start[c + 1]]
-            _extend(panel, height, pivots[s], update, border, child, places)
+            _extend(size, panel, height, pivots[s], update, border, child, places)
         top = panel.ctypes.data
         below = top + 8 * width
         if potrf(blas, letters, width, top, height, ints) != 0:
@@ -100,6 +107,7 @@ def factor_fronts(
 def solve_fronts(  # noqa: C901 (one loop nest, compiled)
     blas: Addresses,
     letters: Letters,
+    size: int,
     pivots: Indices,
     borders: Indices,
     rows: Indices,
@@ -109,7 +117,7 @@ def solve_fronts(  # noqa: C901 (one loop nest, compiled)
     right: Floats,
     local: Floats,
 ) -> None:
-    """Solve in place for right-hand sides in elimination order, shape (right-hand sides, 3 free).
+    """Solve in place for right-hand sides in elimination order, shape (right-hand sides, size free).
 
     ``local`` is work space for the widest front in dofs times the right-hand sides; the index arguments are
     those of ``Fronts``.
@@ -121,13 +129,13 @@ def solve_fronts(  # noqa: C901 (one loop nest, compiled)
     for sweep in range(2):
         for turn in range(fronts):
             s = turn if sweep == 0 else fronts - 1 - turn
-            width, border = 3 * pivots[s], 3 * borders[s]
+            width, border = size * pivots[s], size * borders[s]
             height = width + border
             nodes = rows[row_start[s] : row_start[s + 1]]
             for r in range(count):
                 for n in range(nodes.shape[0]):
-                    for i in range(3):
-                        local[r * height + 3 * n + i] = right[r, 3 * nodes[n] + i]
+                    for i in range(size):
+                        local[r * height + size * n + i] = right[r, size * nodes[n] + i]
             panel = factor[panel_start[s] : panel_start[s + 1]].ctypes.data
             below = panel + 8 * width
             top = local.ctypes.data
@@ -181,8 +189,8 @@ def solve_fronts(  # noqa: C901 (one loop nest, compiled)
                 trsm(blas, letters, LEFT, TRANSPOSED, width, count, panel, height, top, height, ints, reals)
             for r in range(count):
                 for n in range(nodes.shape[0] if sweep == 0 else pivots[s]):
-                    for i in range(3):
-                        right[r, 3 * nodes[n] + i] = local[r * height + 3 * n + i]
+                    for i in range(size):
+                        right[r, size * nodes[n] + i] = local[r * height + size * n + i]
 
 
 @compiled

@@ -275,7 +275,9 @@ class FiniteElementModel:
         force = step.balance.residual + change @ step.input_forces()
         move = self.body.pattern.scatter(step.factor.solve(force))
         reach = self.settings.longest_move * float(np.ptp(self.body.points, axis=0).max())
-        return FiniteElementState(take_step(self.balance, step.displacement, move, inputs, reach), inputs)
+        return FiniteElementState(
+            take_step(self.body, self.balance, step.displacement, move, inputs, reach), inputs
+        )
 
     def solve(self, inputs: Inputs, start: FiniteElementState) -> tuple[FiniteElementState, bool]:
         """Find the equilibrium under fixed inputs; the flag tells whether it converged."""

@@ -92,6 +92,17 @@ class FramePose:
     position: Floats
     rotation: Floats
 
+    def push(self, nodal: Floats) -> Floats:
+        """Give the frame's twist (translation of the origin, rotation vector) of a displacement, shape (6,).
+
+        Args:
+            nodal: Displacement of the nodes, shape (nodes, 3).
+        """
+        moved = self.frame.points.apply(nodal)
+        spin = self.spin @ np.cross(self.frame.arms, moved @ self.turn).sum(axis=0)
+        shift = moved.mean(axis=0) + np.cross(spin, self.position - self.centre)
+        return np.concatenate([shift, spin])
+
     def pull_back(self, rows: Floats, nodes: int) -> Floats:
         """Turn rows on the frame's twist into rows on the nodes, which are also the work-conjugate forces.
 

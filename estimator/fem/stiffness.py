@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimator.fem.factor import StiffnessFactor
-from estimator.fem.model import FiniteElementModel, FiniteElementState, FiniteElementStep
+from estimator.fem.model import FiniteElementModel, FiniteElementState
 from estimator.mesh import Floats
 from estimator.model import Inputs
 
@@ -16,25 +16,30 @@ class Stiffness:
 
     Args:
         factor: Its factor.
-        adjoint: K^-T J^T for the unit twists J of all sections, shape (6 sections, 3 free).
+        fields: Displacement per unit of each pressure, then each load, shape (inputs, nodes, 3).
+        motion: Change of the stacked section twists per unit of each input, shape (6 sections, inputs).
+        inverse: Inverse deformation gradients, shape (points, 3, 3).
+        sections: Rotations of the sections, shape (sections, 3, 3).
     """
 
     factor: StiffnessFactor
-    adjoint: Floats
+    fields: Floats
+    motion: Floats
+    inverse: Floats
+    sections: Floats
 
 
 def take_stiffness(model: FiniteElementModel, displacement: Floats, inputs: Inputs) -> Stiffness | None:
     """Factor the tangent at a configuration; None where an element is inverted."""
     step = model.linearise(FiniteElementState(displacement, inputs), inputs)
-    return stiffness_of(step)
-
-
-def stiffness_of(step: FiniteElementStep) -> Stiffness | None:
-    """Keep the tangent of a linearisation; None where it has none."""
     if step.factor is None:
         return None
-    rows = step.nodal_rows(np.eye(6 * len(step.poses)))
-    moving = rows.any(axis=1)
-    adjoint = np.zeros_like(rows)
-    adjoint[moving] = step.factor.solve_transposed(rows[moving])
-    return Stiffness(step.factor, adjoint)
+    fields = model.body.pattern.scatter(step.factor.solve(step.input_forces()))
+    motion = np.array([[pose.push(field) for pose in step.poses] for field in fields])
+    return Stiffness(
+        factor=step.factor,
+        fields=fields,
+        motion=motion.reshape(len(fields), -1).T,
+        inverse=np.asarray(np.linalg.inv(model.body.transport.deformation(displacement)), dtype=np.float64),
+        sections=step.frames.rotations,
+    )

@@ -38,7 +38,7 @@ def _inverse(matrix: Floats, out: Floats) -> float:
 
 
 @compiled
-def _polar(matrix: Floats, rotation: Floats, work: Floats) -> None:
+def polar_rotation(matrix: Floats, rotation: Floats, work: Floats) -> None:
     """Take the rotation of a matrix by Newton's iteration R <- (R + R^-T) / 2 (Higham 1986)."""
     for i in range(3):
         for k in range(3):
@@ -75,7 +75,7 @@ def _frame(corners: Floats, rule: int, fit: Floats, frame: Floats, stretch: Floa
         for i in range(3):
             for k in range(3):
                 matrix[i, k] += corners[a, i] * fit[a, k]
-    _polar(matrix, frame, work)
+    polar_rotation(matrix, frame, work)
     for i in range(3):
         for k in range(3):
             stretch[i, k] = 0.0

@@ -6,12 +6,17 @@ from functools import cached_property
 import numpy as np
 
 from estimator.fem.background import Refactoriser
-from estimator.fem.equilibrium import Balance, size_of, take_step
+from estimator.fem.equilibrium import Balance
 from estimator.fem.model import FiniteElementModel, FiniteElementState, frames_of
 from estimator.fem.sections import FramePose
 from estimator.fem.stiffness import Stiffness, take_stiffness
 from estimator.mesh import Floats
 from estimator.model import Frames, Inputs, Load
+
+NEGLIGIBLE = 1.0
+"""Residual over the tolerance below which nothing is corrected."""
+CORRECTING = 1e-3
+"""Change of the inputs, over the largest of their kind, up to which a step counts as a correction."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +27,7 @@ class TrackingState:
         displacement: Displacement of the nodes [m], shape (nodes, 3).
         inputs: Inputs it was brought to.
         stiffness: The factor; None before the first linearisation.
-        forces: Norm of the forces that the last step was to balance [N].
+        forces: Norm of the forces that the last correcting step was to balance [N].
     """
 
     displacement: Floats
@@ -35,8 +40,8 @@ class TrackingState:
 class TrackingStep:
     """The model linearised with a factor that may be of another configuration.
 
-    The residual and the frames are exact, so what an iteration converges to is exact; only its path and the
-    sensitivities feel the factor's age.
+    The factor is carried along with the material. The residual and the frames are exact, so what an iteration
+    converges to is exact; only its path and the sensitivities feel the factor's age.
 
     Args:
         model: The model.
@@ -65,24 +70,53 @@ class TrackingStep:
         return self.balance.norm if self.stiffness is not None else np.inf
 
     @cached_property
-    def input_forces(self) -> Floats:
-        """Forces per unit of each pressure, then each load, shape (inputs, 3 free)."""
-        nodal = np.concatenate([self.balance.evaluation.gradients, self.balance.load_vectors])
-        return self.model.body.pattern.gather(nodal)
+    def deformation(self) -> Floats:
+        """Deformation gradients, shape (points, 3, 3)."""
+        return self.model.body.transport.deformation(self.state.displacement)
+
+    @cached_property
+    def turns(self) -> Floats:
+        """Rotations since the factor was taken, shape (points, 3, 3)."""
+        assert self.stiffness is not None
+        return self.model.body.transport.turns(self.stiffness.inverse, self.deformation)
+
+    @cached_property
+    def correction(self) -> Floats:
+        """The Newton step at unchanged inputs, where the factor was taken, shape (nodes, 3)."""
+        assert self.stiffness is not None
+        body = self.model.body
+        if self.balance.norm < NEGLIGIBLE * self.model.settings.tolerance:
+            return np.zeros_like(self.state.displacement)
+        forces = body.transport.forces_back(self.turns, body.pattern.scatter(self.balance.residual))
+        return body.pattern.scatter(self.stiffness.factor.solve_roughly(body.pattern.gather(forces)))
 
     @cached_property
     def _twists(self) -> tuple[Floats, Floats]:
         """Change of the twists of all sections through the Newton step and per unit of each input."""
+        sections = len(self.poses)
         if self.stiffness is None:
-            size = 6 * len(self.poses)
-            return np.full(size, np.nan), np.full((size, len(self.input_forces)), np.nan)
-        adjoint = self.stiffness.adjoint
-        return adjoint @ self.balance.residual, adjoint @ self.input_forces.T
+            inputs = self.model.chambers + len(self.model.loads)
+            return np.full(6 * sections, np.nan), np.full((6 * sections, inputs), np.nan)
+        drift = np.zeros(6 * sections)
+        if self.correction.any():
+            transport = self.model.body.transport
+            step = transport.assemble(transport.carried(self.turns, self.correction))
+            drift = np.concatenate([pose.push(step) for pose in self.poses])
+        since = self.frames.rotations @ self.stiffness.sections.transpose(0, 2, 1)
+        motion = self.stiffness.motion.reshape(sections, 2, 3, -1)
+        return drift, np.einsum("sij,stjr->stir", since, motion).reshape(6 * sections, -1)
 
     def response(self, rows: Floats) -> tuple[Floats, Floats]:
         """Project the motion of the sections on rows; see ``estimator.model.Linearisation.response``."""
         drift, motion = self._twists
         return rows @ drift, rows @ motion
+
+    def moved(self, change: Floats) -> Floats:
+        """Give the displacement after the Newton step for changed inputs [m], shape (nodes, 3)."""
+        assert self.stiffness is not None
+        transport = self.model.body.transport
+        step = self.correction + np.tensordot(change, self.stiffness.fields, 1)
+        return transport.moved(self.deformation, transport.carried(self.turns, step))
 
 
 @dataclass(frozen=True)
@@ -149,21 +183,22 @@ class TrackingModel:
         inputs = Inputs(pressures, step.inputs.loads + change[self.chambers :], step.inputs.gravity)
         if step.stiffness is None:
             return replace(step.state, inputs=inputs)
-        force = step.balance.residual + change @ step.input_forces
-        body = self.model.body
-        move = body.pattern.scatter(step.stiffness.factor.solve_roughly(force))
-        reach = self.model.settings.longest_move * size_of(body)
-        longest = float(np.sqrt((move**2).sum(axis=1).max()))
-        if longest > 0.2 * reach or not np.isfinite(longest):
-            displacement = take_step(self.model.balance, step.state.displacement, move, inputs, reach)
-        else:
-            displacement = step.state.displacement + move
-        return TrackingState(displacement, inputs, step.stiffness, float(np.linalg.norm(force)))
+        displacement = step.moved(change)
+        # A step for new inputs turns the body; what it leaves out of balance says nothing of the factor.
+        corrects = _small(change[: self.chambers], inputs.pressures) and _small(
+            change[self.chambers :], inputs.loads
+        )
+        left = float(np.linalg.norm(step.balance.residual)) if corrects else np.inf
+        return TrackingState(displacement, inputs, step.stiffness, left)
 
     def solve(self, inputs: Inputs, start: TrackingState) -> tuple[TrackingState, bool]:
         """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
         found, converged = self.model.solve(inputs, FiniteElementState(start.displacement, start.inputs))
         return TrackingState(found.displacement, found.inputs, start.stiffness), converged
+
+
+def _small(change: Floats, values: Floats) -> bool:
+    return bool(np.abs(change).max(initial=0.0) <= CORRECTING * np.abs(values).max(initial=0.0))
 
 
 def predict_state(past: tuple[tuple[float, TrackingState], ...], time: float) -> TrackingState:

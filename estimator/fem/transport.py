@@ -1,0 +1,148 @@
+"""Displacements carried along with the material, so that what was small strain stays small strain.
+
+An arm is soft to bend and stiff to stretch, by orders of magnitude. A displacement that bends it at one
+configuration stretches it at another that is turned by a fraction of a degree, and a straight step along it
+stretches it too. Both are cured by acting on displacement gradients, which turn with the material, in place
+of displacements: the turned gradients A are put together again by the field v that fits them best,
+
+    min over v of sum_q w_q |grad v - A_q|^2,
+
+a Poisson problem whose matrix never changes (rotation-strain coordinates, Huang et al. 2011).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimator.fem.dissection import Dissection
+from estimator.fem.factor import FactorPlan, StiffnessFactor
+from estimator.fem.fronts import analyse
+from estimator.fem.pattern import Pattern, Tangent
+from estimator.fem.shapes import quadrature, shape_functions
+from estimator.fem.transport_kernel import (
+    point_divergence,
+    point_gradients,
+    turn_fields,
+    turns_between,
+    wind_fields,
+)
+from estimator.mesh import ElementBlock, Floats, Indices
+
+
+@dataclass(frozen=True)
+class Patch:
+    """The quadrature points of one block of elements.
+
+    Args:
+        connectivity: Nodes, shape (elements, nodes).
+        gradients: Gradients of the shape functions at rest [1/m], shape (elements, points, nodes, 3).
+        weights: Volume of each point [m3], shape (elements, points).
+        span: Where its points stand among all points.
+    """
+
+    connectivity: Indices
+    gradients: Floats
+    weights: Floats
+    span: slice
+
+
+@dataclass(frozen=True)
+class Transport:
+    """Carries displacements between configurations. Fields have shape (points, 3, 3), over all blocks.
+
+    Args:
+        patches: Quadrature points of the blocks.
+        points: Number of quadrature points.
+        pattern: Free nodes.
+        factor: Factor of the Poisson matrix, one dof per free node.
+    """
+
+    patches: tuple[Patch, ...]
+    points: int
+    pattern: Pattern
+    factor: StiffnessFactor
+
+    def gradient(self, nodal: Floats) -> Floats:
+        """Differentiate a nodal field by the rest positions, shape (nodes, 3) to (points, 3, 3)."""
+        fields = np.empty((self.points, 3, 3))
+        for patch in self.patches:
+            point_gradients(nodal, patch.connectivity, patch.gradients, fields[patch.span])
+        return fields
+
+    def deformation(self, displacement: Floats) -> Floats:
+        """Give the deformation gradient of a displacement, shape (points, 3, 3)."""
+        return self.gradient(displacement) + np.eye(3)
+
+    def _divergence(self, fields: Floats) -> Floats:
+        nodal = np.zeros((len(self.pattern.place), 3))
+        for patch in self.patches:
+            point_divergence(fields[patch.span], patch.connectivity, patch.gradients, patch.weights, nodal)
+        return nodal
+
+    def _solve(self, nodal: Floats) -> Floats:
+        """Solve the Poisson problem for each component, shape (nodes, 3), zero where held."""
+        free = self.pattern.free_nodes
+        solved = np.zeros_like(nodal)
+        solved[free] = self.factor.solve(np.ascontiguousarray(nodal[free].T)).T
+        return solved
+
+    def assemble(self, fields: Floats) -> Floats:
+        """Find the displacement whose gradient fits fields best, zero where held, shape (nodes, 3)."""
+        return self._solve(self._divergence(fields))
+
+    def turns(self, inverse_before: Floats, after: Floats) -> Floats:
+        """Give the rotation at every point from a configuration, by its inverse F, to another, by its F."""
+        turns = np.empty((self.points, 3, 3))
+        turns_between(inverse_before, after, turns)
+        return turns
+
+    def carried(self, turns: Floats, nodal: Floats) -> Floats:
+        """Give the gradient of a displacement carried along the turns, shape (points, 3, 3)."""
+        fields = self.gradient(nodal)
+        turn_fields(turns, fields, False)
+        return fields
+
+    def forces_back(self, turns: Floats, forces: Floats) -> Floats:
+        """Carry nodal forces back, the adjoint of ``assemble(carried(turns, .))``, shape (nodes, 3)."""
+        fields = self.gradient(self._solve(forces))
+        turn_fields(turns, fields, True)
+        return self._divergence(fields)
+
+    def moved(self, deformation: Floats, change: Floats) -> Floats:
+        """Move by a change of the deformation gradient, its spin taken as a finite rotation.
+
+        Args:
+            deformation: Deformation gradient before, shape (points, 3, 3).
+            change: Its linear change, overwritten, shape (points, 3, 3).
+
+        Returns:
+            The displacement after [m], shape (nodes, 3).
+        """
+        wind_fields(deformation, change)
+        return self.assemble(change)
+
+
+def build_transport(
+    points: Floats, blocks: Sequence[ElementBlock], pattern: Pattern, dissection: Dissection
+) -> Transport:
+    """Prepare the points and factor the Poisson matrix."""
+    patches, start = [], 0
+    values = np.zeros((pattern.slots, 1, 1))
+    for block in blocks:
+        places, parent_weights = quadrature(block.kind)
+        slopes = shape_functions(block.kind, places)[1]
+        jacobian = np.einsum("eni,qnk->eqik", points[block.connectivity], slopes)
+        gradients = np.ascontiguousarray(np.einsum("qnk,eqkj->eqnj", slopes, np.linalg.inv(jacobian)))
+        weights = np.linalg.det(jacobian) * parent_weights
+        end = start + weights.size
+        patches.append(Patch(np.array(block.connectivity), gradients, weights, slice(start, end)))
+        start = end
+        local = np.einsum("eq,eqaj,eqbj->eab", weights, gradients, gradients)
+        slots = pattern.locate(block.connectivity)
+        np.add.at(values[:, 0, 0], slots[slots >= 0], local[slots >= 0])
+    plan = FactorPlan.of(pattern, analyse(pattern, dissection, size=1))
+    factor = plan.factorise(Tangent(values, values))
+    if factor is None:
+        raise ValueError("the Poisson matrix of a clamped body is positive definite")
+    return Transport(tuple(patches), start, pattern, factor)
