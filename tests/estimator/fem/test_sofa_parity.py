@@ -8,6 +8,7 @@ import pytest
 from service.bench.sofa import DISPLACEMENT_LIMIT, FORCE_LIMIT_N, forward, inverse, read_reference
 
 FOLDER = Path(os.environ.get("SOFARM_SOFA", "../shared/reference/sofa"))
+pytestmark = pytest.mark.timeout(600)
 needs_reference = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"SOFA's reference is not at {FOLDER}")
 
 
