@@ -27,7 +27,7 @@ from estimator.recording import Floats, Recording
 from estimator.sensing import Registration, Scene
 from estimator.sensors import SpecimenSensors
 from estimator.specimen import Specimen, load_specimen
-from service.cli.output import Cell, Table, json_option, progress, quick_option, show
+from service.cli.output import Cell, Table, as_markdown, json_option, progress, quick_option, show
 from service.offline.inputs import cut, load_recordings
 from service.offline.resample import resample
 from service.offline.track import track
@@ -44,7 +44,8 @@ RATE = 10.0  # Hz of the predictions
 @click.command()
 @json_option
 @quick_option
-def command(as_json: bool, quick: bool) -> None:
+@click.option("--markdown", is_flag=True, help="Print the tables for a page of the documentation.")
+def command(as_json: bool, quick: bool, markdown: bool) -> None:
     """Calibrate on real recordings and predict what was held out: the SoPrA arm, the silicone beam.
 
     Reads the development recordings beside the checkout, or those that SOFTARM_RECORDINGS names.
@@ -56,7 +57,10 @@ def command(as_json: bool, quick: bool) -> None:
         beam = beam_tables(folder, advance)
     with progress("the arm") as advance:
         arm = arm_tables(folder, 40 if quick else 120, advance)
-    show(*arm, *beam, as_json=as_json)
+    if markdown:
+        click.echo(as_markdown(*arm, *beam))
+    else:
+        show(*arm, *beam, as_json=as_json)
 
 
 def recordings_folder() -> Path:
@@ -185,9 +189,9 @@ def beam_tables(folder: Path, advance: Callable[[float], None]) -> tuple[Table, 
             "Silicone beam: from held level to settled",
             rows,
             (
-                "Drop of the tip frame: by the tip's markers, and by the model with the weight known to hang there.",
-                "Forces at the tip along x (up): estimated from the motion alone. Weight: the change of that force",
-                "from held to settled, less that of the bare beam, which takes errors of the markers' places out.",
+                "Drop of the tip: by its markers, and by the model with the weight known to hang there.",
+                "Forces at the tip along x (up): estimated from the motion alone.",
+                "Weight: the change of that force from held to settled, less that of the bare beam.",
             ),
         ),
     )

@@ -46,6 +46,20 @@ def show(*tables: Table, as_json: bool) -> None:
             console.print(note, markup=False)
 
 
+def as_markdown(*tables: Table) -> str:
+    """Write tables as Markdown, for pages of the documentation that a command prints."""
+    parts = []
+    for table in tables:
+        headings = list(table.rows[0]) if table.rows else []
+        lines = [
+            "| " + " | ".join(heading.replace("_", " ") for heading in headings) + " |",
+            "|" + "---|" * len(headings),
+            *("| " + " | ".join(text(row.get(heading)) for heading in headings) + " |" for row in table.rows),
+        ]
+        parts.append("\n".join([f"**{table.title}**", "", *lines, "", *table.notes]))
+    return "\n\n".join(parts)
+
+
 def text(value: Cell) -> str:
     """Write one cell: four significant digits, a dash where there is nothing."""
     if value is None or (isinstance(value, float) and math.isnan(value)):

@@ -115,3 +115,17 @@ def test_a_recording_that_names_no_specimen(
     save_recording(Recording("x", recording.time, recording.columns), tmp_path / "x.csv")
     assert run(["estimate", str(tmp_path / "x.csv")]) == 2
     assert "give it with --specimen" in capsys.readouterr().err
+
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "recordings" / "sopra_pull"
+
+
+def test_the_shipped_recording_tells_the_pull_at_its_tip(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["estimate", str(EXAMPLE), "--window", "2", "2.8", "--rate", "5", "--plots", str(tmp_path)]
+    assert run([*words, "--json"]) == 0
+    rows = {row["load"]: row for row in json.loads(capsys.readouterr().out)["tables"][0]["rows"]}
+    assert rows["tip_x"]["mean"] == pytest.approx(0.3, abs=0.015)
+    assert rows["tip_y"]["mean"] == pytest.approx(0.0, abs=0.015)
+    assert (tmp_path / "arm.png").stat().st_size > 10_000

@@ -4,7 +4,7 @@ import pytest
 
 from service.cli import run
 from service.cli.bench import BENCHES, command, module_name
-from service.cli.output import Table, progress, show, text
+from service.cli.output import Table, as_markdown, progress, show, text
 
 
 def test_table_prints_rows_and_notes(capsys: pytest.CaptureFixture[str]) -> None:
@@ -24,6 +24,11 @@ def test_json_has_no_nan(capsys: pytest.CaptureFixture[str]) -> None:
         "rows": [{"force_n": None, "n": 3}],
         "notes": [],
     }
+
+
+def test_markdown_has_one_line_per_row() -> None:
+    written = as_markdown(Table("Forces", [{"force_n": 0.5}, {"force_n": None}], ("Note.",)))
+    assert written.splitlines() == ["**Forces**", "", "| force n |", "|---|", "| 0.5 |", "| - |", "", "Note."]
 
 
 def test_several_tables_are_one_json_document(capsys: pytest.CaptureFixture[str]) -> None:
