@@ -1,0 +1,276 @@
+"""The calibrated rod as a model of the arm."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.errors import InputError
+from estimator.model import Frames, Inputs, Load
+from estimator.rod.arrays import Actions, Drive, Laws, Work, new_work
+from estimator.rod.balance import respond, respond_all
+from estimator.rod.chain import Chain
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+TOLERANCE = 1e-10
+"""Gap of a strain [rad, share of a link's length] at which the chain is in equilibrium."""
+ITERATIONS = 25
+CONTINUATION = (1, 4, 16, 64)
+"""Numbers of load steps that ``solve`` tries in turn."""
+
+
+@dataclass(frozen=True)
+class RodStep:
+    """The rod at the equilibrium under its inputs; see ``estimator.model.Linearisation``.
+
+    Args:
+        inputs: Inputs.
+        strain: Strains of the links, shape (links, 6).
+        frames: Frames of the sections.
+        motion: Section twists per unit of each pressure, then each load, shape (6 sections, inputs).
+        change: Change of the strains per unit of each, shape (6 links, inputs).
+        residual_norm: 0 in equilibrium, infinite where none was found.
+        iterations: Linearisations that it took.
+    """
+
+    inputs: Inputs
+    strain: Floats
+    frames: Frames
+    motion: Floats
+    change: Floats
+    residual_norm: float
+    iterations: int
+
+    def response(self, rows: Floats) -> tuple[Floats, Floats]:
+        """Project the motion of the sections on rows; nothing drifts in equilibrium."""
+        return np.zeros(len(rows)), rows @ self.motion
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Answers for many samples.
+
+    Args:
+        frames: Frames of the sections, arrays with a leading axis (samples,).
+        motion: Section twists per unit of each pressure, load, component of gravity and stiffness factor of
+            each region, shape (samples, 6 sections, inputs + 3 + regions).
+        converged: Shape (samples,).
+    """
+
+    frames: Frames
+    motion: Floats
+    converged: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class CalibratedRod:
+    """A Cosserat rod whose link laws were fitted to a finite-element model; implements ``ArmModel``.
+
+    Every state it gives is in equilibrium. Its state is the array of strains, shape (links, 6).
+
+    Args:
+        chain: Rest geometry.
+        laws: Link laws; ``laws.stiffness`` holds the stiffness factors.
+        loads: Loads whose amplitudes are inputs.
+        reach: Largest size of each law variable in the fit, shape (links, 6 + width).
+    """
+
+    chain: Chain
+    laws: Laws
+    loads: tuple[Load, ...]
+    reach: Floats
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections whose frames it gives."""
+        return self.chain.sections
+
+    @property
+    def chambers(self) -> int:
+        """Number of chambers."""
+        return self.chain.chamber_count
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the regions whose stiffness can be scaled."""
+        return tuple(dict.fromkeys(self.chain.regions))
+
+    def with_loads(self, loads: Sequence[Load]) -> "CalibratedRod":
+        """Give the same rod with other loads, anywhere along it."""
+        return replace(self, loads=tuple(loads))
+
+    def with_scales(self, scales: Mapping[str, float]) -> "CalibratedRod":
+        """Give the same rod with other stiffness factors of some regions; nothing is fitted anew.
+
+        Strain depends on wrench / E and pressure / E, exactly so where all that is elastic in a region
+        (fibres included) is scaled alike.
+
+        Raises:
+            InputError: If a region is unknown or a factor is not positive.
+        """
+        factors = self.laws.stiffness.copy()
+        for name, factor in scales.items():
+            if name not in self.regions:
+                raise InputError(
+                    "scales", f"no region {name!r}", f"the regions are {', '.join(self.regions)}"
+                )
+            if not factor > 0.0:
+                raise InputError("scales", f"{name} = {factor:g} is not positive", "give a factor above 0")
+            factors[[region == name for region in self.chain.regions]] = factor
+        return replace(self, laws=self.laws._replace(stiffness=factors))
+
+    def rest(self) -> Floats:
+        """Give the unloaded state."""
+        return np.zeros((self.chain.links, 6))
+
+    def linearise(self, state: Floats, inputs: Inputs) -> RodStep:
+        """Find the equilibrium under inputs near a state and linearise there."""
+        drive = self._drive(inputs)
+        work = self._work(state)
+        sections = len(self.sections)
+        columns = self.chambers + len(self.loads)
+        places, twists = np.empty((sections, 3)), np.zeros((6 * sections, columns))
+        change = np.zeros((6 * self.chain.links, columns))
+        units, owner = self._units
+        count, _ = respond(
+            self._lengths, self._actions, self.laws, drive, units, owner, columns, self.chain.section_station,
+            self.chain.section_offset, TOLERANCE, ITERATIONS, work, places, change, twists,
+        )  # fmt: skip
+        rotations = work.rotations[self.chain.section_station] @ self.chain.section_rotation
+        residual = 0.0 if count > 0 else np.inf
+        return RodStep(inputs, work.strain, Frames(places, rotations), twists, change, residual, abs(count))
+
+    def advance(self, step: RodStep, change: Floats) -> Floats:
+        """Carry the strains along their tangent for inputs changed by ``change``."""
+        state: Floats = step.strain + (step.change @ change).reshape(-1, 6)
+        return state
+
+    def solve(self, inputs: Inputs, start: Floats) -> tuple[Floats, bool]:
+        """Find the equilibrium, directly or along the way from rest; the flag tells whether it was found."""
+        step = self.linearise(start, inputs)
+        if step.residual_norm == 0.0:
+            return step.strain, True
+        for steps in CONTINUATION:
+            state, found = self._from_rest(inputs, steps)
+            if found:
+                return state, True
+        return start, False
+
+    def evaluate(self, pressures: Floats, loads: Floats, gravity: Floats) -> Batch:
+        """Solve many samples in one compiled loop, each begun from the one before.
+
+        Args:
+            pressures: Gauge pressures [Pa], shape (samples, chambers).
+            loads: Load amplitudes [N or N m], shape (samples, loads).
+            gravity: Gravitational acceleration in the base frame [m/s2], shape (3,) or (samples, 3).
+
+        Returns:
+            Frames and their derivatives by inputs, gravity and stiffness factors.
+        """
+        samples, sections, links = len(pressures), len(self.sections), self.chain.links
+        columns = self.chambers + len(self.loads) + 3
+        units, owner = self._units_and_gravity
+        places = np.empty((samples, sections, 3))
+        rotations = np.empty((samples, sections, 3, 3))
+        twists = np.zeros((samples, 6 * sections, columns + links))
+        counts = np.zeros(samples, dtype=np.int64)
+        respond_all(
+            self._lengths, self._actions, self.laws, _dense(pressures), _dense(loads),
+            _dense(np.broadcast_to(gravity, (samples, 3))), units, owner, columns, self.chain.section_station,
+            self.chain.section_offset, TOLERANCE, ITERATIONS, self._work(self.rest()), places, rotations,
+            twists, counts,
+        )  # fmt: skip
+        motion = np.concatenate([twists[..., :columns], twists[..., columns:] @ self._membership], axis=-1)
+        return Batch(Frames(places, rotations @ self.chain.section_rotation), motion, counts > 0)
+
+    def station_frames(self, state: Floats, inputs: Inputs) -> Frames:
+        """Give the frames of all stations at the equilibrium near a state, the clamp first."""
+        step = self.linearise(state, inputs)
+        work = self._work(step.strain)
+        every = np.arange(self.chain.links + 1)
+        units, owner = self._units
+        places = np.empty((len(every), 3))
+        columns = self.chambers + len(self.loads)
+        respond(
+            self._lengths, self._actions, self.laws, self._drive(inputs), units, owner, columns, every,
+            np.zeros((len(every), 3)), TOLERANCE, ITERATIONS, work, places,
+            np.zeros((6 * self.chain.links, columns)), np.zeros((6 * len(every), columns)),
+        )  # fmt: skip
+        return Frames(places, work.rotations)
+
+    def _from_rest(self, inputs: Inputs, steps: int) -> tuple[Floats, bool]:
+        step = self.linearise(
+            self.rest(), Inputs(0.0 * inputs.pressures, 0.0 * inputs.loads, 0.0 * inputs.gravity)
+        )
+        vector = np.concatenate([inputs.pressures, inputs.loads])
+        for k in range(1, steps + 1):
+            part = k / steps
+            here = Inputs(part * inputs.pressures, part * inputs.loads, part * inputs.gravity)
+            step = self.linearise(self.advance(step, vector / steps), here)
+            if step.residual_norm > 0.0:
+                return step.strain, False
+        return step.strain, True
+
+    def _drive(self, inputs: Inputs) -> Drive:
+        links = self.chain.links
+        force, couple = np.zeros((links + len(self.loads), 3)), np.zeros((links + len(self.loads), 3))
+        force[:links] = self.chain.mass[:, None] * inputs.gravity
+        sized = np.asarray(inputs.loads)[:, None]
+        force[links:] = sized * self._directions[:, :3]
+        couple[links:] = sized * self._directions[:, 3:]
+        return Drive(_dense(inputs.pressures), force, couple)
+
+    def _work(self, strain: Floats) -> Work:
+        work = new_work(self.chain.links, self.chain.links + len(self.loads), self.laws.chambers.shape[1])
+        work.positions[0, 2] = self.chain.heights[0]
+        work.strain[:] = strain
+        return work
+
+    @cached_property
+    def _lengths(self) -> Floats:
+        return self.chain.lengths
+
+    @cached_property
+    def _actions(self) -> Actions:
+        return self.chain.actions(self.loads)
+
+    @cached_property
+    def _directions(self) -> Floats:
+        """Force and couple of each load per unit, none for a load on the clamp, shape (loads, 6)."""
+        directions = np.zeros((len(self.loads), 6))
+        for k, load in enumerate(self.loads):
+            if self.chain.place(load)[0] >= 0:
+                directions[k, slice(0, 3) if load.kind == "force" else slice(3, 6)] = load.direction
+        return directions
+
+    @cached_property
+    def _units(self) -> tuple[Floats, Indices]:
+        """Unit actions of the loads, and the action and input each belongs to."""
+        index = np.arange(len(self.loads))
+        owner = np.stack([self.chain.links + index, self.chambers + index], axis=1)
+        return self._directions, owner.astype(np.int64)
+
+    @cached_property
+    def _units_and_gravity(self) -> tuple[Floats, Indices]:
+        units, owner = self._units
+        links, first = self.chain.links, self.chambers + len(self.loads)
+        weights = np.zeros((3 * links, 6))
+        whose = np.zeros((3 * links, 2), dtype=np.int64)
+        for axis in range(3):
+            rows = slice(axis * links, (axis + 1) * links)
+            weights[rows, axis] = self.chain.mass
+            whose[rows] = np.stack([np.arange(links), np.full(links, first + axis)], axis=1)
+        return np.concatenate([units, weights]), np.concatenate([owner, whose])
+
+    @cached_property
+    def _membership(self) -> Floats:
+        """Which links belong to each region, shape (links, regions)."""
+        return np.array([[float(region == name) for name in self.regions] for region in self.chain.regions])
+
+
+def _dense(values: Floats) -> Floats:
+    return np.ascontiguousarray(values, dtype=np.float64)

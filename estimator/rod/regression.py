@@ -1,0 +1,134 @@
+"""Fits the link laws to samples by least squares on strains and on their derivatives."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.rod.arrays import Laws
+from estimator.rod.chain import Chain
+from estimator.rod.laws import OUTPUTS, feature_slopes, features, term_table
+from estimator.rod.local import LocalStates
+from estimator.rod.symmetry import Symmetry, feature_map, variable_map
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Form:
+    """Form of the link laws.
+
+    Args:
+        total: Largest degree of a general term.
+        pressure_total: Largest degree of a term of pressures alone.
+        mixed: Degrees in the wrench and in the pressures of one more family of terms.
+        slope_weight: Weight of a derivative against a value, both over their typical size.
+        ridge: Share of the mean curvature that is added against terms that the samples do not tell apart.
+    """
+
+    total: int = 3
+    pressure_total: int = 4
+    mixed: tuple[int, int] | None = (1, 3)
+    slope_weight: float = 0.5
+    ridge: float = 1e-9
+
+
+def fit_laws(
+    chain: Chain,
+    pressures: Floats,
+    states: LocalStates,
+    input_size: Floats,
+    symmetries: Sequence[Symmetry],
+    form: Form,
+) -> tuple[Laws, Floats]:
+    """Fit the laws of all links.
+
+    Args:
+        chain: The links.
+        pressures: Pressures of the samples [Pa], shape (samples, chambers).
+        states: Their strains and wrenches.
+        input_size: Typical change of each input, shape (inputs,).
+        symmetries: Symmetries of the arm.
+        form: Form of the laws.
+
+    Returns:
+        The laws with unit stiffness factors, and the largest size of each variable among the samples, shape
+        (links, 6 + width).
+    """
+    width = chain.chambers.shape[1]
+    table = term_table(6, width, form.total, form.pressure_total, form.mixed if width else None)
+    coefficients = np.zeros((chain.links, len(table), OUTPUTS))
+    scale, reach = np.ones((chain.links, 6 + width)), np.zeros((chain.links, 6 + width))
+    for link in range(chain.links):
+        near = chain.chambers[link][chain.chambers[link] >= 0]
+        variables, slopes = _variables(pressures, states, near, link, width)
+        scale[link] = _isotropic(np.abs(variables).max(axis=0), len(near))
+        reach[link] = np.abs(variables).max(axis=0)
+        coefficients[link, :, :6] = _fit_link(
+            table,
+            variables / scale[link],
+            slopes / scale[link][:, None] * input_size,
+            states.strains[:, link],
+            states.strain_slopes[:, link] * input_size,
+            [variable_map(symmetry, near, scale[link][: 6 + len(near)]) for symmetry in symmetries],
+            form,
+        )
+    return Laws(table, coefficients, chain.chambers, scale, np.ones(chain.links)), reach
+
+
+def _variables(
+    pressures: Floats, states: LocalStates, near: Indices, link: int, width: int
+) -> tuple[Floats, Floats]:
+    """Give a link's wrench and pressures, padded with zeros, and their derivatives by the inputs."""
+    samples, inputs = len(pressures), states.wrench_slopes.shape[-1]
+    variables = np.zeros((samples, 6 + width))
+    slopes = np.zeros((samples, 6 + width, inputs))
+    variables[:, :6], slopes[:, :6] = states.wrenches[:, link], states.wrench_slopes[:, link]
+    variables[:, 6 : 6 + len(near)] = pressures[:, near]
+    slopes[:, 6 + np.arange(len(near)), near] = 1.0
+    return variables, slopes
+
+
+def _isotropic(largest: Floats, chambers: int) -> Floats:
+    """Give variables that symmetries mix a common unit, and those that are always zero the unit 1."""
+    unit = np.ones_like(largest)
+    for group in (slice(0, 2), slice(2, 3), slice(3, 5), slice(5, 6), slice(6, 6 + chambers)):
+        if largest[group].size:
+            unit[group] = max(float(largest[group].max()), 1e-9)
+    return unit
+
+
+def _fit_link(
+    table: Indices,
+    variables: Floats,
+    slopes: Floats,
+    strains: Floats,
+    strain_slopes: Floats,
+    maps: Sequence[Floats | None],
+    form: Form,
+) -> Floats:
+    """Fit one law, shape (terms, 6); every symmetry adds the moved samples to the normal equations."""
+    width = variables.shape[1]
+    rows = features(table, variables)
+    normal, right = rows.T @ rows, rows.T @ strains
+    for column in range(slopes.shape[-1]):
+        rows = form.slope_weight * feature_slopes(table, variables, slopes[..., column])
+        normal += rows.T @ rows
+        right += form.slope_weight * rows.T @ strain_slopes[..., column]
+    total, total_right = np.zeros_like(normal), np.zeros_like(right)
+    for moved in maps:
+        if moved is None:
+            continue
+        whole = np.eye(width)
+        whole[: len(moved), : len(moved)] = moved
+        matrix = feature_map(table, whole)
+        outputs = np.zeros((6, 6))
+        # A strain is (rotation, translation), a wrench (force, moment): their maps are swapped. Scaling
+        # leaves both blocks as they are, since x and y share a unit.
+        outputs[:3, :3], outputs[3:, 3:] = moved[3:6, 3:6], moved[:3, :3]
+        total += matrix @ normal @ matrix.T
+        total_right += matrix @ right @ outputs.T
+    total[np.diag_indices(len(total))] += form.ridge * np.trace(total) / len(total)
+    return np.asarray(np.linalg.solve(total, total_right), dtype=np.float64)

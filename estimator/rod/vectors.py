@@ -1,0 +1,37 @@
+"""Products of three-vectors and matrices, compiled and without memory of their own."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True)
+def cross(a: Floats, b: Floats, out: Floats) -> None:
+    """Fill out, shape (3,), with a x b."""
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True, nogil=True)
+def rotate(matrix: Floats, vector: Floats, out: Floats) -> None:
+    """Fill out, shape (3,), with matrix vector."""
+    for r in range(3):
+        out[r] = matrix[r, 0] * vector[0] + matrix[r, 1] * vector[1] + matrix[r, 2] * vector[2]
+
+
+@njit(cache=True, nogil=True)
+def rotate_back(matrix: Floats, vector: Floats, out: Floats) -> None:
+    """Fill out, shape (3,), with matrix^T vector."""
+    for r in range(3):
+        out[r] = matrix[0, r] * vector[0] + matrix[1, r] * vector[1] + matrix[2, r] * vector[2]
+
+
+@njit(cache=True, nogil=True)
+def multiply(a: Floats, b: Floats, out: Floats) -> None:
+    """Fill out, shape (3, 3), with a b."""
+    for r in range(3):
+        for s in range(3):
+            out[r, s] = a[r, 0] * b[0, s] + a[r, 1] * b[1, s] + a[r, 2] * b[2, s]
