@@ -49,11 +49,13 @@ def between(first: Inputs, second: Inputs, fraction: float) -> Inputs:
     )
 
 
-def extrapolate(last: Waypoint, before: Waypoint | None, fraction: float) -> Floats:
-    """Predict the displacement ahead: linear from one waypoint, the cubic of Hermite through two."""
+def extrapolate(body: Body, last: Waypoint, before: Waypoint | None, fraction: float) -> Floats:
+    """Predict what lies ahead: by a turn on the spot from one waypoint, by Hermite's cubic from two."""
     ahead = fraction - last.fraction
     if before is None:
-        return last.displacement + ahead * last.velocity
+        transport = body.transport
+        deformation = transport.deformation(last.displacement)
+        return transport.moved(last.displacement, deformation, transport.gradient(ahead * last.velocity))
     span = last.fraction - before.fraction
     t = 1.0 + ahead / span
     return (
@@ -108,7 +110,7 @@ class Path:
         step, status = self._first_step(), SolveStatus.CONVERGED
         while self._here.fraction < 1.0:
             aim = min(1.0, self._here.fraction + step)
-            found = self._correct(extrapolate(self._here, self._before, aim), aim)
+            found = self._correct(extrapolate(self._body, self._here, self._before, aim), aim)
             if found.solution.converged:
                 self._arrive(aim, found)
                 step *= (

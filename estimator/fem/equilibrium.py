@@ -16,6 +16,10 @@ GROWTH_LIMIT = 1e6
 """Residual over the least one so far, above which an iteration is given up."""
 POOR = 0.7
 """Contraction of the residual that counts as poor; three of them in a row end an iteration."""
+SADDLE = 1e-5
+"""Residual below which an equilibrium is at hand; it is left when it is unstable."""
+TILT = 0.1
+"""Largest displacement of a node when leaving it, over that of a step."""
 SHIFTS = 10.0 ** np.arange(-8, 4)
 """Multiples of the mean diagonal that are tried to make a tangent positive definite."""
 
@@ -174,10 +178,18 @@ def take_step(
     deformation = body.transport.deformation(displacement)
     change = body.transport.gradient(step)
     for halving in range(8):
-        after = body.transport.moved(deformation, change * 0.5**halving)
+        after = body.transport.moved(displacement, deformation, change * 0.5**halving)
         if balancer(after, inputs, False, False).evaluation.valid:
             break
     return after
+
+
+def _softest(factor: StiffnessFactor, residual: Floats) -> Floats:
+    """Find the mode of least stiffness by inverse iteration, turned to where the residual pushes."""
+    mode = np.random.default_rng(0).standard_normal(residual.shape)
+    for _ in range(4):
+        mode = factor.solve_roughly(mode / np.linalg.norm(mode))
+    return mode if mode @ residual >= 0.0 else -mode
 
 
 def descend(
@@ -186,26 +198,34 @@ def descend(
     """Go downhill to a stable equilibrium, however far: the way across a snap-through.
 
     Every step is one of descent, for the tangent's stand-in is positive definite, and is halved while the
-    force along it has turned round by more than half, so that the potential energy falls.
+    force along it has turned round by more than half, so that the potential energy falls. From an unstable
+    equilibrium it sets out along the softest mode.
     """
-    displacement = start
-    reach = settings.longest_move * size_of(body)
+    displacement, reach = start, settings.longest_move * size_of(body)
     for iteration in range(iterations):
         balance, factor = stable_factor(body, balancer, displacement, inputs)
+        deformation = body.transport.deformation(displacement)
         if factor is None:
             return Corrected(Solution(displacement, SolveStatus.INVERTED, iteration, np.inf), balance, None)
-        if balance.norm <= settings.tolerance:
+        if balance.norm < SADDLE:
             exact = exact_factor(body, balance)
-            status = SolveStatus.UNSTABLE if exact is None else SolveStatus.CONVERGED
-            return Corrected(Solution(displacement, status, iteration, balance.norm), balance, exact)
+            if exact is None:
+                mode = body.pattern.scatter(_softest(factor, balance.residual))
+                mode *= TILT * reach / float(np.sqrt((mode**2).sum(axis=1).max()))
+                displacement = body.transport.moved(displacement, deformation, body.transport.gradient(mode))
+                continue
+            if balance.norm <= settings.tolerance:
+                found = Solution(displacement, SolveStatus.CONVERGED, iteration, balance.norm)
+                return Corrected(found, balance, exact)
         step = factor.solve(balance.residual)
         slope = float(step @ balance.residual)
         nodal = body.pattern.scatter(step)
         nodal *= min(1.0, reach / max(float(np.sqrt((nodal**2).sum(axis=1).max())), 1e-300))
-        deformation, change = body.transport.deformation(displacement), body.transport.gradient(nodal)
+        change = body.transport.gradient(nodal)
         for halving in range(10):
-            displacement = body.transport.moved(deformation, change * 0.5**halving)
-            trial = balancer(displacement, inputs, False, False)
+            after = body.transport.moved(displacement, deformation, change * 0.5**halving)
+            trial = balancer(after, inputs, False, False)
             if trial.evaluation.valid and step @ trial.residual > -0.5 * slope:
                 break
+        displacement = after
     return Corrected(Solution(displacement, SolveStatus.ITERATIONS, iterations, balance.norm), balance, None)

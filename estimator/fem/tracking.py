@@ -116,7 +116,8 @@ class TrackingStep:
         assert self.stiffness is not None
         transport = self.model.body.transport
         step = self.correction + np.tensordot(change, self.stiffness.fields, 1)
-        return transport.moved(self.deformation, transport.carried(self.turns, step))
+        bending = transport.carried(self.turns, step)
+        return transport.moved(self.state.displacement, self.deformation, bending)
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,9 @@ from estimator.fem.transport_kernel import (
 )
 from estimator.mesh import ElementBlock, Floats, Indices
 
+UNHELD = 1e-12
+"""Share of the Poisson matrix's diagonal that is added to it."""
+
 
 @dataclass(frozen=True)
 class Patch:
@@ -109,18 +112,19 @@ class Transport:
         turn_fields(turns, fields, True)
         return self._divergence(fields)
 
-    def moved(self, deformation: Floats, change: Floats) -> Floats:
+    def moved(self, displacement: Floats, deformation: Floats, change: Floats) -> Floats:
         """Move by a change of the deformation gradient, its spin taken as a finite rotation.
 
         Args:
-            deformation: Deformation gradient before, shape (points, 3, 3).
+            displacement: Displacement before [m], shape (nodes, 3).
+            deformation: Its deformation gradient, shape (points, 3, 3).
             change: Its linear change, overwritten, shape (points, 3, 3).
 
         Returns:
             The displacement after [m], shape (nodes, 3).
         """
         wind_fields(deformation, change)
-        return self.assemble(change)
+        return displacement + self.assemble(change)
 
 
 def build_transport(
@@ -141,6 +145,8 @@ def build_transport(
         local = np.einsum("eq,eqaj,eqbj->eab", weights, gradients, gradients)
         slots = pattern.locate(block.connectivity)
         np.add.at(values[:, 0, 0], slots[slots >= 0], local[slots >= 0])
+    # Without a held node a constant field costs nothing; this keeps it from being arbitrary.
+    values[pattern.column_start[:-1]] *= 1.0 + UNHELD
     plan = FactorPlan.of(pattern, analyse(pattern, dissection, size=1))
     factor = plan.factorise(Tangent(values, values))
     if factor is None:

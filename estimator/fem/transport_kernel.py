@@ -117,7 +117,7 @@ def turn_fields(turns: Floats, fields: Floats, back: bool) -> None:
 
 @compiled
 def wind_fields(deformation: Floats, fields: Floats) -> None:
-    """Replace each change H of the deformation F by exp(spin) (1 + strain) F - 1, spin + strain = H F^-1."""
+    """Replace each change H of the deformation F by exp(spin) (1 + strain) F - F, spin + strain = H F^-1."""
     inverse, h, stretch, rotation = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for p in range(fields.shape[0]):
         f = deformation[p]
@@ -144,4 +144,5 @@ def wind_fields(deformation: Floats, fields: Floats) -> None:
         _multiply(rotation, stretch, h)
         _multiply(h, f, fields[p])
         for i in range(3):
-            fields[p, i, i] -= 1.0
+            for k in range(3):
+                fields[p, i, k] -= f[i, k]
