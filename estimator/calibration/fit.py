@@ -1,9 +1,9 @@
 """Robust Gauss-Newton over the unknowns of a calibration, with what is known beforehand among the data.
 
 Minimised is sum_i w_i rho(r_i / s_c(i)) / tau + sum (known - value)^2 / spread^2, with rho the Huber loss,
-w_i the nodes' weights, s_c the scatter of a sensor's residuals about the model (estimated along the way: a
-model is never exact, so the sensors' own noise would make it overconfident) and tau the number of nodes that
-say the same thing, from the residuals' correlation in time.
+w_i the nodes' weights, s_c the scatter of the residuals of a kind of sensor (estimated along the way: a model
+is never exact, so the sensors' own noise would make it overconfident) and tau the number of nodes that say the
+same thing, from the residuals' correlation in time.
 """
 
 from collections.abc import Sequence
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from estimator.calibration.forward import Evaluation, Forward
 from estimator.calibration.nodes import Nodes
+from estimator.sensing import Measurement, SectionPose
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -34,7 +35,7 @@ class Rows:
         jacobian: Derivative of the prediction by the unknowns, shape (rows, unknowns).
         rigid: Derivative by a rigid motion of the arm, for sensors in the laboratory frame, shape (rows, 6).
         run: Number of its run, shape (rows,).
-        sensor: Name of each row's sensor.
+        kind: What each row shares its scatter with: rows of one kind of sensor and unit.
         weight: Weight of its node, shape (rows,).
         noise: Standard deviation of its sensor's own noise, shape (rows,).
         block: Number of its block, over all runs, shape (rows,).
@@ -44,7 +45,7 @@ class Rows:
     jacobian: Floats
     rigid: Floats
     run: NDArray[np.int64]
-    sensor: NDArray[np.str_]
+    kind: NDArray[np.str_]
     weight: Floats
     noise: Floats
     block: NDArray[np.int64]
@@ -59,7 +60,7 @@ class Fit:
         covariance: Their covariance: the larger of that of the curvature and that of the blocks'
             disagreement, shape (unknowns, unknowns).
         evaluations: The model there, per run.
-        scatter: Scatter of each sensor's residuals [its unit].
+        scatter: Scatter of the residuals of each kind of sensor [its unit].
         correlated: Number of nodes that say the same thing.
         status: ``converged`` or ``iterations_exhausted``.
         iterations: Number of evaluations of the model at all nodes.
@@ -126,11 +127,11 @@ def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
     first_block = 0
     for number, (evaluation, own) in enumerate(zip(evaluations, nodes, strict=True)):
         suite = own.run.suite
-        sensor = np.empty(suite.size, dtype="U64")
+        kind = np.empty(suite.size, dtype="U64")
         noise, registered = np.empty(suite.size), np.zeros(suite.size)
         for measurement in suite.measurements:
             rows = suite.slices[measurement.name]
-            sensor[rows] = _component_names(measurement.name, measurement.size)
+            kind[rows] = _kinds(measurement)
             registered[rows] = measurement.registration is not None
             noise[rows] = np.sqrt(np.diag(measurement.covariance(np.zeros(measurement.reading_size))))
         seen = np.isfinite(evaluation.innovation)
@@ -141,7 +142,7 @@ def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
                 evaluation.jacobian[seen],
                 (evaluation.rigid * registered[:, None])[seen],
                 np.broadcast_to(number, shape)[seen],
-                np.broadcast_to(sensor, shape)[seen],
+                np.broadcast_to(kind, shape)[seen],
                 np.broadcast_to(own.weights[:, None], shape)[seen],
                 np.broadcast_to(noise, shape)[seen],
                 np.broadcast_to(own.blocks[:, None] + first_block, shape)[seen],
@@ -151,7 +152,7 @@ def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
     return Rows(
         *(
             np.concatenate([getattr(part, name) for part in parts])
-            for name in ("innovation", "jacobian", "rigid", "run", "sensor", "weight", "noise", "block")
+            for name in ("innovation", "jacobian", "rigid", "run", "kind", "weight", "noise", "block")
         )
     )
 
@@ -182,15 +183,19 @@ def _integrated_correlation(values: Floats) -> float:
     return min(total, count / 2)
 
 
-def _component_names(name: str, size: int) -> list[str]:
-    return [f"{name}.{index}" for index in range(size)]
+def _kinds(measurement: Measurement) -> list[str]:
+    """Name what each row of a sensor shares its scatter with: all rows of one kind of sensor and unit."""
+    kind = type(measurement).__name__.lower()
+    if isinstance(measurement, SectionPose):
+        return [f"{kind} position"] * 3 + [f"{kind} rotation"] * 3
+    return [kind] * measurement.size
 
 
 def _scatter(rows: Rows) -> dict[str, float]:
-    """Estimate each sensor's scatter by the weighted median of its residuals; not below its own noise."""
+    """Estimate each kind's scatter by the weighted median of its residuals; not below the sensors' noise."""
     scatter = {}
-    for name in np.unique(rows.sensor):
-        own = rows.sensor == name
+    for name in np.unique(rows.kind):
+        own = rows.kind == name
         sizes, weights = np.abs(rows.innovation[own]), rows.weight[own]
         order = np.argsort(sizes)
         middle = np.searchsorted(np.cumsum(weights[order]), 0.5 * weights.sum())
@@ -201,7 +206,7 @@ def _scatter(rows: Rows) -> dict[str, float]:
 
 def _whitened(rows: Rows, scatter: dict[str, float]) -> tuple[Floats, Floats]:
     """Give residuals over their scatter and the Huber weights times the nodes' weights, shape (rows,)."""
-    scale = np.array([scatter[str(name)] for name in rows.sensor])
+    scale = np.array([scatter[str(name)] for name in rows.kind])
     whitened = rows.innovation / scale
     huber = np.minimum(1.0, HUBER / np.maximum(np.abs(whitened), 1e-12))
     return whitened, rows.weight * huber
@@ -211,7 +216,7 @@ def _normal_equations(
     forward: Forward, rows: Rows, values: Floats, scatter: dict[str, float], correlated: float
 ) -> tuple[Floats, Floats, float]:
     whitened, weight = _whitened(rows, scatter)
-    scale = np.array([scatter[str(name)] for name in rows.sensor])
+    scale = np.array([scatter[str(name)] for name in rows.kind])
     jacobian = rows.jacobian / scale[:, None]
     known, known_rows = forward.layout.prior_rows(values)
     weighted = jacobian.T * (weight / correlated)
@@ -242,7 +247,7 @@ def _covariance(
     if len(blocks) < 3:
         return curvature
     whitened, weight = _whitened(rows, scatter)
-    scale = np.array([scatter[str(name)] for name in rows.sensor])
+    scale = np.array([scatter[str(name)] for name in rows.kind])
     scores = rows.jacobian * (weight * whitened / scale / correlated)[:, None]
     gradients = np.array([scores[rows.block == block].sum(axis=0) for block in blocks])
     spread = curvature @ (gradients.T @ gradients) @ curvature * len(blocks) / (len(blocks) - 1)
@@ -263,7 +268,7 @@ def _registration_covariance(
     An error e of covariance C moves the fit by H^-1 J^T W R e, with R the derivative by a rigid motion.
     """
     _, weight = _whitened(rows, scatter)
-    scale = np.array([scatter[str(name)] for name in rows.sensor])
+    scale = np.array([scatter[str(name)] for name in rows.kind])
     total = np.zeros_like(normal)
     for number, own in enumerate(forward.nodes):
         covariances = [m.registration.covariance for m in own.run.suite.measurements if m.registration]

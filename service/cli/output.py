@@ -15,6 +15,7 @@ from rich.table import Table as RichTable
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Cell = str | int | float | bool | None
+TINY = 1e-15
 
 
 @dataclass(frozen=True)
@@ -61,13 +62,13 @@ def as_markdown(*tables: Table) -> str:
 
 
 def text(value: Cell) -> str:
-    """Write one cell: four significant digits, a dash where there is nothing."""
+    """Write one cell: four significant digits, a dash where there is nothing, 0 for rounding."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "-"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.4g}"
+        return f"{value:.4g}" if abs(value) > TINY else "0"
     return str(value)
 
 
