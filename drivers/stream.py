@@ -83,7 +83,7 @@ class Stream(Generic[Value]):
             host_ns: Host monotonic time of arrival [ns]; now when left out.
             device_time_ns: Device time [ns]; maps to the host clock by the fastest arrivals.
             measured_ns: Host monotonic time of the measurement [ns], where the driver knows it better.
-            sequence: The device's own counter; counted here when left out.
+            sequence: The device's own counter; counted on here when left out.
             valid: Whether the value may be used.
             flags: Why it is invalid, or what is special about it.
 
@@ -97,19 +97,21 @@ class Stream(Generic[Value]):
                 if device_time_ns is None
                 else self.clock_map.update(device_time_ns, arrival_ns, self.epoch)
             )
+        number = self._count if sequence is None else sequence
         reading = Reading(
             self.device,
             value,
             device_time_ns,
             arrival_ns,
             measured_ns,
-            self._count if sequence is None else sequence,
+            number,
             self.epoch,
             valid,
             self.source,
             flags,
         )
-        self._count += 1
+        # A sample without a counter, among others that have one, takes the next number, not an older one.
+        self._count = number + 1
         self._remember(reading)
         self._pass_on(reading)
         return reading

@@ -15,6 +15,9 @@ Moment = tuple[float, Any, Floats]
 CHAMBERS = [3, 2, 1, 0, 4, 5]
 SECTIONS = ("base", "intermediate", "tip")
 NO_CHECKSUM = {"bit_flip", "byte_loss", "parity"}
+WEAK_SUM = {"stall", "bit_flip"}
+"""A sum of eight bits lets one damaged frame in 256 pass."""
+
 REFILLING = {"supply_missing", "stuck_valve", "valve_fault"}
 """After these the outlet sensors show the pulses of a valve that refills a chamber."""
 
@@ -62,7 +65,7 @@ def _frame(value: Any, moment: Moment) -> float:
 
 
 def _force(value: Any, moment: Moment) -> float:
-    return float(abs(value.force - moment[1].cord_force) / 0.06)
+    return float(abs(value.force - moment[1].cord_force) / 0.15)
 
 
 def _bend(value: Any, moment: Moment) -> float:
@@ -154,7 +157,7 @@ SUBJECTS = (
         _attitude(2, 0.05),
         0.05,
         quiet={"stall", "false_header", "wrong_rate", "garbage"},
-        blind={"stall"},
+        blind=WEAK_SUM,
         parameters={"index_gap": {"frames": 20}},
     ),
     Subject(
@@ -164,7 +167,7 @@ SUBJECTS = (
         _attitude(2, 0.05),
         0.06,
         quiet={"stall", "locked", "garbage", "torn_frame"},
-        blind={"stall"},
+        blind=WEAK_SUM,
     ),
     Subject(
         "xbus",
@@ -173,7 +176,7 @@ SUBJECTS = (
         _attitude(2, 0.05),
         0.05,
         quiet={"stall", "garbage"},
-        blind={"stall"},
+        blind=WEAK_SUM,
         parameters={"index_gap": {"frames": 20}},
     ),
     Subject(

@@ -231,7 +231,7 @@ class QtmServer:
         if action == "rotate":
             self.measurement.bodies = bodies[1:] + bodies[:1]
         elif action == "remove":
-            self.measurement.bodies = bodies[:-1]
+            self.measurement.bodies = bodies[:-1] or bodies
         else:
             self.measurement.bodies = list(self._all_bodies)
         self.announce(SETTINGS_CHANGED)

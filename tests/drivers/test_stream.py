@@ -27,6 +27,14 @@ def build(sink=lambda reading: None, **options):
     )
 
 
+def test_a_sample_without_counter_among_others_takes_the_next_number():
+    stream, _, _ = build()
+    numbers = [stream.publish(1.0, sequence=sequence).sequence for sequence in (40, None, 42, None)]
+    assert numbers == [40, 41, 42, 43]
+    stream.start_epoch("restarted")
+    assert stream.publish(1.0).sequence == 0
+
+
 def test_a_reading_tells_where_and_when_it_was_taken():
     taken = []
     stream, health, clock = build(taken.append)
