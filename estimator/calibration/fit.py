@@ -2,8 +2,8 @@
 
 Minimised is sum_i w_i rho(r_i / s_c(i)) / tau + sum (known - value)^2 / spread^2, with rho the Huber loss,
 w_i the nodes' weights, s_c the scatter of the residuals of a kind of sensor (estimated along the way: a model
-is never exact, so the sensors' own noise would make it overconfident) and tau the number of nodes that say the
-same thing, from the residuals' correlation in time.
+is never exact, so the sensors' own noise would make it overconfident) and tau the number of nodes that say
+the same thing, from the residuals' correlation in time.
 """
 
 from collections.abc import Sequence
