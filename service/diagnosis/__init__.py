@@ -1,0 +1,1 @@
+"""The diagnosis of recordings: what is read, run, reported and written."""
