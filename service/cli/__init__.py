@@ -12,9 +12,11 @@ from service.errors import WorkFailedError
 COMMANDS = {
     "demo": "Start fakes, service and page, and run the force experiment on them.",
     "serve": "Serve one arm: the daemon that systemd starts.",
+    "record": "Record a running arm.",
     "convert": "Convert a recording between MCAP, tables and Qualisys exports.",
     "estimate": "Estimate pose and external force over a recording.",
     "calibrate": "Fit moduli, chamber gains and frame alignment to recordings.",
+    "excite": "Run the manoeuvres that tell physical effects apart, and record them.",
     "plot": "Plot a recording.",
     "bench": "Run a benchmark and print its table.",
     "fakes": "Start the fake devices on real ports.",

@@ -1,0 +1,50 @@
+"""Every manoeuvre keeps to the limits, ends vented, and excites what it says."""
+
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from estimator.effects.effect import Excitation
+from estimator.effects.excitation import inventory
+from estimator.excitation import Limits, Manoeuvre, menu
+
+SEGMENTS = (0, 0, 0, 1, 1, 1)
+LIMITS = Limits(np.full(6, 65e3), slew=100e3)
+MENU = menu(SEGMENTS, LIMITS)
+
+
+@pytest.mark.parametrize("manoeuvre", MENU, ids=lambda m: m.name)
+def test_manoeuvres_keep_to_the_limits_and_end_vented(manoeuvre: Manoeuvre):
+    assert manoeuvre.within(LIMITS)
+    assert np.all(np.diff(manoeuvre.times) > 0.0)
+    assert not manoeuvre.pressures[[0, -1]].any()
+    assert manoeuvre.pressures.max() <= LIMITS.share * 65e3 + 1e-6
+
+
+def test_a_slower_slew_makes_no_manoeuvre_faster():
+    slow = {m.name: m for m in menu(SEGMENTS, Limits(np.full(6, 65e3), slew=20e3))}
+    assert all(m.within(Limits(np.full(6, 65e3), slew=20e3)) for m in slow.values())
+    assert all(slow[m.name].duration >= m.duration - 1e-9 for m in MENU)
+    assert slow["steps"].duration > 1.3 * next(m for m in MENU if m.name == "steps").duration
+
+
+@pytest.mark.parametrize("manoeuvre", MENU, ids=lambda m: m.name)
+def test_recordings_show_what_the_manoeuvre_promises(manoeuvre: Manoeuvre):
+    time = np.arange(0.0, manoeuvre.duration, 0.05)
+    gravity = np.tile([0.0, 0.0, 9.81], (len(time), 1))
+    found = inventory(time, manoeuvre.at(time), gravity, LIMITS.pressures)
+    if manoeuvre.name == "pluck":  # its motion comes from a hand, which pressures do not show
+        return
+    assert manoeuvre.excites - {"mount_turned"} <= found
+
+
+def test_the_whole_menu_excites_everything_but_a_long_run():
+    promised = frozenset().union(*(m.excites for m in MENU))
+    assert promised >= set(get_args(Excitation)) - {"long_run"}
+
+
+def test_an_arm_without_chambers_is_turned_and_plucked():
+    bare = menu((), Limits(np.zeros(0)))
+    assert {m.name for m in bare} == {"rest", "mount_turned_x", "mount_turned_y", "pluck"}
+    assert all(m.pressures.shape[1] == 0 and m.duration > 0.0 for m in bare)

@@ -1,0 +1,87 @@
+"""Separations are those of least squares, and plans take what decides."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from estimator.excitation import Limits, Rivals, Subject, menu, plan_for, whole
+from estimator.excitation.plan import ENOUGH
+from estimator.simulation import Drive, Response, Segments
+from tests.estimator.effects.effects_bench import SUITE, WORLD, placed
+from tests.estimator.simulation.straight_arm import SEGMENTS, straight_arm
+
+LIMITS = Limits(np.full(6, 8e3), share=1.0)  # the straight arm is linear for small bends only
+MENU = {m.name: m for m in menu((0, 0, 0, 1, 1, 1), LIMITS)}
+
+
+@dataclass(frozen=True)
+class StraightArm:
+    """The linear arm at any instants."""
+
+    segments: Segments = SEGMENTS
+
+    def respond(self, drive: Drive, near: Response | None = None) -> Response:
+        return straight_arm(drive.time).respond(drive, near)
+
+
+SUBJECT = Subject(StraightArm(), SEGMENTS, WORLD, SUITE, np.array([0.0, 0.0, 9.81]))
+WEIGHT = placed("tip_payload", [0.02], section="tip")
+SPREAD = placed("distributed_mass", [0.15])
+CREEP = placed("viscoelastic_creep", [0.2, 8.0])
+LAG = placed("line_lag", [0.3])
+DAMPED = placed("inertia_damping", [0.0, 0.3])
+
+
+def test_nothing_separates_an_effect_from_itself():
+    trial = SUBJECT.trial(MENU["steps"])
+    assert trial.separation(CREEP, CREEP) < 1e-6
+    assert trial.separation(LAG, LAG) < 1e-6
+
+
+def test_a_rival_of_another_size_is_fitted_to_the_effect():
+    trial = SUBJECT.trial(MENU["holds"])
+    other = placed("viscoelastic_creep", [0.1, 12.0])
+    assert trial.separation(CREEP, other) < 0.02 * float(np.sum(trial.readings(CREEP) ** 2))
+
+
+def test_the_separation_is_no_more_than_the_effect_itself():
+    trial = SUBJECT.trial(MENU["ramps"])
+    assert 0.0 <= trial.separation(CREEP, LAG) <= float(np.sum(trial.readings(CREEP) ** 2)) + 1e-9
+
+
+def test_weights_part_when_the_mount_is_turned():
+    pair = Rivals(WEIGHT, SPREAD)
+    plan = plan_for([pair], [MENU["ramps"], MENU["mount_turned_x"]], SUBJECT)
+    assert plan.choices[0].manoeuvre.name == "mount_turned_x"
+
+
+def test_motion_without_pressure_parts_damping_from_a_slow_line_best():
+    plan = plan_for([Rivals(DAMPED, LAG)], [MENU["holds"], MENU["poses"], MENU["pluck"]], SUBJECT)
+    assert plan.choices[0].manoeuvre.name == "pluck"
+    trial = SUBJECT.trial(MENU["holds"])
+    share = trial.separation(DAMPED, LAG) / float(np.sum(trial.readings(DAMPED) ** 2))
+    assert share < 0.05
+
+
+def test_what_nothing_splits_is_said_to_stay_undecided():
+    pair = Rivals(placed("chamber_gain", [0.02], chamber=0), placed("chamber_gain", [0.02], chamber=0))
+    plan = plan_for([pair], list(MENU.values())[:4], SUBJECT)
+    assert plan.undecided == (pair,)
+    assert not plan.choices
+
+
+def test_a_plan_stops_where_everything_is_decided():
+    pairs = [Rivals(CREEP, LAG)]
+    plan = plan_for(pairs, [m for m in MENU.values() if not m.by_hand], SUBJECT)
+    assert plan.separation(0) >= ENOUGH
+    before = sum(choice.separations[0] for choice in plan.choices[:-1])
+    assert before < ENOUGH
+    assert plan.seconds < whole(list(MENU.values())).seconds
+
+
+def test_gains_fall_as_less_is_lacking():
+    plan = plan_for([Rivals(CREEP, LAG)], [MENU["steps"]], SUBJECT)
+    choice = plan.choices[0]
+    assert choice.gain([10.0]) == pytest.approx(10.0 / choice.seconds)
+    assert choice.gain([0.0]) == 0.0
