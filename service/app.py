@@ -6,7 +6,6 @@ import gc
 import json
 import logging
 import time
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -17,10 +16,12 @@ from numpy.typing import NDArray
 from estimator.arm import default_loads
 from estimator.recording import Recording
 from estimator.specimen import specimen_table
+from service.api.commands import Refused
 from service.api.page import schemas
 from service.config import SensorSettings, Setup
 from service.control.channels import Sample
 from service.control.controller import Controller
+from service.control.guard import Guard, Watched
 from service.control.instruments import Instruments, LiveInstruments
 from service.control.knowledge import Knowledge
 from service.control.mismatch import MismatchTest
@@ -38,16 +39,15 @@ from service.estimation.worker import Worker
 from service.network.bus import Bus
 from service.notify import Notifier
 from service.safety.checks import ALL_CHECKS
-from service.safety.findings import Finding, FindingBook
-from service.safety.modes import PRESSURISED, Event, Mode, Transition
-from service.safety.observation import Estimator, Observation, Valves
+from service.safety.findings import FindingBook
+from service.safety.modes import Event, Mode, Transition
+from service.safety.observation import Estimator
 
 logger = logging.getLogger(__name__)
 Floats = NDArray[np.float64]
 
 STATE_RATE_HZ = 20.0
 SHAPE_RATE_HZ = 10.0
-SECOND_NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,7 @@ class Service:
         self._controller = Controller(self._instruments.valves, self._limits, config.control, config.safety)
         sections = tuple(section.name for section in specimen.sections)
         self._knowledge = Knowledge(sections, default_loads(specimen), self._readings.rest)
+        self._last_result_ns: int | None = None
         self._book = FindingBook(ALL_CHECKS)
         self._test = MismatchTest()
         self._worker: Worker[EstimationRequest, EstimationResult] = Worker(
@@ -102,6 +103,7 @@ class Service:
         self._publisher = Publisher(
             self._instruments.source, self._controller, self._knowledge, self._book, config.control.model
         )
+        self._guard = self._make_guard()
         self._bus = Bus(config.network, config.arm, self._loop)
         self._verbs = Verbs(
             Context(
@@ -113,14 +115,11 @@ class Service:
                     "service.toml": setup.text.encode(),
                     "specimen.toml": tomli_w.dumps(specimen_table(specimen, setup.path.parent)).encode(),
                 },
-                self._blocking,
+                lambda mode: self._guard.blocking(mode, time.monotonic_ns()),
             )
         )
         self._shape_every = max(1, round(config.control.rate_hz / SHAPE_RATE_HZ))
         self._ticks = 0
-        self._overruns = 0
-        self._late: deque[int] = deque(maxlen=1000)
-        self._last_result_ns: int | None = None
 
     def _make_instruments(self, replay: Replay | None) -> Instruments:
         if replay is None:
@@ -132,6 +131,20 @@ class Service:
             replay.speed,
             self._readings.put,
             self.stop,
+        )
+
+    def _make_guard(self) -> Guard:
+        return Guard(
+            Watched(
+                self._instruments,
+                self._readings,
+                self._controller,
+                self._knowledge,
+                self._book,
+                self._estimator,
+                self._recorder.health,
+                self._setup.config.safety.valve_deadline_s,
+            )
         )
 
     def _record(self, name: str, sample: Sample) -> None:
@@ -174,6 +187,8 @@ class Service:
             before = self._controller.modes.mode
             answer = await self._verbs.answer(call.verb, call.payload)
             call.answer(answer)
+            if isinstance(answer, Refused):
+                logger.warning("%s refused (%s): %s", call.verb, answer.code, answer.message)
             outcome = answer.model_dump(mode="json")
             self._streams.document("command", outcome)
             if before is not self._controller.modes.mode:
@@ -197,16 +212,13 @@ class Service:
     def _tick(self, tick: Tick, interval_s: float) -> None:
         now_ns = time.monotonic_ns()
         self._ticks += 1
-        self._overruns += tick.missed
-        self._late.extend([now_ns] * tick.missed)
+        self._guard.overran(tick.missed, now_ns)
         if self._controller.modes.mode is Mode.STARTING and not self._worker.state.starting:
             self._follow(self._controller.fire(Event.READY, "the estimator is ready"))
             self._notifier.ready(f"serving {self._setup.config.arm}")
-        elapsed_s = interval_s * (1 + tick.missed)
-        transition = self._controller.tick(now_ns, elapsed_s, self._knowledge.hold)
-        self._follow(transition)
+        self._follow(self._guard.advance(now_ns, interval_s * (1 + tick.missed)))
         self._submit(now_ns)
-        self._check(now_ns)
+        self._follow(self._guard.check(now_ns, time.time_ns()))
         self._streams.commanded(self._controller.asked.tolist(), now_ns)
         self._notifier.watchdog()
 
@@ -255,20 +267,6 @@ class Service:
         }
         self._streams.estimated(values, result.request.time_s)
 
-    def _check(self, now_ns: int) -> None:
-        observation = self._observe(now_ns, self._controller.modes.mode)
-        if self._instruments.source == "replay":
-            return  # stored readings raise no live alarm
-        new, cleared = self._book.update(observation, time.time_ns())
-        for finding in new:
-            logger.warning("%s: %s; %s", finding.where, finding.message, finding.hint)
-        for finding in cleared:
-            logger.info("%s: no longer: %s", finding.where, finding.message)
-        faults = [s.finding for s in self._book.standing if s.finding.severity == "fault"]
-        if faults and self._controller.modes.mode in PRESSURISED:
-            cause = f"{faults[0].where}: {faults[0].message}"
-            self._follow(self._controller.fire(Event.FAULT, cause))
-
     def _follow(self, transition: Transition | None) -> None:
         if transition is None:
             return
@@ -279,29 +277,11 @@ class Service:
         )
         self._publish_state()
 
-    def _blocking(self, mode: Mode) -> tuple[Finding, ...]:
-        return self._book.faults(self._observe(time.monotonic_ns(), mode))
-
-    def _observe(self, now_ns: int, mode: Mode) -> Observation:
-        safety = self._setup.config.safety
-        fatal, others = self._instruments.valve_alarms()
+    def _estimator(self, now_ns: int) -> Estimator:
+        """Picture the estimator's process for the guard."""
         age_s = None if self._last_result_ns is None else (now_ns - self._last_result_ns) * 1e-9
-        return Observation(
-            mode=mode,
-            valves=Valves(
-                self._instruments.bank,
-                self._readings.age_s(self._instruments.bank, now_ns),
-                safety.valve_deadline_s,
-                fatal,
-                others,
-            ),
-            inputs=self._readings.inputs(now_ns, self._instruments.troubles()),
-            estimator=Estimator(
-                self._worker.state.running, age_s, safety.estimator_deadline_s, self._knowledge.failures
-            ),
-            recorder=self._recorder.health(),
-            overruns=sum(1 for late_ns in self._late if now_ns - late_ns < SECOND_NS),
-        )
+        deadline_s = self._setup.config.safety.estimator_deadline_s
+        return Estimator(self._worker.state.running, age_s, deadline_s, self._knowledge.failures)
 
     def _publish_state(self) -> None:
         now_ns = time.monotonic_ns()
@@ -317,7 +297,13 @@ class Service:
         self._bus.publish(
             "state",
             self._publisher.state(
-                self._instruments.applied, measured, gauges, ages, self._ticks, self._overruns, recording
+                self._instruments.applied,
+                measured,
+                gauges,
+                ages,
+                self._ticks,
+                self._guard.overruns,
+                recording,
             ),
         )
         self._bus.publish("mismatch", self._publisher.mismatch(self._test, recording))

@@ -15,8 +15,16 @@ import tomli_w
 
 from estimator.errors import InputError
 
-READY_TIMEOUT_S = 120.0
 END_TIMEOUT_S = 25.0
+WATCHDOG_MS = 180
+"""The terminal vents by itself when its host has been silent for so long."""
+EXTRA: Mapping[str, Mapping[str, Any]] = {
+    "sauter": {"unit": "N"},
+    "witmotion": {"rate_hz": 50},
+    "quaternion_line": {"unit": 2, "rate_hz": 8},
+}
+"""What a driver must be told of a fake beside its address."""
+INERTIAL = ("bno08x_rvc", "witmotion", "xbus", "quaternion_line")
 
 
 @dataclass(frozen=True)
@@ -30,7 +38,8 @@ class RigSettings:
         endpoint: zenoh endpoint of the service.
         model: What the estimator runs on.
         rate_hz: Rate of the control loop.
-        sensors: Kinds of sensors that the estimator may use.
+        sensors: Kinds of sensors that the estimator may use: ``orientation`` or ``pose`` of motion capture,
+            ``bend``, ``imu``.
     """
 
     scenario: Path
@@ -76,10 +85,11 @@ def _device_table(device: Mapping[str, Any]) -> dict[str, Any]:
             "port": device["port"],
             "chambers": valves,
             "maximum_pa": 65e3,
+            "watchdog_ms": WATCHDOG_MS,
         }
     if device["kind"] == "qualisys":
         return table | {"host": device["host"], "port": device["port"]}
-    return table | {"port": device["path"]}
+    return table | {"port": device["path"], **EXTRA.get(device["kind"], {})}
 
 
 def _sensor_tables(device: Mapping[str, Any], kinds: Sequence[str]) -> list[dict[str, Any]]:
@@ -97,6 +107,8 @@ def _sensor_tables(device: Mapping[str, Any], kinds: Sequence[str]) -> list[dict
             {"kind": "bend", "section": section, "device": name, "channel": str(index)}
             for index, section in enumerate(("intermediate", "tip"))
         ]
+    if kind in INERTIAL and "imu" in kinds:
+        return [{"kind": "orientation", "section": "tip", "device": name}]
     if kind in ("lutron", "mark10", "sauter", "line_gauge"):
         return [{"kind": "gauge", "section": "tip", "device": name}]
     return []

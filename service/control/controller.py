@@ -19,6 +19,10 @@ Floats = NDArray[np.float64]
 class ValveOutputs(Protocol):
     """What control needs of a valve bank."""
 
+    @property
+    def armed(self) -> bool:
+        """Whether set-points are accepted."""
+
     def arm(self) -> None:
         """Accept set-points; the chambers stay vented until one comes."""
 

@@ -7,6 +7,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.clock import Clock, monotonic
 from drivers.device import close_all, connect_all
 from drivers.errors import DeviceErrors
 from drivers.reading import Sink
@@ -59,13 +60,14 @@ class LiveInstruments:
     Args:
         setup: The configuration.
         sink: Takes every reading.
+        clock: Monotonic clock of the drivers.
 
     Raises:
         InputError: The configuration has no valve bank.
     """
 
-    def __init__(self, setup: Setup, sink: Sink) -> None:
-        self._devices = [device.build(sink) for device in setup.devices]
+    def __init__(self, setup: Setup, sink: Sink, clock: Clock = monotonic) -> None:
+        self._devices = [device.build(sink, clock) for device in setup.devices]
         banks = [device for device in self._devices if isinstance(device, ValveBank)]
         if len(banks) != 1:
             cure = "configure one device of kind festo_mpa or festo_vtem"
@@ -127,4 +129,4 @@ class LiveInstruments:
 
 def _fatal(key: str) -> bool:
     """Tell whether an alarm of the valve bank ends every pressurised mode."""
-    return key in (WATCHDOG_FIRED, FOREIGN_WRITER) or key.endswith(" tracking")
+    return key in (WATCHDOG_FIRED, FOREIGN_WRITER) or key.endswith((" tracking", " diagnosis"))

@@ -22,6 +22,8 @@ BANK = "replay"
 class ReplayedValves:
     """Valves that never move: a replay commands nothing."""
 
+    armed = False
+
     def arm(self) -> None:
         """Refuse.
 

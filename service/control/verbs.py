@@ -1,6 +1,7 @@
 """Commands: checked, carried out, and answered once."""
 
 import asyncio
+import logging
 import time
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
@@ -33,6 +34,7 @@ from service.safety.findings import Finding
 from service.safety.lease import LeaseError
 from service.safety.modes import Event, Mode, TransitionRefusedError
 
+logger = logging.getLogger(__name__)
 RELEASE_LIFETIME_S = 2.0
 """After a release the pressures live on for so long: time for the client to send its own."""
 
@@ -129,9 +131,13 @@ class Verbs:
             return Refused(verb=verb, code="out_of_limit", message=refusal.what, hint=refusal.cure)
         except InterlockError as refusal:
             return Refused(verb=verb, code="not_available", message=refusal.what, hint=refusal.cure)
-        except RecorderError as refusal:
+        except (RecorderError, OSError) as refusal:
             hint = "see the service's findings"
             return Refused(verb=verb, code="not_available", message=str(refusal), hint=hint)
+        except Exception:  # one command must not end the service; nobody else would tell it
+            logger.exception("%s failed", verb)
+            hint = "report this with the service's log"
+            return Refused(verb=verb, code="internal", message="the command failed", hint=hint)
         return Applied(verb=verb, mode=self._context.controller.modes.mode, applied=applied)
 
     def _checked(self, verb: str, payload: bytes) -> Request:
