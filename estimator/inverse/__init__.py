@@ -1,6 +1,7 @@
 """From readings to loads, pressures and frames: objectives and limits, one program, one search."""
 
 from estimator.inverse.contact import ContactLocation, ContactSearch, locate_force
+from estimator.inverse.contact_profile import ContactPlace, ContactProfile
 from estimator.inverse.estimate import Estimate
 from estimator.inverse.limits import Limits
 from estimator.inverse.minimise import Minimum, Status, Tolerances, minimise
@@ -30,6 +31,8 @@ from estimator.inverse.unknowns import Unknowns
 __all__ = [
     "REST_PARAMETERS",
     "ContactLocation",
+    "ContactPlace",
+    "ContactProfile",
     "ContactSearch",
     "Estimate",
     "Estimator",
