@@ -12,6 +12,7 @@ BENCHES = {
     "mesh": "Compare the shipped meshes with their refinements.",
     "drivers": "Time and load the device drivers against the fakes.",
     "faults": "Strike every kind of device with random faults, and hold each reading against the truth.",
+    "diagnosis": "Prove the diagnosis on sealed trials and beside its alternatives.",
     "plant": "Time the fake arm against real time.",
     "real-data": "Calibrate on real recordings and predict what was held out.",
 }
