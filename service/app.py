@@ -26,7 +26,7 @@ from service.control.instruments import Instruments, LiveInstruments
 from service.control.knowledge import Knowledge
 from service.control.mismatch import MismatchTest
 from service.control.poses import PoseStore
-from service.control.publishing import Publisher
+from service.control.publishing import Kind, Publisher
 from service.control.readings import Readings, channel
 from service.control.recorder import Recorder, RecorderError
 from service.control.replay import ReplayedInstruments
@@ -39,7 +39,7 @@ from service.estimation.worker import Worker
 from service.network.bus import Bus
 from service.notify import Notifier
 from service.safety.checks import ALL_CHECKS
-from service.safety.findings import FindingBook
+from service.safety.findings import Finding, FindingBook
 from service.safety.modes import Event, Mode, Transition
 from service.safety.observation import Estimator
 
@@ -48,6 +48,7 @@ Floats = NDArray[np.float64]
 
 STATE_RATE_HZ = 20.0
 SHAPE_RATE_HZ = 10.0
+CONTACT_EVERY_NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,7 @@ class Service:
         sections = tuple(section.name for section in specimen.sections)
         self._knowledge = Knowledge(sections, default_loads(specimen), self._readings.rest)
         self._last_result_ns: int | None = None
+        self._placed_ns = 0
         self._book = FindingBook(ALL_CHECKS)
         self._test = MismatchTest()
         self._worker: Worker[EstimationRequest, EstimationResult] = Worker(
@@ -144,6 +146,7 @@ class Service:
                 self._estimator,
                 self._recorder.health,
                 self._setup.config.safety.valve_deadline_s,
+                self._tell_finding,
             )
         )
 
@@ -240,14 +243,25 @@ class Service:
                 snapshot.used,
                 snapshot.lost,
                 want_hold=teaching,
+                want_contact=self._contact_due(),
+                tare=self._knowledge.tare,
                 want_mesh=self._ticks % self._shape_every == 0 and self._bus.shape_wanted,
             )
         )
 
+    def _contact_due(self) -> bool:
+        """Tell whether to place a push now: it takes the estimator a few solves more."""
+        rested = time.monotonic_ns() - self._placed_ns > CONTACT_EVERY_NS
+        return self._knowledge.contact_since_unix_ns is not None and rested
+
     def _on_result(self, result: EstimationResult) -> None:
         self._last_result_ns = time.monotonic_ns()
         unix_ns = time.time_ns()
+        before = self._knowledge.contact_since_unix_ns
         self._knowledge.take(result, unix_ns)
+        self._follow_contact(before)
+        if result.request.want_contact:
+            self._placed_ns = time.monotonic_ns()
         if result.converged:
             self._test = self._test.update(
                 result.request.time_s,
@@ -275,7 +289,30 @@ class Service:
             "mode",
             {"before": transition.before, "after": transition.after, "cause": transition.cause},
         )
+        words = f"{transition.before} -> {transition.after}: {transition.cause}"
+        self._happened("mode", self._setup.config.arm, words)
         self._publish_state()
+
+    def _tell_finding(self, finding: Finding, new: bool) -> None:
+        """Log and publish a finding that is new or has cleared itself."""
+        if new:
+            logger.warning("%s: %s; %s", finding.where, finding.message, finding.hint)
+        else:
+            logger.info("%s: no longer: %s", finding.where, finding.message)
+        self._happened("finding" if new else "finding_cleared", finding.where, finding.message)
+
+    def _happened(self, kind: Kind, where: str, text: str) -> None:
+        self._streams.document("event", {"kind": kind, "where": where, "text": text})
+        self._bus.publish("event", self._publisher.occurrence(kind, where, text))
+
+    def _follow_contact(self, before: int | None) -> None:
+        """Tell that a contact began or ended."""
+        since = self._knowledge.contact_since_unix_ns
+        if (before is None) is (since is None):
+            return
+        kind: Kind = "contact_end" if since is None else "contact_begin"
+        words = "the external force is back in the noise" if since is None else "an external force stands out"
+        self._happened(kind, self._setup.config.arm, words)
 
     def _estimator(self, now_ns: int) -> Estimator:
         """Picture the estimator's process for the guard."""

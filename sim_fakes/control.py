@@ -10,7 +10,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from estimator.errors import InputError
 from sim_fakes.faults import nearest
-from sim_fakes.parts import NotNegative, Part, Positive, Vector
+from sim_fakes.parts import NotNegative, Part, Positive, ValvesPart, Vector
 from sim_fakes.plant.state import Cord, Hand
 from sim_fakes.rig import Rig
 from sim_fakes.scenario import Parameter
@@ -148,7 +148,17 @@ def _truth(rig: Rig) -> dict[str, Any]:
     state = rig.state
     fields = {field.name: getattr(state, field.name) for field in dataclasses.fields(state)}
     plain = {name: value if isinstance(value, float) else value.tolist() for name, value in fields.items()}
-    return {"sections": rig.plant.sections, "segments": rig.plant.segments, **plain}
+    setpoints = {
+        part.name: [rig.valve_ports[part.name].node.setpoint(valve) for valve in part.valve_map]
+        for part in rig.scenario.device
+        if isinstance(part, ValvesPart)
+    }
+    return {
+        "sections": rig.plant.sections,
+        "segments": rig.plant.segments,
+        "setpoints_mbar": setpoints,
+        **plain,
+    }
 
 
 def _catalogue(rig: Rig) -> dict[str, Any]:

@@ -26,7 +26,7 @@ class ArmKeys:
         return f"{PREFIX}/{self.arm}"
 
     def stream(self, name: str) -> str:
-        """Key of a stream: ``state``, ``estimate``, ``mismatch`` or ``mesh``."""
+        """Key of a stream: ``state``, ``estimate``, ``mismatch``, ``event`` or ``shape``."""
         return f"{self.base}/{name}"
 
     def query(self, name: str) -> str:

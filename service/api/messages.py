@@ -93,7 +93,8 @@ class Contact(Message):
     """Where along the arm a single push acts, when the measurements tell."""
 
     height_m: float = Field(description="Rest distance from the base along the arm.")
-    height_std_m: float
+    height_std_m: float = Field(description="Its standard deviation.")
+    force_n: tuple[float, float] = Field(description="The push along x and y of the base frame.")
     since_unix_ns: int
 
 
@@ -132,4 +133,19 @@ class Mismatch(Message):
     advice: str = Field(description="What to do next.")
 
 
-STREAMS: dict[str, type[Message]] = {"state": State, "estimate": Estimate, "mismatch": Mismatch}
+class Occurrence(Message):
+    """Stream ``event``: something that happened once; each also goes into the recording."""
+
+    type: Literal["softarm.event/1"] = "softarm.event/1"
+    stamp: Stamp
+    kind: Literal["mode", "contact_begin", "contact_end", "finding", "finding_cleared"]
+    where: str = Field(description="The arm, a device, stream or process.")
+    text: str = Field(description="What happened, in words.")
+
+
+STREAMS: dict[str, type[Message]] = {
+    "state": State,
+    "estimate": Estimate,
+    "mismatch": Mismatch,
+    "event": Occurrence,
+}

@@ -1,6 +1,5 @@
 """What happens at every tick to keep the arm safe: set-points renewed, health judged, faults acted upon."""
 
-import logging
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +13,6 @@ from service.safety.findings import Finding, FindingBook
 from service.safety.modes import PRESSURISED, Event, Mode, Transition
 from service.safety.observation import Estimator, Observation, Recorder, Valves
 
-logger = logging.getLogger(__name__)
 SECOND_NS = 1_000_000_000
 
 
@@ -31,6 +29,7 @@ class Watched:
         estimator: Pictures the estimator's process at a monotonic time.
         recorder: Pictures the recorder.
         valve_deadline_s: A valve bank that does not answer for so long is lost.
+        told: Takes a finding and whether it is new (or has cleared itself).
     """
 
     instruments: Instruments
@@ -41,6 +40,7 @@ class Watched:
     estimator: Callable[[int], Estimator]
     recorder: Callable[[], Recorder]
     valve_deadline_s: float
+    told: Callable[[Finding, bool], None]
 
 
 class Guard:
@@ -95,10 +95,8 @@ class Guard:
             return None  # stored readings raise no live alarm
         controller = self._watched.controller
         new, cleared = self._watched.book.update(self.observe(now_ns, controller.modes.mode), unix_ns)
-        for finding in new:
-            logger.warning("%s: %s; %s", finding.where, finding.message, finding.hint)
-        for finding in cleared:
-            logger.info("%s: no longer: %s", finding.where, finding.message)
+        for finding in (*new, *cleared):
+            self._watched.told(finding, finding in new)
         if controller.modes.mode not in PRESSURISED:
             return None
         cause = self._cause()

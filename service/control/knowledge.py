@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from estimator.model import Load
 from estimator.rotations import from_quaternions
-from service.api.messages import LoadEstimate, SectionPose, Vector
+from service.api.messages import Contact, LoadEstimate, SectionPose, Vector
 from service.estimation.messages import EstimationResult, HoldAnswer
 
 Floats = NDArray[np.float64]
@@ -76,19 +76,35 @@ class Knowledge:
         self.result: EstimationResult | None = None
         self.failures = 0
         self.contact_since_unix_ns: int | None = None
+        self.contact: Contact | None = None
         self._names = section_names
         self._align = align
 
     def take(self, result: EstimationResult, unix_ns: int) -> None:
-        """Take a result of the estimator."""
+        """Take a result of the estimator.
+
+        Args:
+            result: The newest one.
+            unix_ns: Wall clock.
+        """
         self.failures = 0 if result.converged else self.failures + 1
         self.result = result
         if result.converged:
             self._follow_contact(result, unix_ns)
+        if self.contact_since_unix_ns is None:
+            self.contact = None
+        elif result.request.want_contact:
+            self.contact = self._placed(result, self.contact_since_unix_ns)
 
     @property
     def hold(self) -> HoldAnswer | None:
-        """Pressures that would hold the measured pose, from the newest estimate."""
+        """Pressures that would hold the measured pose, from the newest estimate; ``None`` when unknown."""
+        answer = self.hold_answer
+        return answer if answer is not None and answer.known else None
+
+    @property
+    def hold_answer(self) -> HoldAnswer | None:
+        """What the newest estimate says of holding the pose, also where it found no pressures."""
         return None if self.result is None else self.result.hold
 
     @property
@@ -120,7 +136,7 @@ class Knowledge:
         if self.result is None or not self.result.converged:
             return None
         self.tare = self.result.loads.copy()
-        self.contact_since_unix_ns = None
+        self.contact_since_unix_ns, self.contact = None, None
         return self.tare
 
     def align_at_rest(self) -> tuple[str, ...]:
@@ -129,6 +145,18 @@ class Knowledge:
             return self._align({name: np.eye(3) for name in self._names})
         turns = (from_quaternions(turn) for turn in self.result.quaternions)
         return self._align(dict(zip(self._names, turns, strict=True)))
+
+    @staticmethod
+    def _placed(result: EstimationResult, since_unix_ns: int) -> Contact | None:
+        place = result.contact
+        if place is None or not place.located:
+            return None
+        return Contact(
+            height_m=place.height,
+            height_std_m=place.deviation,
+            force_n=(float(place.force[0]), float(place.force[1])),
+            since_unix_ns=since_unix_ns,
+        )
 
     def _follow_contact(self, result: EstimationResult, unix_ns: int) -> None:
         net = result.loads - self.tare

@@ -18,6 +18,8 @@ class SavedPose(BaseModel):
         model_pressures_pa: Pressures that hold it in the model.
         pressures_pa: Pressures that held it on the arm.
         sections: Section poses when it was saved, for people and plots.
+        reachable: Whether the arm could hold it within the sensors' noise when it was saved.
+        note: What limits the arm there, in words.
         saved_unix_ns: Wall clock.
     """
 
@@ -27,6 +29,8 @@ class SavedPose(BaseModel):
     pressures_pa: tuple[float, ...]
     sections: tuple[SectionPose, ...]
     saved_unix_ns: int
+    reachable: bool = True
+    note: str = ""
 
 
 class PoseStore:

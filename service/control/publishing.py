@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.api.messages import (
+    STREAMS,
     Estimate,
     HealthFinding,
     LeaseState,
     Mismatch,
+    Occurrence,
     Stamp,
     State,
 )
@@ -25,6 +27,7 @@ from service.safety.modes import Mode
 
 Floats = NDArray[np.float64]
 Status = Literal["converged", "not_converged", "degraded", "no_data"]
+Kind = Literal["mode", "contact_begin", "contact_end", "finding", "finding_cleared"]
 ADVICE = "record the mismatch and run: softarm diagnose RECORDING --specimen SPECIMEN"
 
 
@@ -56,7 +59,7 @@ class Publisher:
         self._model: Literal["fem", "rod"] = model
         self._clock_ns = clock_ns
         self._unix_ns = unix_ns
-        self._counts = {"state": 0, "estimate": 0, "mismatch": 0}
+        self._counts = dict.fromkeys(STREAMS, 0)
 
     def _stamp(self, stream: str) -> Stamp:
         self._counts[stream] += 1
@@ -78,9 +81,9 @@ class Publisher:
         recording: str | None,
     ) -> State:
         """Picture the arm."""
-        controller, hold = self._controller, self._knowledge.hold
+        controller, answer = self._controller, self._knowledge.hold_answer
         now_ns = self._clock_ns()
-        teaching = hold is not None and controller.modes.mode in (Mode.TEACH, Mode.HOLDING)
+        told = answer if controller.modes.mode in (Mode.TEACH, Mode.HOLDING) else None
         return State(
             stamp=self._stamp("state"),
             mode=controller.modes.mode,
@@ -98,9 +101,9 @@ class Publisher:
             ticks=ticks,
             overruns=overruns,
             recording=recording,
-            teach_pressures_pa=tuple(hold.pressures.tolist()) if teaching and hold else None,
-            teach_reachable=hold.reachable if teaching and hold else None,
-            teach_note=hold.note if teaching and hold else None,
+            teach_pressures_pa=tuple(told.pressures.tolist()) if told and told.known else None,
+            teach_reachable=told.reachable if told else None,
+            teach_note=told.note if told else None,
         )
 
     def _findings(self) -> list[HealthFinding]:
@@ -132,7 +135,7 @@ class Publisher:
             status=solved if result.converged else "not_converged",
             model=self._model,
             loads=self._knowledge.load_map.forces(net, result.load_covariance),
-            contact=None,
+            contact=self._knowledge.contact,
             in_contact=self._knowledge.contact_since_unix_ns is not None,
             tare_n=tuple(load.force_n for load in tare),
             normalised_residual=ratio,
@@ -155,3 +158,7 @@ class Publisher:
             recording=recording,
             advice="nothing to do" if test.consistent else ADVICE,
         )
+
+    def occurrence(self, kind: Kind, where: str, text: str) -> Occurrence:
+        """Tell what happened."""
+        return Occurrence(stamp=self._stamp("event"), kind=kind, where=where, text=text)

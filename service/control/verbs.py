@@ -30,6 +30,7 @@ from service.control.hold import HoldGoal
 from service.control.knowledge import Knowledge
 from service.control.poses import PoseStore, SavedPose
 from service.control.recorder import Recorder, RecorderError
+from service.estimation.messages import HoldAnswer
 from service.safety.findings import Finding
 from service.safety.lease import LeaseError
 from service.safety.modes import Event, Mode, TransitionRefusedError
@@ -205,9 +206,7 @@ class Verbs:
 
     def _teach_hold(self, request: TeachHold) -> Answer:
         self._refuse_blocked(Mode.HOLDING)
-        hold = self._context.knowledge.hold
-        if hold is None:
-            raise RefusalError("not_available", "no pressures for this pose yet", "wait for an estimate")
+        hold = self._known_hold()
         goal = HoldGoal(hold.pressures, hold.pressures)
         self._begin_hold(goal, request.ramp_s, f"{request.client} holds")
         return {
@@ -217,13 +216,21 @@ class Verbs:
             "note": hold.note,
         }
 
+    def _known_hold(self) -> HoldAnswer:
+        """Give the pressures that hold the pose, or say why there are none."""
+        knowledge = self._context.knowledge
+        if knowledge.hold is not None:
+            return knowledge.hold
+        if knowledge.hold_answer is not None:
+            hint = "bring the arm into another pose: these pressures would mean nothing"
+            raise RefusalError("not_available", knowledge.hold_answer.note, hint)
+        raise RefusalError("not_available", "no pressures for this pose yet", "wait for an estimate")
+
     def _begin_hold(self, goal: HoldGoal, ramp_s: float, cause: str) -> None:
         self._context.controller.begin_hold(goal, ramp_s, self._context.clock_ns(), cause)
 
     def _teach_save(self, request: TeachSave) -> Answer:
-        hold, sections = self._context.knowledge.hold, self._context.knowledge.sections
-        if hold is None:
-            raise RefusalError("not_available", "no pressures for this pose yet", "teach a pose first")
+        hold, sections = self._known_hold(), self._context.knowledge.sections
         controller = self._context.controller
         held = controller.modes.mode is Mode.HOLDING
         pressures = controller.asked if held else hold.pressures
@@ -232,10 +239,13 @@ class Verbs:
             model_pressures_pa=tuple(float(p) for p in goal),
             pressures_pa=tuple(float(p) for p in pressures),
             sections=sections,
+            reachable=hold.reachable,
+            note=hold.note,
             saved_unix_ns=self._context.unix_ns(),
         )
         self._context.poses.save(request.name, pose)
-        return {"name": request.name, "pressures_pa": list(pose.pressures_pa)}
+        told = {"reachable": pose.reachable, "note": pose.note}
+        return {"name": request.name, "pressures_pa": list(pose.pressures_pa), **told}
 
     def _teach_list(self, request: Request) -> Answer:
         del request
@@ -249,7 +259,13 @@ class Verbs:
         self._refuse_blocked(Mode.HOLDING)
         goal = HoldGoal(np.array(pose.model_pressures_pa), np.array(pose.pressures_pa))
         self._begin_hold(goal, request.ramp_s, f"{request.client} goes to {request.name}")
-        return {"name": request.name, "pressures_pa": list(pose.pressures_pa), "ramp_s": request.ramp_s}
+        return {
+            "name": request.name,
+            "pressures_pa": list(pose.pressures_pa),
+            "ramp_s": request.ramp_s,
+            "reachable": pose.reachable,
+            "note": pose.note,
+        }
 
     def _teach_release(self, request: MovingRequest) -> Answer:
         controller = self._context.controller

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.inverse import ContactPlace
+
 Floats = NDArray[np.float64]
 
 
@@ -22,6 +24,8 @@ class EstimationRequest:
         lost: Names of those that are absent.
         want_hold: Whether to find the pressures that hold the pose.
         want_mesh: Whether to send the positions of the mesh's nodes.
+        want_contact: Whether to place a push along the arm.
+        tare: Load amplitudes that count as zero, shape (loads,); needed to place a push.
     """
 
     time_s: float
@@ -33,6 +37,8 @@ class EstimationRequest:
     lost: tuple[str, ...] = ()
     want_hold: bool = False
     want_mesh: bool = False
+    want_contact: bool = False
+    tare: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -43,11 +49,13 @@ class HoldAnswer:
         pressures: As commanded to the valves, gauge [Pa], shape (chambers,).
         reachable: Whether they hold it within the sensors' noise.
         note: What limits the arm, in words.
+        known: Whether the search ended; otherwise the pressures mean nothing and only the note counts.
     """
 
     pressures: Floats
     reachable: bool
     note: str
+    known: bool = True
 
 
 @dataclass(frozen=True)
@@ -67,6 +75,7 @@ class EstimationResult:
         sensor_innovations: Root mean square of each sensor's residual over its standard deviation.
         unobservable: What these readings cannot tell, in words.
         hold: Pressures that hold the pose, when they were asked for.
+        contact: Place of a single push, when it was asked for and the sensors can tell.
         nodes: Position [m] and stress [Pa] of the mesh's nodes, shape (nodes, 4), when they were asked for.
         solve_s: Time taken.
     """
@@ -83,5 +92,6 @@ class EstimationResult:
     sensor_innovations: dict[str, float] = field(default_factory=dict)
     unobservable: tuple[str, ...] = ()
     hold: HoldAnswer | None = None
+    contact: ContactPlace | None = None
     nodes: NDArray[np.float32] | None = None
     solve_s: float = 0.0

@@ -11,7 +11,16 @@ from threadpoolctl import threadpool_limits
 
 from estimator.arm import build_arm
 from estimator.fem import FiniteElementModel, FiniteElementState, Refactoriser, TrackingModel
-from estimator.inverse import Estimate, Estimator, LoadProcess, TrackerSettings, reach_pose
+from estimator.inverse import (
+    ContactPlace,
+    ContactProfile,
+    Estimate,
+    Estimator,
+    LoadProcess,
+    TrackerSettings,
+    reach_pose,
+)
+from estimator.model import Inputs
 from estimator.rotations import to_quaternions
 from estimator.sensing import Measurement, Registration, SensorSuite
 from estimator.sensors import SpecimenSensors
@@ -20,6 +29,8 @@ from service.config import ControlSettings, SensorSettings
 from service.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
 
 WARM_UP_PRESSURE_PA = 1000.0
+PLACES = 12
+"""Candidate heights of a push, from the clamp to the tip."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +87,8 @@ class Solver:
         background = Refactoriser(self._model).__enter__()
         following = TrackingModel(self._model, background)
         self._estimator: Estimator[Any, Any] = Estimator(following, self._suite, tracker)
+        self._profile = ContactProfile(_heights(specimen))
+        self._pushed = self._model.with_loads((*self._model.loads, *self._profile.loads))
         self._warm_up(np.array(specimen.gravity_m_s2))
 
     def _warm_up(self, gravity: np.ndarray[Any, np.dtype[np.float64]]) -> None:
@@ -92,6 +105,7 @@ class Solver:
             request.time_s, request.readings, request.pressures, request.gravity
         )
         hold = self._hold(request, estimate) if request.want_hold else None
+        contact = self._contact(request, estimate) if request.want_contact else None
         sections = len(self._model.sections)
         deviation = np.sqrt(np.maximum(np.diag(estimate.frame_covariance), 0.0)).reshape(sections, 6)
         return EstimationResult(
@@ -107,6 +121,7 @@ class Solver:
             sensor_innovations=self._innovations(request, estimate),
             unobservable=estimate.unobservable_directions,
             hold=hold,
+            contact=contact,
             nodes=self._nodes(estimate) if request.want_mesh else None,
             solve_s=time.perf_counter() - begin,
         )
@@ -123,10 +138,24 @@ class Solver:
         return found
 
     def _hold(self, request: EstimationRequest, estimate: Estimate[Any]) -> HoldAnswer:
+        """Find the pressures that hold the pose; a search that fails from here starts once more unloaded."""
+        state, inputs = FiniteElementState(estimate.state.displacement, estimate.inputs), estimate.inputs
+        reach = reach_pose(self._model, self._suite, request.readings, self._limits, (state, inputs))
+        if not reach.estimate.converged:
+            free = Inputs(inputs.pressures, np.zeros(len(self._model.loads)), inputs.gravity)
+            state, _ = self._model.solve(free, self._model.rest())
+            reach = reach_pose(self._model, self._suite, request.readings, self._limits, (state, free))
+        known = reach.estimate.converged and bool(np.isfinite(reach.pressures).all())
+        wanted = np.clip(self._actuation.to_measured(np.nan_to_num(reach.pressures)), 0.0, self._limits)
+        return HoldAnswer(wanted, reach.reachable, reach.statement, known)
+
+    def _contact(self, request: EstimationRequest, estimate: Estimate[Any]) -> ContactPlace | None:
+        """Place the push that the estimate's loads stand for."""
+        if not estimate.converged:
+            return None
+        tare = np.zeros(len(self._model.loads)) if request.tare is None else request.tare
         state = FiniteElementState(estimate.state.displacement, estimate.inputs)
-        reach = reach_pose(self._model, self._suite, request.readings, self._limits, (state, estimate.inputs))
-        wanted = np.clip(self._actuation.to_measured(reach.pressures), 0.0, self._limits)
-        return HoldAnswer(wanted, reach.reachable, reach.statement)
+        return self._profile.place(self._pushed, state, self._suite, request.readings, estimate, tare)
 
     def _nodes(self, estimate: Estimate[Any]) -> NDArray[np.float32]:
         """Give position [m] and von Mises stress [Pa] of every node, shape (nodes, 4)."""
@@ -144,3 +173,10 @@ class Solver:
             np.add.at(count, block.connectivity, 1.0)
         nodes[:, 3] /= np.maximum(count, 1.0)
         return nodes
+
+
+def _heights(specimen: Specimen) -> NDArray[np.float64]:
+    """Give candidate heights of a push [m]: the free length of the arm, its ends left out."""
+    tip = max(section.to_m for section in specimen.sections)
+    ends = np.linspace(specimen.clamp.up_to_m, tip, PLACES + 2)
+    return np.asarray(ends[1:-1])

@@ -129,7 +129,7 @@ class SoftarmClient:
         """Call ``handler`` with every message of a stream, the last one first.
 
         Args:
-            stream: ``state``, ``estimate`` or ``mismatch``.
+            stream: ``state``, ``estimate``, ``mismatch`` or ``event``.
             handler: Called in a thread of zenoh's; it must return soon.
         """
         kind = STREAMS[stream]

@@ -126,6 +126,10 @@ class CpxNode:
         """Give the gauge pressures at the outlets [Pa], shape (valves,)."""
         return self._bank.pressures()
 
+    def setpoint(self, channel: int) -> int:
+        """Give the set-point that the terminal holds for a channel, as it stands in its register."""
+        return self._outputs[2 + self._bank.setpoint_word(channel)]
+
     def note_request(self, time: float) -> None:
         """Feed the watchdog: a master has spoken."""
         self._last_request = time
