@@ -13,8 +13,10 @@ from estimator.fem.shapes import quadrature, shape_functions
 from estimator.fem.solids_kernel import solid_forces
 from estimator.mesh import ElementBlock, Floats, Indices
 
-LOCAL_BULK = {"tet4": 0.0, "tet10": 0.0, "hex8": 0.0, "hex20": 10.0}
+LOCAL_BULK = {"tet4": 0.0, "tet10": 10.0, "hex8": 0.0, "hex20": 10.0}
 """Bulk modulus held at the quadrature points, over the shear modulus."""
+HOURGLASS = {"tet4": 0.0, "tet10": 0.0, "hex8": 0.0, "hex20": 0.05}
+"""Stiffness of the hourglass modes over shear modulus and edge."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,7 @@ class Batches:
         gradients: Shape (batches, nodes, points, 3, lanes).
         weights: Shape (batches, points, lanes).
         coefficients: Shape (batches, lanes, 6).
+        hourglass: Shape (batches, nodes, nodes, lanes).
         region: Shape (batches, lanes).
         slots: Where the blocks go, shape (batches, nodes, nodes, lanes).
     """
@@ -38,6 +41,7 @@ class Batches:
     gradients: Floats
     weights: Floats
     coefficients: Floats
+    hourglass: Floats
     region: Indices
     slots: Slots
 
@@ -51,6 +55,9 @@ class Solids:
     Rice 1974, Simo, Taylor and Pister 1985), so that no element locks near incompressibility. P takes
     ``LOCAL_BULK`` shear moduli of the bulk modulus: with the mean alone, the volume ratios at the eight
     points of a 20-node hexahedron part without limit, and it is too soft and unstable in large strain.
+    Its hourglass modes, which reduced integration leaves without stiffness, get ``HOURGLASS`` shear moduli
+    on the part of the nodal positions that no quadratic polynomial of the rest positions explains; that
+    part is zero in every homogeneous deformation (after Flanagan and Belytschko 1981).
 
     Args:
         kind: Element kind.
@@ -61,6 +68,7 @@ class Solids:
         values: Shape functions at the quadrature points, shape (points, nodes).
         coefficients: Law code, half shear modulus, bulk modulus of the mean, a, b, bulk modulus at the points
             of each element, shape (elements, 6).
+        hourglass: Stiffness of the hourglass modes [N/m], shape (elements, nodes, nodes).
         region: Region of each element, shape (elements,).
     """
 
@@ -71,6 +79,7 @@ class Solids:
     weights: Floats
     values: Floats
     coefficients: Floats
+    hourglass: Floats
     region: Indices
 
     def attach(self, pattern: Pattern) -> "Solids":
@@ -99,7 +108,7 @@ class Solids:
         return bool(
             solid_forces(
                 positions, batches.connectivity, batches.gradients, batches.weights, batches.coefficients,
-                scales[batches.region], batches.slots, forces, values, tangent,
+                scales[batches.region], batches.hourglass, batches.slots, forces, values, tangent,
             )
         )  # fmt: skip
 
@@ -185,8 +194,23 @@ def build_solids(points: Floats, block: ElementBlock, materials: tuple[Material,
     table = np.array([material.coefficients() for material in materials])
     weights = measure * parent_weights
     coefficients = _split_bulk(table[region], LOCAL_BULK[block.kind])
-    batches = _batches(connectivity, gradients, weights, coefficients, region)
-    return Solids(block.kind, connectivity, batches, gradients, weights, values, coefficients, region)
+    hourglass = HOURGLASS[block.kind] * _hourglass(corners, weights, 2.0 * coefficients[:, 1])
+    batches = _batches(connectivity, gradients, weights, coefficients, hourglass, region)
+    return Solids(
+        block.kind, connectivity, batches, gradients, weights, values, coefficients, hourglass, region
+    )
+
+
+def _hourglass(corners: Floats, weights: Floats, shear: Floats) -> Floats:
+    """Project nodal values on what no quadratic explains, scaled, shape (elements, nodes, nodes)."""
+    nodes = corners.shape[1]
+    edge = np.cbrt(weights.sum(axis=1))
+    x, y, z = np.moveaxis((corners - corners.mean(axis=1, keepdims=True)) / edge[:, None, None], 2, 0)
+    terms = [np.ones_like(x), x, y, z, x * x, y * y, z * z, x * y, y * z, z * x]
+    if nodes <= len(terms):
+        return np.zeros((len(corners), nodes, nodes))
+    basis = np.linalg.qr(np.stack(terms, axis=2))[0]
+    return np.asarray((shear * edge)[:, None, None] * (np.eye(nodes) - basis @ basis.transpose(0, 2, 1)))
 
 
 def _split_bulk(table: Floats, limit: float) -> Floats:
@@ -198,7 +222,12 @@ def _split_bulk(table: Floats, limit: float) -> Floats:
 
 
 def _batches(
-    connectivity: Indices, gradients: Floats, weights: Floats, coefficients: Floats, region: Indices
+    connectivity: Indices,
+    gradients: Floats,
+    weights: Floats,
+    coefficients: Floats,
+    hourglass: Floats,
+    region: Indices,
 ) -> Batches:
     """Group elements by lanes; the last one fills up what is left over, with nodes -1 - n."""
     count = len(connectivity)
@@ -218,6 +247,7 @@ def _batches(
         gradients=grouped(gradients.transpose(0, 1, 3, 2)),
         weights=grouped(weights),
         coefficients=np.ascontiguousarray(coefficients[element].reshape(-1, LANES, 6)),
+        hourglass=grouped(hourglass),
         region=region[element].reshape(-1, LANES),
         slots=np.empty((0, connectivity.shape[1], connectivity.shape[1], LANES), dtype=np.int32),
     )

@@ -110,18 +110,19 @@ def _left(right: int, terms: int, left: int) -> None:
 
 
 @compiled
-def _pair(left: int, right: int, first: int, second: int, points: int, out: int) -> None:
+def _pair(left: int, right: int, first: int, second: int, hourglass: int, points: int, out: int) -> None:
     """Fill the blocks of a pair of nodes of four elements, shape (9, lanes) at address ``out``.
 
     With the records X, Y, T, U of the first node and f, h, G of the second, and b the mean volume's slopes,
-    the block is sum_q [U.G 1 + X f^T + Y h^T + h T^T] + b_first b_second^T.
+    the block is sum_q [U.G 1 + X f^T + Y h^T + h T^T] + b_first b_second^T; its part along the diagonal goes
+    apart, with that of the hourglass stiffness added.
     """
     a0, a1, a2 = load(first), load(first + STEP), load(first + 2 * STEP)
     b0, b1, b2 = load(second), load(second + STEP), load(second + 2 * STEP)
     k00, k01, k02 = multiply(a0, b0), multiply(a0, b1), multiply(a0, b2)
     k10, k11, k12 = multiply(a1, b0), multiply(a1, b1), multiply(a1, b2)
     k20, k21, k22 = multiply(a2, b0), multiply(a2, b1), multiply(a2, b2)
-    unit = zero()
+    unit = load(hourglass)
     for p in range(points):
         x, r = left + p * LEFT * STEP, right + p * RIGHT * STEP
         f0, f1, f2 = load(r), load(r + STEP), load(r + 2 * STEP)
@@ -234,6 +235,7 @@ def solid_forces(  # noqa: C901 (one loop nest, compiled)
     weights: Floats,
     coefficients: Floats,
     scales: Floats,
+    hourglass: Floats,
     slots: Slots,
     forces: Floats,
     values: Floats,
@@ -250,6 +252,7 @@ def solid_forces(  # noqa: C901 (one loop nest, compiled)
     ratios, squares = np.empty((points, LANES)), np.empty((points, LANES))
     of_f, of_h, slope = np.empty((points, LANES)), np.empty((points, LANES)), np.empty((points, LANES))
     terms, stiffening = np.empty((points, 5, LANES)), np.empty(LANES)
+    scale, stiffness = np.empty(LANES), np.empty((nodes, nodes, LANES))
     mean_slope, force, block = np.empty((nodes, 3, LANES)), np.empty((3, LANES)), np.empty((10, LANES))
     for e in range(connectivity.shape[0]):
         for n in range(nodes):
@@ -279,9 +282,17 @@ def solid_forces(  # noqa: C901 (one loop nest, compiled)
             weights[e], ratios, squares, coefficients[e], scales[e], of_f, of_h, slope, terms, stiffening
         ):
             return False
+        for lane in range(LANES):
+            scale[lane] = scales[e, lane]
+        for n in range(nodes):
+            for m in range(nodes):
+                scaled = multiply(load(scale.ctypes.data), load(hourglass[e, n, m].ctypes.data))
+                store(stiffness[n, m].ctypes.data, scaled)
         for n in range(nodes):
             for i in range(3):
                 total, volume = zero(), zero()
+                for m in range(nodes):
+                    total = fma(load(stiffness[n, m].ctypes.data), load(corners[m, i].ctypes.data), total)
                 for p in range(points):
                     record = right[n, p].ctypes.data
                     h = load(record + (3 + i) * STEP)
@@ -307,6 +318,7 @@ def solid_forces(  # noqa: C901 (one loop nest, compiled)
                     right[m].ctypes.data,
                     mean_slope[n].ctypes.data,
                     mean_slope[m].ctypes.data,
+                    stiffness[n, m].ctypes.data,
                     points,
                     block.ctypes.data,
                 )
