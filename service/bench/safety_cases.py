@@ -27,6 +27,7 @@ VALVE_FAULTS = frozenset(
         "second_master",
         "valve_fault",
         "supply_missing",
+        "wrong_transaction",
         "wrong_protocol",
         "garbage",
     }

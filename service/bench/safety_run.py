@@ -2,7 +2,7 @@
 
 import asyncio
 import tempfile
-import time
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -150,7 +150,14 @@ async def _watch(arm: SafetyArm, seconds: float) -> float | None:
     return vented_s
 
 
-def timed(cases: Callable[[], list[Case]]) -> tuple[list[Case], float]:
-    """Run and tell how long it took [s]."""
-    begin = time.monotonic()
-    return cases(), time.monotonic() - begin
+def quick(kind: str, fault: str, mode: Mode) -> bool:
+    """Choose each fault of valves and motion capture once, of the others one in three, the modes in turn."""
+    turn = zlib.crc32(f"{kind} {fault}".encode())
+    vital = kind.startswith("festo") or kind == "qualisys"
+    pressurised = [Mode.ARMED, Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT]
+    return mode is pressurised[turn % 4] and (vital or turn % 3 == 0)
+
+
+def everything(kind: str, fault: str, mode: Mode) -> bool:  # noqa: ARG001
+    """Choose every case."""
+    return True

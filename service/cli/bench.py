@@ -13,6 +13,8 @@ BENCHES = {
     "drivers": "Time and load the device drivers against the fakes.",
     "faults": "Strike every kind of device with random faults, and hold each reading against the truth.",
     "diagnosis": "Prove the diagnosis on sealed trials and beside its alternatives.",
+    "safety": "Strike every device with every fault in every mode; is the arm left safe?",
+    "soak": "Run a service for long under faults and clients that come, go and stall.",
     "plant": "Time the fake arm against real time.",
     "real-data": "Calibrate on real recordings and predict what was held out.",
 }

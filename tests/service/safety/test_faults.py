@@ -1,0 +1,30 @@
+"""Every fault of valves and motion capture, and some of the others, in a mode each: where is the arm left?"""
+
+import logging
+
+import pytest
+
+from service.bench.safety_cases import Outcome
+from service.bench.safety_run import BENCHES, quick, run
+from service.safety.modes import Mode
+
+
+@pytest.fixture(scope="module")
+def cases():
+    logging.disable(logging.ERROR)
+    yield run(BENCHES[:1], quick, lambda: None)
+    logging.disable(logging.NOTSET)
+
+
+def test_every_fault_leaves_the_arm_where_it_must_be(cases):
+    assert [case for case in cases if not case.right] == []
+
+
+def test_the_matrix_is_not_empty(cases):
+    assert len(cases) > 40
+    assert {case.mode for case in cases} == {Mode.ARMED, Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT}
+    assert {case.outcome for case in cases} == set(Outcome)
+
+
+def test_what_ends_a_mode_is_said(cases):
+    assert all(case.said for case in cases if case.outcome is Outcome.VENTS)
