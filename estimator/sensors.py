@@ -110,4 +110,5 @@ class SpecimenSensors:
             np.array([entry.gain.value for entry in found]),
             np.array([entry.bias_pa.value for entry in found]),
             self.specimen.noise.pressure_pa,
+            np.array([entry.curve_per_pa.value for entry in found]),
         )

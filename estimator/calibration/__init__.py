@@ -2,8 +2,10 @@
 
 from estimator.calibration.arrange import Run, arrange
 from estimator.calibration.calibrate import CalibrationRefusedError, Options, calibrate
+from estimator.calibration.drift import Drift, check_drift
 from estimator.calibration.identifiability import Identified
 from estimator.calibration.outcome import Calibrated, Check, calibrated_specimen
+from estimator.calibration.pulls import section_forces
 from estimator.calibration.solver import BatchSolver, NodeSolver, Response, Solver
 
 __all__ = [
@@ -11,6 +13,7 @@ __all__ = [
     "Calibrated",
     "CalibrationRefusedError",
     "Check",
+    "Drift",
     "Identified",
     "NodeSolver",
     "Options",
@@ -20,4 +23,6 @@ __all__ = [
     "arrange",
     "calibrate",
     "calibrated_specimen",
+    "check_drift",
+    "section_forces",
 ]

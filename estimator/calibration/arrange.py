@@ -1,15 +1,17 @@
 """From a recording and a specimen to sensors, their stacked readings and the pressures beside them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.calibration.pulls import LEAST_PULL, known_pulls
 from estimator.errors import InputError
+from estimator.model import Load
 from estimator.recording import Recording
-from estimator.rotations import from_quaternions, mean_rotation
+from estimator.rotations import exp, from_quaternions, mean_rotation
 from estimator.sensing import Measurement, Registration, SensorSuite, register
 from estimator.sensors import SpecimenSensors
 from estimator.specimen import Specimen
@@ -34,6 +36,12 @@ class Run:
         pressure_source: ``measured``, ``commanded`` or ``none`` of each chamber.
         suite: The sensors that the recording has.
         readings: Stacked readings, NaN where lost, shape (samples, readings).
+        loads: Known forces on the arm, amplitudes of the loads it was arranged for [N], NaN where lost,
+            shape (samples, loads).
+        load_names: Names of those loads.
+        registration: Laboratory to base, as it was arranged.
+        ignored_markers: Markers of the recording that the specimen does not name, such as one on a gauge's
+            hook.
     """
 
     name: str
@@ -42,11 +50,28 @@ class Run:
     pressure_source: tuple[str, ...]
     suite: SensorSuite
     readings: Floats
+    loads: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    load_names: tuple[str, ...] = ()
+    registration: Registration = field(default_factory=Registration)
+    ignored_markers: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.load_names:
+            object.__setattr__(self, "loads", np.zeros((len(self.time), 0)))
+
+    @property
+    def pulled(self) -> bool:
+        """Whether a known force acts on the arm at some time."""
+        return bool((np.abs(np.nan_to_num(self.loads)) > LEAST_PULL).any())
 
     def window(self, keep: Flags) -> "Run":
         """Keep some samples, shape (samples,)."""
         return replace(
-            self, time=self.time[keep], pressures=self.pressures[keep], readings=self.readings[keep]
+            self,
+            time=self.time[keep],
+            pressures=self.pressures[keep],
+            readings=self.readings[keep],
+            loads=self.loads[keep],
         )
 
     def delayed(self, lag: float) -> "Run":
@@ -56,7 +81,12 @@ class Run:
         return replace(self, pressures=pressures)
 
 
-def arrange(recording: Recording, specimen: Specimen, sections: Sequence[str] | None = None) -> Run:
+def arrange(
+    recording: Recording,
+    specimen: Specimen,
+    sections: Sequence[str] | None = None,
+    loads: Sequence[Load] = (),
+) -> Run:
     """Arrange a recording.
 
     Bends, poses and markers become sensors with the specimen's noise and calibration; markers and poses of
@@ -67,10 +97,11 @@ def arrange(recording: Recording, specimen: Specimen, sections: Sequence[str] | 
         recording: What was recorded.
         specimen: The robot it was recorded on.
         sections: Names of the model's sections; those of the specimen when left out.
+        loads: The model's loads, as ``section_forces`` gives them, where gauges count as known forces.
 
     Raises:
-        InputError: The recording has a section, marker or chamber that the specimen lacks, no motion, or
-            pressures above the specimen's limits.
+        InputError: The recording has a section or chamber that the specimen lacks, no motion, pressures above
+            the specimen's limits, or a gauge at the end of its range.
     """
     names = tuple(sections or (section.name for section in specimen.sections))
     pressures, sources = _pressures(recording, specimen)
@@ -83,7 +114,21 @@ def arrange(recording: Recording, specimen: Specimen, sections: Sequence[str] | 
     suite = SensorSuite(tuple(sensor for sensor, _ in sensors.values()))
     readings = suite.stack({name: values for name, (_, values) in sensors.items()})
     rows = np.isfinite(readings).any(axis=1)
-    run = Run(recording.name, recording.time, pressures, sources, suite, readings)
+    unknown = tuple(name for name in recording.markers if name not in {m.name for m in specimen.markers})
+    pulls = known_pulls(recording, specimen, registration, loads)
+    bridged = [_interpolate(recording.time, recording.time, column) for column in pulls.T]
+    run = Run(
+        recording.name,
+        recording.time,
+        pressures,
+        sources,
+        suite,
+        readings,
+        np.column_stack(bridged) if bridged else pulls,
+        tuple(load.name for load in loads),
+        registration,
+        unknown,
+    )
     return run.window(np.asarray(rows))
 
 
@@ -158,14 +203,8 @@ def _poses(recording: Recording, make: SpecimenSensors) -> Sensors:
 
 def _markers(recording: Recording, make: SpecimenSensors) -> Sensors:
     known = {marker.name: marker for marker in make.specimen.markers}
-    for name in recording.markers:
-        if name not in known:
-            raise InputError(
-                f"{recording.name}, marker {name}",
-                f"the specimen has no marker {name!r}",
-                f"it has {', '.join(known) or 'none'}; add it to the specimen or remove the columns",
-            )
-    below = [name for name in recording.markers if known[name].section != make.sections[0]]
+    named = [name for name in recording.markers if name in known]
+    below = [name for name in named if known[name].section != make.sections[0]]
     made = [(make.marker(name), recording.marker(name)) for name in below]
     return {sensor.name: (sensor, values) for sensor, values in made}
 
@@ -192,9 +231,9 @@ def _registration_by_pose(recording: Recording, specimen: Specimen, section: str
     seen = pose[np.isfinite(pose).all(axis=1)]
     if not len(seen):
         return Registration()
-    base = specimen.section(section)
+    base, mounted = specimen.section(section), specimen.calibration.frame(section)
     rest = from_quaternions(np.array(base.frame_quaternion))
     recorded = mean_rotation(from_quaternions(seen[:, 3:]))
-    rotation = rest @ recorded.T
-    translation = np.array(base.frame_origin_m) - rotation @ seen[:, :3].mean(axis=0)
-    return Registration(rotation, translation)
+    rotation = rest @ exp(np.array(mounted.misalignment_rad)) @ recorded.T
+    origin = np.array(base.frame_origin_m) + rest @ np.array(mounted.offset_m)
+    return Registration(rotation, origin - rotation @ seen[:, :3].mean(axis=0))

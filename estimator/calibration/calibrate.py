@@ -13,6 +13,7 @@ from estimator.calibration.identifiability import KEPT, MANOEUVRES, identify, ke
 from estimator.calibration.nodes import BLOCK, Nodes, choose_nodes, training_blocks
 from estimator.calibration.outcome import Calibrated, Check
 from estimator.calibration.parameters import Layout, build_layout
+from estimator.calibration.pulls import LEAST_PULL
 from estimator.calibration.regression import estimate_lag, fit_line
 from estimator.calibration.search import AxesFit, search_axes
 from estimator.calibration.solver import Solver
@@ -27,6 +28,7 @@ Flags = NDArray[np.bool_]
 NODES = 240
 LEAST_PRESSURE_SPREAD = 1.0e3  # Pa; a chamber that moved less tells nothing of its gain
 LEAST_SOLVED = 0.5
+FEWEST_PULLS = 5  # nodes at which a known force must act before it counts as telling the moduli
 STIFFER = (1.0, 1.4, 2.0, 2.8)
 PROBES = 6
 WORSE = 1.3  # times the old error: an old fit that has seen the blocks is allowed to know them better
@@ -151,7 +153,8 @@ def _forward(solver: Solver, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Fo
     sources = nodes[0].run.pressure_source
     measurements = {m.name: m for own in nodes for m in own.run.suite.measurements}
     suite = SensorSuite(tuple(measurements.values()))
-    layout = build_layout(specimen, suite, sources, moved, solver.factors)
+    pulled = bool(sum((np.abs(own.loads) > LEAST_PULL).any(axis=1).sum() for own in nodes) > FEWEST_PULLS)
+    layout = build_layout(specimen, suite, sources, moved, solver.factors, pulled)
     return Forward(solver, layout, nodes, np.array(specimen.gravity_m_s2))
 
 

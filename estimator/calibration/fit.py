@@ -21,6 +21,8 @@ Flags = NDArray[np.bool_]
 
 HUBER = 1.5  # in units of the scatter
 NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
+PULLED = ", pulled"
+"""Runs with known forces have a scatter of their own: the arm hangs near rest, where a model is truer."""
 SETTLING = 4  # evaluations after which scatter and correlation stay, so that one function is minimised
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e6
@@ -131,7 +133,7 @@ def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
         noise, registered = np.empty(suite.size), np.zeros(suite.size)
         for measurement in suite.measurements:
             rows = suite.slices[measurement.name]
-            kind[rows] = _kinds(measurement)
+            kind[rows] = [name + (PULLED if own.run.pulled else "") for name in _kinds(measurement)]
             registered[rows] = measurement.registration is not None
             noise[rows] = np.sqrt(np.diag(measurement.covariance(np.zeros(measurement.reading_size))))
         seen = np.isfinite(evaluation.innovation)

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.calibration.nodes import Nodes
-from estimator.calibration.parameters import Layout, Setting
+from estimator.calibration.parameters import Layout, Setting, gravity_axes
 from estimator.calibration.solver import Response, Solver
 from estimator.model import Frames
 from estimator.rotations import skew
-from estimator.sensing import Scene, SensorSuite
+from estimator.sensing import Marker, Scene, SectionPose, SensorSuite
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -87,7 +87,8 @@ class Forward:
     def _evaluate_run(self, setting: Setting, nodes: Nodes, start: Evaluation | None) -> Evaluation:
         acting = setting.actuation.to_chamber(nodes.pressures)
         memory = start.response if start is not None else None
-        response = self.solver.respond(setting.scales, acting, self.gravity, memory)
+        gravity, pulls = setting.gravity(self.gravity), setting.pulls(nodes.loads)
+        response = self.solver.respond(setting.scales, acting, pulls, gravity, memory)
         suite = setting.aligned(nodes.run.suite)
         scene = Scene(response.frames, np.zeros((len(nodes.time), 0)))
         sensitivity = suite.sensitivity(scene, nodes.readings)
@@ -96,7 +97,7 @@ class Forward:
         left = sensitivity.innovation - (twists @ response.drift[..., None])[..., 0]
         return Evaluation(
             np.where(lost, np.nan, left),
-            self._jacobian(setting, suite, nodes, scene, twists, response),
+            self._jacobian(setting, suite, nodes, scene, twists, response, np.nan_to_num(left)),
             twists @ rigid_motion(response.frames),
             response,
         )
@@ -109,24 +110,81 @@ class Forward:
         scene: Scene,
         twists: Floats,
         response: Response,
+        innovation: Floats,
     ) -> Floats:
         by_pressure = twists @ response.by_pressure
         by_factor = twists @ response.by_factor
         by_alignment = np.nan_to_num(suite.parameter_rows(scene, nodes.readings))
+        moved = twists @ rigid_motion(response.frames) - lever(suite, innovation)
+        by_base = -registered(suite)[:, None] * moved
+        by_cord = by_azimuth(twists @ response.by_load, setting.pulls(nodes.loads))
+        tilts = -skew(setting.gravity(self.gravity)) @ gravity_axes(self.gravity).T
+        by_tilt = twists @ response.by_gravity @ tilts
+        square = setting.actuation.gain * nodes.pressures**2
+        pushed = nodes.pressures * (1.0 + setting.actuation.curve * nodes.pressures)
         jacobian = np.zeros((*twists.shape[:2], len(self.layout.parameters)))
         for column, parameter in enumerate(self.layout.parameters):
             target = parameter.target
-            if parameter.kind == "modulus":
-                factor = by_factor[..., self.solver.factors.index(target)]
-                jacobian[..., column] = factor * setting.scales[target]
-            elif parameter.kind == "gain":
-                chamber = int(target)
-                jacobian[..., column] = by_pressure[..., chamber] * nodes.pressures[:, None, chamber]
-            elif parameter.kind == "bias":
-                jacobian[..., column] = by_pressure[..., int(target)]
-            elif target in suite.parameter_names:
-                jacobian[..., column] = by_alignment[..., suite.parameter_names.index(target)]
+            match parameter.kind:
+                case "modulus":
+                    factor = by_factor[..., self.solver.factors.index(target)]
+                    jacobian[..., column] = factor * setting.scales[target]
+                case "gain":
+                    jacobian[..., column] = by_pressure[..., int(target)] * pushed[:, None, int(target)]
+                case "bias":
+                    jacobian[..., column] = by_pressure[..., int(target)]
+                case "curve":
+                    members = list(parameter.chambers)
+                    changed = by_pressure[..., members] * square[:, None, members]
+                    jacobian[..., column] = changed.sum(axis=-1)
+                case "base":
+                    jacobian[..., column] = by_base[..., int(target)]
+                case "gravity":
+                    jacobian[..., column] = by_tilt[..., int(target)]
+                case "cord":
+                    jacobian[..., column] = by_cord
+                case "alignment" if target in suite.parameter_names:
+                    jacobian[..., column] = by_alignment[..., suite.parameter_names.index(target)]
         return jacobian
+
+
+def registered(suite: SensorSuite) -> Floats:
+    """Tell which rows of a suite rest on the laboratory's registration, 1 or 0, shape (rows,)."""
+    flags = np.zeros(suite.size)
+    for measurement in suite.measurements:
+        flags[suite.slices[measurement.name]] = measurement.registration is not None
+    return flags
+
+
+def lever(suite: SensorSuite, innovation: Floats) -> Floats:
+    """Give what a turn of the registration moves measured points more than predicted ones.
+
+    A turn w moves a measured point y by w x y and a predicted one, p = y - innovation, by w x p.
+
+    Returns:
+        Per turn and shift as ``rigid_motion`` has them, shape (nodes, rows, 6).
+    """
+    more = np.zeros((*innovation.shape, 6))
+    for measurement in suite.measurements:
+        if isinstance(measurement, SectionPose | Marker):
+            first = suite.slices[measurement.name].start
+            more[:, first : first + 3, 3:] = skew(innovation[:, first : first + 3])
+    return more
+
+
+def by_azimuth(by_load: Floats, pulls: Floats) -> Floats:
+    """Differentiate readings by a rotation of all pulls about z, shape (nodes, rows).
+
+    Args:
+        by_load: Readings per unit of each load, shape (nodes, rows, loads).
+        pulls: Forces, three components a section, shape (nodes, loads).
+    """
+    if not pulls.size:
+        return np.zeros(by_load.shape[:2])
+    forces = pulls.reshape(len(pulls), -1, 3)
+    change = np.cross([0.0, 0.0, 1.0], forces).reshape(pulls.shape)
+    moved: Floats = (by_load @ change[..., None])[..., 0]
+    return moved
 
 
 def rigid_motion(frames: Frames) -> Floats:

@@ -17,6 +17,10 @@ MANOEUVRES = {
     "modulus": "hold the arm still at several pressures of its chambers between zero and their limit",
     "gain": "raise this chamber alone in steps up to its limit, each held for 5 s",
     "bias": "hold zero pressure for 10 s, then raise this chamber alone in small steps",
+    "curve": "raise single chambers in steps over their whole range, each held for 5 s",
+    "base": "bend each segment by more than 20 degrees in three directions, each held for 5 s",
+    "gravity": "hang a known weight, or pull with the gauge in three directions, each held for 5 s",
+    "cord": "pull with the gauge by more than 0.2 N in two directions, the hook's marker in view",
     "alignment": "bend the segment by more than 10 degrees in two directions, each held for 5 s",
 }
 

@@ -26,6 +26,7 @@ class Nodes:
         time: Middle of each window [s], shape (nodes,).
         pressures: Recorded pressures [Pa], shape (nodes, chambers).
         readings: Stacked readings, NaN where lost, shape (nodes, readings).
+        loads: Known forces on the arm, three components a section [N], shape (nodes, loads).
         weights: Between ``LEAST_WEIGHT`` and 1, small where the arm moves fast, shape (nodes,).
         blocks: Which block of ``BLOCK`` seconds each belongs to, shape (nodes,).
     """
@@ -34,6 +35,7 @@ class Nodes:
     time: Floats
     pressures: Floats
     readings: Floats
+    loads: Floats
     weights: Floats
     blocks: Indices
 
@@ -44,6 +46,7 @@ class Nodes:
             self.time[flags],
             self.pressures[flags],
             self.readings[flags],
+            self.loads[flags],
             self.weights[flags],
             self.blocks[flags],
         )
@@ -64,10 +67,11 @@ def choose_nodes(run: Run, count: int, window: float = WINDOW) -> Nodes:
     rows, weights, kept = [], [], []
     for centre in centres:
         inside = np.abs(run.time - centre) <= window / 2
-        inside &= np.isfinite(run.pressures).all(axis=1)
+        inside &= np.isfinite(run.pressures).all(axis=1) & np.isfinite(run.loads).all(axis=1)
         if inside.any():
             kept.append(centre)
-            rows.append((run.pressures[inside].mean(axis=0), _mean(run.readings[inside])))
+            means = (run.pressures[inside].mean(axis=0), run.loads[inside].mean(axis=0))
+            rows.append((*means, _mean(run.readings[inside])))
             weights.append(max(1.0 / (1.0 + (speeds[inside].mean() / QUIET_SPEED) ** 2), LEAST_WEIGHT))
     time = np.array(kept)
     chambers, readings = run.pressures.shape[1], run.readings.shape[1]
@@ -75,7 +79,8 @@ def choose_nodes(run: Run, count: int, window: float = WINDOW) -> Nodes:
         run,
         time,
         np.array([row[0] for row in rows]).reshape(len(rows), chambers),
-        np.array([row[1] for row in rows]).reshape(len(rows), readings),
+        np.array([row[2] for row in rows]).reshape(len(rows), readings),
+        np.array([row[1] for row in rows]).reshape(len(rows), run.loads.shape[1]),
         np.array(weights),
         block_of(run, time),
     )

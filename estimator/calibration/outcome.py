@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.calibration.identifiability import Identified
+from estimator.calibration.parameters import gravity_axes
+from estimator.rotations import exp, from_quaternions, log
 from estimator.specimen import (
     BendCalibration,
     ChamberCalibration,
@@ -81,8 +83,14 @@ class Calibrated:
         return None
 
 
-def calibrated_specimen(specimen: Specimen, found: Calibrated) -> Specimen:
-    """Write a calibration into its specimen; what was kept stays as it was."""
+def calibrated_specimen(specimen: Specimen, found: Calibrated, provenance: str = "") -> Specimen:
+    """Write a calibration into its specimen; what was kept stays as it was.
+
+    Args:
+        specimen: The specimen that was calibrated.
+        found: What was found.
+        provenance: When and how.
+    """
     old = specimen.calibration
     scales = dict(old.modulus_scale)
     for segment in specimen.segments:
@@ -92,18 +100,55 @@ def calibrated_specimen(specimen: Specimen, found: Calibrated) -> Specimen:
     calibration = old.model_copy(
         update={
             "recordings": tuple(dict.fromkeys((*old.recordings, *found.recordings))),
+            "provenance": provenance or old.provenance,
+            "scatter": scatter_of(found.check),
             "modulus_scale": scales,
-            "chambers": tuple(_chamber(old.chamber(c.index), found) for c in specimen.chambers),
+            "chambers": tuple(_chamber(specimen, c.index, found) for c in specimen.chambers),
             "bends": _bends(specimen, found),
             "frames": _frames(specimen, found),
         }
     )
-    return specimen.model_copy(update={"calibration": calibration})
+    gravity = _gravity(specimen, found)
+    return specimen.model_copy(update={"calibration": calibration, "gravity_m_s2": gravity})
 
 
-def _chamber(old: ChamberCalibration, found: Calibrated) -> ChamberCalibration:
-    gain, bias = found.value(f"gain.{old.index}"), found.value(f"bias.{old.index}")
-    return ChamberCalibration(index=old.index, gain=gain or old.gain, bias_pa=bias or old.bias_pa)
+def scatter_of(check: Check) -> dict[str, float]:
+    """Give the scatter of each sensor by quantity, of what no fit had seen where something was held out."""
+    unseen = check.held_out or check.training
+    groups: dict[str, list[float]] = {}
+    for name, value in unseen.items():
+        groups.setdefault(quantity_of(name), []).append(value)
+    return {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in groups.items()}
+
+
+def quantity_of(component: str) -> str:
+    """Name the sensor and quantity of a component: ``frame_tip.4`` is ``frame_tip rotation``."""
+    sensor, _, number = component.rpartition(".")
+    if not sensor.startswith("frame_"):
+        return sensor
+    return f"{sensor} {'position' if int(number) < 3 else 'rotation'}"
+
+
+def _chamber(specimen: Specimen, index: int, found: Calibrated) -> ChamberCalibration:
+    old = specimen.calibration.chamber(index)
+    segment = next(c.segment for c in specimen.chambers if c.index == index)
+    gain, bias = found.value(f"gain.{index}"), found.value(f"bias.{index}")
+    curve = found.value(f"curve.{segment}")
+    return ChamberCalibration(
+        index=index,
+        gain=gain or old.gain,
+        bias_pa=bias or old.bias_pa,
+        curve_per_pa=curve or old.curve_per_pa,
+    )
+
+
+def _gravity(specimen: Specimen, found: Calibrated) -> tuple[float, float, float]:
+    """Tilt gravity as it was found; what turns it about itself cannot be seen."""
+    gravity = np.array(specimen.gravity_m_s2)
+    tilts = [found.value(f"gravity.tilt_{axis}") for axis in "xy"]
+    vector = np.array([0.0 if tilt is None else tilt.value for tilt in tilts])
+    x, y, z = (exp(vector @ gravity_axes(gravity)) @ gravity).tolist()
+    return x, y, z
 
 
 def _bends(specimen: Specimen, found: Calibrated) -> tuple[BendCalibration, ...]:
@@ -124,10 +169,11 @@ def _frames(specimen: Specimen, found: Calibrated) -> tuple[FrameCalibration, ..
     entries = {entry.section: entry for entry in specimen.calibration.frames}
     names = {entry.parameter.name for entry in found.identified}
     for section in (section.name for section in specimen.sections):
-        if f"frame_{section}.offset_x" not in names:
+        kinds = [kind for kind in ("frame", "orientation") if f"{kind}_{section}.misalignment_x" in names]
+        if not kinds:
             continue
         old = specimen.calibration.frame(section)
-        turned = [found.value(f"frame_{section}.misalignment_{axis}") for axis in "xyz"]
+        turned = [found.value(f"{kinds[0]}_{section}.misalignment_{axis}") for axis in "xyz"]
         moved = [found.value(f"frame_{section}.offset_{axis}") for axis in "xyz"]
         entries[section] = FrameCalibration(
             section=section,
@@ -136,7 +182,33 @@ def _frames(specimen: Specimen, found: Calibrated) -> tuple[FrameCalibration, ..
             offset_m=_vector(moved, old.offset_m, "value"),
             offset_std_m=_vector(moved, old.offset_std_m, "std"),
         )
+    mounted = _mounted(specimen, found)
+    if mounted is not None:
+        entries[mounted.section] = mounted
     return tuple(entries.values())
+
+
+def _mounted(specimen: Specimen, found: Calibrated) -> FrameCalibration | None:
+    """Tell how the body on the base is mounted; it adds to what the registration already knew."""
+    turned = [found.value(f"base.turn_{axis}") for axis in "xyz"]
+    moved = [found.value(f"base.shift_{axis}") for axis in "xyz"]
+    if all(value is None for value in (*turned, *moved)):
+        return None
+    section = specimen.sections[0]
+    old = specimen.calibration.frame(section.name)
+    rest = from_quaternions(np.array(section.frame_quaternion))
+    turn, shift = np.array(_vector(turned, (0, 0, 0), "value")), np.array(_vector(moved, (0, 0, 0), "value"))
+    origin = np.array(section.frame_origin_m)
+    before = origin + rest @ np.array(old.offset_m)
+    offset = rest.T @ (exp(turn) @ before + shift - origin)
+    misalignment = log(rest.T @ exp(turn) @ rest @ exp(np.array(old.misalignment_rad)))
+    return FrameCalibration(
+        section=section.name,
+        misalignment_rad=tuple(misalignment.tolist()),
+        misalignment_std_rad=_vector(turned, old.misalignment_std_rad, "std"),
+        offset_m=tuple(offset.tolist()),
+        offset_std_m=_vector(moved, old.offset_std_m, "std"),
+    )
 
 
 def _vector(

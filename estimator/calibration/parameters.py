@@ -1,23 +1,38 @@
 """The unknowns of a calibration, what is known of them beforehand, and what they stand for in the model."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.sensing import ActuationMap, Bend, SectionPose, SensorSuite
+from estimator.rotations import exp
+from estimator.sensing import (
+    ActuationMap,
+    Bend,
+    Marker,
+    Measurement,
+    Orientation,
+    SectionPose,
+    SensorSuite,
+)
 from estimator.specimen import Specimen
 
 Floats = NDArray[np.float64]
-Kind = Literal["modulus", "gain", "bias", "alignment"]
+Kind = Literal["modulus", "gain", "curve", "bias", "alignment", "base", "gravity", "cord"]
 
 MODULUS_SPREAD = np.log(2.0)  # fitted shear moduli of such arms range from 35 to 152 kPa
 GAIN_SPREAD = 0.15
 MEAN_GAIN_SPREAD = 0.02  # a set of pressure sensors is right on average; divides gains from moduli
+AREA_SPREAD = 0.3  # of the area that the pressures push on, where known pulls tell the moduli
+CURVE_SPREAD = 5e-6  # 1/Pa; a winding may give way by a quarter over the working range
 BIAS_SPREAD = 1.0e3  # Pa
 NOMINAL_BIAS_SPREAD = 3.0e3  # Pa, where nobody measured the pressure
+TURN_SPREAD = 0.03  # rad; the body on the base is mounted to two degrees
+SHIFT_SPREAD = 1e-3  # m
+GRAVITY_SPREAD = 0.01  # rad; a mount is levelled to half a degree
+CORD_SPREAD = 0.1  # rad
 ALIGNMENT_SPREAD = {
     "in_plane": np.pi / 2,
     "bias_x": 0.15,
@@ -46,10 +61,11 @@ class Parameter:
     Args:
         name: ``modulus.upper``, ``gain.3``, ``bias.3``, ``bend_tip.in_plane``.
         kind: What it acts on.
-        target: Segment, chamber or ``<sensor>.<parameter>``.
+        target: Segment, chamber, axis or ``<sensor>.<parameter>``.
         unit: Its unit; a modulus is the logarithm of a factor.
         mean: What is known beforehand.
         spread: Standard deviation of that.
+        chambers: Chambers it acts on, for a curve.
     """
 
     name: str
@@ -58,6 +74,7 @@ class Parameter:
     unit: str
     mean: float
     spread: float
+    chambers: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -68,18 +85,46 @@ class Setting:
         scales: Factor on the stiffness of each segment.
         actuation: From recorded to acting pressures.
         alignment: Values of sensors' parameters by ``<sensor>.<parameter>``.
+        base: Twist (v [m], w [rad]) by which registered readings are moved, shape (6,): the mounting of the
+            body on the base.
+        gravity_tilt: Rotation of gravity [rad] about the two axes of ``gravity_axes``, shape (2,).
+        cord_azimuth: Rotation of all known pulls about the base frame's z [rad].
     """
 
     scales: Mapping[str, float]
     actuation: ActuationMap
     alignment: Mapping[str, float]
+    base: Floats = field(default_factory=lambda: np.zeros(6))
+    gravity_tilt: Floats = field(default_factory=lambda: np.zeros(2))
+    cord_azimuth: float = 0.0
 
     def aligned(self, suite: SensorSuite) -> SensorSuite:
-        """Give a suite with the alignment."""
+        """Give a suite with the alignment, and registered with the base as it is mounted."""
         values = suite.parameters.copy()
         for index, name in enumerate(suite.parameter_names):
             values[index] = self.alignment.get(name, values[index])
-        return suite.with_parameters(values)
+        turned = suite.with_parameters(values)
+        if not self.base.any():
+            return turned
+        return SensorSuite(tuple(self._registered(sensor) for sensor in turned.measurements))
+
+    def gravity(self, gravity: Floats) -> Floats:
+        """Tilt gravity [m/s2], shape (3,)."""
+        turned: Floats = exp(self.gravity_tilt @ gravity_axes(gravity)) @ gravity
+        return turned
+
+    def pulls(self, loads: Floats) -> Floats:
+        """Turn known forces, three components a section, about z, shape (nodes, loads)."""
+        if not loads.size:
+            return loads
+        turn = exp(np.array([0.0, 0.0, self.cord_azimuth]))
+        turned: Floats = (loads.reshape(len(loads), -1, 3) @ turn.T).reshape(loads.shape)
+        return turned
+
+    def _registered(self, sensor: Measurement) -> Measurement:
+        if not isinstance(sensor, SectionPose | Orientation | Marker):
+            return sensor
+        return replace(sensor, registration=sensor.registration.moved(self.base))
 
 
 @dataclass(frozen=True)
@@ -119,16 +164,28 @@ class Layout:
         """Tell what values stand for, shape (unknowns,)."""
         scales, alignment = dict(self.settled.scales), dict(self.settled.alignment)
         gain, bias = self.settled.actuation.gain.copy(), self.settled.actuation.bias.copy()
+        curve = np.broadcast_to(self.settled.actuation.curve, gain.shape).copy()
+        base, tilt = self.settled.base.copy(), self.settled.gravity_tilt.copy()
+        azimuth = self.settled.cord_azimuth
         for parameter, value in zip(self.parameters, values.tolist(), strict=True):
-            if parameter.kind == "modulus":
-                scales[parameter.target] = float(np.exp(value))
-            elif parameter.kind == "gain":
-                gain[int(parameter.target)] = value
-            elif parameter.kind == "bias":
-                bias[int(parameter.target)] = value
-            else:
-                alignment[parameter.target] = value
-        return Setting(scales, ActuationMap(gain, bias), alignment)
+            match parameter.kind:
+                case "modulus":
+                    scales[parameter.target] = float(np.exp(value))
+                case "gain":
+                    gain[int(parameter.target)] = value
+                case "bias":
+                    bias[int(parameter.target)] = value
+                case "curve":
+                    curve[list(parameter.chambers)] = value
+                case "base":
+                    base[int(parameter.target)] = value
+                case "gravity":
+                    tilt[int(parameter.target)] = value
+                case "cord":
+                    azimuth = value
+                case "alignment":
+                    alignment[parameter.target] = value
+        return Setting(scales, ActuationMap(gain, bias, curve=curve), alignment, base, tilt, azimuth)
 
     def without(self, names: Collection[str]) -> "Layout":
         """Settle some unknowns at what is known of them beforehand."""
@@ -165,6 +222,7 @@ def build_layout(
     pressure_sources: Sequence[str],
     moved_chambers: Sequence[int],
     regions: Sequence[str],
+    pulled: bool = False,
 ) -> Layout:
     """Choose the unknowns for what was recorded.
 
@@ -174,6 +232,8 @@ def build_layout(
         pressure_sources: ``measured``, ``commanded`` or ``none`` of each chamber.
         moved_chambers: Chambers whose pressure varied; the others keep their calibration.
         regions: Regions of the model whose stiffness can be scaled.
+        pulled: Whether known forces are among the data: they tell the moduli, so that the area that the
+            pressures push on need not be known.
     """
     calibration = specimen.calibration
     parameters = [
@@ -193,8 +253,45 @@ def build_layout(
         spread = BIAS_SPREAD if pressure_sources[k] == "measured" else NOMINAL_BIAS_SPREAD
         parameters.append(Parameter(f"gain.{k}", "gain", str(k), "-", found.gain.value, GAIN_SPREAD))
         parameters.append(Parameter(f"bias.{k}", "bias", str(k), "Pa", found.bias_pa.value, spread))
+    parameters += _curves(specimen, moved_chambers)
     parameters += _alignment(suite)
-    return _with_mean_gains(specimen, tuple(parameters))
+    parameters += _surroundings(suite, pulled)
+    return _with_mean_gains(specimen, tuple(parameters), AREA_SPREAD if pulled else MEAN_GAIN_SPREAD)
+
+
+def gravity_axes(gravity: Floats) -> Floats:
+    """Give two unit axes across gravity, shape (2, 3): x and y where it points along z."""
+    down = gravity / max(float(np.linalg.norm(gravity)), 1e-12)
+    first = np.cross([0.0, 1.0, 0.0] if abs(down[1]) < 0.9 else [0.0, 0.0, 1.0], down)
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(down, first)])
+
+
+def _curves(specimen: Specimen, moved: Sequence[int]) -> list[Parameter]:
+    """Let the gains of a segment's chambers grow with the pressure, all by the same share."""
+    parameters = []
+    for segment in specimen.segments:
+        members = tuple(c.index for c in specimen.chambers if c.segment == segment.name and c.index in moved)
+        if members:
+            known = float(np.mean([specimen.calibration.chamber(k).curve_per_pa.value for k in members]))
+            name = f"curve.{segment.name}"
+            parameters.append(Parameter(name, "curve", segment.name, "1/Pa", known, CURVE_SPREAD, members))
+    return parameters
+
+
+def _surroundings(suite: SensorSuite, pulled: bool) -> list[Parameter]:
+    """Leave open how the base's body is mounted, where gravity points, and where the cord pulls."""
+    found = []
+    if any(sensor.registration is not None for sensor in suite.measurements):
+        names = ("shift_x", "shift_y", "shift_z", "turn_x", "turn_y", "turn_z")
+        for number, name in enumerate(names):
+            unit, spread = ("m", SHIFT_SPREAD) if number < 3 else ("rad", TURN_SPREAD)
+            found.append(Parameter(f"base.{name}", "base", str(number), unit, 0.0, spread))
+    for number, name in enumerate(("tilt_x", "tilt_y")):
+        found.append(Parameter(f"gravity.{name}", "gravity", str(number), "rad", 0.0, GRAVITY_SPREAD))
+    if pulled:
+        found.append(Parameter("cord.azimuth", "cord", "azimuth", "rad", 0.0, CORD_SPREAD))
+    return found
 
 
 def _alignment(suite: SensorSuite) -> list[Parameter]:
@@ -205,6 +302,8 @@ def _alignment(suite: SensorSuite) -> list[Parameter]:
             names: tuple[str, ...] = BEND_ALIGNMENT
         elif isinstance(sensor, SectionPose):
             names = POSE_ALIGNMENT
+        elif isinstance(sensor, Orientation):
+            names = Orientation.parameter_names
         else:
             names = ()
         for name in names:
@@ -216,7 +315,7 @@ def _alignment(suite: SensorSuite) -> list[Parameter]:
     return parameters
 
 
-def _with_mean_gains(specimen: Specimen, parameters: tuple[Parameter, ...]) -> Layout:
+def _with_mean_gains(specimen: Specimen, parameters: tuple[Parameter, ...], spread: float) -> Layout:
     """Add that the mean gain of each segment's chambers is known: it divides gains from the modulus."""
     rows, means = [], []
     for segment in specimen.segments:
@@ -227,7 +326,9 @@ def _with_mean_gains(specimen: Specimen, parameters: tuple[Parameter, ...]) -> L
             means.append(float(row @ [p.mean for p in parameters] / row.sum()))
     found = [specimen.calibration.chamber(chamber.index) for chamber in specimen.chambers]
     actuation = ActuationMap(
-        np.array([entry.gain.value for entry in found]), np.array([entry.bias_pa.value for entry in found])
+        np.array([entry.gain.value for entry in found]),
+        np.array([entry.bias_pa.value for entry in found]),
+        curve=np.array([entry.curve_per_pa.value for entry in found]),
     )
     scales = {name: value.value for name, value in specimen.calibration.modulus_scale.items()}
     return Layout(
@@ -235,5 +336,5 @@ def _with_mean_gains(specimen: Specimen, parameters: tuple[Parameter, ...]) -> L
         Setting(scales, actuation, {}),
         np.array(rows).reshape(-1, len(parameters)),
         np.array(means),
-        np.full(len(rows), MEAN_GAIN_SPREAD),
+        np.full(len(rows), spread),
     )

@@ -25,6 +25,8 @@ class Response:
         frames: Frames of the sections, arrays with a leading axis (nodes,).
         drift: Section twists that are left to the equilibrium, shape (nodes, 6 sections).
         by_pressure: Section twists per unit of each pressure, shape (nodes, 6 sections, chambers).
+        by_load: Section twists per unit of each load, shape (nodes, 6 sections, loads).
+        by_gravity: Section twists per component of gravity, shape (nodes, 6 sections, 3).
         by_factor: Section twists per unit of each stiffness factor, shape (nodes, 6 sections, factors).
         converged: Where an equilibrium was found, shape (nodes,).
         memory: The model's state at each node, for the next solve.
@@ -33,6 +35,8 @@ class Response:
     frames: Frames
     drift: Floats
     by_pressure: Floats
+    by_load: Floats
+    by_gravity: Floats
     by_factor: Floats
     converged: Flags
     memory: Memory
@@ -43,6 +47,8 @@ class Response:
             Frames(self.frames.positions[flags], self.frames.rotations[flags]),
             self.drift[flags],
             self.by_pressure[flags],
+            self.by_load[flags],
+            self.by_gravity[flags],
             self.by_factor[flags],
             self.converged[flags],
             tuple(state for state, keep in zip(self.memory, flags, strict=True) if keep),
@@ -60,24 +66,39 @@ class Solver(Protocol):
     def factors(self) -> tuple[str, ...]:
         """Names of the stiffness factors."""
 
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Loads whose amplitudes are inputs."""
+
     def respond(
-        self, scales: Mapping[str, float], pressures: Floats, gravity: Floats, memory: Response | None
+        self,
+        scales: Mapping[str, float],
+        pressures: Floats,
+        loads: Floats,
+        gravity: Floats,
+        memory: Response | None,
     ) -> Response:
-        """Solve at many pressures.
+        """Solve at many pressures and loads.
 
         Args:
             scales: Stiffness factors; the model's own for those left out.
             pressures: Pressures in the chambers [Pa], shape (nodes, chambers).
+            loads: Amplitudes of the model's loads [N or N m], shape (nodes, loads).
             gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
             memory: An earlier answer at the same nodes to start from.
         """
 
 
 class ScaledLinearisation(Linearisation, Protocol):
-    """A linearisation that also knows the stiffness factors."""
+    """A linearisation that also knows gravity and the stiffness factors."""
 
-    def parameter_response(self, rows: Floats) -> Floats:
-        """Differentiate outputs by the stiffness factors, shape (outputs, parameters)."""
+    def full_response(self, rows: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Project the motion of the sections on rows.
+
+        Returns:
+            Drift and change per input as ``response`` gives them, the change per component of gravity, shape
+            (outputs, 3), and per stiffness factor, shape (outputs, parameters).
+        """
 
 
 State = TypeVar("State")
@@ -100,7 +121,7 @@ class NodeSolver(Generic[State, Step]):
     """Solves a model node by node, each begun from its own last state or from its neighbour's.
 
     Args:
-        model: The model; it carries no loads but those that are zero.
+        model: The model.
         advance: Called with 1 after each node.
     """
 
@@ -117,32 +138,51 @@ class NodeSolver(Generic[State, Step]):
         """Names of the stiffness factors."""
         return tuple(self.model.parameters)
 
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Loads whose amplitudes are inputs."""
+        return tuple(self.model.loads)
+
     def respond(
-        self, scales: Mapping[str, float], pressures: Floats, gravity: Floats, memory: Response | None
+        self,
+        scales: Mapping[str, float],
+        pressures: Floats,
+        loads: Floats,
+        gravity: Floats,
+        memory: Response | None,
     ) -> Response:
-        """Solve at many pressures; see ``Solver.respond``."""
+        """Solve at many pressures and loads; see ``Solver.respond``."""
         model = self.model.with_scales(scales)
         nodes, sections = len(pressures), len(self.sections)
         found = Response(
             Frames(np.zeros((nodes, sections, 3)), np.zeros((nodes, sections, 3, 3))),
             np.zeros((nodes, 6 * sections)),
             np.zeros((nodes, 6 * sections, model.chambers)),
+            np.zeros((nodes, 6 * sections, len(self.loads))),
+            np.zeros((nodes, 6 * sections, 3)),
             np.zeros((nodes, 6 * sections, len(self.factors))),
             np.zeros(nodes, dtype=bool),
             (),
         )
         states: list[State] = []
         state = model.rest()
-        for index, acting in enumerate(pressures):
+        for index, (acting, pulled) in enumerate(zip(pressures, loads, strict=True)):
             if memory is not None and memory.converged[index]:
                 state = cast(State, memory.memory[index])
-            inputs = Inputs(acting, np.zeros(len(model.loads)), gravity)
+            inputs = Inputs(acting, pulled, gravity)
             state, step, found.converged[index] = settle(model, state, inputs)
             states.append(state)
             self._put(found, index, step, model.chambers)
             self.advance(1)
         return Response(
-            found.frames, found.drift, found.by_pressure, found.by_factor, found.converged, tuple(states)
+            found.frames,
+            found.drift,
+            found.by_pressure,
+            found.by_load,
+            found.by_gravity,
+            found.by_factor,
+            found.converged,
+            tuple(states),
         )
 
     def _put(self, found: Response, index: int, step: Step, chambers: int) -> None:
@@ -150,11 +190,12 @@ class NodeSolver(Generic[State, Step]):
         found.frames.rotations[index] = step.frames.rotations
         if not found.converged[index]:
             return
-        rows = np.eye(found.drift.shape[1])
-        drift, by_input = step.response(rows)
+        drift, by_input, by_gravity, by_factor = step.full_response(np.eye(found.drift.shape[1]))
         found.drift[index] = drift
         found.by_pressure[index] = by_input[:, :chambers]
-        found.by_factor[index] = step.parameter_response(rows)
+        found.by_load[index] = by_input[:, chambers:]
+        found.by_gravity[index] = by_gravity
+        found.by_factor[index] = by_factor
 
 
 def settle(model: ScaledModel[State, Step], start: State, inputs: Inputs) -> tuple[State, Step, bool]:
@@ -236,23 +277,30 @@ class BatchSolver:
         """Names of the stiffness factors."""
         return tuple(self.model.regions)
 
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Loads whose amplitudes are inputs."""
+        return tuple(self.model.loads)
+
     def respond(
         self,
         scales: Mapping[str, float],
         pressures: Floats,
+        loads: Floats,
         gravity: Floats,
         memory: Response | None,  # noqa: ARG002
     ) -> Response:
-        """Solve at many pressures; see ``Solver.respond``."""
+        """Solve at many pressures and loads; see ``Solver.respond``."""
         model = self.model.with_scales({name: f for name, f in scales.items() if name in self.factors})
-        loads = np.zeros((len(pressures), len(model.loads)))
         answer = model.evaluate(pressures, loads, gravity)
-        chambers = pressures.shape[1]
+        inputs = pressures.shape[1] + loads.shape[1]
         return Response(
             answer.frames,
             np.zeros(answer.motion.shape[:2]),
-            answer.motion[..., :chambers],
-            answer.motion[..., chambers + loads.shape[1] + 3 :],
+            answer.motion[..., : pressures.shape[1]],
+            answer.motion[..., pressures.shape[1] : inputs],
+            answer.motion[..., inputs : inputs + 3],
+            answer.motion[..., inputs + 3 :],
             answer.converged,
             (None,) * len(pressures),
         )

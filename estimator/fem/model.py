@@ -92,6 +92,24 @@ class FiniteElementStep:
         adjoint = self.adjoint(np.atleast_2d(rows))
         return adjoint @ self.balance.residual, adjoint @ self.input_forces().T
 
+    def full_response(self, rows: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Project the motion of the sections on rows, with one solve for all that can change.
+
+        Returns:
+            Drift and change per input as ``response`` gives them, the change per component of gravity, shape
+            (outputs, 3), and per stiffness factor, shape (outputs, parameters).
+        """
+        body = self.model.body
+        adjoint = self.adjoint(np.atleast_2d(rows))
+        weights = body.pattern.gather(self.model.nodal_mass[:, None] * np.eye(3)[:, None, :])
+        forces = body.pattern.gather(body.parameter_forces(body.points + self.displacement))
+        return (
+            adjoint @ self.balance.residual,
+            adjoint @ self.input_forces().T,
+            adjoint @ weights.T,
+            -adjoint @ forces.T,
+        )
+
     def parameter_response(self, rows: Floats) -> Floats:
         """Differentiate outputs by the stiffness factors, shape (outputs, parameters)."""
         body = self.model.body

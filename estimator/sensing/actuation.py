@@ -10,17 +10,21 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ActuationMap:
-    """Chamber pressure = gain * measured gauge pressure + bias.
+    """Chamber pressure = gain * (1 + curve * measured) * measured gauge pressure + bias.
+
+    The curve is what the winding gives way: the area that the pressure pushes on grows with it.
 
     Args:
-        gain: Gain of each chamber, shape (chambers,).
+        gain: Gain of each chamber at zero pressure, shape (chambers,).
         bias: Bias of each chamber [Pa], shape (chambers,).
         sigma: Standard deviation of a measured pressure [Pa].
+        curve: Relative growth of the gain with the pressure [1/Pa], one number or shape (chambers,).
     """
 
     gain: Floats
     bias: Floats
     sigma: float = 200.0
+    curve: Floats | float = 0.0
 
     @classmethod
     def identity(cls, chambers: int, sigma: float = 200.0) -> "ActuationMap":
@@ -29,17 +33,24 @@ class ActuationMap:
 
     def to_chamber(self, measured: Floats) -> Floats:
         """Give the chamber pressures [Pa] of measured ones [Pa], shape (..., chambers)."""
-        pressure: Floats = self.gain * measured + self.bias
+        pressure: Floats = self.gain * (1.0 + self.curve * measured) * measured + self.bias
         return pressure
+
+    def slope(self, measured: Floats) -> Floats:
+        """Give the chamber pressure's change per measured pressure, shape (..., chambers)."""
+        slope: Floats = self.gain * (1.0 + 2.0 * self.curve * measured)
+        return slope
 
     def to_measured(self, pressure: Floats) -> Floats:
         """Give the readings [Pa], or the set-points, that stand for chamber pressures [Pa]."""
-        measured: Floats = (pressure - self.bias) / self.gain
+        line = (pressure - self.bias) / self.gain
+        inside = np.maximum(1.0 + 4.0 * self.curve * line, 0.0)
+        measured: Floats = 2.0 * line / (1.0 + np.sqrt(inside))
         return measured
 
     @property
     def chamber_sigma(self) -> Floats:
-        """Standard deviation of each chamber pressure [Pa], shape (chambers,)."""
+        """Standard deviation of each chamber pressure near zero [Pa], shape (chambers,)."""
         return np.abs(self.gain) * self.sigma
 
     def parameter_rows(self, measured: Floats) -> Floats:
@@ -52,7 +63,8 @@ class ActuationMap:
             Shape (..., chambers, 2 chambers).
         """
         identity = np.eye(measured.shape[-1])
+        pushed = (1.0 + self.curve * measured) * measured
         return np.concatenate(
-            [measured[..., None] * identity, np.broadcast_to(identity, (*measured.shape, len(identity)))],
+            [pushed[..., None] * identity, np.broadcast_to(identity, (*measured.shape, len(identity)))],
             axis=-1,
         )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.errors import InputError
-from estimator.rotations import nearest_rotation, skew
+from estimator.rotations import exp, nearest_rotation, skew
 
 Floats = NDArray[np.float64]
 
@@ -30,6 +30,11 @@ class Registration:
         """Map laboratory points into the base frame, shape (..., 3)."""
         moved: Floats = points @ self.rotation.T + self.translation
         return moved
+
+    def moved(self, twist: Floats) -> "Registration":
+        """Move what it maps to by a twist (v [m], w [rad]) of shape (6,): base' = exp(w) base + v."""
+        turn = exp(twist[3:])
+        return Registration(turn @ self.rotation, turn @ self.translation + twist[:3], self.covariance)
 
     def to_laboratory(self, points: Floats) -> Floats:
         """Map base points into the laboratory frame, shape (..., 3)."""

@@ -10,7 +10,7 @@ ZERO = Value(value=0.0)
 
 
 class ChamberCalibration(Entry):
-    """Pressure in the model's chamber = gain * recorded pressure + bias."""
+    """Pressure in the model's chamber = gain * (1 + curve * recorded) * recorded pressure + bias."""
 
     index: Index
     """Chamber."""
@@ -18,6 +18,8 @@ class ChamberCalibration(Entry):
     """Factor on the recorded pressure [-]."""
     bias_pa: Value = ZERO
     """Pressure added after the gain."""
+    curve_per_pa: Value = ZERO
+    """Relative growth of the gain with the pressure [1/Pa]: what the winding gives way."""
 
 
 class BendCalibration(Entry):
@@ -55,6 +57,10 @@ class Calibration(Entry):
 
     recordings: tuple[str, ...] = ()
     """Recordings that the values came from."""
+    provenance: str = ""
+    """When and how they were made."""
+    scatter: dict[str, float] = Field(default_factory=dict)
+    """Root mean square of measured minus predicted that no fit had seen, by sensor and quantity [m or rad]."""
     modulus_scale: dict[Name, Value] = Field(default_factory=dict)
     """Factor on the stiffness of each segment or section, by its name [-]."""
     fibre_scale: Value = UNIT

@@ -153,7 +153,8 @@ def predict(solver: Solver, calibrated: Specimen, run: Run) -> Floats:
         SpecimenSensors(calibrated, solver.sections, Registration()).actuation().to_chamber(run.pressures)
     )
     scales = {name: value.value for name, value in calibrated.calibration.modulus_scale.items()}
-    found = solver.respond(scales, acting, np.array(calibrated.gravity_m_s2), None)
+    loads = np.zeros((len(acting), len(solver.loads)))
+    found = solver.respond(scales, acting, loads, np.array(calibrated.gravity_m_s2), None)
     readings = run.suite.predict(Scene(found.frames, np.zeros((len(run.time), 0))))
     return np.where(found.converged[:, None], readings, np.nan)
 

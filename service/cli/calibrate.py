@@ -65,6 +65,7 @@ def command(
         arrange,
         calibrate,
         calibrated_specimen,
+        section_forces,
     )
     from estimator.specimen import save_specimen
     from service.offline.inputs import load_recordings, specimen_of
@@ -73,8 +74,9 @@ def command(
     refuse_existing(out, force=force)
     loaded = load_recordings(recordings, window)
     robot = specimen_of(specimen, recordings, loaded)
-    model = build_arm(robot, loads=())
-    runs = [arrange(recording, robot, model.sections) for recording in loaded]
+    loads = section_forces(robot)
+    model = build_arm(robot, loads=loads)
+    runs = [arrange(recording, robot, model.sections, loads) for recording in loaded]
     options = Options(nodes=nodes, search_axes=axes)
     try:
         with progress(f"calibrating {robot.name}") as advance:

@@ -35,6 +35,10 @@ def resample(run: Run, rate: float) -> Run:
         run.pressure_source,
         run.suite,
         _means(run.readings, places, len(numbers)),
+        _means(run.loads, places, len(numbers)),
+        run.load_names,
+        run.registration,
+        run.ignored_markers,
     )
 
 

@@ -7,11 +7,14 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.augmented import Follower, estimator_of
 from estimator.calibration import Run
-from estimator.inverse import Estimate, Estimator, LoadProcess, TrackerSettings
+from estimator.errors import InputError
+from estimator.inverse import Estimate, LoadProcess, TrackerSettings
 from estimator.model import ArmModel, Frames, Linearisation, Load
 from estimator.sensing import ActuationMap, Registration, SensorSuite
 from estimator.sensors import SpecimenSensors
+from estimator.simulation import section_loads
 from estimator.specimen import Specimen
 
 Floats = NDArray[np.float64]
@@ -84,7 +87,7 @@ def track(
         run: What was recorded, arranged for the model's sections.
         advance: Called with 1 after each sample.
     """
-    estimator = Estimator(model, run.suite, settings(model.loads, specimen, run))
+    estimator = _estimator(model, specimen, run)
     gravity = np.array(specimen.gravity_m_s2)
     chosen = {int(k) for k in np.linspace(0, len(run.time) - 1, SHOWN)}
     shown: list[tuple[int, State]] = []
@@ -101,6 +104,24 @@ def track(
             statement = estimate.observability.statement
         advance(1)
     return samples.track(model, run, tuple(shown), statement)
+
+
+def _estimator(model: ArmModel[State, Step], specimen: Specimen, run: Run) -> Follower[State]:
+    """Make the estimator; physics of the specimen needs the model under the wrenches of its sections."""
+    followed = model
+    if specimen.physics:
+        with_loads = getattr(model, "with_loads", None)
+        if with_loads is None:
+            raise InputError("physics", "this model takes no other loads", "estimate with a model that does")
+        followed = with_loads(section_loads(model.sections))
+    return estimator_of(
+        specimen,
+        followed,
+        model.loads,
+        run.suite,
+        settings(model.loads, specimen, run),
+        pressures_measured="commanded" not in run.pressure_source,
+    )
 
 
 def settings(loads: Sequence[Load], specimen: Specimen, run: Run) -> TrackerSettings:
@@ -121,7 +142,7 @@ def actuation(specimen: Specimen, run: Run) -> ActuationMap:
         return found
     highest = float(np.nanmax(run.pressures, initial=0.0))
     nominal = specimen.noise.nominal_pressure_relative * highest
-    return ActuationMap(found.gain, found.bias, max(found.sigma, nominal))
+    return ActuationMap(found.gain, found.bias, max(found.sigma, nominal), found.curve)
 
 
 @dataclass(frozen=True)

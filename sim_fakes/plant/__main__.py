@@ -7,12 +7,13 @@ from pathlib import Path
 
 import click
 import numpy as np
+import polars as pl
 
 from estimator.errors import InputError
 from sim_fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, Concealed, effect
 from sim_fakes.plant.generate import Laboratory, generate
-from sim_fakes.plant.manoeuvre import chain
-from sim_fakes.plant.manoeuvres import LIBRARY
+from sim_fakes.plant.manoeuvre import Manoeuvre, chain
+from sim_fakes.plant.manoeuvres import CHAMBERS, LIBRARY, path
 from sim_fakes.plant.mounts import MOUNTS
 from sim_fakes.plant.trials import KINDS, draw
 from sim_fakes.plant.variants import variant
@@ -36,6 +37,11 @@ def main() -> None:
 @click.option("--variant", "arm", type=int, help="Draw another arm of the same drawing.")
 @click.option("--seed", default=0, show_default=True, help="Of the manoeuvre and of the noise.")
 @click.option("--truth", type=click.Path(path_type=Path), help="Folder for what is concealed.")
+@click.option(
+    "--commands",
+    type=click.Path(path_type=Path),
+    help="Table with columns t_s and pressure_cmd_K_pa, followed instead of the manoeuvres.",
+)
 def record(
     out: Path,
     names: tuple[str, ...],
@@ -44,16 +50,18 @@ def record(
     arm: int | None,
     seed: int,
     truth: Path | None,
+    commands: Path | None,
 ) -> None:
-    """Record one run: the manoeuvres one after another.
+    """Record one run: the manoeuvres one after another, or pressures from a table.
 
     Example: python -m sim_fakes.plant record runs/a --manoeuvre ramps --effect 'tip_payload mass=0.02'
     """
     rng = np.random.default_rng([seed, 30])
-    parts = [LIBRARY[name](rng) for name in names]
+    parts = [LIBRARY[name](rng) for name in names] if commands is None else [_followed(commands)]
     laboratory = Laboratory() if arm is None else _drawn(arm)
     laboratory = replace(laboratory.mounted(MOUNTS[mount]), concealed=tuple(map(parse_effect, effects)))
-    write(generate(laboratory, chain("+".join(names), *parts), seed), out, truth)
+    what = "+".join(names) if commands is None else "commands"
+    write(generate(laboratory, chain(what, *parts), seed), out, truth)
 
 
 @main.command()
@@ -109,6 +117,22 @@ def parse_effect(text: str) -> Concealed:
                 f"effect '{name}'", f"'{word}' is not a number", "write parameter=value"
             ) from None
     return Concealed(name, where, numbers)
+
+
+def _followed(table: Path) -> Manoeuvre:
+    """Read a manoeuvre from a table of commanded pressures, linear in between.
+
+    Raises:
+        InputError: The table cannot be read or lacks a column.
+    """
+    names = [f"pressure_cmd_{chamber}_pa" for chamber in range(CHAMBERS)]
+    try:
+        columns = pl.read_csv(table)
+        time, points = columns["t_s"].to_numpy(), columns.select(names).to_numpy()
+    except (OSError, pl.exceptions.PolarsError) as error:
+        cure = f"give a CSV with columns t_s, {names[0]} to {names[-1]}"
+        raise InputError(str(table), f"cannot be read ({str(error).splitlines()[0]})", cure) from None
+    return path("commands", points, time - time[0])
 
 
 def _drawn(seed: int) -> Laboratory:

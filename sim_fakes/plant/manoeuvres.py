@@ -143,9 +143,9 @@ def staircase(rise: float = 1e3, hold: float = 1.5, top: float = 8e3) -> Manoeuv
     return Manoeuvre("staircase", np.concatenate(commands))
 
 
-def directions(count: int, rise: float = 0.0) -> tuple[tuple[float, float, float], ...]:
-    """Spread directions round the arm, laboratory frame, ``rise`` upwards."""
-    angles = 2.0 * np.pi * np.arange(count) / count
+def directions(count: int, rise: float = 0.0, turn: float = 0.0) -> tuple[tuple[float, float, float], ...]:
+    """Spread directions round the arm, laboratory frame, ``rise`` upwards, the first at ``turn`` [rad]."""
+    angles = turn + 2.0 * np.pi * np.arange(count) / count
     return tuple((float(np.cos(a)), float(np.sin(a)), rise) for a in angles)
 
 
@@ -163,6 +163,12 @@ def pulled_steps(
     times = np.cumsum(np.column_stack([np.concatenate([[0.0], moves]), np.full(count + 1, hold)]).ravel())
     stage = np.interp(np.arange(samples(float(times[-1]))) * SAMPLE, times, points)
     return _pulls("pulled_steps", section, stage, ways, pressures)
+
+
+def pulled_small_steps(rng: Random, section: str = "tip", travel: float = 0.0065) -> Manoeuvre:
+    """Draw a section away in a dozen small steps, in three random directions."""
+    ways = directions(3, turn=float(rng.uniform(0.0, 2.0 * np.pi)))
+    return pulled_steps(section, count=12, travel=travel, hold=1.5, ways=ways)
 
 
 def pulled_ramps(
@@ -239,6 +245,8 @@ LIBRARY: dict[str, Callable[[Random], Manoeuvre]] = {
     "staircase": lambda rng: staircase(),  # noqa: ARG005
     "pulled_steps": lambda rng: pulled_steps(),  # noqa: ARG005
     "pulled_ramps": lambda rng: pulled_ramps(),  # noqa: ARG005
+    "pulled_small_steps": pulled_small_steps,
+    "pulled_small_steps_intermediate": partial(pulled_small_steps, section="intermediate", travel=0.003),
     "pulled_steps_intermediate": lambda rng: pulled_steps("intermediate"),  # noqa: ARG005
     "against_the_cord": against_the_cord,
     "taught": taught,

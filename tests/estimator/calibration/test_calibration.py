@@ -56,8 +56,8 @@ def test_finds_moduli_gains_and_axes_wherever_they_point(sopra: Specimen, mirror
 def test_held_out_blocks_are_predicted_as_well_as_by_a_line_with_more_parameters(sopra: Specimen) -> None:
     found = calibrate(NodeSolver(toy()), sopra, [arrange(record(), sopra, SECTIONS)], QUICK)
     assert found.fitted < found.check.line_parameters == 28
-    for name, value in found.check.held_out.items():
-        assert value < 1.2 * found.check.line[name]
+    model, line = (np.array(list(part.values())) for part in (found.check.held_out, found.check.line))
+    assert np.sqrt((model**2).mean()) < 1.1 * np.sqrt((line**2).mean())
 
 
 def test_poses_give_misalignment_and_offset(sopra: Specimen) -> None:
@@ -165,7 +165,6 @@ CASES = {
         {"bend_top_x_rad": 0.1, "bend_top_y_rad": 0.1},
         "no section 'top'; the nearest .* is tip",
     ),
-    "foreign marker": ({f"marker_m1_{a}_m": 0.1 for a in "xyz"}, "no marker 'm1'; it has none"),
 }
 
 

@@ -47,15 +47,19 @@ class BatchToy:
 def test_both_solvers_give_the_same() -> None:
     pressures = np.random.default_rng(0).uniform(0, 4e4, (5, 6))
     scales = {"upper": 0.8, "lower": 1.2}
-    one = NodeSolver(toy()).respond(scales, pressures, GRAVITY, None)
-    other = BatchSolver(BatchToy(toy())).respond({**scales, "foreign": 2.0}, pressures, GRAVITY, None)
+    one = NodeSolver(toy()).respond(scales, pressures, np.zeros((len(pressures), 0)), GRAVITY, None)
+    other = BatchSolver(BatchToy(toy())).respond(
+        {**scales, "foreign": 2.0}, pressures, np.zeros((len(pressures), 0)), GRAVITY, None
+    )
     for name in ("drift", "by_pressure", "by_factor", "converged"):
         np.testing.assert_allclose(getattr(one, name), getattr(other, name))
     np.testing.assert_allclose(one.frames.rotations, other.frames.rotations)
 
 
 def test_a_response_keeps_chosen_nodes() -> None:
-    whole = NodeSolver(toy()).respond({}, np.arange(18.0).reshape(3, 6) * 1e3, GRAVITY, None)
+    whole = NodeSolver(toy()).respond(
+        {}, np.arange(18.0).reshape(3, 6) * 1e3, np.zeros((3, 0)), GRAVITY, None
+    )
     part = whole.keep(np.array([True, False, True]))
     assert len(part.memory) == len(part.converged) == 2
     np.testing.assert_array_equal(part.frames.positions, whole.frames.positions[[0, 2]])
@@ -63,7 +67,9 @@ def test_a_response_keeps_chosen_nodes() -> None:
 
 def test_stiffness_factors_move_the_sections_as_differences_say() -> None:
     pressures = np.full((1, 6), 3e4) * [1, 0, 0.5, 0, 1, 0]
-    at = NodeSolver(toy()).respond({"upper": 1.1}, pressures, GRAVITY, None)
-    moved = NodeSolver(toy()).respond({"upper": 1.1 + 1e-5}, pressures, GRAVITY, None)
+    at = NodeSolver(toy()).respond({"upper": 1.1}, pressures, np.zeros((len(pressures), 0)), GRAVITY, None)
+    moved = NodeSolver(toy()).respond(
+        {"upper": 1.1 + 1e-5}, pressures, np.zeros((len(pressures), 0)), GRAVITY, None
+    )
     change = twists(Frames(at.frames.positions[0], at.frames.rotations[0]), moved.frames) / 1e-5
     np.testing.assert_allclose(at.by_factor[0, :, 0], change[0], atol=1e-4)

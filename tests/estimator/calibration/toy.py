@@ -40,6 +40,10 @@ class ToyStep:
         moved = self.model.batch(self.inputs.pressures + np.eye(6), np.tile(self.model.scales, (6, 1)))
         return np.zeros(len(rows)), rows @ twists(self.frames, moved).T
 
+    def full_response(self, rows: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        drift, by_input = self.response(rows)
+        return drift, by_input, np.zeros((len(rows), 3)), self.parameter_response(rows)
+
     def parameter_response(self, rows: Floats) -> Floats:
         scales = self.model.scales + STEP * np.eye(2)
         moved = self.model.batch(np.tile(self.inputs.pressures, (2, 1)), scales)
