@@ -11,13 +11,14 @@ QUATERNION = 4
 """Entries of an orientation; a pose has as many after its place."""
 
 
-def _turns(reading: Floats) -> bool:
+def turns(reading: Floats) -> bool:
+    """Tell whether a reading is an orientation or a pose."""
     return reading.shape[-1] in (QUATERNION, 3 + QUATERNION)
 
 
 def to_vector(reading: Floats) -> Floats:
     """Give the rotation vector of an orientation or a pose, anything else as it is, shape (samples, size)."""
-    if not _turns(reading):
+    if not turns(reading):
         return reading
     return log(from_quaternions(reading[:, -QUATERNION:]))
 
@@ -31,7 +32,7 @@ def from_vector(vector: Floats, reading: Floats, offset: Floats) -> Floats:
         offset: Added to angles; the rotation vector of a further turn of a frame; shape (size,) or
             (samples, size).
     """
-    if not _turns(reading):
+    if not turns(reading):
         changed: Floats = vector + offset
         return changed
     quaternions = to_quaternions(exp(vector) @ exp(np.broadcast_to(offset, vector.shape)))

@@ -5,7 +5,7 @@ With y_a the readings under effect a and y_b(theta) those under its rival b, the
     D^2 = min over theta, n of |L (y_a - y_b(theta) - N n)|^2 + |n / s|^2,
 
 N the readings' change by what calibration may still explain (stiffness and pressure gain of each segment,
-known to s) and L a whitener for an error that fades from sample to sample like exp(-dt / 3 s). D^2 is what
+known to s) and L a whitener for an error with a few independent values in ten seconds. D^2 is what
 a run of the manoeuvre adds to the difference in chi-square (T-optimality: Atkinson and Fedorov, Biometrika
 62, 1975); two explanations part safely from about 25 on.
 """
@@ -28,6 +28,7 @@ from estimator.simulation import Arm, Drive, LinearisedArm, Response, Segments
 Floats = NDArray[np.float64]
 
 FADING = 3.0  # s, over which errors of readings and model forget
+SLOWEST = 0.87  # from sample to sample; readings scatter also at once, so that jumps count no more than so
 FLOOR = {"rad": 3.5e-3, "m": 1e-3}  # what repeated runs of one arm differ by, whatever the sensor
 KNOWN = 0.05  # how well calibration knows stiffness and gain of a segment
 LEG = 15e3  # Pa between two solutions of the model along a path
@@ -119,8 +120,10 @@ class Trial:
 
     def _whiten(self, change: Floats) -> Floats:
         """Divide by the noise and take out what fades slowly."""
-        decay = float(np.exp(-(self.drive.time[1] - self.drive.time[0]) / FADING))
-        scaled = change / self._floors
+        step = float(self.drive.time[1] - self.drive.time[0])
+        decay = min(float(np.exp(-step / FADING)), SLOWEST)
+        share = step / (2.0 * FADING) * (1.0 + decay) / (1.0 - decay)
+        scaled = np.sqrt(min(share, 1.0)) * change / self._floors
         fresh = np.vstack([scaled[:1], (scaled[1:] - decay * scaled[:-1]) / np.sqrt(1.0 - decay**2)])
         return fresh.ravel()
 

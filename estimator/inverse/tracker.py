@@ -83,6 +83,10 @@ class Estimator(Generic[State, Step]):
         """The sensors it listens to."""
         return self._suite
 
+    def follow(self, model: ArmModel[State, Step]) -> None:
+        """Go on with another model of the same states and inputs, such as one under known loads."""
+        self._model = model
+
     def reset(self) -> None:
         """Forget the past."""
         self._memory = None

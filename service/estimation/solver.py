@@ -10,22 +10,22 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from estimator.arm import build_arm
+from estimator.augmented import Follower, estimator_of
 from estimator.fem import FiniteElementModel, FiniteElementState, Refactoriser, TrackingModel
 from estimator.inverse import (
     ContactPlace,
     ContactProfile,
     Estimate,
-    Estimator,
     LoadProcess,
     TrackerSettings,
-    reach_pose,
 )
-from estimator.model import Inputs
 from estimator.rotations import to_quaternions
 from estimator.sensing import Measurement, Registration, SensorSuite
 from estimator.sensors import SpecimenSensors
+from estimator.simulation import section_loads
 from estimator.specimen import Specimen
 from service.config import ControlSettings, SensorSettings
+from service.estimation.holding import HoldSearch
 from service.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
 
 WARM_UP_PRESSURE_PA = 1000.0
@@ -84,9 +84,15 @@ class Solver:
         process = LoadProcess(sigma, settings.control.load_time_constant_s)
         tracker = TrackerSettings(process, self._actuation, self._limits)
         # The thread lives as long as the process, which exists for this solver alone.
-        background = Refactoriser(self._model).__enter__()
-        following = TrackingModel(self._model, background)
-        self._estimator: Estimator[Any, Any] = Estimator(following, self._suite, tracker)
+        followed = self._model
+        if specimen.physics:
+            followed = followed.with_loads(section_loads(followed.sections))
+        background = Refactoriser(followed).__enter__()
+        following = TrackingModel(followed, background)
+        self._estimator: Follower[Any] = estimator_of(
+            specimen, following, self._model.loads, self._suite, tracker, pressures_measured=True
+        )
+        self._hold = HoldSearch(TrackingModel(self._model), self._suite, self._actuation, self._limits)
         self._profile = ContactProfile(_heights(specimen))
         self._pushed = self._model.with_loads((*self._model.loads, *self._profile.loads))
         self._warm_up(np.array(specimen.gravity_m_s2))
@@ -104,7 +110,7 @@ class Solver:
         estimate = self._estimator.update(
             request.time_s, request.readings, request.pressures, request.gravity
         )
-        hold = self._hold(request, estimate) if request.want_hold else None
+        hold = self._held(request, estimate)
         contact = self._contact(request, estimate) if request.want_contact else None
         sections = len(self._model.sections)
         deviation = np.sqrt(np.maximum(np.diag(estimate.frame_covariance), 0.0)).reshape(sections, 6)
@@ -137,17 +143,12 @@ class Solver:
                 found[sensor.name] = float(np.sqrt(np.mean((residual / sigma) ** 2)))
         return found
 
-    def _hold(self, request: EstimationRequest, estimate: Estimate[Any]) -> HoldAnswer:
-        """Find the pressures that hold the pose; a search that fails from here starts once more unloaded."""
-        state, inputs = FiniteElementState(estimate.state.displacement, estimate.inputs), estimate.inputs
-        reach = reach_pose(self._model, self._suite, request.readings, self._limits, (state, inputs))
-        if not reach.estimate.converged:
-            free = Inputs(inputs.pressures, np.zeros(len(self._model.loads)), inputs.gravity)
-            state, _ = self._model.solve(free, self._model.rest())
-            reach = reach_pose(self._model, self._suite, request.readings, self._limits, (state, free))
-        known = reach.estimate.converged and bool(np.isfinite(reach.pressures).all())
-        wanted = np.clip(self._actuation.to_measured(np.nan_to_num(reach.pressures)), 0.0, self._limits)
-        return HoldAnswer(wanted, reach.reachable, reach.statement, known)
+    def _held(self, request: EstimationRequest, estimate: Estimate[Any]) -> HoldAnswer | None:
+        """Follow the pressures that hold the pose while they are asked for."""
+        if not request.want_hold:
+            self._hold.forget()
+            return None
+        return self._hold(request.readings, estimate.state, estimate.inputs)
 
     def _contact(self, request: EstimationRequest, estimate: Estimate[Any]) -> ContactPlace | None:
         """Place the push that the estimate's loads stand for."""

@@ -1,0 +1,184 @@
+"""The tracking estimator on a model that contains accepted physics.
+
+At each instant the effects shape the pressures and gravity, load the sections and turn the base as the last
+estimate lets them, and sensors' effects are undone in the readings; what remains is the estimator's problem.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.augmented.model import ShapedModel, ShapedStep, Spread
+from estimator.effects.accepted import accepted_physics
+from estimator.effects.augmented import PlacedEffect, advance_with, signals_of
+from estimator.effects.effect import Memory
+from estimator.effects.readings import QUATERNION, turns
+from estimator.effects.world import World
+from estimator.inverse import Estimate, Estimator, TrackerSettings
+from estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
+from estimator.rotations import exp, from_quaternions, to_quaternions
+from estimator.sensing import Scene, SensorSuite
+from estimator.simulation import Drive, Response, Segments, SimulatedArm
+from estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
+
+
+class Follower(Protocol[State]):
+    """What follows an arm through time: the plain estimator or the one with physics."""
+
+    def reset(self) -> None:
+        """Forget the past."""
+
+    def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> Estimate[State]:
+        """Estimate at an instant; see ``estimator.inverse.Estimator.update``."""
+
+
+def estimator_of(
+    specimen: Specimen,
+    model: ArmModel[State, Step],
+    loads: Sequence[Load],
+    suite: SensorSuite,
+    settings: TrackerSettings,
+    *,
+    pressures_measured: bool,
+) -> Follower[State]:
+    """Make the estimator of a specimen, with its physics where it has any.
+
+    Args:
+        specimen: The robot.
+        model: Its model, with ``section_loads(model.sections)`` where it has physics, else ``loads``.
+        loads: The unknown loads.
+        suite: The sensors.
+        settings: What the estimator assumes.
+        pressures_measured: Whether pressures are readings at the arm, not set-points.
+
+    Raises:
+        InputError: The model's loads are others, or an effect does not fit the arm.
+    """
+    if not specimen.physics:
+        return Estimator(model, suite, settings)
+    start = Inputs(np.zeros(model.chambers), np.zeros(len(model.loads)), np.zeros(3))
+    rest = model.linearise(model.rest(), start).frames
+    segments = Segments.of(specimen, model.sections, rest)
+    arm = SimulatedArm(model, segments)
+    names = tuple(sensor.name for sensor in suite.measurements)
+    world = World.of(specimen, segments, model.sections, arm.stiffness(), names, pressures_measured)
+    effects = accepted_physics(specimen, world)
+    return AugmentedEstimator(arm, tuple(loads), world, effects, suite, settings)
+
+
+class AugmentedEstimator(Generic[State, Step]):
+    """Follows an arm whose model contains effects.
+
+    Args:
+        arm: Model of the arm without them, and its segments.
+        loads: The unknown loads.
+        world: What the effects refer to.
+        effects: The effects.
+        suite: The sensors.
+        settings: What the estimator assumes.
+    """
+
+    def __init__(
+        self,
+        arm: SimulatedArm[State, Step],
+        loads: tuple[Load, ...],
+        world: World,
+        effects: tuple[PlacedEffect, ...],
+        suite: SensorSuite,
+        settings: TrackerSettings,
+    ) -> None:
+        self._arm, self._world, self._effects = arm, world, effects
+        self._suite, self._settings = suite, settings
+        self._spread = Spread(loads, arm.model.sections)
+        self._estimator: Estimator[State, ShapedStep[State, Step]] = Estimator(
+            self._shaped(np.zeros(6 * len(arm.model.sections)), np.eye(3)), suite, settings
+        )
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past, that of the effects included."""
+        self._estimator.reset()
+        self._memories: tuple[Memory, ...] = ((),) * len(self._effects)
+        self._couples = np.zeros((1, self._arm.segments.count, 4))
+        self._last: Response | None = None
+        self._turn = np.eye(3)
+
+    def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> Estimate[State]:
+        """Estimate at an instant; see ``estimator.inverse.Estimator.update``."""
+        acting = self._settings.actuation.to_chamber(pressures)
+        lost = ~np.isfinite(acting)
+        drive = self._drive(time, np.where(lost, 0.0, acting), gravity)
+        seen = self._last or self._at_rest(drive)
+        shaped, self._memories = advance_with(self._effects, self._world, drive, seen, self._memories)
+        self._couples, self._turn = shaped.couples, exp(shaped.base_rotation[0])
+        inner = self._arm.segments.wrenches(self._own(seen.frames), shaped.couples)
+        self._estimator.follow(self._shaped((shaped.wrenches + inner).ravel(), self._turn))
+        given = self._settings.actuation.to_measured(shaped.pressures[0])
+        estimate = self._estimator.update(
+            time, self._undone(readings, shaped, seen), np.where(lost, np.nan, given), shaped.gravity[0]
+        )
+        if np.isfinite(estimate.vector).all() and estimate.status != "diverged":
+            self._last = self._response(estimate.frames)
+        return estimate
+
+    def _shaped(self, wrenches: Floats, turn: Floats) -> ShapedModel[State, Step]:
+        return ShapedModel(self._arm.model, self._spread, wrenches, turn)
+
+    def _drive(self, time: float, acting: Floats, gravity: Floats) -> Drive:
+        sections, segments = len(self._arm.model.sections), self._arm.segments.count
+        plain = Drive.of(np.array([time]), acting[None], gravity, sections, segments)
+        return replace(plain, couples=self._couples)
+
+    def _at_rest(self, drive: Drive) -> Response:
+        """Give the response of the rested arm to the first drive."""
+        model = self._arm.model
+        inputs = Inputs(drive.pressures[0], np.zeros(len(model.loads)), drive.gravity[0])
+        state, _ = model.solve(inputs, model.rest())
+        return self._response(model.linearise(state, inputs).frames)
+
+    def _own(self, frames: Frames) -> Frames:
+        """Turn frames back into the base's own frame."""
+        turn = self._turn
+        return Frames(frames.positions @ turn, turn.T @ frames.rotations)
+
+    def _response(self, frames: Frames) -> Response:
+        one = Frames(frames.positions[None], frames.rotations[None])
+        strains = self._arm.segments.strains(self._own(one))
+        return Response(one, strains, np.zeros((1, 0, 0)), np.ones(1, dtype=bool))
+
+    def _undone(self, readings: Floats, drive: Drive, seen: Response) -> Floats:
+        """Take the effects of the sensors out of the readings, as far as the last estimate shows them."""
+        sensing = [k for k, placed in enumerate(self._effects) if placed.effect.hook == "sensing"]
+        if not sensing:
+            return readings
+        scene = Scene(seen.frames, np.zeros((1, 0)))
+        clean, memories, start = readings.copy(), list(self._memories), 0
+        for sensor in self._suite.measurements:
+            part = slice(start, start + sensor.reading_size)
+            start = part.stop
+            plain = sensor.predict(scene)
+            for k in sensing:
+                placed = self._effects[k]
+                if placed.spot.place.sensor == sensor.name:
+                    signals = replace(signals_of(drive, self._world, seen), reading=plain)
+                    changed, memories[k] = placed.act(signals, self._memories[k])
+                    stuck = placed.effect.name == "sensor_stuck"
+                    clean[part] = np.nan if stuck else undo(clean[part], plain[0], changed[0])
+        self._memories = tuple(memories)
+        return clean
+
+
+def undo(reading: Floats, plain: Floats, changed: Floats) -> Floats:
+    """Take out of a reading the change that an effect would make in the predicted one, shape (size,)."""
+    if not turns(reading):
+        return reading - (changed - plain)
+    measured, before, after = (from_quaternions(one[-QUATERNION:]) for one in (reading, plain, changed))
+    place = reading[:-QUATERNION] - (changed - plain)[:-QUATERNION]
+    return np.concatenate([place, to_quaternions(measured @ (before.T @ after).T)])
