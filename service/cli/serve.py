@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import os
 import signal
 from pathlib import Path
 
@@ -27,8 +28,10 @@ def command(path: Path, replay: Path | None, speed: float, verbose: bool) -> Non
 
     Example: softarm serve --config /etc/softarm/sopra.toml
     """
+    at = "" if "JOURNAL_STREAM" in os.environ else "%(asctime)s "  # the journal has its own time
     logging.basicConfig(
-        level=logging.INFO if verbose else logging.WARNING, format="%(levelname)s %(name)s: %(message)s"
+        level=logging.INFO if verbose else logging.WARNING,
+        format=f"{at}%(levelname)s %(name)s: %(message)s",
     )
     asyncio.run(_serve(path, None if replay is None else Replay(load_recording(replay), speed)))
 
