@@ -1,6 +1,5 @@
 """``softarm bench diagnosis``: the proof of the diagnosis on sealed trials and beside its alternatives."""
 
-import shutil
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
@@ -17,6 +16,8 @@ if TYPE_CHECKING:
 
 EXCITATIONS = ("designed", "ordinary")
 PARTS = ("trials", "alternatives", "force")
+FORCES = 12
+"""Trials on whose pull the force is estimated."""
 HEAD = """# The proof of the diagnosis
 
 Written by `softarm bench diagnosis --write docs/diagnosis-proof.md`.
@@ -90,7 +91,7 @@ def command(
     if "force" in parts:
         from service.bench.proof.force import force_table
 
-        tables.append(force_table(folders, specimen, say))
+        tables.append(force_table(folders, say, 1 if quick else FORCES))
     show(*tables, as_json=as_json)
     if write is not None:
         write.write_text(f"{HEAD}\n{as_markdown(*tables)}\n", encoding="utf-8")
@@ -109,7 +110,7 @@ def _run_all(
     keep: bool,
 ) -> None:
     """Record and diagnose what has no result yet."""
-    from service.bench.proof.trial import diagnose, read_outcomes, record
+    from service.bench.proof.trial import diagnose, forget, read_outcomes, record
 
     done = {(one.trial, one.excitation) for one in read_outcomes(folders.results)}
     waiting = [(t, e) for t in planned for e in excitations if (t, e) not in done][:at_most]
@@ -124,7 +125,7 @@ def _run_all(
                 file.write(outcome.line())
             advance(1)
         if not keep and len(wanted) == len(excitations):
-            shutil.rmtree(folders.recordings(trial))
+            forget(trial, folders)
 
     by_trial = {t: [e for other, e in waiting if other == t] for t, _ in waiting}
     with progress("sealed trials", len(waiting)) as advance, ThreadPoolExecutor(jobs) as pool:

@@ -25,7 +25,7 @@ class SealedTrial:
     Args:
         kind: ``null``, ``single``, ``pair`` or ``foreign``.
         seed: Draws the arm, the place, the size and the noise.
-        only: Effect that a single or foreign trial conceals; empty where the seed draws it.
+        only: Effects to draw from, joined by plus signs; all of the kind when empty.
     """
 
     kind: str

@@ -16,7 +16,10 @@ from service.diagnosis.report import FILE
 ORDINARY = ("random_holds", "ramps")
 """Manoeuvres that count as ordinary motion."""
 FORCE_RUN = "pulled_steps"
-"""Manoeuvre that no diagnosis sees; forces are estimated on it."""
+LAST = "run_12"
+"""Kept from diagnoses: the pull on which forces are estimated; the test of the alternatives."""
+WRITTEN = "specimen.toml"
+"""The improved specimen of a report."""
 TIME_LIMIT_S = 900.0
 
 
@@ -103,7 +106,7 @@ def record(trial: SealedTrial, folders: Folders) -> None:
         "--truth",
         str(folders.answer(trial)),
     ]
-    words += ["--only", trial.only] if trial.only else []
+    words += [word for name in trial.only.split("+") if name for word in ("--only", name)]
     _run([sys.executable, "-m", "sim_fakes.plant", "trial", *words])
     for table in folders.answer(trial).rglob("*.csv"):
         table.unlink()
@@ -124,6 +127,7 @@ def diagnose(trial: SealedTrial, excitation: str, folders: Folders, specimen: st
     nominal = [path for path in every if path.name.startswith("nominal")]
     out = folders.report(trial, excitation)
     words = ["diagnose", *map(str, runs), "--specimen", specimen, "--out", str(out)]
+    words += ["--write-specimen", str(out / WRITTEN)]
     for path in nominal:
         words += ["--nominal", str(path)]
     begin = time.monotonic()
@@ -150,6 +154,8 @@ def chosen(recordings: Sequence[Path], excitation: str) -> list[Path]:
     runs = [p for p in recordings if p.name.startswith("run") and FORCE_RUN not in p.name]
     if excitation == "designed":
         return runs
+    if excitation == "hanging":
+        return [path for path in runs if path.name.endswith("hanging") and not path.name.startswith(LAST)]
     return [path for path in runs if any(name in path.name for name in ORDINARY)]
 
 
@@ -159,6 +165,13 @@ def duration(recording: Path) -> float:
         file.seek(0, 2)
         file.seek(max(0, file.tell() - 4096))
         return float(file.read().splitlines()[-1].split(b",")[0])
+
+
+def forget(trial: SealedTrial, folders: Folders) -> None:
+    """Remove the recordings of a trial but the pull."""
+    for path in folders.recordings(trial).iterdir():
+        if FORCE_RUN not in path.name:
+            shutil.rmtree(path)
 
 
 def _run(words: Sequence[str]) -> None:
