@@ -46,6 +46,7 @@ def reach_pose(
     pressure_limits: Floats,
     start: tuple[State, Inputs],
     tolerances: Tolerances | None = None,
+    preferred: Floats | None = None,
 ) -> Reach[State]:
     """Find the pressures within [0, limit] that bring the unloaded arm nearest to a pose.
 
@@ -54,8 +55,10 @@ def reach_pose(
         suite: Sensors that describe the pose; their standard deviations are its tolerances.
         target: Readings that they would give in the pose, NaN where it does not matter, shape (readings,).
         pressure_limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
-        start: A state and inputs to begin with; its pressures are preferred where the pose leaves a choice.
+        start: A state and inputs to begin with.
         tolerances: When to stop.
+        preferred: Pressures to prefer where the pose leaves a choice [Pa], shape (chambers,); those of
+            ``start`` when left out.
     """
     state, inputs = start
     unknowns = Unknowns.of(model.chambers, model.loads)
@@ -64,7 +67,8 @@ def reach_pose(
         np.zeros(len(model.loads)),
         inputs.gravity,
     )
-    problem = pose_problem(unknowns, suite, target, pressure_limits, unloaded.pressures, inputs.gravity)
+    wish = unloaded.pressures if preferred is None else preferred
+    problem = pose_problem(unknowns, suite, target, pressure_limits, wish, inputs.gravity)
     estimate = problem.solve(model, (state, unloaded), tolerances)
     misses = _misses(suite, target, estimate)
     reachable = estimate.converged and not misses
