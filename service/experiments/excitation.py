@@ -4,6 +4,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from estimator.errors import InputError
 from estimator.excitation import Choice, Manoeuvre
 from estimator.specimen import Specimen
 from service.experiments.session import recorded
-from service.network.client import SoftarmClient
+from service.network.client import CommandRefusedError, SoftarmClient
 
 PERIOD_S = 0.05
 LIFETIME_S = 1.0
@@ -84,7 +85,8 @@ def run_excitation(
             if not choice.manoeuvre.by_hand or ask(choice.manoeuvre)
         ]
     finally:
-        client.command("disarm")
+        with suppress(CommandRefusedError):  # after a fault the arm is vented and cannot be disarmed
+            client.command("disarm")
 
 
 def run_manoeuvre(client: SoftarmClient, manoeuvre: Manoeuvre, advance: Callable[[float], None]) -> Recorded:

@@ -34,7 +34,7 @@ DEGREES = 57.29577951308232
 FULL = 50e3
 FEATURES = 400
 RIDGE = 1e-3
-THRESHOLD = 2e-4
+THRESHOLD = 5e-3
 FADING = (1.0, 5.0, 25.0)
 LARGEST = 1.5
 """Samples per second; pressure of one unit; size and ridge of the learned map; smallest coefficient of SINDy;
