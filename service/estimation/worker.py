@@ -6,6 +6,7 @@ the control loop. Requests and results are small, so a pipe carries them.
 
 import asyncio
 import multiprocessing
+import os
 import signal
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,6 +20,8 @@ SolverFactory = Callable[[], Solver]
 
 RESTARTS_ALLOWED = 5
 KILL_AFTER_S = 2.0
+NICER = 5
+"""Numerics give way to the control loop and the drivers."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,7 @@ class WorkerState:
 def _serve(pipe: Connection, factory: SolverFactory) -> None:
     """Run in the child: build the solver, then answer until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(NICER)
     try:
         solver = factory()
         pipe.send(None)
