@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -49,6 +50,13 @@ class RigSettings:
     model: str = "fem"
     rate_hz: float = 100.0
     sensors: tuple[str, ...] = ("orientation",)
+
+
+def free_endpoint() -> str:
+    """Name a zenoh endpoint on this machine that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def service_config(settings: RigSettings, devices: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

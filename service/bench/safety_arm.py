@@ -92,6 +92,7 @@ class SafetyArm:
         self._estimator_deadline_s = config.safety.estimator_deadline_s
         self._sections = len(names)
         self._loads = len(default_loads(specimen))
+        self.blind = False
         self._estimated_ns: int | None = None
         self._lease = ""
         self._sequence = 0
@@ -158,8 +159,12 @@ class SafetyArm:
             self.guard.advance(now_ns, TICK_S)
             self._estimate(now_ns)
             self.guard.check(now_ns, now_ns)
+            self.blind = self.blind or self._misses_a_pose(now_ns)
             ticks += 1
             await asyncio.sleep(TICK_S)
+
+    def _misses_a_pose(self, now_ns: int) -> bool:
+        return any(entry.needed and entry.stale for entry in self.readings.inputs(now_ns, {}))
 
     async def _renew(self) -> None:
         answer = await self.send("lease/acquire")
@@ -188,8 +193,12 @@ class SafetyArm:
         elif self.mode is not Mode.IDLE and self.mode is not Mode.FAULTED:
             await self.demand("disarm")
         played = {"pressures_pa": self._played(), "lifetime_s": 1.0}
+        fields: Mapping[str, Mapping[str, object]] = {
+            "set_pressures": played,
+            "teach/hold": {"ramp_s": RAMP_S},
+        }
         for verb in ENTER[mode]:
-            await self.demand(verb, **(played if verb == "set_pressures" else {}))
+            await self.demand(verb, **fields.get(verb, {}))
         await asyncio.sleep(ENTER_S if mode not in (Mode.IDLE, Mode.FAULTED) else 0.1)
 
     async def demand(self, verb: str, **fields: object) -> None:
@@ -211,6 +220,7 @@ class SafetyArm:
 
 
 ENTER_S = 0.6
+RAMP_S = 0.3
 ENTER: Mapping[Mode, Sequence[str]] = {
     Mode.IDLE: (),
     Mode.FAULTED: ("stop",),
@@ -238,7 +248,7 @@ async def safety_arm(kinds: Mapping[str, str], folder: Path) -> AsyncIterator[Sa
         kinds: Kind of each device by its name; one of them a valve terminal.
         folder: Takes poses and recordings.
     """
-    devices = [{"name": name, "kind": kind} | FAKE.get(kind, {}) for name, kind in kinds.items()]
+    devices = [{"name": name, "kind": kind, **FAKE.get(kind, {})} for name, kind in kinds.items()]
     table = {"control_port": None, "plant": {"kind": "still"}, "device": devices}
     async with fakes.bench(table) as rig:
         arm = SafetyArm(rig, folder)
