@@ -4,7 +4,7 @@ import json
 import socket
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.errors import InputError
+from estimator.rotations import from_quaternions
 from service.api.messages import Estimate, Message, State
 from service.network.client import SoftarmClient
 
@@ -62,6 +63,13 @@ class FakeControl:
     ) -> None:
         self._file.close()
         self._socket.close()
+
+
+def laboratory_of(control: FakeControl) -> Callable[[Floats], Floats]:
+    """Give the map from the base frame of the fake arm to its laboratory."""
+    truth = control.ask("truth")
+    origin, turn = np.array(truth["positions"][0]), from_quaternions(np.array(truth["quaternions"][0]))
+    return lambda point: point @ turn.T + origin
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from service.experiments.bench import Collector, FakeControl, Observation, ramp_pressures
+from service.experiments.bench import Collector, FakeControl, Observation, laboratory_of, ramp_pressures
 from service.network.client import SoftarmClient
 
 Floats = NDArray[np.float64]
@@ -133,7 +133,8 @@ def run_fake(
 
 
 def _tie(fakes: FakeControl, settings: ForceSettings, hook: Floats) -> None:
-    fakes.ask("cord", section=settings.section, hook_m=hook.tolist(), length_m=settings.cord_m)
+    place = laboratory_of(fakes)(hook)
+    fakes.ask("cord", section=settings.section, hook_m=place.tolist(), length_m=settings.cord_m)
 
 
 def _wait(collector: Collector, settings: ForceSettings) -> None:

@@ -216,6 +216,26 @@ def against_the_cord(
     return chain("against_the_cord", *parts)
 
 
+def pulled_taut(rng: Random, section: str = "tip", seconds: float = 8.0, highest: float = 45e3) -> Manoeuvre:
+    """Ramp up and down the chambers that bend the arm away from the gauge, from each chamber's side in turn.
+
+    A second chamber of each segment is filled a little, so that the arm also moves across the cord.
+    """
+    parts = []
+    there = np.linspace(0.0, 1.0, samples(seconds))
+    ramp = np.concatenate([there, there[::-1], np.zeros(samples(2.0))])
+    for chamber in range(3):
+        level = np.zeros(CHAMBERS)
+        level[[chamber, 3 + chamber]] = highest * rng.uniform(0.8, 1.0, 2)
+        beside = (chamber + 1 + rng.integers(2)) % 3
+        level[[beside, 3 + beside]] = 0.35 * highest * rng.uniform(0.0, 1.0, 2)
+        side = -2.0 * np.pi * chamber / 3.0  # the hanging mount turns the base frame about x
+        direction = (float(np.cos(side)), float(np.sin(side)), 0.0)
+        pull = Pull(section, 0, direction, np.zeros(2 * samples(seconds)), slack=0.002)
+        parts.append(Manoeuvre("", np.outer(ramp, level), (pull,)))
+    return chain("pulled_taut", *parts)
+
+
 def taught(
     rng: Random, count: int = 5, reach: float = 0.06, hold: float = 4.0, section: str = "tip"
 ) -> Manoeuvre:
@@ -249,6 +269,7 @@ LIBRARY: dict[str, Callable[[Random], Manoeuvre]] = {
     "pulled_small_steps_intermediate": partial(pulled_small_steps, section="intermediate", travel=0.003),
     "pulled_steps_intermediate": lambda rng: pulled_steps("intermediate"),  # noqa: ARG005
     "against_the_cord": against_the_cord,
+    "pulled_taut": pulled_taut,
     "taught": taught,
     "taught_intermediate": partial(taught, section="intermediate"),
 }

@@ -1,0 +1,193 @@
+"""``softarm experiment NAME (--fake | --arm ID)``: the paper's experiments and their tables."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from service.cli.output import as_markdown, force_option, json_option, progress, say, show
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+@click.group(no_args_is_help=True)
+def command() -> None:
+    """Run the paper's experiments and print their tables beside the paper's figures.
+
+    Example: softarm experiment force --fake --seeds 1
+    """
+
+
+def _common(command: Command) -> Command:
+    """Add what every experiment takes."""
+    for option in (
+        click.option("--fake", is_flag=True, help="On a fake arm, which is started for it."),
+        click.option("--arm", metavar="ID", help="On the arm of a running service."),
+        click.option("--endpoint", help="Where that service listens."),
+        click.option(
+            "--recorded",
+            is_flag=True,
+            help="With --fake: record the manoeuvres faster than real time instead of live over zenoh.",
+        ),
+        click.option("--seeds", type=click.IntRange(1, 20), default=1, show_default=True, help="Fake arms."),
+        click.option("--jobs", type=click.IntRange(1), help="Processes at a time; as many as processors."),
+        click.option("--specimen", "-s", metavar="S", help="Calibrated specimen to use as it is."),
+        click.option(
+            "--out",
+            "-o",
+            type=click.Path(path_type=Path),
+            default=Path("out/experiments"),
+            show_default=True,
+            help="Folder for recordings, plots, tables and the calibrated specimens.",
+        ),
+        json_option,
+    ):
+        command = option(command)
+    return command
+
+
+@command.command("calibrate")
+@_common
+def calibrate(**options: Any) -> int:
+    """Calibrate jointly on sweeps, random poses and pulls, beside the paper's two calibrations.
+
+    Example: softarm experiment calibrate --fake --recorded
+    """
+    return _run("calibrate", **options)
+
+
+@command.command("validate")
+@_common
+def validate(**options: Any) -> int:
+    """Predict poses at random pressures from the pressures alone.
+
+    Example: softarm experiment validate --fake
+    """
+    return _run("validate", **options)
+
+
+@command.command("teach")
+@_common
+def teach(**options: Any) -> int:
+    """Show fifteen poses by hand, hold them by pressures, measure by how much they are missed.
+
+    Example: softarm experiment teach --fake
+    """
+    return _run("teach", **options)
+
+
+@command.command("force")
+@_common
+def force(**options: Any) -> int:
+    """Pull with the gauge, vented and pressurised, and hold the estimate against it.
+
+    Example: softarm experiment force --fake
+    """
+    return _run("force", **options)
+
+
+@command.command("all")
+@_common
+@click.option("--write", type=click.Path(path_type=Path), help="Write all tables as a Markdown page.")
+@force_option
+def everything(write: Path | None, force: bool, **options: Any) -> int:
+    """Run all four on recorded runs of several fake arms.
+
+    Example: softarm experiment all --fake --seeds 3 --write docs/experiments.md
+    """
+    from service.recordings.files import refuse_existing
+
+    if write is not None:
+        refuse_existing(write, force=force or write.suffix == ".md")
+    if not options["fake"]:
+        raise click.UsageError("all runs on fake arms: give --fake; run each experiment alone on --arm")
+    options["recorded"] = True
+    return _run("all", write=write, **options)
+
+
+def _run(
+    name: str,
+    *,
+    fake: bool,
+    arm: str | None,
+    endpoint: str | None,
+    recorded: bool,
+    seeds: int,
+    jobs: int | None,
+    specimen: str | None,
+    out: Path,
+    as_json: bool,
+    write: Path | None = None,
+) -> int:
+    if fake == (arm is not None):
+        raise click.UsageError("give either --fake or --arm ID")
+    if recorded and not fake:
+        raise click.UsageError("--recorded goes with --fake")
+    if not recorded:
+        return _live(name, arm=arm, endpoint=endpoint, specimen=specimen, out=out, as_json=as_json)
+    return _recorded(name, seeds=seeds, jobs=jobs, specimen=specimen, out=out, as_json=as_json, write=write)
+
+
+def _recorded(
+    name: str,
+    *,
+    seeds: int,
+    jobs: int | None,
+    specimen: str | None,
+    out: Path,
+    as_json: bool,
+    write: Path | None,
+) -> int:
+    from service.experiments.campaign import (
+        EXPERIMENTS,
+        default_jobs,
+        run_campaign,
+        summary,
+        tables_of,
+        write_json,
+    )
+    from service.experiments.page import experiments_page
+    from service.experiments.plots import plot_results
+    from service.experiments.seed import SeedPlan
+
+    chosen = EXPERIMENTS if name == "all" else (name,)
+    plans = [
+        SeedPlan(number, out / f"seed{number}", chosen, calibrated=specimen) for number in range(1, seeds + 1)
+    ]
+    with progress(f"experiment {name}", float(seeds)) as advance:
+        results = run_campaign(plans, jobs or default_jobs(seeds), lambda: advance(1))
+    tables = (summary(results), *tables_of(results))
+    show(*(table for table in tables if table.rows), as_json=as_json)
+    write_json(results, out / f"{name}.json")
+    (out / f"{name}.md").write_text(as_markdown(*tables) + "\n")
+    for path in plot_results(results, out / "plots"):
+        say(f"wrote {path}")
+    if write is not None:
+        write.write_text(experiments_page(tables, seeds))
+        say(f"wrote {write}")
+    return 0
+
+
+def _live(
+    name: str, *, arm: str | None, endpoint: str | None, specimen: str | None, out: Path, as_json: bool
+) -> int:
+    from service.experiments.live_tables import run_live
+
+    def ask(sentence: str) -> None:
+        click.prompt(f"{sentence} Press Enter", default="", show_default=False, err=True)
+
+    with progress(f"experiment {name}") as advance:
+        tables = run_live(
+            name,
+            arm=arm,
+            endpoint=endpoint,
+            specimen=specimen,
+            out=out,
+            seed=1,
+            ask=ask,
+            advance=lambda: advance(1),
+        )
+    show(*tables, as_json=as_json)
+    (out / f"{name}.md").write_text(as_markdown(*tables) + "\n")
+    return 0

@@ -1,0 +1,222 @@
+"""Rows of the force experiment: along the cord, by sensors, along the arm's axis, and where it acts."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.calibration import Run, arrange, section_forces
+from estimator.inverse import ContactSearch, locate_force
+from estimator.model import ArmModel, Load
+from estimator.recording import Recording
+from estimator.specimen import Specimen
+from service.experiments.figures import Cells, beside, error_figures, inside
+from service.experiments.models import lateral_loads, tracking_model, wrench_loads
+from service.experiments.paper import FORCE_PRESSURISED_N, FORCE_STILL_N, Published
+from service.experiments.pulls import TAUT_N, ForceErrors, Pull, force_errors, pull_of
+from service.experiments.subsets import subset
+from service.offline.resample import resample
+from service.offline.track import Track, actuation, track
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Advance = Callable[[float], None]
+
+RATE_HZ = 5.0
+VENTED_PA = 1.0e3
+PUBLISHED = {"not pressurised": FORCE_STILL_N, "pressurised": FORCE_PRESSURISED_N}
+CANDIDATES = 9
+
+
+@dataclass(frozen=True)
+class PullTrack:
+    """Estimates over a recording in which the cord pulls.
+
+    Args:
+        condition: ``not pressurised``, ``pressurised`` or another name.
+        sensors: Which sensors it rests on.
+        pull: What the gauge says.
+        track: The estimates.
+        errors: Estimates beside the gauge while the cord is on.
+        tied: Samples at which it is on, shape (samples,).
+    """
+
+    condition: str
+    sensors: str
+    pull: Pull
+    track: Track[Any]
+    errors: ForceErrors
+    tied: Flags
+
+
+@dataclass(frozen=True)
+class PullCase:
+    """A recording of pulls on a specimen.
+
+    Args:
+        condition: Its name.
+        recording: What was recorded.
+        specimen: The calibrated robot.
+    """
+
+    condition: str
+    recording: Recording
+    specimen: Specimen
+
+    @property
+    def run(self) -> Run:
+        """The recording with the gauge as known forces."""
+        return arrange(self.recording, self.specimen, None, section_forces(self.specimen))
+
+
+def follow_pull(
+    case: PullCase,
+    sensors: str = "orientations",
+    loads: tuple[Load, ...] | None = None,
+    rate: float = RATE_HZ,
+    advance: Advance = lambda _: None,
+) -> PullTrack:
+    """Estimate the force over a recording and hold it against the gauge.
+
+    Args:
+        case: Recording and specimen.
+        sensors: Which sensors are used; see ``subsets``.
+        loads: Unknown loads; two lateral forces on the pulled section where none are named.
+        rate: Estimates per second.
+        advance: Called with 1 after each.
+    """
+    run = case.run
+    slow = subset(resample(run, rate), sensors, dict(case.specimen.calibration.scatter))
+    pull = pull_of(case.recording, case.specimen, run, slow.time)
+    model = tracking_model(case.specimen, lateral_loads(pull.section) if loads is None else loads)
+    found = track(model, case.specimen, slow, advance)
+    tied = pull.tied
+    vented = np.nan_to_num(slow.pressures).max(axis=1) < VENTED_PA
+    free = ~tied & vented & (slow.time < _first(slow.time, tied))
+    return PullTrack(case.condition, sensors, pull, found, force_errors(found, pull, free).keep(tied), tied)
+
+
+def along_cord_row(done: PullTrack, *, at_rest: bool = False, published: Published | None = None) -> Cells:
+    """Summarise the error along the cord, across the arm's axis; beside the paper's where there is one.
+
+    Args:
+        done: Estimates and gauge.
+        at_rest: Count one look at each rest of the gauge instead of every estimate.
+        published: The paper's figures.
+    """
+    errors = done.errors.looks() if at_rest else done.errors
+    span = float(np.ptp(errors.gauge)) if len(errors.gauge) else float("nan")
+    row: Cells = {
+        "condition": done.condition,
+        "section": done.pull.section,
+        "sensors": done.sensors,
+        "unknown_loads": len(done.track.loads),
+        "samples": len(errors.gauge),
+        "range_n": span,
+        **error_figures(errors.error, "n"),
+    }
+    mean = row["mean_n"]
+    row["mean_percent"] = 100.0 * mean / span if isinstance(mean, float) and span > 0.0 else None
+    row["inside_2_std"] = inside(errors.error, errors.std)
+    if published is None:
+        return row
+    placed = beside(row, published, "n")
+    percent = row["mean_percent"]
+    aim = 100.0 * published.aim / published.span
+    del placed["aim_n"]
+    return placed | {
+        "paper_mean_percent": 100.0 * published.mean / published.span,
+        "aim_percent": aim,
+        "aim_met": isinstance(percent, float) and percent <= aim,
+    }
+
+
+def axial_rows(case: PullCase, advance: Advance = lambda _: None) -> list[Cells]:
+    """Estimate force along the arm's axis and torque about it from poses; the cord gives no torque."""
+    run = case.run
+    slow = subset(resample(run, 1.0), "poses", dict(case.specimen.calibration.scatter))
+    pull = pull_of(case.recording, case.specimen, run, slow.time)
+    model = tracking_model(case.specimen, wrench_loads(pull.section))
+    found = track(model, case.specimen, slow, advance)
+    tied = pull.tied
+    free = ~tied & (slow.time < _first(slow.time, tied))
+    names = [load.name for load in found.loads]
+    rows = []
+    truths = {"z": pull.force[:, 2], "torque": np.zeros(len(slow.time))}
+    for name, truth in truths.items():
+        index = names.index(f"{pull.section}_{name}")
+        values = found.forces[:, index] - np.nanmean(found.forces[free, index])
+        error = (values - truth)[tied]
+        unit = "mn_m" if name == "torque" else "n"
+        factor = 1e3 if name == "torque" else 1.0
+        figures = error_figures(factor * error, unit)
+        rows.append(
+            {
+                "condition": case.condition,
+                "quantity": "axial force" if name == "z" else "torque",
+                "unit": "N" if name == "z" else "mN m",
+                "samples": int(tied.sum()),
+                **{key.removesuffix(f"_{unit}"): value for key, value in figures.items()},
+                "std_of_estimate": float(np.nanmedian(factor * found.force_std[tied, index])),
+                "inside_2_std": inside(error, found.force_std[tied, index]),
+            }
+        )
+    return rows
+
+
+def location_rows(case: PullCase, looks: int = 3, advance: Advance = lambda _: None) -> list[Cells]:
+    """Find where along the arm the cord pulls, from poses, at the strongest steady pulls."""
+    run = case.run
+    slow = subset(resample(run, 2.0), "fused", dict(case.specimen.calibration.scatter))
+    pull = pull_of(case.recording, case.specimen, run, slow.time)
+    strength = np.linalg.norm(pull.force, axis=1) * (pull.still & pull.tied)
+    strength[~np.isfinite(slow.readings).all(axis=1)] = 0.0
+    chosen = [int(index) for index in _strongest(strength, slow.time, looks) if strength[index] > TAUT_N]
+    model: ArmModel[Any, Any] = tracking_model(case.specimen, lateral_loads(pull.section))
+    pressures = actuation(case.specimen, run)
+    search = ContactSearch(model.with_loads, slow.suite, pressures.chamber_sigma)  # type: ignore[attr-defined]
+    low = min(segment.from_m for segment in case.specimen.segments)
+    heights = np.linspace(low + 0.02, case.specimen.sections[-1].frame_origin_m[2] - 1e-3, CANDIDATES)
+    truth = case.specimen.section(pull.section).frame_origin_m[2]
+    errors, widths, covered = [], [], []
+    for index in chosen:
+        found = locate_force(
+            search,
+            heights,
+            slow.readings[index],
+            pressures.to_chamber(slow.pressures[index]),
+            np.array(case.specimen.gravity_m_s2),
+        )
+        errors.append(1e3 * (found.height - truth))
+        widths.append(1e3 * (found.interval[1] - found.interval[0]))
+        covered.append(found.interval[0] - 1e-3 <= truth <= found.interval[1] + 1e-3)
+        advance(1)
+    return [
+        {
+            "condition": case.condition,
+            "section": pull.section,
+            "height_mm": 1e3 * truth,
+            "looks": len(chosen),
+            "mean_error_mm": float(np.mean(np.abs(errors))) if errors else None,
+            "max_error_mm": float(np.max(np.abs(errors))) if errors else None,
+            "interval_95_mm": float(np.mean(widths)) if widths else None,
+            "covered": float(np.mean(covered)) if covered else None,
+        }
+    ]
+
+
+def _strongest(strength: Floats, time: Floats, count: int) -> list[int]:
+    """Choose the strongest moments, at least three seconds apart."""
+    chosen: list[int] = []
+    for index in np.argsort(-strength):
+        if all(abs(time[index] - time[other]) > 3.0 for other in chosen):
+            chosen.append(int(index))
+        if len(chosen) == count:
+            break
+    return chosen
+
+
+def _first(time: Floats, tied: Flags) -> float:
+    return float(time[np.argmax(tied)]) if tied.any() else float(time[-1])

@@ -1,0 +1,188 @@
+"""The experiments live over zenoh: manoeuvres through the client, a recording through the service."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.errors import InputError
+from estimator.recording import Recording
+from estimator.rotations import from_quaternions
+from estimator.specimen import Specimen, load_specimen, parse_specimen
+from service.experiments.bench import FakeControl, laboratory_of, ramp_pressures
+from service.experiments.operator import FakeOperator, Operator, Person
+from service.experiments.session import connect, recorded, wait_ready
+from service.network.client import SoftarmClient
+from service.network.session import DEFAULT_ENDPOINT
+from service.recordings import load_recording
+from service.rig import FakeRig, RigSettings
+
+Floats = NDArray[np.float64]
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+LIFETIME_S = 5.0
+
+
+@dataclass
+class LiveBench:
+    """A running arm and who moves what the service cannot.
+
+    Args:
+        client: The arm's client, with the lease.
+        operator: Moves gauge and hand.
+        specimen: What the service runs on.
+        advance: Called after each step.
+        hooks: Where the gauge's hook was: time since the recording began [s], and place in the base frame,
+            NaN while the cord is off.
+    """
+
+    client: SoftarmClient
+    operator: Operator
+    specimen: Specimen
+    advance: Callable[[], None] = lambda: None
+    hooks: list[tuple[float, Floats]] = field(default_factory=list)
+    _began: float = 0.0
+    _pressures: Floats = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def now(self) -> float:
+        """Time since the recording began [s]."""
+        return time.monotonic() - self._began
+
+    def position(self, section: str) -> Floats:
+        """Give a section's estimated position in the base frame [m], shape (3,)."""
+        for pose in self.client.state().sections:
+            if pose.section == section:
+                return np.array(pose.position_m)
+        raise InputError(self.client.keys.arm, f"tells no pose of {section}", "see its findings")
+
+    def go(self, pressures: Floats, ramp_s: float, hold_s: float) -> None:
+        """Lead the pressures along a line and hold them."""
+        start = self._pressures if len(self._pressures) else np.zeros_like(pressures)
+        ramp_pressures(self.client, start.tolist(), pressures.tolist(), ramp_s)
+        self._pressures = pressures.copy()
+        self.wait(hold_s, pressures)
+
+    def wait(self, seconds: float, pressures: Floats | None = None) -> None:
+        """Wait, renewing a set-point that would run out."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            if pressures is not None:
+                self.client.command("set_pressures", pressures_pa=pressures.tolist(), lifetime_s=LIFETIME_S)
+            time.sleep(min(left, 0.5 * LIFETIME_S))
+
+    def arm(self) -> None:
+        """Arm, the chambers vented."""
+        self.client.command("arm")
+        self._pressures = np.zeros(len(self.client.state().measured_pa))
+
+    def disarm(self) -> None:
+        """Vent and disarm."""
+        self.client.command("disarm")
+        self._pressures = np.zeros_like(self._pressures)
+
+    def tie(self, section: str, hook: Floats, length: float) -> None:
+        """Tie the cord, or move the gauge."""
+        self.operator.tie(section, hook, length)
+        self.hooks.append((self.now, hook.copy()))
+
+    def untie(self) -> None:
+        """Take the cord off."""
+        self.operator.untie()
+        self.hooks.append((self.now, np.full(3, np.nan)))
+
+    @contextmanager
+    def recording(self, name: str) -> Iterator[list[str]]:
+        """Record the block; the list then holds the file's path."""
+        self.hooks.clear()
+        with recorded(self.client, name) as paths:
+            self._began = time.monotonic()
+            yield paths
+
+    def load(self, path: str, section: str = "tip") -> Recording:
+        """Load the recording and add where the gauge was.
+
+        Raises:
+            InputError: The recording is on another host, or was not written.
+        """
+        if not Path(path).exists():
+            raise InputError(path, "is not on this machine", "copy it here and run softarm calibrate on it")
+        return with_hooks(load_recording(Path(path)), self.hooks, section)
+
+
+def with_hooks(recording: Recording, hooks: list[tuple[float, Floats]], section: str) -> Recording:
+    """Add the hook of the gauge to a recording, as a marker in the laboratory frame.
+
+    Args:
+        recording: What the service recorded.
+        hooks: Times [s] and places in the base frame [m], NaN while the cord is off.
+        section: Section that the cord was tied to.
+    """
+    if not hooks:
+        return recording
+    times = np.array([moment for moment, _ in hooks])
+    places = np.array([place for _, place in hooks])
+    last = np.searchsorted(times, recording.time, side="right") - 1
+    path = np.where(last[:, None] >= 0, places[np.maximum(last, 0)], np.nan)
+    path = base_to_laboratory(recording)(path)
+    columns = {f"marker_hook_{axis}_m": path[:, index] for index, axis in enumerate("xyz")}
+    return replace(
+        recording,
+        columns={**recording.columns, **columns},
+        info={**recording.info, "gauge_section": section},
+    )
+
+
+def base_to_laboratory(recording: Recording) -> Callable[[Floats], Floats]:
+    """Give the map from the base frame to that of the recorded poses."""
+    if "base" not in recording.frames:
+        return lambda points: points
+    pose = recording.pose("base")
+    first = pose[np.isfinite(pose).all(axis=1)][0]
+    turn = from_quaternions(first[3:])
+    return lambda points: points @ turn.T + first[:3]
+
+
+@contextmanager
+def live_bench(
+    arm: str | None,
+    endpoint: str | None,
+    specimen: str | None,
+    out: Path,
+    ask: Callable[[str], None],
+    sensors: tuple[str, ...] = ("orientation",),
+) -> Iterator[LiveBench]:
+    """Connect to an arm, or start fakes and a service on them.
+
+    Args:
+        arm: Name of a served arm; ``None`` starts fakes.
+        endpoint: Where its service listens.
+        specimen: Specimen of the fakes' service; ignored for a served arm.
+        out: Folder of the fakes' logs and recordings.
+        ask: Tells a person what to do and returns when it is done.
+        sensors: Kinds of sensors of the fakes' estimator.
+    """
+    with ExitStack() as stack:
+        if arm is not None:
+            client = stack.enter_context(SoftarmClient(arm, endpoint or DEFAULT_ENDPOINT, name="experiment"))
+            operator: Operator = Person(ask)
+        else:
+            chosen = specimen or str(EXAMPLES / "specimens" / "fake_arm.toml")
+            settings = RigSettings(
+                EXAMPLES / "scenarios" / "demo.toml",
+                specimen=chosen,
+                endpoint=endpoint or DEFAULT_ENDPOINT,
+                sensors=sensors,
+            )
+            rig = stack.enter_context(FakeRig(settings, out / "rig"))
+            client = stack.enter_context(connect(rig))
+            control = stack.enter_context(FakeControl(str(rig.announcement["control"])))
+            operator = FakeOperator(control, laboratory_of(control))
+        wait_ready(client)
+        known = load_specimen(specimen) if specimen else parse_specimen(client.ask("specimen"), "service")
+        stack.enter_context(client.lease())
+        yield LiveBench(client, operator, known)

@@ -1,0 +1,189 @@
+"""Estimated forces beside the gauge's, over a recording in which a cord pulls on the arm."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.calibration import Run
+from estimator.calibration.pulls import cord_direction, gauged_section
+from estimator.errors import InputError
+from estimator.recording import Recording
+from estimator.specimen import Specimen
+from service.offline.track import State, Track
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+TAUT_N = 0.03
+STILL_M_S = 1e-3
+SETTLED_S = 0.6
+
+
+@dataclass(frozen=True)
+class Pull:
+    """What the gauge says over the times of an estimate.
+
+    Args:
+        section: Section that the cord is tied to.
+        force: Force on it in the base frame [N], NaN between readings, shape (samples, 3).
+        direction: Unit vector along the cord, zero while it is off, shape (samples, 3).
+        still: Whether hook and pressures have rested for a while, shape (samples,).
+    """
+
+    section: str
+    force: Floats
+    direction: Floats
+    still: Flags
+
+    @property
+    def tied(self) -> Flags:
+        """Whether the cord is on, shape (samples,)."""
+        on: Flags = np.linalg.norm(self.direction, axis=1) > 0.5
+        return on
+
+    @property
+    def lateral(self) -> Floats:
+        """Unit vectors of the cord across the arm's axis at the base, shape (samples, 3)."""
+        across = self.direction * np.array([1.0, 1.0, 0.0])
+        size = np.linalg.norm(across, axis=1, keepdims=True)
+        return np.where(size > 0.1, across / np.maximum(size, 1e-9), 0.0)
+
+
+def pull_of(recording: Recording, specimen: Specimen, run: Run, times: Floats) -> Pull:
+    """Find the pull in a recording.
+
+    Args:
+        recording: What was recorded.
+        specimen: The robot.
+        run: The recording, arranged for ``section_forces``.
+        times: When it is wanted [s], shape (samples,).
+
+    Raises:
+        InputError: There is no gauge, its cord was slack throughout, or it reads nothing.
+    """
+    if not recording.gauges:
+        raise InputError(recording.name, "has no force gauge", "record the gauge with the motion")
+    gauge = recording.gauges[0]
+    tension = recording.gauge(gauge)
+    seen = np.isfinite(tension)
+    if not seen.any():
+        cure = "check its cable and its section in the configuration"
+        raise InputError(f"{recording.name}, gauge {gauge}", "never answered", cure)
+    if float(np.nanmax(tension)) < TAUT_N:
+        raise InputError(
+            f"{recording.name}, gauge {gauge}",
+            f"pulls {float(np.nanmax(tension)):.3f} N at most: the cord was slack",
+            "move the gauge away until the cord is taut, then in small steps",
+        )
+    sections = [name.rpartition("_")[0] for name in run.load_names]
+    section = gauged_section(recording, gauge, sections)
+    direction = cord_direction(recording, specimen, run.registration, section)
+    if direction is None:
+        raise InputError(
+            recording.name, "does not say where the cord leads", "add marker_hook_* or gauge_direction"
+        )
+    loads = run.loads.reshape(len(run.time), -1, 3)[:, sections[::3].index(section)]
+    nearest = np.clip(np.searchsorted(recording.time, times), 0, len(recording.time) - 1)
+    told = np.isfinite(loads).all(axis=1)
+    force = np.column_stack([np.interp(times, run.time[told], column[told]) for column in loads.T])
+    return Pull(section, force, direction[nearest], rested(recording, times))
+
+
+def rested(recording: Recording, times: Floats) -> Flags:
+    """Tell at which times hook and commanded pressures have not moved for ``SETTLED_S``."""
+    columns = [name for name in recording.columns if name.startswith(("marker_hook", "pressure_cmd"))]
+    flags = np.zeros(len(times), dtype=bool)
+    table = recording.stack(tuple(columns)) if columns else np.zeros((len(recording.time), 1))
+    scale = np.array([2.0 * STILL_M_S * SETTLED_S if "hook" in name else 100.0 for name in columns] or [1.0])
+    for index, moment in enumerate(times):
+        inside = (recording.time > moment - SETTLED_S) & (recording.time <= moment)
+        part = table[inside]
+        if len(part) < 2:
+            continue
+        seen = np.isfinite(part)
+        if (seen.any(axis=0) != seen.all(axis=0)).any():
+            continue
+        spread = np.nan_to_num(np.ptp(np.where(seen, part, 0.0), axis=0))
+        flags[index] = bool((spread <= scale).all())
+    return flags
+
+
+@dataclass(frozen=True)
+class ForceErrors:
+    """Estimated and measured force along the cord, across the arm's axis.
+
+    Args:
+        time: [s], shape (samples,).
+        gauge: Lateral part of the pull [N], shape (samples,).
+        estimate: Estimated force along it, less the tare [N], shape (samples,).
+        std: Its standard deviation [N], shape (samples,).
+        still: Whether the arm rested, shape (samples,).
+    """
+
+    time: Floats
+    gauge: Floats
+    estimate: Floats
+    std: Floats
+    still: Flags
+
+    @property
+    def error(self) -> Floats:
+        """Estimate less gauge [N], shape (samples,)."""
+        return self.estimate - self.gauge
+
+    def looks(self) -> "ForceErrors":
+        """Average each rest to one look, its first and last samples left out, shape (looks,)."""
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], self.still, [False]]).astype(int)))
+        rests = [
+            slice(int(start) + 1, int(end) - 1)
+            for start, end in zip(edges[::2], edges[1::2], strict=True)
+            if end - start >= 4
+        ]
+
+        def mean(values: Floats) -> Floats:
+            return np.array([np.nanmean(values[rest]) for rest in rests])
+
+        return ForceErrors(
+            mean(self.time),
+            mean(self.gauge),
+            mean(self.estimate),
+            mean(self.std),
+            np.ones(len(rests), dtype=bool),
+        )
+
+    def keep(self, flags: Flags) -> "ForceErrors":
+        """Keep some samples, shape (samples,)."""
+        return ForceErrors(
+            self.time[flags], self.gauge[flags], self.estimate[flags], self.std[flags], self.still[flags]
+        )
+
+
+def force_errors(track: Track[State], pull: Pull, free: Flags | None = None) -> ForceErrors:
+    """Compare estimates with the gauge.
+
+    Args:
+        track: Estimates with lateral loads on the pulled section.
+        pull: What the gauge says at the same times.
+        free: Samples whose mean estimate is taken as zero (the tare); none leaves the estimate as it is.
+    """
+    members = [index for index, load in enumerate(track.loads) if load.section == pull.section]
+    axes = np.array([track.loads[index].direction for index in members])
+    forces = track.forces[:, members] @ axes
+    if free is not None and free.any():
+        forces = forces - np.nanmean(forces[free], axis=0)
+    along = pull.lateral
+    covariance = track.force_covariance[:, members][:, :, members]
+    rows = np.einsum("si,li->sl", along, axes)
+    variance = np.einsum("sl,slm,sm->s", rows, covariance, rows)
+    return ForceErrors(
+        track.run.time,
+        np.einsum("si,si->s", pull.force, along),
+        np.einsum("si,si->s", forces, along),
+        np.sqrt(np.maximum(variance, 0.0)),
+        pull.still,
+    )
+
+
+Advance = Callable[[float], None]

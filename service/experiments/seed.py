@@ -1,0 +1,215 @@
+"""One fake arm of a campaign: its recordings, its calibration, and each experiment on it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from estimator.arm import default_loads
+from estimator.calibration import Calibrated, Options, Run, arrange, calibrate, calibrated_specimen
+from estimator.calibration.pulls import section_forces
+from estimator.recording import Recording
+from estimator.specimen import Specimen, load_specimen, save_specimen
+from service.experiments.calibration_rows import comparison_rows, drift_rows, unknown_rows
+from service.experiments.figures import Cells
+from service.experiments.force_rows import (
+    PUBLISHED,
+    PullCase,
+    PullTrack,
+    along_cord_row,
+    axial_rows,
+    follow_pull,
+    location_rows,
+)
+from service.experiments.holds import hold_windows, means
+from service.experiments.leave_one_out import leave_one_out_errors
+from service.experiments.models import known_force_solver
+from service.experiments.recorded import FakeRun, perform
+from service.experiments.subsets import SUBSETS
+from service.experiments.teaching import teach_recorded
+from service.experiments.validation import pose_errors, rows
+from service.recordings import load_recording
+
+CALIBRATION_RUNS = {
+    "sweep": ("each_alone",),
+    "poses": ("random_holds",),
+    "pulls": ("pulled_steps",),
+    "pulls_intermediate": ("pulled_steps_intermediate",),
+}
+RUNS: Mapping[str, tuple[str, ...]] = {
+    **CALIBRATION_RUNS,
+    "validation": ("random_holds", "random_holds"),
+    "force_still": ("pulled_small_steps",),
+    "force_pressurised": ("pulled_taut",),
+    "force_moving": ("pulled_ramps",),
+    "force_intermediate": ("pulled_small_steps_intermediate",),
+    "taught": ("taught", "taught", "taught"),
+}
+"""Runs of the fake arm by name: manoeuvres of its library."""
+
+NODES = 120
+Series = dict[str, list[float]]
+
+
+@dataclass(frozen=True)
+class SeedPlan:
+    """What is to be done on one arm.
+
+    Args:
+        number: Number of the seed; arms are drawn by it.
+        folder: Takes recordings and the calibrated specimen.
+        experiments: ``calibrate``, ``validate``, ``force``, ``teach``.
+        specimen: Nominal specimen.
+        calibrated: A calibrated specimen to use instead of calibrating.
+        nodes: Largest number of samples of the calibration.
+    """
+
+    number: int
+    folder: Path
+    experiments: tuple[str, ...]
+    specimen: str = "sopra"
+    calibrated: str | None = None
+    nodes: int = NODES
+
+
+@dataclass
+class SeedResult:
+    """What came of it.
+
+    Args:
+        number: Number of the seed.
+        tables: Rows by the name of the table.
+        series: Columns of each plot by its name.
+        notes: What a reader should know.
+    """
+
+    number: int
+    tables: dict[str, list[Cells]] = field(default_factory=dict)
+    series: dict[str, Series] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, table: str, new: list[Cells]) -> None:
+        """Add rows to a table, the seed before them."""
+        self.tables.setdefault(table, []).extend({"seed": self.number} | row for row in new)
+
+
+class SeedBench:
+    """The recordings and the calibration of one arm, made when they are first asked for.
+
+    Args:
+        plan: What is to be done.
+    """
+
+    def __init__(self, plan: SeedPlan) -> None:
+        self.plan = plan
+        self.nominal = load_specimen(plan.specimen)
+
+    def recording(self, name: str) -> Recording:
+        """Give a recording by the name of its run."""
+        number = list(RUNS).index(name)
+        run = FakeRun(name, RUNS[name], seed=100 * self.plan.number + number, arm=self.plan.number)
+        return load_recording(perform(run, self.plan.folder))
+
+    def run(self, name: str, specimen: Specimen) -> Run:
+        """Give a recording arranged for a specimen, its gauge as known forces."""
+        return arrange(self.recording(name), specimen, None, section_forces(specimen))
+
+    @cached_property
+    def found(self) -> Calibrated:
+        """The joint calibration."""
+        runs = [self.run(name, self.nominal) for name in CALIBRATION_RUNS]
+        options = Options(nodes=self.plan.nodes)
+        return calibrate(known_force_solver(self.nominal), self.nominal, runs, options)
+
+    @cached_property
+    def specimen(self) -> Specimen:
+        """The calibrated specimen; it is written beside the recordings."""
+        if self.plan.calibrated is not None:
+            return load_specimen(self.plan.calibrated)
+        told = f"softarm experiment, fake arm {self.plan.number}, {', '.join(CALIBRATION_RUNS)}"
+        specimen = calibrated_specimen(self.nominal, self.found, told)
+        save_specimen(specimen, self.plan.folder / "specimen.toml")
+        return specimen
+
+
+def run_seed(plan: SeedPlan) -> SeedResult:
+    """Do the experiments of one arm."""
+    plan.folder.mkdir(parents=True, exist_ok=True)
+    steps: dict[str, Callable[[SeedBench, SeedResult], None]] = {
+        "calibrate": _calibrate,
+        "validate": _validate,
+        "force": _force,
+        "teach": _teach,
+    }
+    result = SeedResult(plan.number)
+    with threadpool_limits(limits=1):
+        bench = SeedBench(plan)
+        for name in plan.experiments:
+            steps[name](bench, result)
+    return result
+
+
+def _calibrate(bench: SeedBench, result: SeedResult) -> None:
+    found = bench.found
+    result.add("unknowns", unknown_rows(found))
+    result.add("comparison", comparison_rows(bench.nominal, bench.specimen, bench.run))
+    result.add("drift", drift_rows(bench.specimen, bench.run))
+
+
+def _validate(bench: SeedBench, result: SeedResult) -> None:
+    specimen = bench.specimen
+    recording = bench.recording("validation")
+    holds = means(bench.run("validation", specimen), hold_windows(recording))
+    solver = known_force_solver(specimen)
+    errors = pose_errors(solver, specimen, holds)
+    result.add("validation", rows(errors, "held out"))
+    result.add("validation", rows(leave_one_out_errors(solver, specimen, holds), "leave one out"))
+    last = errors[-1]
+    result.series["validation"] = {"mm": last.millimetres.tolist(), "degrees": last.degrees.tolist()}
+
+
+def _force(bench: SeedBench, result: SeedResult) -> None:
+    for condition, name in (("not pressurised", "force_still"), ("pressurised", "force_pressurised")):
+        case = PullCase(condition, bench.recording(name), bench.specimen)
+        resting = condition == "not pressurised"
+        done = follow_pull(case)
+        result.add("force", [along_cord_row(done, at_rest=resting, published=PUBLISHED[condition])])
+        result.series[f"force {condition}"] = series_of(done)
+        for kind in SUBSETS:
+            done = follow_pull(case, kind, rate=3.0)
+            result.add("sensors", [along_cord_row(done, at_rest=resting)])
+        result.add("axial", axial_rows(case))
+    _beyond(bench, result)
+
+
+def _beyond(bench: SeedBench, result: SeedResult) -> None:
+    still = PullCase("not pressurised", bench.recording("force_still"), bench.specimen)
+    moving = PullCase("moving", bench.recording("force_moving"), bench.specimen)
+    above = PullCase("not pressurised", bench.recording("force_intermediate"), bench.specimen)
+    result.add("beyond", [along_cord_row(follow_pull(moving, rate=4.0))])
+    result.add("beyond", [along_cord_row(follow_pull(above, rate=4.0), at_rest=True)])
+    every = follow_pull(still, loads=default_loads(bench.specimen), rate=4.0)
+    result.add("beyond", [along_cord_row(every, at_rest=True)])
+    for case in (still, above):
+        result.add("location", location_rows(case))
+
+
+def series_of(done: PullTrack) -> Series:
+    """Give what a plot of the force needs."""
+    errors = done.errors
+    return {
+        "time_s": errors.time.tolist(),
+        "gauge_n": errors.gauge.tolist(),
+        "estimate_n": np.nan_to_num(errors.estimate).tolist(),
+        "std_n": np.nan_to_num(errors.std).tolist(),
+    }
+
+
+def _teach(bench: SeedBench, result: SeedResult) -> None:
+    done = teach_recorded(bench.recording("taught"), bench.specimen, bench.plan.folder, bench.plan.number)
+    result.add("teach", done.rows)
+    result.series["teach"] = done.series
+    result.notes.extend(done.notes)

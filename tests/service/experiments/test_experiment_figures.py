@@ -1,0 +1,177 @@
+"""Figures of errors, holds, leave-one-out and pulls: what the experiments' tables rest on."""
+
+import numpy as np
+import pytest
+
+from estimator.calibration import arrange, section_forces
+from estimator.errors import InputError
+from estimator.recording import Recording
+from estimator.sensing import Bend, Orientation, SectionPose
+from estimator.specimen import load_specimen
+from service.experiments.figures import beside, error_figures, inside, without_unit
+from service.experiments.holds import hold_windows, means
+from service.experiments.leave_one_out import without_each
+from service.experiments.live import with_hooks
+from service.experiments.paper import FORCE_STILL_N, TEACH_MM
+from service.experiments.pulls import ForceErrors, pull_of
+from service.experiments.recorded import holds_table
+from service.experiments.subsets import subset
+from service.experiments.teaching import still_windows
+
+RATE = 50.0
+
+
+def test_figures_of_errors_leave_out_what_was_lost() -> None:
+    row = error_figures(np.array([-1.0, 3.0, np.nan]), "mm")
+    assert row == {"min_mm": 1.0, "max_mm": 3.0, "mean_mm": 2.0, "std_mm": 1.0}
+    assert error_figures(np.full(3, np.nan), "mm")["mean_mm"] is None
+
+
+def test_an_aim_is_met_only_below_it() -> None:
+    for mean, met in ((TEACH_MM.aim, True), (1.01 * TEACH_MM.aim, False)):
+        row = beside({"mean_mm": mean}, TEACH_MM, "mm")
+        assert row["aim_met"] is met
+        assert without_unit(row, "mm")["paper_mean"] == 5.2
+    assert FORCE_STILL_N.mean / FORCE_STILL_N.span == pytest.approx(0.0105, abs=1e-4)
+
+
+def test_normal_errors_lie_within_two_deviations_in_95_of_100() -> None:
+    rng = np.random.default_rng(0)
+    assert inside(rng.normal(0.0, 2.0, 20000), np.full(20000, 2.0)) == pytest.approx(0.9545, abs=0.005)
+
+
+def recording(**columns: np.ndarray) -> Recording:
+    time = np.arange(0.0, 20.0, 1.0 / RATE)
+    return Recording("run", time, columns, {"gauge_section": "tip"})
+
+
+def posed(**more: np.ndarray) -> Recording:
+    time = np.arange(0.0, 20.0, 1.0 / RATE)
+    columns: dict[str, np.ndarray] = {}
+    for section, height in (("base", 0.0), ("intermediate", 0.1405), ("tip", 0.276)):
+        values = (0.0, 0.0, height, 1.0, 0.0, 0.0, 0.0)
+        for name, value in zip(("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"), values, strict=True):
+            columns[f"frame_{section}_{name}"] = np.full(len(time), value)
+    return recording(**columns, **{f"pressure_{k}_pa": np.zeros(len(time)) for k in range(6)}, **more)
+
+
+def hook(direction: tuple[float, float, float], reach: float = 0.3) -> dict[str, np.ndarray]:
+    place = np.array([0.0, 0.0, 0.276]) + reach * np.array(direction) / np.linalg.norm(direction)
+    count = int(20.0 * RATE)
+    return {f"marker_hook_{axis}_m": np.full(count, place[k]) for k, axis in enumerate("xyz")}
+
+
+def test_holds_are_found_where_commands_rest() -> None:
+    time = np.arange(0.0, 20.0, 1.0 / RATE)
+    level = np.interp(time, [0, 5, 6, 11, 12, 20], [0, 0, 2e4, 2e4, 3e4, 3e4])
+    windows = hold_windows(recording(pressure_cmd_0_pa=level), shortest=3.0, look=0.5)
+    np.testing.assert_allclose(windows[:, 1], [5.0, 11.0, 20.0], atol=0.05)
+    np.testing.assert_allclose(windows[:, 1] - windows[:, 0], 0.5)
+
+
+def test_means_over_holds_are_those_of_the_samples() -> None:
+    specimen = load_specimen("sopra")
+    run = arrange(posed(), specimen, None, section_forces(specimen))
+    held = means(run, np.array([[1.0, 2.0], [30.0, 31.0]]))
+    assert len(held) == 1
+    np.testing.assert_allclose(held.readings[0], run.readings[60])
+
+
+def test_leaving_a_pose_out_is_refitting_without_it() -> None:
+    rng = np.random.default_rng(1)
+    residual, jacobian = rng.normal(size=(7, 3)), rng.normal(size=(7, 3, 4))
+    prior = np.diag([0.1, 0.2, 0.3, 0.4])
+    left = without_each(residual, jacobian, prior)
+    for index in range(7):
+        others = np.arange(7) != index
+        rows = np.concatenate([jacobian[others].reshape(-1, 4), np.sqrt(prior)])
+        wanted = np.concatenate([residual[others].ravel(), np.zeros(4)])
+        step = np.linalg.lstsq(rows, wanted, rcond=None)[0]
+        np.testing.assert_allclose(left[index], residual[index] - jacobian[index] @ step, rtol=1e-9)
+
+
+def test_a_pull_points_from_the_knot_to_the_hook() -> None:
+    specimen = load_specimen("sopra")
+    count = int(20.0 * RATE)
+    told = posed(gauge_cord_n=np.linspace(0.0, 0.5, count), **hook((0.6, 0.8, 0.0)))
+    run = arrange(told, specimen, None, section_forces(specimen))
+    pull = pull_of(told, specimen, run, np.array([10.0, 19.0]))
+    assert pull.section == "tip"
+    np.testing.assert_allclose(pull.lateral, [[0.6, 0.8, 0.0]] * 2, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(pull.force, axis=1), [0.25, 0.475], atol=1e-3)
+    np.testing.assert_allclose(run.loads[-1], [0.0, 0.0, 0.0, 0.3, 0.4, 0.0], atol=1e-9)
+
+
+SICK = {
+    "slack": (np.full(1000, 0.01), "the cord was slack; move the gauge away"),
+    "silent": (np.full(1000, np.nan), "never answered; check its cable"),
+    "saturated": (np.minimum(np.linspace(0.0, 3.0, 1000), 1.5), "the end of its range; pull less"),
+}
+
+
+@pytest.mark.parametrize("name", SICK)
+def test_a_sick_gauge_is_named_with_its_cure(name: str) -> None:
+    specimen = load_specimen("sopra")
+    tension, message = SICK[name]
+    told = posed(gauge_cord_n=tension, **hook((1.0, 0.0, 0.0)))
+    with pytest.raises(InputError, match=message):
+        pull_of(told, specimen, arrange(told, specimen, None, section_forces(specimen)), told.time)
+
+
+def test_a_marker_that_the_specimen_does_not_name_is_left_out_and_told() -> None:
+    run = arrange(posed(**hook((1.0, 0.0, 0.0))), load_specimen("sopra"))
+    assert run.ignored_markers == ("hook",)
+
+
+def test_looks_average_each_rest() -> None:
+    still = np.array([1, 1, 1, 1, 0, 1, 1, 1, 1, 1], dtype=bool)
+    values = np.arange(10.0)
+    looks = ForceErrors(values, values, values + 1.0, np.ones(10), still).looks()
+    np.testing.assert_allclose(looks.gauge, [1.5, 7.0])
+    np.testing.assert_allclose(looks.error, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "sensors"), [("orientations", Orientation), ("poses", SectionPose), ("fused", SectionPose)]
+)
+def test_subsets_keep_one_kind_of_sensor(kind: str, sensors: type) -> None:
+    run = arrange(posed(), load_specimen("sopra"))
+    part = subset(run, kind, {"frame_tip rotation": 0.3})
+    assert all(isinstance(m, sensors) for m in part.suite.measurements)
+    assert part.readings.shape[1] == sum(m.reading_size for m in part.suite.measurements)
+    tip = part.suite.measurements[-1]
+    assert np.sqrt(tip.covariance(np.zeros(tip.reading_size))[-1, -1]) > 0.3
+    with pytest.raises(InputError, match="holds nothing for 'bends'"):
+        subset(run, "bends")
+
+
+def test_bends_alone_are_kept_as_they_are() -> None:
+    count = int(20.0 * RATE)
+    told = posed(bend_tip_x_rad=np.full(count, 0.1), bend_tip_y_rad=np.full(count, 0.2))
+    part = subset(arrange(told, load_specimen("sopra")), "bends")
+    assert [type(m) for m in part.suite.measurements] == [Bend]
+    np.testing.assert_allclose(part.readings[0], [0.1, 0.2])
+
+
+def test_still_windows_end_where_a_body_sets_off() -> None:
+    time = np.arange(0.0, 12.0, 0.01)
+    places = np.zeros((len(time), 3))
+    places[:, 0] = np.interp(time, [0, 4, 5, 9, 9.5, 12], [0, 0, 0.05, 0.05, 0.02, 0.02])
+    windows = still_windows(time, places)
+    np.testing.assert_allclose(windows[:, 1], [4.0, 9.0, 12.0], atol=0.15)
+
+
+def test_a_table_of_holds_begins_vented_and_holds_each_level() -> None:
+    levels = np.array([[1e4] * 6, [2e4] * 6])
+    times, points = holds_table(levels, 3.0, 1.0)
+    np.testing.assert_allclose(np.diff(times), [3.0, 1.0, 3.0, 1.0, 3.0])
+    np.testing.assert_allclose(points[:, 0], [0, 0, 1e4, 1e4, 2e4, 2e4])
+
+
+def test_hooks_of_a_live_run_hold_until_the_next_one() -> None:
+    hooks = [(2.0, np.array([0.3, 0.0, 0.2])), (5.0, np.full(3, np.nan))]
+    told = with_hooks(posed(), hooks, "tip")
+    x = told.columns["marker_hook_x_m"]
+    assert np.isnan(x[: int(1.9 * RATE)]).all()
+    assert np.isnan(x[int(5.1 * RATE) :]).all()
+    np.testing.assert_allclose(x[int(2.1 * RATE) : int(4.9 * RATE)], 0.3)
