@@ -33,20 +33,21 @@ class LoadSet:
     Args:
         loads: What they are.
         constant: Nodal forces per unit of amplitude, zero for those that turn, shape (loads, nodes, 3).
-        turning: Index, frame and row (6,) of each load whose nodal forces follow the configuration.
+        turning: Frames whose loads' nodal forces follow the configuration, each with the loads' indices and
+            their rows, shape (loads of the frame, 6).
     """
 
     loads: tuple[Load, ...]
     constant: Floats
-    turning: tuple[tuple[int, SectionFrame, Floats], ...]
+    turning: tuple[tuple[Indices, SectionFrame, Floats], ...]
 
     def vectors(self, positions: Floats) -> Floats:
         """Give the nodal forces per unit of amplitude, shape (loads, nodes, 3)."""
         if not self.turning:
             return self.constant
         vectors = self.constant.copy()
-        for index, frame, row in self.turning:
-            vectors[index] = frame.at(positions).pull_back(row[None], positions.shape[0])[0]
+        for indices, frame, rows in self.turning:
+            vectors[indices] = frame.at(positions).pull_back(rows, positions.shape[0])
         return vectors
 
 
@@ -68,7 +69,7 @@ def build_loads(mesh: Mesh, loads: tuple[Load, ...], sections: dict[str, Section
         InputError: A load names an unknown section, region or surface, no place at all, or a height outside.
     """
     constant = np.zeros((len(loads), len(mesh.points), 3))
-    turning = []
+    turning: dict[int, tuple[list[int], SectionFrame, list[Floats]]] = {}
     slices: dict[float, SectionFrame] = {}
     for index, load in enumerate(loads):
         direction = np.array(load.direction, dtype=float)
@@ -83,8 +84,10 @@ def build_loads(mesh: Mesh, loads: tuple[Load, ...], sections: dict[str, Section
         if load.kind == "force" and np.allclose(frame.origin, frame.mean, atol=1e-12):
             constant[index] = frame.at(mesh.points).pull_back(row[None], len(mesh.points))[0]
         else:
-            turning.append((index, frame, row))
-    return LoadSet(loads, constant, tuple(turning))
+            indices, _, rows = turning.setdefault(id(frame), ([], frame, []))
+            indices.append(index)
+            rows.append(row)
+    return LoadSet(loads, constant, tuple((np.array(i), f, np.array(r)) for i, f, r in turning.values()))
 
 
 def _frame_of(
