@@ -66,6 +66,9 @@ def run_excitation(
 ) -> list[Recorded]:
     """Run manoeuvres one after another, each from the vented arm and each into a recording.
 
+    The arm is armed only: the mode for experiments ends when the estimator fails, which is just what it may do
+    on an arm whose model is wrong.
+
     Args:
         client: The arm's client, with the lease; it leaves the arm disarmed and vented.
         choices: What to run.
@@ -78,7 +81,6 @@ def run_excitation(
     """
     client.command("arm")
     try:
-        client.command("experiment/begin")
         return [
             run_manoeuvre(client, choice.manoeuvre, advance)
             for choice in choices

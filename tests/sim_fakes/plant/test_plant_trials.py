@@ -1,0 +1,67 @@
+"""Sealed trials are fair: what they conceal, their designed runs excite, at sizes from faint to strong."""
+
+import numpy as np
+import pytest
+
+from estimator.effects import EFFECTS
+from estimator.effects.excitation import LONG, inventory, missing
+from sim_fakes.plant.chain import gravity_in_base
+from sim_fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, effect
+from sim_fakes.plant.manoeuvre import SAMPLE
+from sim_fakes.plant.trials import Trial, draw
+
+LIMITS = np.full(6, 65e3)
+SEEDS = range(30)
+
+
+def excited(trial: Trial) -> frozenset:
+    """What the suspect runs of a trial excite together."""
+    found, gravities, end = frozenset(), [], 0.0
+    for run in trial.runs:
+        if run.name.startswith("nominal"):
+            continue
+        commands = run.manoeuvre.commands[::10]
+        time = 10 * SAMPLE * np.arange(len(commands))
+        gravity = np.asarray(gravity_in_base(run.laboratory.arm))
+        found |= inventory(time, commands, np.tile(gravity, (len(time), 1)), LIMITS)
+        gravities.append(gravity)
+        end = run.laboratory.session_start + run.manoeuvre.duration
+    turned = any(abs(g @ gravities[0]) < 0.5 * (g @ g) for g in gravities)
+    return found | ({"mount_turned"} if turned else set()) | ({"long_run"} if end >= LONG else set())
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_designed_runs_excite_whatever_may_be_concealed(seed: int):
+    found = excited(draw(seed, "single"))
+    for name in (*ARM_EFFECTS, *INSTRUMENT_EFFECTS):
+        assert not missing(EFFECTS[name], found), name
+
+
+def test_every_effect_of_the_vocabulary_is_drawn_and_no_other():
+    drawn = {one.name for seed in range(400) for one in draw(seed, "single").concealed}
+    assert drawn == set(EFFECTS) == {*ARM_EFFECTS, *INSTRUMENT_EFFECTS}
+    foreign = {one.name for seed in range(60) for one in draw(seed, "foreign").concealed}
+    assert foreign == set(FOREIGN_EFFECTS)
+
+
+@pytest.mark.parametrize("name", sorted({*ARM_EFFECTS, *INSTRUMENT_EFFECTS, *FOREIGN_EFFECTS}))
+def test_sizes_are_graded_from_faint_to_strong(name: str):
+    known, kind = effect(name), "foreign" if name in FOREIGN_EFFECTS else "single"
+    quantity = known.quantities[known.principal]
+    sizes = np.array([draw(s, kind, only=(name,)).concealed[0].parameters[known.principal] for s in SEEDS])
+    low, high = sorted((quantity.low, quantity.high))
+    assert np.all((sizes >= low) & (sizes <= high))
+    strong = max(abs(quantity.low), abs(quantity.high))
+    assert np.abs(sizes).max() > 0.6 * strong
+    assert np.abs(sizes).min() < 0.6 * strong
+
+
+def test_before_and_after_are_one_arm_in_one_laboratory():
+    trial = draw(3, "pair")
+    nominal = [run for run in trial.runs if run.name.startswith("nominal")]
+    suspect = [run for run in trial.runs if run.name.startswith("run")]
+    assert all(not run.laboratory.concealed for run in nominal)
+    assert all(run.laboratory.concealed == trial.concealed for run in suspect)
+    assert {run.laboratory.arm.segments for run in trial.runs} == {trial.runs[0].laboratory.arm.segments}
+    assert all(run.laboratory.instruments is trial.runs[0].laboratory.instruments for run in trial.runs)
+    assert len({run.seed for run in trial.runs}) == len(trial.runs)
