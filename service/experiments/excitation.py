@@ -66,8 +66,8 @@ def run_excitation(
 ) -> list[Recorded]:
     """Run manoeuvres one after another, each from the vented arm and each into a recording.
 
-    The arm is armed only: the mode for experiments ends when the estimator fails, which is just what it may do
-    on an arm whose model is wrong.
+    The arm is armed only: the mode for experiments ends when the estimator fails, as it may well do on an arm
+    whose model is wrong.
 
     Args:
         client: The arm's client, with the lease; it leaves the arm disarmed and vented.

@@ -126,7 +126,7 @@ def diagnose(trial: SealedTrial, excitation: str, folders: Folders, specimen: st
     runs = chosen(every, excitation)
     nominal = [path for path in every if path.name.startswith("nominal")]
     out = folders.report(trial, excitation)
-    words = ["diagnose", *map(str, runs), "--specimen", specimen, "--out", str(out)]
+    words = ["diagnose", *map(str, runs), "--specimen", specimen, "--jobs", "1", "--out", str(out)]
     words += ["--write-specimen", str(out / WRITTEN)]
     for path in nominal:
         words += ["--nominal", str(path)]
