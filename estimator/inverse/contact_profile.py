@@ -128,7 +128,8 @@ class ContactProfile:
         spread = estimate.covariance[:chambers, :chambers]
         covariance = seen.covariance + to_pressures @ spread @ to_pressures.T
         to_pushes = to_loads[:, -2 * len(self.heights) :]
-        return self._best(explained, to_pushes, np.linalg.inv(covariance))
+        information = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+        return self._best(explained, to_pushes, information)
 
     def _share(self, found: ContactPlace) -> Floats:
         """Give the push to the two candidates beside it: same force, same moment; shape (candidates, 2)."""

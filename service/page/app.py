@@ -52,9 +52,11 @@ class Page:
         for stream, _, handler in subscriptions:
             self._exit.enter_context(self._client.subscribe(stream, Throttle(handler, REFRESH_S)))
         self._exit.enter_context(self._client.subscribe_shape(self._scene.show_shape))
+        self._panel.operator.start()
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._panel.operator.close()
         self._exit.close()
         self._server.stop()
 

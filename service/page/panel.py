@@ -9,18 +9,17 @@ import viser
 from viser import uplot
 
 from service.api.messages import Estimate, Mismatch, State
-from service.network.client import CommandRefusedError, SoftarmClient
+from service.network.client import SoftarmClient
+from service.page.operator import Operator
 
 HISTORY = 300
 HOLD_RATE_HZ = 5.0
+NO_POSES = "none yet"
 COLOURS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b")
 
 
 class Panel:
     """Texts, plots and buttons.
-
-    The dead-man: arming and teaching live as long as a button is held down; letting go ends the renewal of
-    the lease, and the service vents by itself.
 
     Args:
         server: viser's server.
@@ -29,7 +28,7 @@ class Panel:
     """
 
     def __init__(self, server: viser.ViserServer, client: SoftarmClient, chambers: int) -> None:
-        self._client = client
+        self._operator = Operator(client, lambda: len(server.get_clients()), self._say)
         self._lock = threading.Lock()
         self._times: deque[float] = deque(maxlen=HISTORY)
         self._pressures: deque[tuple[float, ...]] = deque(maxlen=HISTORY)
@@ -37,8 +36,12 @@ class Panel:
         self._forces: deque[tuple[float, ...]] = deque(maxlen=HISTORY)
         self._start = time.monotonic()
         self._chambers = chambers
+        self._buttons(server)  # above all that changes its height: a button must not move under the hand
         self._mode = server.gui.add_markdown("**waiting for the service**")
-        self._buttons(server)
+        self._answer = server.gui.add_markdown("")
+        self._reach = server.gui.add_markdown("")
+        self._differs = server.gui.add_markdown("")
+        self._poses(server)
         with server.gui.add_folder("Pressures [kPa]: asked, applied, measured"):
             self._table = server.gui.add_markdown("")
             empty = (np.zeros(2), *(np.zeros(2) for _ in range(chambers)))
@@ -63,44 +66,51 @@ class Panel:
             )
         with server.gui.add_folder("Health"):
             self._health = server.gui.add_markdown("")
-        self._answer = server.gui.add_markdown("")
+
+    @property
+    def operator(self) -> Operator:
+        """Acts for whoever sits at the page."""
+        return self._operator
+
+    def _say(self, text: str) -> None:
+        self._answer.content = text
 
     def _buttons(self, server: viser.ViserServer) -> None:
+        operator = self._operator
         with server.gui.add_folder("Commands"):
             stop = server.gui.add_button("STOP", color="red", hint="Vents at once; needs no lease.")
-            clear = server.gui.add_button("Clear", hint="Leaves FAULTED once the cause is gone.")
-            enable = server.gui.add_button(
-                "Hold to enable", color="green", hint="Dead-man: keeps the lease while it is held down."
+            teach = server.gui.add_button(
+                "Teach (keep pressed)", color="green", hint="Dead-man: arms, and frees the arm for the hand."
             )
-            teach = server.gui.add_button("Teach", hint="Free the arm and learn the pose; keep the dead-man.")
             hold = server.gui.add_button("Hold pose", hint="Ramp to the pressures that hold the pose.")
-            release = server.gui.add_button("Release", hint="End teaching or holding.")
+            release = server.gui.add_button("Release", hint="End teaching or holding; then the arm vents.")
             disarm = server.gui.add_button("Disarm", hint="Vents.")
-        stop.on_click(lambda _: self._send("stop"))
-        clear.on_click(lambda _: self._send("clear"))
-        enable.on_hold(lambda _: self._keep_enabled(), callback_hz=HOLD_RATE_HZ)
-        teach.on_click(lambda _: self._send("teach/start"))
-        hold.on_click(lambda _: self._send("teach/hold"))
-        release.on_click(lambda _: self._send("teach/release"))
-        disarm.on_click(lambda _: self._send("disarm"))
+            clear = server.gui.add_button("Clear", hint="Leaves FAULTED once the cause is gone.")
+        stop.on_click(lambda _: operator.stop())
+        teach.on_hold(lambda _: operator.press(), callback_hz=HOLD_RATE_HZ)
+        hold.on_click(lambda _: operator.hold_pose())
+        release.on_click(lambda _: operator.let_go("teach/release"))
+        disarm.on_click(lambda _: operator.let_go("disarm"))
+        clear.on_click(lambda _: operator.clear())
 
-    def _keep_enabled(self) -> None:
-        try:
-            self._client.acquire()
-            if self._client.state().mode == "IDLE":
-                self._client.command("arm")
-        except (CommandRefusedError, TimeoutError) as refusal:
-            self._answer.content = f"refused: {refusal}"
+    def _poses(self, server: viser.ViserServer) -> None:
+        operator = self._operator
+        with server.gui.add_folder("Poses"):
+            name = server.gui.add_text("Name", "pose-1")
+            save = server.gui.add_button("Save pose", hint="Remember the pose and its pressures.")
+            known = server.gui.add_dropdown("Saved", operator.poses() or (NO_POSES,))
+            go = server.gui.add_button("Go to", hint="Ramp to the saved pose and hold it.")
 
-    def _send(self, verb: str) -> None:
-        try:
-            applied = self._client.command(verb)
-            self._answer.content = f"{verb}: {applied.mode}"
-        except (CommandRefusedError, TimeoutError, ValueError) as refusal:
-            self._answer.content = f"refused: {refusal}"
+        def save_pose() -> None:
+            if operator.send("teach/save", name=name.value):
+                known.options = operator.poses() or (NO_POSES,)
+
+        save.on_click(lambda _: save_pose())
+        go.on_click(lambda _: operator.go_to(known.value))
 
     def show_state(self, state: State) -> None:
         """Show mode, pressures and health."""
+        self._operator.see(state)
         cause = f" ({state.fault_cause})" if state.fault_cause else ""
         holder = state.lease.holder or "free"
         self._mode.content = f"## {state.mode}{cause}\nlease: {holder}, recording: {state.recording or 'no'}"
@@ -112,6 +122,7 @@ class Panel:
         self._table.content = "\n".join(
             ["| chamber | asked | applied | measured |", "|---|---|---|---|", *lines]
         )
+        self._reach.content = state.teach_note or ""
         findings = [f"- **{f.severity}** {f.where}: {f.message}; {f.hint}" for f in state.findings]
         self._health.content = "\n".join(findings) or "no findings"
         with self._lock:
@@ -123,12 +134,15 @@ class Panel:
 
     def show_estimate(self, estimate: Estimate) -> None:
         """Show the external forces."""
+        place = estimate.contact
         lines = [
             f"{load.section}: {np.linalg.norm(load.force_n):.3f} N "
             f"+- {np.sqrt(max(np.trace(load.covariance_n2), 0.0)):.3f}"
             for load in estimate.loads
         ]
         contact = "contact" if estimate.in_contact else "no contact"
+        if place is not None:
+            contact += f" {1e3 * place.height_m:.0f} +- {1e3 * place.height_std_m:.0f} mm from the base"
         lost = f"; lost: {', '.join(estimate.sensors_lost)}" if estimate.sensors_lost else ""
         timing = f"{estimate.status}, {1e3 * estimate.latency_s:.0f} ms old{lost}"
         self._force.content = "  \n".join([contact, *lines, timing])
@@ -142,9 +156,10 @@ class Panel:
 
     def show_mismatch(self, mismatch: Mismatch) -> None:
         """Say when model and measurements differ."""
-        if not mismatch.consistent:
-            where = ", ".join(mismatch.where) or "not located"
-            self._answer.content = f"model and measurements differ at {where}: {mismatch.advice}"
+        where = ", ".join(mismatch.where) or "not located"
+        self._differs.content = (
+            "" if mismatch.consistent else f"model and measurements differ at {where}: {mismatch.advice}"
+        )
 
 
 def _kpa(pressure: float | None) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+import trimesh
 import viser
 from numpy.typing import NDArray
 
@@ -57,13 +58,10 @@ class Scene:
 
     def _draw(self, points: Floats, stress: Floats) -> None:
         vertices = points[self._used] @ HANGING.T
-        self._server.scene.add_mesh_simple(
-            "/arm",
-            vertices.astype(np.float32),
-            self._faces,
-            color=colours(stress[self._used]),
-            side="double",
+        surface = trimesh.Trimesh(
+            vertices, self._faces, vertex_colors=colours(stress[self._used]), process=False
         )
+        self._server.scene.add_mesh_trimesh("/arm", surface)
 
     def show_shape(self, data: bytes) -> None:
         """Show a shape message: positions and stress of every node."""

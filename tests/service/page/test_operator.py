@@ -1,0 +1,76 @@
+import pytest
+
+from service.api.commands import Applied, Refused
+from service.network.client import CommandRefusedError
+from service.page.operator import GRACE_S, Operator
+from service.safety.modes import Mode
+
+AFTER = {"arm": Mode.ARMED, "teach/start": Mode.TEACH, "teach/hold": Mode.HOLDING, "teach/goto": Mode.HOLDING}
+
+
+class Client:
+    """A service that accepts everything, or whose lease is somebody else's."""
+
+    def __init__(self):
+        self.sent, self.lease_is_free, self.mode = [], True, Mode.IDLE
+
+    def acquire(self):
+        if not self.lease_is_free:
+            refused = Refused(verb="lease/acquire", code="lease_held", message="held by x", hint="wait")
+            raise CommandRefusedError(refused)
+
+    def command(self, verb, timeout_s=1.0, **fields):
+        self.sent.append(verb)
+        self.mode = AFTER.get(verb, Mode.IDLE)
+        return Applied(verb=verb, mode=self.mode, applied={})
+
+
+class Desk:
+    def __init__(self):
+        self.client, self.now, self.browsers, self.told = Client(), 0.0, 1, []
+        self.operator = Operator(self.client, lambda: self.browsers, self.told.append, lambda: self.now)
+        self.operator._mode = Mode.IDLE
+
+
+@pytest.fixture
+def desk():
+    return Desk()
+
+
+def test_dead_man_arms_then_teaches_and_ends_with_its_grace(desk):
+    desk.operator.press()
+    desk.operator.press()
+    assert desk.client.sent == ["arm", "teach/start"]
+    assert desk.operator.wanted
+    desk.now += GRACE_S + 0.1
+    assert not desk.operator.wanted
+
+
+def test_held_pose_lives_as_long_as_a_browser_shows_it(desk):
+    desk.operator.press()
+    desk.operator.hold_pose()
+    desk.now += 60.0
+    assert desk.operator.wanted
+    desk.browsers = 0
+    assert not desk.operator.wanted
+
+
+@pytest.mark.parametrize("end", ["let_go", "stop"])
+def test_letting_go_and_stopping_end_the_hold(desk, end):
+    desk.operator.hold_pose()
+    desk.operator.let_go("disarm") if end == "let_go" else desk.operator.stop()
+    assert not desk.operator.wanted
+
+
+def test_saved_pose_is_gone_to_from_idle(desk):
+    desk.operator.go_to("a")
+    assert desk.client.sent == ["arm", "teach/goto"]
+    assert desk.operator.wanted
+
+
+def test_lease_of_another_is_told_and_nothing_is_sent(desk):
+    desk.client.lease_is_free = False
+    desk.operator.press()
+    desk.operator.hold_pose()
+    assert desk.client.sent == []
+    assert "held by x" in desk.told[-1]

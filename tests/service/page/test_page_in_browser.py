@@ -1,0 +1,127 @@
+"""The operator page in a real browser without a screen: what is clicked is what the service does."""
+
+import shutil
+import socket
+
+import pytest
+
+from service.network.client import SoftarmClient
+from service.safety.modes import Mode
+
+webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed: softarm[dev]")
+pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
+
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+DRIVER = shutil.which("chromedriver")
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(
+        not (BROWSER and DRIVER), reason="no chromium: apt-get install chromium chromium-driver"
+    ),
+]
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-dev-shm-usage",
+    "--window-size=1000,900",
+)
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class Browser:
+    """The page as an operator has it before him."""
+
+    def __init__(self, driver):
+        from selenium.webdriver.support.ui import WebDriverWait
+
+        self._driver = driver
+        self._wait = WebDriverWait(driver, 30.0)
+
+    def button(self, text):
+        path = f"//button[.//*[normalize-space(text())='{text}'] or normalize-space(text())='{text}']"
+        return self._wait.until(lambda driver: driver.find_element("xpath", path))
+
+    def click(self, text):
+        self._driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", self.button(text))
+        webdriver.ActionChains(self._driver).click(self.button(text)).perform()
+
+    def press(self, text):
+        webdriver.ActionChains(self._driver).click_and_hold(self.button(text)).perform()
+
+    def let_go(self):
+        webdriver.ActionChains(self._driver).release().perform()
+
+    def until_shown(self, text):
+        self._wait.until(lambda driver: text in driver.find_element("tag name", "body").text)
+
+
+@pytest.fixture
+def page(service, monkeypatch):
+    from service.page.app import Page
+
+    monkeypatch.setattr("service.page.operator.GRACE_S", 6.0)  # without a graphics card a click takes long
+    client = SoftarmClient("page", service.endpoint, name="operator page")
+    with client, Page(client, "127.0.0.1", free_port()) as running:
+        yield running
+
+
+@pytest.fixture
+def browser(page, tmp_path):
+    options = webdriver.ChromeOptions()
+    options.binary_location = BROWSER
+    for flag in (*FLAGS, f"--user-data-dir={tmp_path / 'profile'}"):
+        options.add_argument(flag)
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    try:
+        driver.get(f"http://127.0.0.1:{page.port}")
+        yield Browser(driver)
+    finally:
+        driver.quit()
+
+
+def test_teach_hold_release_and_stop_through_the_page(service, browser):
+    browser.until_shown("IDLE")
+    browser.until_shown("tip: 0.412 N")
+
+    browser.press("Teach (keep pressed)")
+    service.until(Mode.TEACH)
+    browser.until_shown("The pose can be reached.")
+    browser.let_go()
+    service.until(Mode.IDLE)  # nobody holds the dead-man: the lease runs out
+
+    browser.press("Teach (keep pressed)")
+    service.until(Mode.TEACH)
+    browser.let_go()
+    browser.click("Hold pose")
+    service.until(Mode.HOLDING)
+    browser.click("Save pose")
+    browser.until_shown("teach/save: HOLDING")
+    with pytest.raises(AssertionError):
+        service.until(Mode.IDLE, within=8.0)  # a held pose outlives the dead-man
+    browser.click("Release")
+    service.until(Mode.IDLE)
+
+    browser.click("Go to")
+    service.until(Mode.HOLDING)
+    browser.click("STOP")
+    service.until(Mode.FAULTED)
+    browser.until_shown("stopped by operator page")
+    browser.click("Clear")
+    service.until(Mode.IDLE)
+
+
+def test_page_that_is_gone_leaves_the_arm_vented(service, page, browser):
+    browser.press("Teach (keep pressed)")
+    service.until(Mode.TEACH)
+    browser.let_go()
+    browser.click("Hold pose")
+    service.until(Mode.HOLDING)
+    browser._driver.get("about:blank")  # the browser closes the page
+    service.until(Mode.IDLE)
