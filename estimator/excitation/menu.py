@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.effects.effect import Excitation
 from estimator.excitation.manoeuvre import Limits, Manoeuvre, Path
 
 Floats = NDArray[np.float64]
@@ -55,7 +56,9 @@ def each_alone(segments: Segments, limits: Limits) -> Manoeuvre:  # noqa: ARG001
         for level in np.diag(limits.top):
             path.go(level, ramp).hold(hold).vent(ramp).hold(1.0)
     shows = "each chamber's gain, bias, line and cross-talk"
-    excites = frozenset({"motion", "each_chamber", "two_rates", "pressure_steps", "large_pressures"})
+    excites: frozenset[Excitation] = frozenset(
+        {"motion", "each_chamber", "two_rates", "pressure_steps", "large_pressures"}
+    )
     return Manoeuvre("each_alone", shows, path.times, path.pressures, excites)
 
 
@@ -64,7 +67,7 @@ def ramps(segments: Segments, limits: Limits) -> Manoeuvre:
     path, full = Path(limits), _one_of_each(segments, limits, 1)
     for seconds in (3.0, 10.0, 30.0):
         path.go(full, seconds).hold(2.0).vent(seconds).hold(2.0)
-    excites = frozenset({"motion", "two_rates", "large_pressures"})
+    excites: frozenset[Excitation] = frozenset({"motion", "two_rates", "large_pressures"})
     return Manoeuvre("ramps", "what depends on the rate", path.times, path.pressures, excites)
 
 
@@ -74,7 +77,7 @@ def triangles(segments: Segments, limits: Limits) -> Manoeuvre:
     for speed in (8e3, 40e3):
         for level, before in ((1.0, 0.0), (0.3, 1.0), (0.8, 0.3), (0.0, 0.8), (0.5, 0.0), (0.0, 0.5)):
             path.go(level * full, float(abs(level - before) * full.max()) / speed)
-    excites = frozenset({"motion", "two_rates", "two_amplitudes", "large_pressures"})
+    excites: frozenset[Excitation] = frozenset({"motion", "two_rates", "two_amplitudes", "large_pressures"})
     return Manoeuvre("triangles", "loops that no rate changes", path.times, path.pressures, excites)
 
 
@@ -82,7 +85,9 @@ def holds(segments: Segments, limits: Limits) -> Manoeuvre:
     """Step to a pose and hold it long, then vent and wait as long."""
     path = Path(limits)
     path.go(_one_of_each(segments, limits, 2)).hold(40.0).vent().hold(40.0)
-    excites = frozenset({"motion", "holds", "pressure_steps", "large_pressures", "rest"})
+    excites: frozenset[Excitation] = frozenset(
+        {"motion", "holds", "pressure_steps", "large_pressures", "rest"}
+    )
     return Manoeuvre("holds", "what creeps and recovers", path.times, path.pressures, excites)
 
 
@@ -93,7 +98,9 @@ def steps(segments: Segments, limits: Limits) -> Manoeuvre:
         path.go(_one_of_each(segments, limits, number) * (1.0 if number % 2 else 0.4)).hold(3.0).vent().hold(
             3.0
         )
-    excites = frozenset({"motion", "pressure_steps", "two_amplitudes", "large_pressures"})
+    excites: frozenset[Excitation] = frozenset(
+        {"motion", "pressure_steps", "two_amplitudes", "large_pressures"}
+    )
     return Manoeuvre("steps", "lags, inertia and damping", path.times, path.pressures, excites)
 
 
@@ -104,7 +111,7 @@ def staircase(segments: Segments, limits: Limits) -> Manoeuvre:
         for level in np.arange(1e3, 8.5e3, 1e3):
             path.go(level * unit).hold(1.0)
         path.vent().hold(0.5)
-    excites = frozenset({"motion", "small_pressures"})
+    excites: frozenset[Excitation] = frozenset({"motion", "small_pressures"})
     return Manoeuvre("staircase", "dead bands and biases near zero", path.times, path.pressures, excites)
 
 
@@ -114,7 +121,7 @@ def co_contraction(segments: Segments, limits: Limits) -> Manoeuvre:
     groups = [np.array(segments) == s for s in sorted(set(segments))]
     for mask in (*groups, np.ones(len(segments), dtype=bool)):
         path.go(level * mask, 5.0).hold(2.0).vent(5.0).hold(1.0)
-    excites = frozenset({"motion", "large_pressures"})
+    excites: frozenset[Excitation] = frozenset({"motion", "large_pressures"})
     return Manoeuvre("co_contraction", "stretch without bending", path.times, path.pressures, excites)
 
 
@@ -129,7 +136,7 @@ def poses(segments: Segments, limits: Limits) -> Manoeuvre:
                 level[mine[(number + s) % len(mine)]] = 0.0
         path.go(level, 0.5).hold(5.0)
     path.vent(0.5).hold(2.0)
-    excites = frozenset({"motion", "large_pressures", "pressure_steps"})
+    excites: frozenset[Excitation] = frozenset({"motion", "large_pressures", "pressure_steps"})
     return Manoeuvre(
         "poses", "loads, contacts and whatever depends on the pose", path.times, path.pressures, excites
     )

@@ -9,7 +9,7 @@ from estimator.effects import EFFECTS, Spot, World
 from estimator.effects.augmented import PlacedEffect
 from estimator.errors import InputError
 from estimator.excitation import Limits, Manoeuvre, Plan, Rivals, Subject, menu, plan_for, whole
-from estimator.sensing import Registration, SensorSuite
+from estimator.sensing import Measurement, Registration, SensorSuite
 from estimator.sensors import SpecimenSensors
 from estimator.simulation import Segments, SimulatedArm, section_loads
 from estimator.specimen import Specimen
@@ -18,7 +18,6 @@ from service.diagnosis.report import FindingPart, Report, Where
 
 DEFAULT_SLEW = 200e3
 KINDS = ("bend", "orientation", "frame")
-CLASS_RIVALS = 3
 """Kinds of sensors by the first word of their names."""
 
 
@@ -105,7 +104,11 @@ def subject_of(specimen: Specimen, sensors: Sequence[str] = ()) -> Subject:
     arm = SimulatedArm(model, segments)
     names = tuple(sensors) or tuple(f"orientation_{name}" for name in sections)
     made = SpecimenSensors(specimen, sections, Registration())
-    make = {"bend": made.bend, "orientation": made.orientation, "frame": made.pose}
+    make: dict[str, Callable[[str], Measurement]] = {
+        "bend": made.bend,
+        "orientation": made.orientation,
+        "frame": made.pose,
+    }
     suite = SensorSuite(
         tuple(make[kind](section) for kind, _, section in (name.partition("_") for name in names))
     )

@@ -18,8 +18,9 @@ from estimator.sensing import Registration, SensorSuite
 from estimator.sensors import SpecimenSensors
 from estimator.simulation import Drive, LinearisedArm
 from estimator.specimen import Specimen, load_specimen
+from service.bench.proof.schedule import SealedTrial
 from service.bench.proof.score import answer
-from service.bench.proof.trial import WRITTEN, Folders, SealedTrial, diagnose, record
+from service.bench.proof.trial import WRITTEN, Folders, diagnose, record
 from service.cli.output import Cell, Table
 from service.errors import WorkFailedError
 from service.experiments.excitation_plan import subject_of
@@ -163,7 +164,9 @@ def _acting(specimen: Specimen, pressures: Floats) -> Floats:
 
 
 def _rows_of(whole: SensorSuite, part: SensorSuite) -> list[int]:
-    names, rows, start = {sensor.name for sensor in part.measurements}, [], 0
+    names = {sensor.name for sensor in part.measurements}
+    rows: list[int] = []
+    start = 0
     for sensor in whole.measurements:
         if sensor.name in names:
             rows += range(start, start + sensor.reading_size)
@@ -197,7 +200,12 @@ def learned(train: Sequence[Bends], *, memory: bool) -> Callable[[Bends], Floats
 
     rows = lifted(inputs[good])
     weights = np.linalg.solve(rows.T @ rows + RIDGE * len(rows) * np.eye(FEATURES), rows.T @ wanted[good])
-    return lambda run: run.before + lifted(run.features(memory=memory)) @ weights
+
+    def predict(run: Bends) -> Floats:
+        corrected: Floats = run.before + lifted(run.features(memory=memory)) @ weights
+        return corrected
+
+    return predict
 
 
 def sindy(train: Sequence[Bends]) -> Callable[[Bends], Floats]:
