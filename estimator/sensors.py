@@ -6,8 +6,22 @@ from functools import cached_property
 import numpy as np
 
 from estimator.errors import InputError
+from estimator.rotations import exp, from_quaternions
 from estimator.sensing import ActuationMap, Bend, Marker, Orientation, Registration, SectionPose
 from estimator.specimen import Specimen
+
+
+def mounted_base(specimen: Specimen) -> Registration:
+    """Give the map from the frame of the body on the base, as it was calibrated, to the base frame.
+
+    For readings that are told relative to that body.
+    """
+    base = specimen.sections[0]
+    found = specimen.calibration.frame(base.name)
+    rest = from_quaternions(np.array(base.frame_quaternion))
+    turn = rest @ exp(np.array(found.misalignment_rad)) @ rest.T
+    origin = np.array(base.frame_origin_m)
+    return Registration(turn, origin + rest @ np.array(found.offset_m) - turn @ origin)
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class Calibration(Entry):
     provenance: str = ""
     """When and how they were made."""
     scatter: dict[str, float] = Field(default_factory=dict)
-    """Root mean square of measured minus predicted, no fit having seen it, by sensor and quantity [m, rad]."""
+    """Scatter of measured minus predicted where no fit had seen it, by sensor and quantity [m, rad]."""
     modulus_scale: dict[Name, Value] = Field(default_factory=dict)
     """Factor on the stiffness of each segment or section, by its name [-]."""
     fibre_scale: Value = UNIT

@@ -1,5 +1,6 @@
 """``softarm calibrate RECORDING... --specimen S --out S2``: moduli, chamber gains, alignment of sensors."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,9 @@ from service.cli.output import (
 )
 
 if TYPE_CHECKING:
-    from estimator.calibration import Calibrated
+    from collections.abc import Sequence
+
+    from estimator.calibration import Calibrated, Drift
 
 DEGREES = 57.29577951308232
 
@@ -25,8 +28,11 @@ DEGREES = 57.29577951308232
 @click.command()
 @recordings_argument
 @specimen_option
+@click.option("--out", "-o", type=click.Path(path_type=Path), help="Specimen file to write (TOML).")
 @click.option(
-    "--out", "-o", required=True, type=click.Path(path_type=Path), help="Specimen file to write (TOML)."
+    "--check",
+    is_flag=True,
+    help="Only tell whether the specimen's calibration has gone stale; exit status 1 if it has.",
 )
 @click.option(
     "--window", type=(float, float), metavar="FROM TO", help="Use only these seconds of each recording."
@@ -42,18 +48,19 @@ DEGREES = 57.29577951308232
 def command(
     recordings: tuple[Path, ...],
     specimen: str | None,
-    out: Path,
+    out: Path | None,
+    check: bool,
     window: tuple[float, float] | None,
     nodes: int,
     axes: bool | None,
     force: bool,
     as_json: bool,
 ) -> int:
-    """Fit moduli, chamber gains and biases, and the alignment of bends and frames to recordings.
+    """Fit moduli, chamber gains and biases, alignment, gravity and cord direction to recordings.
 
-    Alternate blocks of ten seconds, or alternate recordings, are held out to check the fit. What the
-    recordings do not determine keeps its value and is named with the manoeuvre that would determine
-    it. Nothing is written when the fit does not hold.
+    Pulls of a force gauge count as known forces. Alternate blocks of ten seconds, or alternate recordings,
+    are held out to check the fit. What the recordings do not determine keeps its value and is named with
+    the manoeuvre that would determine it. Nothing is written when the fit does not hold.
 
     Example: softarm calibrate run1 run2 --specimen sopra --out my_sopra.toml
     """
@@ -65,18 +72,30 @@ def command(
         arrange,
         calibrate,
         calibrated_specimen,
+        check_drift,
         section_forces,
     )
     from estimator.specimen import save_specimen
     from service.offline.inputs import load_recordings, specimen_of
     from service.recordings.files import refuse_existing
 
-    refuse_existing(out, force=force)
+    if check == (out is not None):
+        raise click.UsageError("give either --out FILE, to calibrate, or --check")
+    if out is not None:
+        refuse_existing(out, force=force)
     loaded = load_recordings(recordings, window)
     robot = specimen_of(specimen, recordings, loaded)
     loads = section_forces(robot)
     model = build_arm(robot, loads=loads)
     runs = [arrange(recording, robot, model.sections, loads) for recording in loaded]
+    for run in runs:
+        if run.ignored_markers:
+            say(f"{run.name}: the specimen does not name markers {', '.join(run.ignored_markers)}")
+    if out is None:
+        with progress(f"checking {robot.name}") as advance:
+            drifts = check_drift(NodeSolver(model, advance), robot, runs, nodes)
+        show(drift_table(drifts), as_json=as_json)
+        return int(any(drift.stale for drift in drifts))
     options = Options(nodes=nodes, search_axes=axes)
     try:
         with progress(f"calibrating {robot.name}") as advance:
@@ -84,10 +103,36 @@ def command(
     except CalibrationRefusedError as refusal:
         say(f"softarm: {refusal}")
         return 1
-    save_specimen(calibrated_specimen(robot, found), out)
+    told = f"softarm calibrate, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC, {found.nodes} samples"
+    save_specimen(calibrated_specimen(robot, found, told), out)
     show(*tables(found), as_json=as_json)
     say(f"wrote {out}")
     return 0
+
+
+def drift_table(drifts: "Sequence[Drift]") -> Table:
+    """Say of each quantity whether it scatters more than the calibration left it."""
+    stale = [drift.quantity for drift in drifts if drift.stale]
+    verdict = (
+        f"Stale: {', '.join(stale)}; record each chamber alone, random poses and pulls, and calibrate anew."
+        if stale
+        else "The calibration holds."
+    )
+    return Table(
+        "Scatter about the calibrated model",
+        [
+            {
+                "quantity": drift.quantity,
+                "unit": "m" if drift.quantity.endswith("position") else "rad",
+                "now": drift.scatter,
+                "calibrated": drift.calibrated,
+                "ratio": drift.ratio,
+                "stale": drift.stale,
+            }
+            for drift in drifts
+        ],
+        (verdict,),
+    )
 
 
 def tables(found: "Calibrated") -> tuple[Table, ...]:

@@ -9,17 +9,20 @@ from estimator.calibration import (
     CalibrationRefusedError,
     NodeSolver,
     Options,
+    Run,
     arrange,
     calibrate,
     calibrated_specimen,
+    check_drift,
 )
 from estimator.calibration.fit import fit
-from estimator.calibration.forward import Forward
+from estimator.calibration.forward import Forward, by_azimuth
 from estimator.calibration.nodes import choose_nodes
-from estimator.calibration.parameters import build_layout
+from estimator.calibration.parameters import Setting, build_layout, gravity_axes
 from estimator.calibration.regression import estimate_lag
 from estimator.errors import InputError
 from estimator.recording import Recording
+from estimator.sensing import ActuationMap
 from estimator.specimen import Specimen, load_specimen
 
 SECTIONS = ("base", "intermediate", "tip")
@@ -191,3 +194,38 @@ def test_streams_with_times_of_their_own_are_brought_together(sopra: Specimen) -
     run = arrange(Recording("toy", time, columns), sopra, SECTIONS)
     assert len(run.time) == 50
     assert run.pressures[:-1, 0] == pytest.approx(1e4 * run.time[:-1])
+
+
+def test_a_calibration_goes_stale_when_the_arm_changes(sopra: Specimen) -> None:
+    run = arrange(record(), sopra, SECTIONS)
+    known = calibrated_specimen(sopra, calibrate(NodeSolver(toy()), sopra, [run], QUICK), "a test")
+    assert known.calibration.provenance == "a test"
+    assert set(known.calibration.scatter) == {"bend_intermediate", "bend_tip"}
+    solver = NodeSolver(toy().with_scales({n: known.calibration.scale(n) for n in SCALES}))
+    later = arrange(record(seed=5), known, SECTIONS)
+    assert not any(drift.stale for drift in check_drift(solver, known, [later]))
+    softened = {**later.__dict__, "pressures": 1.15 * later.pressures}
+    drifts = check_drift(solver, known, [Run(**softened)])
+    assert all(drift.stale and drift.ratio > 1.3 for drift in drifts)
+
+
+def test_a_specimen_that_was_never_calibrated_cannot_be_stale(sopra: Specimen) -> None:
+    with pytest.raises(InputError, match="was never calibrated; run softarm calibrate"):
+        check_drift(NodeSolver(toy()), sopra, [arrange(record(), sopra, SECTIONS)])
+
+
+def test_known_pulls_and_gravity_turn_as_told() -> None:
+    setting = Setting({}, ActuationMap.identity(1), {}, gravity_tilt=np.array([0.0, 0.1]), cord_azimuth=0.3)
+    down = np.array([0.0, 0.0, 9.81])
+    axes = gravity_axes(down)
+    np.testing.assert_allclose(axes @ np.column_stack([axes.T, down]), np.eye(2, 3), atol=1e-12)
+    assert np.linalg.norm(setting.gravity(down)) == pytest.approx(9.81)
+    assert np.arccos(setting.gravity(down) @ down / 9.81**2) == pytest.approx(0.1)
+    pulls = np.array([[1.0, 0.0, 0.5, 0.0, 2.0, 0.0]])
+    turned = setting.pulls(pulls)
+    np.testing.assert_allclose(turned[0, :3], [np.cos(0.3), np.sin(0.3), 0.5])
+    small = 1e-6
+    ends = [Setting({}, ActuationMap.identity(1), {}, cord_azimuth=a).pulls(pulls) for a in (-small, small)]
+    by_load = np.random.default_rng(0).normal(size=(1, 4, 6))
+    slope = (by_load @ ((ends[1] - ends[0]) / (2 * small))[..., None])[..., 0]
+    np.testing.assert_allclose(by_azimuth(by_load, pulls), slope, atol=1e-8)

@@ -227,3 +227,21 @@ def test_actuation_map_inverts_and_differentiates() -> None:
     point = np.concatenate([actuation.gain, actuation.bias])
     assert derivative_error(pressure, actuation.parameter_rows(measured), point, 1e-2) < 1e-8
     np.testing.assert_allclose(actuation.chamber_sigma, [180.0, 220.0, 200.0])
+
+
+def test_a_pressure_map_with_a_curve_runs_both_ways() -> None:
+    actuation = ActuationMap(np.array([0.9, 1.2]), np.array([300.0, -100.0]), curve=np.array([6e-6, -3e-6]))
+    measured = np.array([[0.0, 1e4], [3e4, 6e4]])
+    pressure = actuation.to_chamber(measured)
+    np.testing.assert_allclose(actuation.to_measured(pressure), measured, rtol=1e-9, atol=1e-6)
+    slope = (actuation.to_chamber(measured + 1.0) - actuation.to_chamber(measured - 1.0)) / 2.0
+    np.testing.assert_allclose(actuation.slope(measured), slope, rtol=1e-6)
+
+
+def test_a_moved_registration_moves_what_it_maps_to() -> None:
+    rng = np.random.default_rng(3)
+    twist, points = rng.normal(0.0, 0.3, 6), rng.normal(size=(5, 3))
+    one = Registration(exp(rng.normal(size=3)), rng.normal(size=3))
+    wanted = one.to_base(points) @ exp(twist[3:]).T + twist[:3]
+    np.testing.assert_allclose(one.moved(twist).to_base(points), wanted, atol=1e-12)
+    np.testing.assert_allclose(one.moved(twist).to_laboratory(wanted), points, atol=1e-12)
