@@ -243,6 +243,7 @@ class Service:
                 snapshot.used,
                 snapshot.lost,
                 want_hold=teaching,
+                target=None if self._controller.hold is None else self._controller.hold.goal.target,
                 want_contact=self._contact_due(),
                 tare=self._knowledge.tare,
                 want_mesh=self._ticks % self._shape_every == 0 and self._bus.shape_wanted,

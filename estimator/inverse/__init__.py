@@ -1,5 +1,6 @@
 """From readings to loads, pressures and frames: objectives and limits, one program, one search."""
 
+from estimator.inverse.compensation import Compensation, approach, replace_loads
 from estimator.inverse.contact import ContactLocation, ContactSearch, locate_force
 from estimator.inverse.contact_profile import ContactPlace, ContactProfile
 from estimator.inverse.estimate import Estimate
@@ -30,6 +31,7 @@ from estimator.inverse.unknowns import Unknowns
 
 __all__ = [
     "REST_PARAMETERS",
+    "Compensation",
     "ContactLocation",
     "ContactPlace",
     "ContactProfile",
@@ -55,6 +57,7 @@ __all__ = [
     "Tolerances",
     "TrackerSettings",
     "Unknowns",
+    "approach",
     "build_program",
     "forces_problem",
     "independent_prior",
@@ -64,5 +67,6 @@ __all__ = [
     "pose_problem",
     "reach_pose",
     "rectify",
+    "replace_loads",
     "solve_program",
 ]

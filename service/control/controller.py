@@ -131,7 +131,7 @@ class Controller:
         Args:
             now_ns: Monotonic time.
             interval_s: Time since the last tick [s].
-            measured: Pressures that would hold the measured pose, when they are known.
+            measured: What the newest estimate says of holding the pose, when it is known.
 
         Returns:
             The change of mode when the lease ran out.
@@ -146,8 +146,8 @@ class Controller:
 
     def _target(self, now_ns: int, interval_s: float, measured: HoldAnswer | None) -> Floats:
         if self._hold is not None:
-            known = None if measured is None else measured.pressures
-            self._hold, wanted = advance_hold(self._hold, known, now_ns, interval_s, self._hold_limits)
+            towards = None if measured is None else measured.towards
+            self._hold, wanted = advance_hold(self._hold, towards, now_ns, interval_s, self._hold_limits)
             self._wanted = Wanted(wanted, now_ns)
             return wanted
         if self._wanted is None:

@@ -1,28 +1,26 @@
-"""Holding a pose: a ramp to the pressures that the model wants, then feedback on the measured pose."""
+"""Holding a pose: a ramp to the pressures that the model wants, then feedback on the estimated pose."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from service.estimation.messages import PoseTarget
+
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class HoldGoal:
-    """A pose to hold, told in the model's own pressures.
-
-    The pose is described by the pressures that would hold it without any external force. Comparing these
-    with the same description of the measured pose cancels what the model has wrong near the goal.
+    """A pose to hold.
 
     Args:
-        model_pressures: Pressures [Pa] that hold the wanted pose in the model, shape (chambers,).
-        pressures: Pressures [Pa] to ramp to; they differ from the model's by what feedback had added when the
-            pose was saved, shape (chambers,).
+        pressures: Pressures [Pa] to ramp to, shape (chambers,).
+        target: The pose itself, to which feedback leads; ``None`` when it is not known.
     """
 
-    model_pressures: Floats
     pressures: Floats
+    target: PoseTarget | None = None
 
 
 @dataclass(frozen=True)
@@ -69,18 +67,18 @@ def begin_hold(goal: HoldGoal, applied: Floats, now_ns: int, ramp_s: float) -> H
 
 
 def advance_hold(
-    hold: Hold, measured_model_pressures: Floats | None, now_ns: int, interval_s: float, limits: HoldLimits
+    hold: Hold, towards: Floats | None, now_ns: int, interval_s: float, limits: HoldLimits
 ) -> tuple[Hold, Floats]:
     """Take one step of a hold.
 
     The set-point follows s(t) start + (1 - s(t)) goal with s a cubic from 1 to 0, so that it begins and ends
-    without a jump of its rate. After the ramp an integral drives the measured pose to the goal:
-    dc/dt = rate (p_goal - p_measured), both told in the model's pressures.
+    without a jump of its rate. After the ramp an integral drives the estimated pose to the goal:
+    dc/dt = rate dp, with dp the pressures that the model would add to get there.
 
     Args:
         hold: The hold so far.
-        measured_model_pressures: Pressures [Pa] that would hold the measured pose in the model, shape
-            (chambers,); ``None`` while no estimate is at hand, which freezes the correction.
+        towards: Change of the pressures [Pa] that would bring the arm to the goal, shape (chambers,);
+            ``None`` while no estimate is at hand, which freezes the correction.
         now_ns: Monotonic time.
         interval_s: Time since the last step [s].
         limits: What feedback may do.
@@ -89,9 +87,8 @@ def advance_hold(
         The hold and the pressures to ask for [Pa], shape (chambers,).
     """
     progress = hold.progress(now_ns)
-    if progress >= 1.0 and measured_model_pressures is not None:
-        error = hold.goal.model_pressures - measured_model_pressures
-        correction = hold.correction + limits.rate * interval_s * error
+    if progress >= 1.0 and towards is not None:
+        correction = hold.correction + limits.rate * interval_s * towards
         hold = replace(hold, correction=np.clip(correction, -limits.authority, limits.authority))
     blend = progress * progress * (3.0 - 2.0 * progress)
     wanted = (1.0 - blend) * hold.start + blend * (hold.goal.pressures + hold.correction)

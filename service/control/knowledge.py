@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from estimator.model import Load
 from estimator.rotations import from_quaternions
 from service.api.messages import Contact, LoadEstimate, SectionPose, Vector
-from service.estimation.messages import EstimationResult, HoldAnswer
+from service.estimation.messages import EstimationResult, HoldAnswer, PoseTarget
 
 Floats = NDArray[np.float64]
 CONTACT_BEGINS = 4.0
@@ -106,6 +106,11 @@ class Knowledge:
     def hold_answer(self) -> HoldAnswer | None:
         """What the newest estimate says of holding the pose, also where it found no pressures."""
         return None if self.result is None else self.result.hold
+
+    @property
+    def pose(self) -> PoseTarget | None:
+        """The pose of the newest estimate."""
+        return None if self.result is None else PoseTarget(self.result.positions, self.result.quaternions)
 
     @property
     def sections(self) -> tuple[SectionPose, ...]:

@@ -3,21 +3,23 @@
 import json
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from estimator.errors import InputError
 from service.api.messages import SectionPose
+from service.estimation.messages import PoseTarget
 
 
 class SavedPose(BaseModel):
     """A pose that was taught.
 
     Args:
-        model_pressures_pa: Pressures that hold it in the model.
         pressures_pa: Pressures that held it on the arm.
-        sections: Section poses when it was saved, for people and plots.
+        sections: Section poses when it was saved; feedback leads back to them.
         reachable: Whether the arm could hold it within the sensors' noise when it was saved.
         note: What limits the arm there, in words.
         saved_unix_ns: Wall clock.
@@ -25,12 +27,16 @@ class SavedPose(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    model_pressures_pa: tuple[float, ...]
     pressures_pa: tuple[float, ...]
     sections: tuple[SectionPose, ...]
     saved_unix_ns: int
     reachable: bool = True
     note: str = ""
+
+    @property
+    def target(self) -> PoseTarget | None:
+        """The pose for the feedback; ``None`` when no section was known."""
+        return target_of(self.sections)
 
 
 class PoseStore:
@@ -67,6 +73,14 @@ class PoseStore:
             os.fsync(file.fileno())
         Path(file.name).replace(self._path)
         self._poses = poses
+
+
+def target_of(sections: Sequence[SectionPose]) -> PoseTarget | None:
+    """Give the pose of sections as a target; ``None`` when there is none."""
+    if not sections:
+        return None
+    positions = np.array([section.position_m for section in sections])
+    return PoseTarget(positions, np.array([section.quaternion_wxyz for section in sections]))
 
 
 def _read(path: Path) -> dict[str, SavedPose]:

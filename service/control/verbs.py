@@ -207,7 +207,7 @@ class Verbs:
     def _teach_hold(self, request: TeachHold) -> Answer:
         self._refuse_blocked(Mode.HOLDING)
         hold = self._known_hold()
-        goal = HoldGoal(hold.pressures, hold.pressures)
+        goal = HoldGoal(hold.pressures, self._context.knowledge.pose)
         self._begin_hold(goal, request.ramp_s, f"{request.client} holds")
         return {
             "pressures_pa": hold.pressures.tolist(),
@@ -234,9 +234,7 @@ class Verbs:
         controller = self._context.controller
         held = controller.modes.mode is Mode.HOLDING
         pressures = controller.asked if held else hold.pressures
-        goal = hold.pressures if controller.hold is None else controller.hold.goal.model_pressures
         pose = SavedPose(
-            model_pressures_pa=tuple(float(p) for p in goal),
             pressures_pa=tuple(float(p) for p in pressures),
             sections=sections,
             reachable=hold.reachable,
@@ -257,7 +255,7 @@ class Verbs:
             known = ", ".join(self._context.poses.names) or "none"
             raise RefusalError("not_available", f"no pose {request.name!r}", f"saved poses: {known}")
         self._refuse_blocked(Mode.HOLDING)
-        goal = HoldGoal(np.array(pose.model_pressures_pa), np.array(pose.pressures_pa))
+        goal = HoldGoal(np.array(pose.pressures_pa), pose.target)
         self._begin_hold(goal, request.ramp_s, f"{request.client} goes to {request.name}")
         return {
             "name": request.name,

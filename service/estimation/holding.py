@@ -1,74 +1,46 @@
-"""The pressures that would hold the pose, followed from one instant to the next."""
+"""The pressures that hold the pose, from the estimate at hand."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.inverse import Reach, Tolerances, reach_pose
-from estimator.model import ArmModel, Inputs
+from estimator.inverse import Estimate, approach, replace_loads
+from estimator.model import Frames
+from estimator.rotations import from_quaternions
 from estimator.sensing import ActuationMap, SensorSuite
-from service.estimation.messages import HoldAnswer
+from service.estimation.messages import HoldAnswer, PoseTarget
 
 Floats = NDArray[np.float64]
 
-TOLERANCES = Tolerances(step=1e-3, residual=1e-4, iterations=8)
-"""A search goes on at the next instant where it stopped: no instant may wait for a long one."""
 
-
-class HoldSearch:
-    """Searches, a few steps an instant, for the pressures that hold the measured pose without any load.
+def hold_pose(
+    estimate: Estimate[Any],
+    suite: SensorSuite,
+    actuation: ActuationMap,
+    limits: Floats,
+    tare: Floats,
+    target: PoseTarget | None,
+) -> HoldAnswer:
+    """Find the pressures that would hold the estimated pose without a hand, and those towards a target.
 
     Args:
-        model: Model of the arm.
-        suite: The sensors whose readings describe the pose.
+        estimate: The newest estimate.
+        suite: The sensors.
         actuation: From measured to chamber pressures.
         limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
+        tare: Load amplitudes that count as zero, shape (loads,).
+        target: A pose that is being held, or ``None``.
     """
-
-    def __init__(
-        self, model: ArmModel[Any, Any], suite: SensorSuite, actuation: ActuationMap, limits: Floats
-    ) -> None:
-        self._model = model
-        self._suite = suite
-        self._actuation = actuation
-        self._limits = limits
-        self._memory: tuple[Any, Inputs] | None = None
-        self._from_rest = False
-
-    def forget(self) -> None:
-        """Begin anew with the next call."""
-        self._memory = None
-        self._from_rest = False
-
-    def __call__(self, readings: Floats, state: Any, inputs: Inputs) -> HoldAnswer:
-        """Take a few steps towards the pressures that hold the pose.
-
-        Args:
-            readings: Stacked readings of the pose, NaN where absent, shape (readings,).
-            state: The estimate's state, from which a new search begins.
-            inputs: The estimate's inputs; its pressures are preferred where the pose leaves a choice.
-        """
-        start = self._memory or self._begin(state, inputs)
-        chosen = np.clip(inputs.pressures, 0.0, self._limits)
-        reach = reach_pose(
-            self._model, self._suite, readings, self._limits, start, TOLERANCES, preferred=chosen
-        )
-        self._remember(reach)
-        known = reach.estimate.converged
-        wanted = np.clip(self._actuation.to_measured(np.nan_to_num(reach.pressures)), 0.0, self._limits)
-        return HoldAnswer(wanted, reach.reachable, reach.statement, known)
-
-    def _begin(self, state: Any, inputs: Inputs) -> tuple[Any, Inputs]:
-        """Begin at the loaded pose; once that has failed, at rest."""
-        if not self._from_rest:
-            return state, inputs
-        none = np.zeros(len(self._model.loads))
-        return self._model.rest(), Inputs(np.zeros(self._model.chambers), none, inputs.gravity)
-
-    def _remember(self, reach: Reach[Any]) -> None:
-        estimate = reach.estimate
-        lost = estimate.status == "diverged" or not np.isfinite(estimate.vector).all()
-        if lost:
-            self._from_rest = not self._from_rest
-        self._memory = None if lost else (estimate.state, estimate.inputs)
+    if not estimate.converged or not np.isfinite(estimate.motion).all():
+        note = "the estimate did not converge, so nothing is known of the pose"
+        return HoldAnswer(np.zeros(len(limits)), reachable=False, note=note, known=False)
+    pressures = estimate.inputs.pressures
+    held = replace_loads(estimate, suite, limits, tare)
+    wanted = np.clip(actuation.to_measured(pressures + held.change), 0.0, limits)
+    if target is None:
+        return HoldAnswer(wanted, held.reachable, held.statement)
+    frames = Frames(target.positions, from_quaternions(target.quaternions))
+    nearer = approach(estimate, suite, limits, frames)
+    towards = actuation.to_measured(pressures + nearer.change) - actuation.to_measured(pressures)
+    return HoldAnswer(wanted, nearer.reachable, nearer.statement, towards=towards)

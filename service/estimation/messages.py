@@ -11,6 +11,19 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class PoseTarget:
+    """A pose to hold.
+
+    Args:
+        positions: Section origins in the base frame [m], shape (sections, 3).
+        quaternions: Section orientations (w, x, y, z), shape (sections, 4).
+    """
+
+    positions: Floats
+    quaternions: Floats
+
+
+@dataclass(frozen=True)
 class EstimationRequest:
     """One time-aligned set of readings.
 
@@ -23,6 +36,7 @@ class EstimationRequest:
         used: Names of the sensors in the readings.
         lost: Names of those that are absent.
         want_hold: Whether to find the pressures that hold the pose.
+        target: The pose that is being held.
         want_mesh: Whether to send the positions of the mesh's nodes.
         want_contact: Whether to place a push along the arm.
         tare: Load amplitudes that count as zero, shape (loads,); needed to place a push.
@@ -36,6 +50,7 @@ class EstimationRequest:
     used: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
     want_hold: bool = False
+    target: PoseTarget | None = None
     want_mesh: bool = False
     want_contact: bool = False
     tare: Floats | None = None
@@ -49,13 +64,16 @@ class HoldAnswer:
         pressures: As commanded to the valves, gauge [Pa], shape (chambers,).
         reachable: Whether they hold it within the sensors' noise.
         note: What limits the arm, in words.
-        known: Whether the search ended; otherwise the pressures mean nothing and only the note counts.
+        known: Whether there is an answer; otherwise the pressures mean nothing and only the note counts.
+        towards: Change of the commanded pressures that would bring the arm to the target [Pa], shape
+            (chambers,); ``None`` without a target.
     """
 
     pressures: Floats
     reachable: bool
     note: str
     known: bool = True
+    towards: Floats | None = None
 
 
 @dataclass(frozen=True)

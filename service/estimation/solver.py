@@ -21,11 +21,11 @@ from estimator.inverse import (
 )
 from estimator.rotations import to_quaternions
 from estimator.sensing import Measurement, Registration, SensorSuite
-from estimator.sensors import SpecimenSensors
+from estimator.sensors import SpecimenSensors, mounted_base
 from estimator.simulation import section_loads
 from estimator.specimen import Specimen
 from service.config import ControlSettings, SensorSettings
-from service.estimation.holding import HoldSearch
+from service.estimation.holding import hold_pose
 from service.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
 
 WARM_UP_PRESSURE_PA = 1000.0
@@ -56,7 +56,7 @@ def build_suite(
     specimen: Specimen, sections: tuple[str, ...], entries: Sequence[SensorSettings]
 ) -> SensorSuite:
     """Make the sensor suite of a configuration; poses arrive in the base frame."""
-    sensors = SpecimenSensors(specimen, sections, Registration())
+    sensors = SpecimenSensors(specimen, sections, mounted_base(specimen))
     make: dict[str, Callable[[str], Measurement]] = {
         "pose": sensors.pose,
         "orientation": sensors.orientation,
@@ -92,7 +92,6 @@ class Solver:
         self._estimator: Follower[Any] = estimator_of(
             specimen, following, self._model.loads, self._suite, tracker, pressures_measured=True
         )
-        self._hold = HoldSearch(TrackingModel(self._model), self._suite, self._actuation, self._limits)
         self._profile = ContactProfile(_heights(specimen))
         self._pushed = self._model.with_loads((*self._model.loads, *self._profile.loads))
         self._warm_up(np.array(specimen.gravity_m_s2))
@@ -144,11 +143,11 @@ class Solver:
         return found
 
     def _held(self, request: EstimationRequest, estimate: Estimate[Any]) -> HoldAnswer | None:
-        """Follow the pressures that hold the pose while they are asked for."""
+        """Find the pressures that hold the pose while they are asked for."""
         if not request.want_hold:
-            self._hold.forget()
             return None
-        return self._hold(request.readings, estimate.state, estimate.inputs)
+        tare = np.zeros(len(self._model.loads)) if request.tare is None else request.tare
+        return hold_pose(estimate, self._suite, self._actuation, self._limits, tare, request.target)
 
     def _contact(self, request: EstimationRequest, estimate: Estimate[Any]) -> ContactPlace | None:
         """Place the push that the estimate's loads stand for."""

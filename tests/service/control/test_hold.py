@@ -24,8 +24,8 @@ def run(hold, steps, measure):
 
 @given(start=PRESSURES, goal=PRESSURES)
 def test_ramp_has_no_bump_and_arrives(start, goal):
-    hold = begin_hold(HoldGoal(goal, goal), start, 0, ramp_s=1.0)
-    _, path = run(hold, 120, lambda _: goal)
+    hold = begin_hold(HoldGoal(goal), start, 0, ramp_s=1.0)
+    _, path = run(hold, 120, lambda _: np.zeros(6))
     steps = np.abs(np.diff(np.vstack([start, path]), axis=0))
     # A cubic's steepest slope is 1.5 times the mean.
     assert np.all(steps <= 1.5 * STEP_S * np.abs(goal - start) + 1e-6)
@@ -37,29 +37,29 @@ def test_ramp_has_no_bump_and_arrives(start, goal):
     bias=arrays(float, 6, elements=st.floats(-8e3, 8e3)),
 )
 def test_feedback_removes_what_the_model_has_wrong(goal, bias):
-    hold = begin_hold(HoldGoal(goal, goal), goal, 0, ramp_s=0.1)
-    hold, path = run(hold, 1500, lambda path: path[-1] - bias if path else goal)
+    hold = begin_hold(HoldGoal(goal), goal, 0, ramp_s=0.1)
+    hold, path = run(hold, 1500, lambda path: goal - path[-1] + bias if path else np.zeros(6))
     np.testing.assert_allclose(path[-1] - bias, goal, atol=5.0)
 
 
 def test_correction_keeps_to_its_authority_and_pressures_to_their_limits():
     goal = np.full(6, 60e3)
-    hold = begin_hold(HoldGoal(goal, goal), goal, 0, ramp_s=0.1)
-    hold, path = run(hold, 5000, lambda _: np.zeros(6))
+    hold = begin_hold(HoldGoal(goal), goal, 0, ramp_s=0.1)
+    hold, path = run(hold, 5000, lambda _: np.full(6, 5e3))
     assert np.all(hold.correction == LIMITS.authority)
     assert np.all(path <= LIMITS.maximum)
 
 
 def test_no_estimate_freezes_the_correction():
     goal = np.full(6, 30e3)
-    hold = begin_hold(HoldGoal(goal, goal), goal, 0, ramp_s=0.1)
+    hold = begin_hold(HoldGoal(goal), goal, 0, ramp_s=0.1)
     hold, _ = run(hold, 100, lambda _: None)
     assert np.all(hold.correction == 0.0)
 
 
 def test_poses_survive_a_restart(tmp_path):
     path = tmp_path / "state" / "poses.json"
-    pose = SavedPose(model_pressures_pa=(1.0,), pressures_pa=(2.0,), sections=(), saved_unix_ns=3)
+    pose = SavedPose(pressures_pa=(2.0,), sections=(), saved_unix_ns=3)
     PoseStore(path).save("a", pose)
     assert PoseStore(path).names == ("a",)
     assert PoseStore(path).get("a") == pose

@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+
+from estimator.inverse import Unknowns, approach, forces_problem, independent_prior, replace_loads
+from estimator.model import Inputs
+from estimator.sensing import Orientation, Scene, SensorSuite
+
+GRAVITY = np.array([0.0, 0.0, 9.81])
+PRESSURES = np.array([20e3, 12e3, 16e3, 18e3, 21e3, 15e3])
+LIMITS = np.full(6, 65e3)
+NONE = np.zeros(4)
+SUITE = SensorSuite((Orientation("upper", 0, 2e-3), Orientation("lower", 1, 2e-3)))
+
+
+def frames(arm, pressures, loads):
+    inputs = Inputs(pressures, np.asarray(loads), GRAVITY)
+    return arm.frames(arm.solve(inputs, arm.rest())[0])
+
+
+def estimated(arm, loads, pressures=PRESSURES):
+    readings = SUITE.predict(Scene(frames(arm, pressures, loads), np.asarray(loads)))
+    unknowns = Unknowns.of(arm.chambers, arm.loads)
+    prior = independent_prior(unknowns, 5.0)
+    problem = forces_problem(unknowns, SUITE, readings, pressures, np.full(6, 100.0), prior, GRAVITY)
+    inputs = Inputs(pressures, NONE, GRAVITY)
+    return problem.solve(arm, (arm.solve(inputs, arm.rest())[0], inputs))
+
+
+def angles(one, other):
+    turns = np.einsum("sij,skj->sik", one.rotations, other.rotations)
+    return np.arccos(np.clip((np.trace(turns, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
+
+
+def tilts(one, other):
+    """Angles between the sections' axes: no pressure makes a twist about them."""
+    along = np.einsum("si,si->s", one.rotations[:, :, 2], other.rotations[:, :, 2])
+    return np.arccos(np.clip(along, -1.0, 1.0))
+
+
+@pytest.mark.parametrize("loads", [(0.0, 0.0, 0.03, -0.02), (0.05, 0.02, -0.03, 0.01)])
+def test_pressures_hold_the_pose_that_a_hand_held(arm, loads):
+    held = replace_loads(estimated(arm, loads), SUITE, LIMITS, NONE)
+    assert np.abs(held.change).max() < 30e3
+    pose = frames(arm, PRESSURES, loads)
+    without = tilts(pose, frames(arm, PRESSURES, NONE)).max()
+    left = tilts(pose, frames(arm, PRESSURES + held.change, NONE)).max()
+    assert without > 0.05
+    assert left < 0.15 * without  # the rest is left to the feedback
+
+
+def test_what_the_tare_took_as_zero_is_not_held(arm):
+    loads = np.array([0.0, 0.0, 0.03, -0.02])
+    estimate = estimated(arm, loads)
+    held = replace_loads(estimate, SUITE, LIMITS, estimate.inputs.loads)
+    np.testing.assert_allclose(held.change, 0.0, atol=1.0)
+
+
+def test_feedback_leads_to_the_target(arm):
+    pressures, target = PRESSURES.copy(), frames(arm, PRESSURES + 1e3 * np.arange(-3, 3), NONE)
+    for _ in range(4):
+        pressures = pressures + approach(estimated(arm, NONE, pressures), SUITE, LIMITS, target).change
+    assert angles(target, frames(arm, pressures, NONE)).max() < 1e-3
+
+
+def test_pose_out_of_reach_says_what_limits_it(arm):
+    held = replace_loads(estimated(arm, (0.0, 0.0, 0.3, 0.1)), SUITE, 0.5 * LIMITS, NONE)
+    assert not held.reachable
+    assert "cannot be reached" in held.statement
+    assert "chamber" in held.statement
+    assert np.all(PRESSURES + held.change <= 0.5 * LIMITS + 1.0)
+    assert np.all(PRESSURES + held.change >= -1.0)
