@@ -50,8 +50,8 @@ def _base(shares: Shares) -> str:
     share = shares.get(("base", "base"), 0.0)
     box = f'x="{MIDDLE - 70}" y="{TOP - 14}" width="140" height="12"'
     return (
-        f'<g>{_title("base", share)}<rect {box} fill="{colour(share)}" stroke="#555"/>'
-        f'<text x="{MIDDLE}" y="{TOP - 20}" text-anchor="middle" font-size="12">base</text></g>'
+        f'<g>{_title("mount", share)}<rect {box} fill="{colour(share)}" stroke="#555"/>'
+        f'<text x="{MIDDLE}" y="{TOP - 20}" text-anchor="middle" font-size="12">mount</text></g>'
     )
 
 
@@ -69,7 +69,8 @@ def _body(specimen: Specimen, name: str, top: float, low: float, shares: Shares)
     for place, index in enumerate(chambers):
         part = shares.get(("chamber", str(index)), 0.0)
         x = MIDDLE - THICK + 1.5 + place * (width + 3.0)
-        slot = f'x="{x:.1f}" y="{top + 8:.1f}" width="{width:.1f}" height="{low - top - 16:.1f}"'
+        inset = 0.28 * (low - top)
+        slot = f'x="{x:.1f}" y="{top + inset:.1f}" width="{width:.1f}" height="{low - top - 2 * inset:.1f}"'
         parts.append(
             f'<g>{_title(f"chamber {index}", part)}<rect {slot} rx="4" fill="{colour(part)}" stroke="#999"/>'
             f'<text x="{x + width / 2:.1f}" y="{(top + low) / 2:.1f}" text-anchor="middle" font-size="11">'

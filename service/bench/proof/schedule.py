@@ -1,21 +1,12 @@
-"""Which sealed trials there are: kinds in fixed shares, every effect in turn."""
+"""Which sealed trials there are: kinds in fixed shares, effects, places and sizes drawn by their seeds."""
 
-import re
-import subprocess
-import sys
 from dataclasses import dataclass
-
-import numpy as np
-
-from service.errors import WorkFailedError
 
 PATTERN = (
     *("single", "null", "single", "single", "pair", "single", "null", "single", "foreign", "single"),
     *("null", "single", "pair", "single", "null", "single", "single", "pair", "null", "foreign"),
 )
 """Kinds of twenty trials: ten single effects, five without any, three pairs, two foreign."""
-
-FOREIGN = " (foreign)"
 
 
 @dataclass(frozen=True)
@@ -38,41 +29,17 @@ class SealedTrial:
         return f"{self.kind}_{self.seed}"
 
 
-def schedule(count: int, seed: int, effects: tuple[str, ...], foreign: tuple[str, ...]) -> list[SealedTrial]:
-    """List the trials of a proof.
+def schedule(count: int, seed: int) -> list[SealedTrial]:
+    """List the trials of a proof; more trials begin with the same ones.
 
     Args:
         count: How many.
-        seed: Of the first; the others count upwards, and the order of the effects is drawn from it.
-        effects: Names of the vocabulary that single trials go through.
-        foreign: Names outside it that foreign trials go through.
+        seed: Of the first of each kind; the others count upwards.
     """
-    rng = np.random.default_rng(seed)
-    turns = {"single": rng.permutation(effects).tolist(), "foreign": rng.permutation(foreign).tolist()}
-    used = dict.fromkeys(turns, 0)
+    used = dict.fromkeys(PATTERN, 0)
     trials = []
     for number in range(count):
-        kind, only = PATTERN[number % len(PATTERN)], ""
-        if kind in turns:
-            only = turns[kind][used[kind] % len(turns[kind])]
-            used[kind] += 1
-        trials.append(SealedTrial(kind, seed + number, only))
+        kind = PATTERN[number % len(PATTERN)]
+        trials.append(SealedTrial(kind, seed + used[kind]))
+        used[kind] += 1
     return trials
-
-
-def known_effects() -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Ask the fake arm for its effects: those of the vocabulary, and the foreign ones.
-
-    Raises:
-        WorkFailedError: It does not answer.
-    """
-    done = subprocess.run(
-        [sys.executable, "-m", "sim_fakes.plant", "effects"], capture_output=True, text=True, check=False
-    )
-    if done.returncode:
-        raise WorkFailedError(f"the fake arm lists no effects: {done.stderr.strip()[-200:]}")
-    names = [
-        match.group(1).strip() for line in done.stdout.splitlines() if (match := re.match(r"(.+?) +\[", line))
-    ]
-    own = tuple(name for name in names if not name.endswith(FOREIGN))
-    return own, tuple(name.removesuffix(FOREIGN) for name in names if name.endswith(FOREIGN))
