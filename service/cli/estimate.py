@@ -68,7 +68,7 @@ def command(
     """
     from estimator.arm import build_arm
     from estimator.calibration import arrange
-    from service.offline.inputs import load_recordings, specimen_of
+    from service.offline.inputs import in_its_mount, load_recordings, specimen_of
     from service.offline.resample import resample
     from service.offline.result import as_recording
     from service.offline.surface import outer_surface
@@ -80,7 +80,7 @@ def command(
     if out is not None:
         refuse_existing(out, force=force or out.is_dir())
     (loaded,) = load_recordings([recording], window)
-    robot = specimen_of(specimen, [recording], [loaded])
+    robot = in_its_mount(specimen_of(specimen, [recording], [loaded]), loaded)
     model = build_arm(robot)
     run = resample(arrange(loaded, robot, model.sections), rate)
     with progress(f"estimating {loaded.name}", len(run.time)) as advance:

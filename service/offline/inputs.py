@@ -58,3 +58,18 @@ def specimen_of(given: str | None, paths: Sequence[Path], recordings: Sequence[R
         raise InputError(str(paths[0]), "names no specimen", "give it with --specimen")
     beside = paths[0].parent / str(named)
     return load_specimen(beside if beside.is_file() else str(named))
+
+
+def in_its_mount(specimen: Specimen, recording: Recording) -> Specimen:
+    """Give the specimen in the mount of a recording, whose ``gravity_m_s2`` counts where it has one.
+
+    Raises:
+        InputError: It is not three finite numbers.
+    """
+    given = recording.info.get("gravity_m_s2")
+    if given is None:
+        return specimen
+    gravity = np.asarray(given, dtype=object)
+    if gravity.shape != (3,) or not all(isinstance(g, int | float) and np.isfinite(g) for g in gravity):
+        raise InputError(f"{recording.name}, gravity_m_s2", f"is {given}", "give x, y and z in m/s2")
+    return specimen.model_copy(update={"gravity_m_s2": tuple(float(g) for g in gravity)})

@@ -10,7 +10,7 @@ from estimator.calibration import arrange, section_forces
 from estimator.specimen import Specimen, load_specimen
 from service.bench.proof.trial import FORCE_RUN, WRITTEN, Folders, Outcome, read_outcomes
 from service.cli.output import Cell, Table
-from service.offline.inputs import load_recordings
+from service.offline.inputs import in_its_mount, load_recordings
 from service.offline.resample import resample
 from service.offline.track import track
 
@@ -64,6 +64,7 @@ def pulled(folders: Folders, one: Outcome) -> Path:
 def force_error(specimen: Specimen, recording: Path) -> tuple[float, float]:
     """Give the rms error of the estimated forces over a recording, and the range of the known ones [N]."""
     (loaded,) = load_recordings([recording])
+    specimen = in_its_mount(specimen, loaded)
     model = build_arm(specimen)
     known = section_forces(specimen)
     run = resample(arrange(loaded, specimen, model.sections, known), RATE)
