@@ -1,7 +1,7 @@
 """``softarm demo``: fakes, service and operator page, and the paper's force experiment on them."""
 
 import signal
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import click
@@ -34,7 +34,8 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
 
     settings = RigSettings(EXAMPLES / "scenarios" / "demo.toml", specimen=str(fake_specimen()))
     force = ForceSettings()
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+    # Not blocked: the children would inherit that, and could not be asked to end.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with ExitStack() as stack:
         say("starting fakes and service; the estimator warms up for half a minute at first")
         rig = stack.enter_context(FakeRig(settings, out))
@@ -53,7 +54,8 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
         say(f"plot: {out / 'force.png'}")
         if not once:
             say("running; Ctrl-C ends it")
-            signal.sigwait({signal.SIGINT, signal.SIGTERM})
+            with suppress(KeyboardInterrupt):
+                signal.pause()
     worst = max(float(row["mean_percent"]) for row in rows)
     if not worst <= TOLERANCE_PERCENT:
         say(f"softarm: the force is off by {worst:.2f} % of range, more than {TOLERANCE_PERCENT:g} %")
