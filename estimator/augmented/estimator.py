@@ -28,6 +28,9 @@ Floats = NDArray[np.float64]
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 
+SPREAD = 8.0
+"""Factor by which a segment's stiffness may differ between poses; more means that the model is lost."""
+
 
 class Follower(Protocol[State]):
     """What follows an arm through time: the plain estimator or the one with physics."""
@@ -95,6 +98,7 @@ class AugmentedEstimator(Generic[State, Step]):
         settings: TrackerSettings,
     ) -> None:
         self._arm, self._world, self._effects = arm, world, effects
+        self._rest = world.stiffness
         self._suite, self._settings = suite, settings
         self._spread = Spread(loads, arm.model.sections)
         self._estimator: Estimator[State, ShapedStep[State, Step]] = Estimator(
@@ -107,6 +111,7 @@ class AugmentedEstimator(Generic[State, Step]):
         self._estimator.reset()
         self._memories: tuple[Memory, ...] = ((),) * len(self._effects)
         self._couples = np.zeros((1, self._arm.segments.count, 4))
+        self._world = replace(self._world, stiffness=self._rest)
         self._last: Response | None = None
         self._turn = np.eye(3)
 
@@ -126,7 +131,22 @@ class AugmentedEstimator(Generic[State, Step]):
         )
         if np.isfinite(estimate.vector).all() and estimate.status != "diverged":
             self._last = self._response(estimate.frames)
+            self._bend(shaped, estimate)
         return estimate
+
+    def _bend(self, drive: Drive, estimate: Estimate[State]) -> None:
+        """Take the stiffness of the segments in the pose of an estimate; the couples keep their strains."""
+        if not any(placed.effect.hook == "couple" for placed in self._effects):
+            return
+        shaped = self._shaped(drive.wrenches.ravel(), self._turn)
+        step = self._arm.model.linearise(estimate.state, shaped.own_inputs(estimate.inputs))
+        rows = self._arm.segments.rows(step.frames)
+        _, motion = step.response(rows.reshape(-1, rows.shape[-1]))
+        by_wrench = motion[:, self._arm.model.chambers :].reshape(rows.shape)
+        compliance = np.einsum("gai,gbi->gab", by_wrench, rows)
+        strains = self._world.strains(self._couples)
+        self._world = replace(self._world, stiffness=bounded_inverse(compliance, self._rest)[None])
+        self._couples = self._world.couples(strains)
 
     def _shaped(self, wrenches: Floats, turn: Floats) -> ShapedModel[State, Step]:
         return ShapedModel(self._arm.model, self._spread, wrenches, turn)
@@ -173,6 +193,21 @@ class AugmentedEstimator(Generic[State, Step]):
                     clean[part] = np.nan if stuck else undo(clean[part], plain[0], changed[0])
         self._memories = tuple(memories)
         return clean
+
+
+def bounded_inverse(compliance: Floats, rest: Floats) -> Floats:
+    """Give the stiffness of each segment, kept within ``SPREAD`` of that at rest.
+
+    Args:
+        compliance: Tangent compliance against the segment's own couples, shape (segments, 4, 4).
+        rest: Stiffness at rest, shape (segments, 4).
+    """
+    size = np.sqrt(rest)
+    scaled = compliance * size[:, :, None] * size[:, None, :]
+    values, vectors = np.linalg.eigh(0.5 * (scaled + np.swapaxes(scaled, -1, -2)))
+    inverse = (vectors / np.clip(values, 1.0 / SPREAD, SPREAD)[:, None, :]) @ np.swapaxes(vectors, -1, -2)
+    stiffness: Floats = inverse * size[:, :, None] * size[:, None, :]
+    return stiffness
 
 
 def undo(reading: Floats, plain: Floats, changed: Floats) -> Floats:

@@ -144,7 +144,7 @@ def advance_with(
     for k, effect in enumerate(effects):
         if _answers(effect):
             # All material effects together own the couples: each sees the strain without any of them.
-            known = (drive.couples / world.stiffness).reshape(drive.samples, -1)
+            known = world.strains(drive.couples).reshape(drive.samples, -1)
             own = known if effect.effect.hook == "couple" else _no_share(effect, drive)
             shares[k], after[k] = _share(effect, world, drive, response, own, before[k])
     return _loaded(base, effects, shares, world), tuple(after)
@@ -222,7 +222,7 @@ def _loaded(drive: Drive, effects: Sequence[PlacedEffect], shares: dict[int, Flo
     for k, share in shares.items():
         hook = effects[k].effect.hook
         if hook == "couple":
-            couples = share.reshape(drive.couples.shape) * world.stiffness
+            couples = world.couples(share.reshape(drive.couples.shape))
             drive = drive.plus(np.zeros_like(drive.wrenches), couples)
         elif hook == "load":
             drive = drive.plus(share.reshape(drive.wrenches.shape), np.zeros_like(drive.couples))

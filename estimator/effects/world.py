@@ -26,7 +26,7 @@ class World:
         chamber_azimuth: Direction of each chamber about z [rad], shape (chambers,).
         pressure_limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
         stiffness: Stiffness of each segment against its couples: bending twice, torsion [N m], axial force
-            [N/m]; shape (segments, 4).
+            [N/m]; shape (segments, 4), or as matrices in every pose, (samples, segments, 4, 4).
         masses: Weighed masses, gathered at the sections' origins [kg], 0 where unknown; shape (sections,).
         pressures_measured: Whether pressures are those of sensors at the chambers, not set-points.
     """
@@ -68,6 +68,20 @@ class World:
     def chambers(self) -> int:
         """Number of chambers."""
         return len(self.chamber_segment)
+
+    def couples(self, strains: Floats) -> Floats:
+        """Give the couples that strain the segments by so much, shape (samples, segments, 4)."""
+        if self.stiffness.ndim == 4:
+            couples: Floats = np.einsum("tgij,tgj->tgi", self.stiffness, strains)
+            return couples
+        return strains * self.stiffness
+
+    def strains(self, couples: Floats) -> Floats:
+        """Give the strains that couples alone would make, shape (samples, segments, 4)."""
+        if self.stiffness.ndim == 4:
+            strained: Floats = np.linalg.solve(self.stiffness, couples[..., None])[..., 0]
+            return strained
+        return couples / self.stiffness
 
 
 def _masses(specimen: Specimen, segments: Segments, sections: tuple[str, ...]) -> Floats:
