@@ -31,8 +31,8 @@ from service.network.client import SoftarmClient
 from service.rig import FakeRig, RigSettings
 
 EFFECT: dict[str, Any] = {"where": {"chamber": 0}, "change": -0.25}
-NOMINAL = ("each_alone", "poses")
-SUSPECT = ("each_alone", "poses", "ramps")
+NOMINAL = ("poses",)
+SUSPECT = ("each_alone",)
 WATCHED = "poses"
 SPECIMEN = "improved.toml"
 """What is concealed: a chamber that lost a quarter; what is run; the file that is written."""
@@ -79,14 +79,14 @@ class Watch:
         }
 
 
-def watch(client: SoftarmClient, manoeuvre: Manoeuvre) -> Watch:
-    """Run a manoeuvre and watch the estimates."""
+def watch(client: SoftarmClient, manoeuvre: Manoeuvre) -> tuple[Watch, Recorded]:
+    """Run and record a manoeuvre, and watch the estimates meanwhile."""
     seen = Watch()
     client.command("arm")
     with client.subscribe("estimate", seen.take), client.subscribe("mismatch", seen.take):
-        run_manoeuvre(client, manoeuvre, lambda _: None)
+        run = run_manoeuvre(client, manoeuvre, lambda _: None)
     client.command("disarm")
-    return seen
+    return seen, run
 
 
 def diagnose(suspect: Sequence[Recorded], nominal: Sequence[Recorded], specimen: str, out: Path) -> Report:
@@ -112,9 +112,9 @@ def close_the_loop(specimen: str, out: Path, endpoint: str) -> tuple[Report, Wat
             fakes.ask("switch", effect="chamber_gain", value=EFFECT)
             say("something has changed in it: recording")
             suspect = _record(client, menu, SUSPECT)
-            before = watch(client, menu[WATCHED])
+            before, watched = watch(client, menu[WATCHED])
     say("diagnosing")
-    report = diagnose(suspect, nominal, specimen, out / "diagnosis")
+    report = diagnose([*suspect, watched], nominal, specimen, out / "diagnosis")
     improved = RigSettings(
         scenario, specimen=str(out / "diagnosis" / SPECIMEN), endpoint=endpoint, sensors=("pose",)
     )
@@ -123,7 +123,7 @@ def close_the_loop(specimen: str, out: Path, endpoint: str) -> tuple[Report, Wat
         with FakeControl(str(rig.announcement["control"])) as fakes, client.lease():
             fakes.ask("switch", effect="chamber_gain", value=EFFECT)
             say("the same arm on the improved specimen")
-            after = watch(client, menu[WATCHED])
+            after, _ = watch(client, menu[WATCHED])
     return report, before, after
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from service.bench.proof.trial import Folders
 
 EXCITATIONS = ("designed", "ordinary")
-PARTS = ("trials", "alternatives", "force")
+PARTS = ("trials", "alternatives", "force", "cost")
 FORCES = 12
 """Trials on whose pull the force is estimated."""
 HEAD = """# The proof of the diagnosis
@@ -94,6 +94,10 @@ def command(
         from service.bench.proof.force import force_table
 
         tables.append(force_table(folders, say, 1 if quick else FORCES))
+    if "cost" in parts:
+        from service.bench.proof.cost import cost_table
+
+        tables.append(cost_table(folders, specimen, say))
     show(*tables, as_json=as_json)
     if write is not None:
         write.write_text(f"{HEAD}\n{as_markdown(*tables)}\n", encoding="utf-8")

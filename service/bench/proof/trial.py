@@ -48,7 +48,7 @@ class Folders:
 
     def report(self, trial: SealedTrial, excitation: str) -> Path:
         """What the tool wrote."""
-        return self.root / "reports" / f"{trial.name}_{excitation}"
+        return self.root / "reports" / f"{trial.name}_{excitation}".replace(" ", "_")
 
 
 @dataclass(frozen=True)
@@ -154,6 +154,8 @@ def chosen(recordings: Sequence[Path], excitation: str) -> list[Path]:
     runs = [p for p in recordings if p.name.startswith("run") and FORCE_RUN not in p.name]
     if excitation == "designed":
         return runs
+    if excitation.startswith("first "):
+        return runs[: int(excitation.removeprefix("first "))]
     if excitation == "hanging":
         return [path for path in runs if path.name.endswith("hanging") and not path.name.startswith(LAST)]
     return [path for path in runs if any(name in path.name for name in ORDINARY)]
