@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from estimator.effects.effect import Effect, Memory, Parameter, Signals
 from estimator.effects.world import (
     Spot,
-    whole_and_segments,
+    whole_segments_and_chambers,
 )
 
 Floats = NDArray[np.float64]
@@ -30,9 +30,9 @@ EFFECT = Effect(
     name="chamber_crosstalk",
     hook="pressure",
     parameters=(Parameter("share", "1", 0.08, -1.0, 1.0, spread=0.1),),
-    places=whole_and_segments,
+    places=whole_segments_and_chambers,
     act=act,
-    statement="Pressure in the chambers of {where} also bends the other segment, with the share {share}.",
+    statement="Pressure in {where} also bends the other segment, with the share {share}.",
     source="Observed on a two-segment arm whose supply lines pass the upper segment",
     equivalence=("crosstalk_or_scale",),
     needs=frozenset({"each_chamber"}),

@@ -169,6 +169,11 @@ def whole_and_chambers(world: World) -> tuple[Place, ...]:
     return (Place(), *chambers(world))
 
 
+def whole_segments_and_chambers(world: World) -> tuple[Place, ...]:
+    """The arm as a whole, each segment alone where there are several, and each chamber alone."""
+    return (*whole_and_segments(world), *chambers(world))
+
+
 def moving_sections(world: World) -> tuple[Place, ...]:
     """Each section below a segment."""
     return tuple(Place(section=name) for name in world.sections if name != "base")
