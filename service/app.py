@@ -48,7 +48,7 @@ Floats = NDArray[np.float64]
 
 STATE_RATE_HZ = 20.0
 SHAPE_RATE_HZ = 10.0
-CONTACT_EVERY_NS = 1_000_000_000
+CONTACT_EVERY_NS = 2_000_000_000
 
 
 @dataclass(frozen=True)

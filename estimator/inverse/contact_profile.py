@@ -150,6 +150,6 @@ class ContactProfile:
         profile = float(explained @ information @ explained) - np.einsum("hk,hk->h", gradient, forces)
         best = int(np.argmin(profile))
         inside = fine[profile - profile[best] <= CHI_SQUARE_95]
-        width = float(inside.max() - inside.min())
+        width = float(inside.max() - inside.min()) + float(fine[1] - fine[0])
         located = width < 0.5 * float(self.heights[-1] - self.heights[0])
         return ContactPlace(float(fine[best]), width / INTERVAL_95, forces[best], located)

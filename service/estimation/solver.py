@@ -19,6 +19,7 @@ from estimator.inverse import (
     LoadProcess,
     TrackerSettings,
 )
+from estimator.model import Inputs
 from estimator.rotations import to_quaternions
 from estimator.sensing import Measurement, Registration, SensorSuite
 from estimator.sensors import SpecimenSensors, mounted_base
@@ -31,6 +32,7 @@ from service.estimation.messages import EstimationRequest, EstimationResult, Hol
 WARM_UP_PRESSURE_PA = 1000.0
 PLACES = 12
 """Candidate heights of a push, from the clamp to the tip."""
+INSIDE_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ class Solver:
         self._estimator: Follower[Any] = estimator_of(
             specimen, following, self._model.loads, self._suite, tracker, pressures_measured=True
         )
-        self._profile = ContactProfile(_heights(specimen))
+        self._profile = ContactProfile(_heights(specimen), passes=1)
         self._pushed = self._model.with_loads((*self._model.loads, *self._profile.loads))
         self._warm_up(np.array(specimen.gravity_m_s2))
 
@@ -154,7 +156,10 @@ class Solver:
         if not estimate.converged:
             return None
         tare = np.zeros(len(self._model.loads)) if request.tare is None else request.tare
-        state = FiniteElementState(estimate.state.displacement, estimate.inputs)
+        inputs = estimate.inputs
+        loads = np.concatenate([inputs.loads, np.zeros(len(self._profile.loads))])
+        pushed = Inputs(inputs.pressures, loads, inputs.gravity)
+        state = FiniteElementState(estimate.state.displacement, pushed)
         return self._profile.place(self._pushed, state, self._suite, request.readings, estimate, tare)
 
     def _nodes(self, estimate: Estimate[Any]) -> NDArray[np.float32]:
@@ -176,7 +181,7 @@ class Solver:
 
 
 def _heights(specimen: Specimen) -> NDArray[np.float64]:
-    """Give candidate heights of a push [m]: the free length of the arm, its ends left out."""
+    """Give candidate heights of a push [m], from above the clamp to the tip."""
     tip = max(section.to_m for section in specimen.sections)
-    ends = np.linspace(specimen.clamp.up_to_m, tip, PLACES + 2)
-    return np.asarray(ends[1:-1])
+    start = specimen.clamp.up_to_m + (tip - specimen.clamp.up_to_m) / PLACES
+    return np.linspace(start, tip - INSIDE_M, PLACES)

@@ -1,0 +1,309 @@
+"""A service and fakes as processes, over zenoh: from teaching to the death of each process, in this order."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from examples.teach_client import teach
+from service.api.messages import Estimate, Occurrence, State
+from service.network.client import CommandRefusedError, SoftarmClient
+from service.network.session import client_settings, open_session
+from service.recordings import load_recording
+
+pytestmark = pytest.mark.timeout(240)  # the estimator compiles its kernels in a fresh checkout
+
+VENTED_MBAR = [0] * 6
+VENTED_S = 0.3
+"""The fakes' own clock holds 0.2 s in test_faults; asking them takes its time on a busy machine."""
+
+
+def pose(fakes):
+    truth = fakes.ask("truth")
+    return np.array(truth["positions"]), np.array(truth["quaternions"])
+
+
+def setpoints(fakes):
+    return fakes.ask("truth")["setpoints_mbar"]["valves"]
+
+
+def seconds_until_vented(fakes, within=2.0):
+    begin = time.monotonic()
+    while setpoints(fakes) != VENTED_MBAR:
+        assert time.monotonic() - begin < within, "the valves hold pressure"
+    return time.monotonic() - begin
+
+
+def wait_for_mode(client, mode, timeout=5.0):
+    return client.wait_for("state", State, lambda s: s.mode == mode, timeout)
+
+
+@contextlib.contextmanager
+def collecting(client, stream):
+    found = []
+    with client.subscribe(stream, found.append):
+        yield found
+
+
+@contextlib.contextmanager
+def pressurised(client, mode="ARMED", pressure=20e3):
+    """The arm under pressure in a mode; afterwards IDLE."""
+    with client.lease():
+        client.command("arm")
+        client.command("set_pressures", pressures_pa=[pressure, *[0.0] * 5], lifetime_s=10.0)
+        if mode in ("TEACH", "HOLDING"):
+            client.command("teach/start")
+            client.wait_for("state", State, lambda s: s.teach_pressures_pa is not None, 5.0)
+        if mode == "HOLDING":
+            client.command("teach/hold", ramp_s=0.2)
+        client.wait_for("state", State, lambda s: max(p or 0.0 for p in s.measured_pa) > 0.5 * pressure, 5.0)
+        yield
+        if client.state().mode not in ("IDLE", "FAULTED"):
+            client.command("disarm")
+
+
+def cleared(client, timeout=10.0):
+    """Clear the latched fault as soon as its cause is gone; nothing comes back by itself."""
+    deadline = time.monotonic() + timeout
+    while True:
+        try:
+            return client.command("clear")
+        except CommandRefusedError:
+            assert time.monotonic() < deadline
+            assert client.state().mode == "FAULTED"
+
+
+def test_poses_taught_by_hand_are_held_saved_and_found_again(client, fakes):
+    held, asked = {}, []
+
+    def place(name):
+        force = {"a": [0.25, 0.1, 0.0], "b": [-0.1, 0.2, 0.0]}[name]
+        fakes.ask("hand", section="tip", force_n=force)
+        threading.Event().wait(2.5)  # the arm swings
+        held[name] = pose(fakes)
+
+    with collecting(client, "state") as states:
+        teach(client, ["a", "b"], place, lambda: fakes.ask("hand"))
+        asked = np.array([state.asked_pa for state in states if state.mode == "HOLDING"])
+    assert asked.max() > 5e3
+    assert np.abs(np.diff(asked, axis=0)).max() < 8e3  # ramps, no jump, at twenty states a second
+    known = client.command("teach/list").applied
+    assert set(known) >= {"a", "b"}
+    for name, (positions, _) in held.items():
+        reached = {s["section"]: np.array(s["position_m"]) for s in known[name]["sections"]}
+        assert np.linalg.norm(reached["tip"] - reached["base"]) > 0.2
+        assert positions.shape == (3, 3)
+    assert wait_for_mode(client, "IDLE").asked_pa == (0.0,) * 6
+
+
+def test_recording_from_the_command_line(rig):
+    command = [sys.executable, "-m", "service", "record", "--arm", rig.settings.arm, "--name", "cli"]
+    words = ["--endpoint", rig.settings.endpoint, "--seconds", "1", "--json"]
+    done = subprocess.run([*command, *words], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    (row,) = json.loads(done.stdout)["rows"]
+    recording = load_recording(Path(row["file"]))
+    assert 0.7 < recording.time[-1] - recording.time[0] < 3.0
+    assert set(recording.chambers) == set(range(6))
+    assert {"intermediate", "tip"} <= set(recording.frames)
+
+
+def test_a_push_is_felt_and_its_end_as_well(client, fakes):
+    client.command("estimate/tare")
+    with collecting(client, "event") as events:
+        fakes.ask("hand", section="tip", force_n=[0.3, 0.0, 0.0])
+        felt = client.wait_for("estimate", Estimate, lambda e: e.in_contact and e.contact is not None, 8.0)
+        fakes.ask("hand")
+        client.wait_for("estimate", Estimate, lambda e: not e.in_contact, 10.0)
+    assert felt.contact.height_std_m > 0.0
+    kinds = [event.kind for event in events if isinstance(event, Occurrence)]
+    assert "contact_begin" in kinds
+    assert kinds[-1] == "contact_end"
+
+
+def test_without_motion_capture_the_bend_sensors_carry_on(client, fakes):
+    whole = client.estimate()
+    fakes.ask("fault", device="qtm", fault="silence", for_s=3.0)
+    alone = client.wait_for("estimate", Estimate, lambda e: e.status == "degraded", 3.0)
+    assert set(alone.sensors_lost) == {"orientation_intermediate", "orientation_tip"}
+    assert set(alone.sensors_used) == {"bend_intermediate", "bend_tip"}
+    assert ("stale_sensor", "orientation_tip") in {(f.code, f.where) for f in client.state().findings}
+    late = client.wait_for("estimate", Estimate, lambda e: spread(e) > 1.2 * spread(whole), 3.0)
+    assert late.status == "degraded"
+    client.wait_for("estimate", Estimate, lambda e: e.status == "converged", 10.0)
+
+
+def spread(estimate):
+    return sum(np.trace(load.covariance_n2) for load in estimate.loads)
+
+
+BAD = {
+    "no json": (b"{", "disarm", "malformed"),
+    "no such verb": (b"{}", "dance", "malformed"),
+    "late": ({"deadline_unix_ns": 1}, "disarm", "stale"),
+    "lease of nobody": ({"lease": "guess"}, "disarm", "lease_held"),
+    "too much": ({"pressures_pa": [9e5] * 6, "lifetime_s": 1.0}, "set_pressures", "out_of_limit"),
+    "not a number": ({"pressures_pa": [float("nan")] * 6, "lifetime_s": 1.0}, "set_pressures", None),
+    "too few": ({"pressures_pa": [0.0], "lifetime_s": 1.0}, "set_pressures", None),
+    "wrong mode": ({"name": "a"}, "experiment/end", None),
+}
+
+
+def test_bad_commands_get_a_typed_reply_in_time_move_nothing_and_are_logged_once(rig, client):
+    session = open_session(client_settings(rig.settings.endpoint))
+    log = rig.folder / "service.log"
+    try:
+        with pressurised(client):
+            before = client.state()
+            for name, (fields, verb, code) in BAD.items():
+                lines = log.read_text().count("refused (")
+                begin = time.monotonic()
+                reply = send(session, client, verb, fields)
+                assert time.monotonic() - begin < 1.0, name
+                assert code in (None, reply["code"]), (name, reply)
+                assert reply["hint"], name
+                assert log.read_text().count("refused (") == lines + 1, name
+            after = client.state()
+            assert after.mode == before.mode == "ARMED"
+            assert after.asked_pa == before.asked_pa
+    finally:
+        session.close()
+
+
+def send(session, client, verb, fields):
+    if not isinstance(fields, bytes):
+        request = {
+            "deadline_unix_ns": time.time_ns() + 10**9,
+            "sequence": time.monotonic_ns(),
+            "client": "bad",
+            "lease": client._lease,  # the test speaks past the client, with the client's lease
+        }
+        fields = json.dumps({k: v for k, v in (request | fields).items() if k != "name"}).encode()
+    (reply,) = session.get(client.keys.command(verb), payload=fields, timeout=1.0)
+    return json.loads(bytes(reply.err.payload))
+
+
+def test_second_service_for_the_arm_refuses_to_start(rig):
+    command = [sys.executable, "-m", "service", "serve", "--config", str(rig.config_path)]
+    second = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert second.returncode == 2
+    assert second.stderr.strip().count("\n") == 0
+    assert "address is free" in second.stderr
+
+
+CLIENT = """
+import sys, time
+from service.network.client import SoftarmClient
+with SoftarmClient(sys.argv[1], sys.argv[2], name="mortal") as client:
+    with client.subscribe("state", lambda _: None), client.subscribe("estimate", lambda _: None):
+        if sys.argv[3] == "lease":
+            with client.lease():
+                client.command("arm")
+                client.command("set_pressures", pressures_pa=[2e4] * 6, lifetime_s=10.0)
+                print("ready", flush=True)
+                time.sleep(60)
+        print("ready", flush=True)
+        time.sleep(60)
+"""
+
+
+@contextlib.contextmanager
+def other_client(rig, what):
+    command = [sys.executable, "-c", CLIENT, rig.settings.arm, rig.settings.endpoint, what]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "ready\n"
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def test_stalled_subscriber_holds_up_nobody(rig, client):
+    with other_client(rig, "listen") as process, collecting(client, "state") as states:
+        process.send_signal(signal.SIGSTOP)
+        threading.Event().wait(2.0)
+        assert len(states) > 25
+        gaps = np.diff([state.stamp.monotonic_ns for state in states]) * 1e-9
+        assert gaps.max() < 0.5
+
+
+def test_killed_holder_of_the_lease_leaves_the_arm_vented(rig, client, fakes):
+    with other_client(rig, "lease") as process:
+        wait_for_mode(client, "ARMED")
+        process.kill()
+        state = wait_for_mode(client, "IDLE", 3.0)
+    assert state.asked_pa == (0.0,) * 6
+    assert seconds_until_vented(fakes) < VENTED_S
+
+
+@pytest.mark.parametrize(
+    ("device", "fault", "mode"),
+    [
+        ("valves", "node_down", "ARMED"),
+        ("valves", "freeze", "ARMED"),
+        ("valves", "second_master", "TEACH"),
+        ("qtm", "silence", "HOLDING"),
+        ("qtm", "body_lost", "TEACH"),
+    ],
+)
+def test_device_faults_vent_in_time_and_nothing_arms_again(client, fakes, device, fault, mode):
+    with pressurised(client, mode):
+        fakes.ask("fault", device=device, fault=fault, for_s=0.6)
+        assert seconds_until_vented(fakes) < VENTED_S
+        wait_for_mode(client, "FAULTED")
+        threading.Event().wait(0.8)
+        assert client.state().mode == "FAULTED"
+        assert setpoints(fakes) == VENTED_MBAR
+        cleared(client)
+        assert client.state().mode == "IDLE"
+
+
+def test_frozen_loop_vents_by_the_terminal_and_is_said(rig, client, fakes):
+    with pressurised(client):
+        process = rig.service.process
+        process.send_signal(signal.SIGSTOP)
+        try:
+            assert seconds_until_vented(fakes) < VENTED_S
+        finally:
+            process.send_signal(signal.SIGCONT)
+        state = wait_for_mode(client, "FAULTED")
+        assert state.fault_cause
+    cleared(client)
+
+
+def test_killed_estimator_vents_a_held_pose(rig, client, fakes):
+    (estimator,) = children(rig.service.process.pid, "multiprocessing")
+    with pressurised(client, "HOLDING"):
+        os.kill(estimator, signal.SIGKILL)
+        assert seconds_until_vented(fakes) < VENTED_S
+        assert "estimator" in wait_for_mode(client, "FAULTED").fault_cause
+
+
+def children(parent, word):
+    listed = subprocess.run(
+        ["ps", "--ppid", str(parent), "-o", "pid=,args="], capture_output=True, text=True, check=True
+    ).stdout
+    return [int(line.split()[0]) for line in listed.splitlines() if word in line and "tracker" not in line]
+
+
+def test_killed_service_leaves_the_arm_vented_and_its_recording_readable(rig, client, fakes):
+    if client.state().mode == "FAULTED":
+        cleared(client)
+    with SoftarmClient(rig.settings.arm, rig.settings.endpoint, name="last") as last, last.lease():
+        path = Path(str(last.command("record/start", name="torn").applied["path"]))
+        last.command("arm")
+        last.command("set_pressures", pressures_pa=[2e4] * 6, lifetime_s=10.0)
+        threading.Event().wait(2.5)  # the file is flushed every second
+        assert setpoints(fakes) != VENTED_MBAR
+        rig.service.process.kill()
+        assert seconds_until_vented(fakes) < VENTED_S
+    torn = load_recording(path.with_name(path.name + ".part"))
+    assert torn.time[-1] - torn.time[0] > 0.8
