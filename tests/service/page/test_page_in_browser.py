@@ -123,5 +123,5 @@ def test_page_that_is_gone_leaves_the_arm_vented(service, page, browser):
     browser.let_go()
     browser.click("Hold pose")
     service.until(Mode.HOLDING)
-    browser._driver.get("about:blank")  # the browser closes the page
+    browser._driver.quit()
     service.until(Mode.IDLE)
