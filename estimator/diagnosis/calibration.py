@@ -1,0 +1,168 @@
+"""Calibration of the nuisances of a diagnosis over recordings in any mount: Gauss-Newton with priors."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.calibration.parameters import Layout, Setting, build_layout
+from estimator.diagnosis.session import Session, units
+from estimator.diagnosis.stage import Model, Stage, build_stage, thinned
+from estimator.sensing import SensorSuite
+
+Floats = NDArray[np.float64]
+
+ITERATIONS = 6
+NODES = 90
+"""Samples of each session that a calibration looks at."""
+TORSION_SPREAD = 0.5
+"""Standard deviation of what is known of a segment's torsional compliance beforehand."""
+LOWER, UPPER = -0.7, 4.0
+COARSE = 25
+FACTORS = (0.7, 1.0, 1.4, 2.0)
+"""Factors on all moduli at which a fit may begin, and the samples of each session that tell which."""
+LEAST_PRESSURE_SPREAD = 1.0e3
+KINDS = ("modulus", "gain", "curve", "bias", "alignment", "base")
+"""What may be calibrated before an effect is looked for."""
+HUBER = 1.5
+SCATTER = {"m": 1.5e-3, "rad": 1.5e-2}
+"""Size [m, rad] of an error that a calibrated model is expected to leave; larger ones count less."""
+LARGEST_STEP = 0.5
+"""Largest change of a modulus' logarithm in one step."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A calibration.
+
+    Args:
+        layout: The unknowns.
+        values: Their values, shape (unknowns,).
+        torsion: Torsional compliance of each segment beyond the model's, shape (segments,).
+    """
+
+    layout: Layout
+    values: Floats
+    torsion: Floats
+
+    @property
+    def setting(self) -> Setting:
+        """What the values stand for."""
+        return self.layout.setting(self.values)
+
+    @property
+    def vector(self) -> Floats:
+        """All values, shape (unknowns + segments,)."""
+        return np.concatenate([self.values, self.torsion])
+
+    def moved(self, step: Floats) -> "Fitted":
+        """Add a step to all, shape (unknowns + segments,)."""
+        count = len(self.values)
+        torsion = np.clip(self.torsion + step[count:], LOWER, UPPER)
+        return replace(self, values=self.values + step[:count], torsion=torsion)
+
+    def prior_rows(self) -> tuple[Floats, Floats]:
+        """Give what is known beforehand as whitened residuals and their derivative; see ``Layout``."""
+        known, rows = self.layout.prior_rows(self.values)
+        count, segments = len(self.values), len(self.torsion)
+        whole = np.zeros((len(known) + segments, count + segments))
+        whole[: len(known), :count] = rows
+        whole[len(known) :, count:] = np.eye(segments) / TORSION_SPREAD
+        return np.concatenate([known, -self.torsion / TORSION_SPREAD]), whole
+
+    def stage(self, model: Model, session: Session, *, slopes: bool = False) -> Stage:
+        """Give a session on the calibrated model; see ``build_stage``."""
+        return build_stage(model, session, self.setting, self.torsion, slopes=slopes)
+
+
+def layout_of(model: Model, sessions: Sequence[Session]) -> Layout:
+    """Choose the unknowns for what a set of sessions shows."""
+    measurements = {m.name: m for session in sessions for m in session.suite.measurements}
+    spread = np.max([np.ptp(session.pressures, axis=0) for session in sessions], axis=0, initial=0.0)
+    moved = [k for k in range(len(spread)) if spread[k] > LEAST_PRESSURE_SPREAD]
+    suite = SensorSuite(tuple(measurements.values()))
+    segments = [segment.name for segment in model.specimen.segments]
+    sources = ["measured"] * len(spread)
+    # A known weight in several mounts tells the moduli, so that the chambers' mean gain may be anything.
+    weighed = turned(sessions)
+    layout = build_layout(model.specimen, suite, sources, moved, segments, weighed)
+    return layout.without({p.name for p in layout.parameters if p.kind not in KINDS})
+
+
+def turned(sessions: Sequence[Session]) -> bool:
+    """Tell whether the mount was turned by more than 30 degrees between, or in, some sessions."""
+    gravity = np.concatenate([session.gravity for session in sessions])
+    sizes = np.linalg.norm(gravity, axis=1)
+    return bool((gravity @ gravity[0] < 0.87 * sizes * sizes[0]).any())
+
+
+def calibrate_sessions(
+    model: Model, sessions: Sequence[Session], advance: Callable[[float], None] = lambda _: None
+) -> Fitted:
+    """Fit moduli, gains, biases and alignments to what sessions show outside their held-out parts.
+
+    Args:
+        model: The model.
+        sessions: The sessions.
+        advance: Called with 1 after every step.
+    """
+    layout = layout_of(model, sessions)
+    parts = [thinned(session.thin(~session.heldout), NODES) for session in sessions]
+    current = _start(model, layout, parts)
+    best, lowest = current, np.inf
+    for _ in range(ITERATIONS):
+        stages = [current.stage(model, part, slopes=True) for part in parts]
+        advance(1.0)
+        rows, columns, cost = _equations(stages, layout)
+        known, known_rows = current.prior_rows()
+        cost += float(known @ known)
+        if cost > 1.02 * lowest:
+            current = best.moved(0.5 * (current.vector - best.vector))
+            continue
+        best, lowest = (current, cost) if cost < lowest else (best, lowest)
+        normal = columns.T @ columns + known_rows.T @ known_rows
+        step = np.asarray(np.linalg.solve(normal, columns.T @ rows + known_rows.T @ known), dtype=np.float64)
+        step = _bounded(step, layout)
+        current = current.moved(step)
+        if np.abs(step[: len(layout.spreads)] / layout.spreads).max() < 1e-3:
+            break
+    return best
+
+
+def _start(model: Model, layout: Layout, parts: Sequence[Session]) -> Fitted:
+    """Begin with the common factor of all moduli that fits best."""
+    moduli = np.array([parameter.kind == "modulus" for parameter in layout.parameters])
+    few = [thinned(part, COARSE) for part in parts]
+    plain = np.zeros(len(model.specimen.segments))
+    found = []
+    for factor in FACTORS:
+        values = layout.means + np.log(factor) * moduli
+        stages = [Fitted(layout, values, plain).stage(model, part) for part in few]
+        lost = sum(int((~stage.arm.baseline.converged).sum()) for stage in stages)
+        found.append((lost, _equations(stages, layout)[2], values))
+    fewest = min(lost for lost, _, _ in found)
+    _, best = min((cost, k) for k, (lost, cost, _) in enumerate(found) if lost == fewest)
+    return Fitted(layout, found[best][2], plain)
+
+
+def _bounded(step: Floats, layout: Layout) -> Floats:
+    moduli = np.array([parameter.kind == "modulus" for parameter in layout.parameters])
+    largest = float(np.abs(step[: len(moduli)][moduli]).max(initial=0.0))
+    return step * min(1.0, LARGEST_STEP / max(largest, 1e-12))
+
+
+def _equations(stages: Sequence[Stage], layout: Layout) -> tuple[Floats, Floats, float]:
+    """Stack weighted residuals and columns of all stages; give their robust cost too."""
+    lefts, columns, scales = [], [], []
+    for stage in stages:
+        seen = np.isfinite(stage.residual)
+        scale = np.array([SCATTER[unit] for unit in units(stage.suite)])
+        lefts.append(stage.residual[seen])
+        columns.append(np.nan_to_num(stage.calibration_columns(layout))[seen])
+        scales.append(np.broadcast_to(scale, seen.shape)[seen])
+    left, column, scale = np.concatenate(lefts), np.concatenate(columns), np.concatenate(scales)
+    size = np.abs(left) / scale
+    weight = np.sqrt(np.minimum(1.0, HUBER / np.maximum(size, 1e-12))) / scale
+    loss = np.where(size <= HUBER, size**2, 2.0 * HUBER * size - HUBER**2)
+    return left * weight, column * weight[:, None], float(loss.sum())

@@ -1,0 +1,422 @@
+"""Which physics to accept: one effect at a time, judged by what it predicts where it was not fitted."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.belief import Belief, Marginal
+from estimator.diagnosis.evidence import Evidence
+from estimator.diagnosis.fit import Fit, Ground, View, fit_effects
+from estimator.diagnosis.gram import Products, Total, total, with_column
+from estimator.diagnosis.library import Direction, Hypothesis
+from estimator.diagnosis.weights import Weights
+from estimator.effects import Parameter
+
+Floats = NDArray[np.float64]
+
+MOST = 4
+"""Largest number of effects."""
+FINALISTS = 10
+"""Hypotheses that are fitted in each round."""
+TRIED = 4
+"""Best of them that may be accepted."""
+LEAST_BIC = 10.0
+CLOSE = 0.8
+"""Share of the best gain in the criterion below which a hypothesis is no candidate."""
+MATERIAL = 0.10
+"""Share of the explainable mismatch that an effect must remove."""
+REPEATABLE = 1.0
+"""Or root mean square of its change over the scatter of the residuals."""
+DRAWS = 400
+INVISIBLE = 1e-3
+"""Gain in cost of a typical effect below which it leaves no trace at all."""
+FALSE_ALARM = 0.01
+HETEROGENEITY = 0.5
+"""Largest spread between recordings of an effect's size, over the size."""
+TIED = 0.97
+"""Share of the gain from which a rival is as good."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A hypothesis after its fit.
+
+    Args:
+        number: Its number in the library.
+        fit: The fit, together with the effects accepted before.
+        gain: By how much it lowers the cost.
+        delta_bic: The same less the price of its parameters.
+    """
+
+    number: int
+    fit: Fit
+    gain: float
+    delta_bic: float
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What speaks for a candidate, on stretches that its fit has not seen.
+
+    Args:
+        before: Root mean square of the residuals over their scale without it.
+        after: With it.
+        gain_ci95: Bootstrap interval of 1 - after / before.
+        share: Share of the explainable mismatch that it removes.
+        change: Root mean square of its change over the scatter.
+        spread: Spread of its size between recordings beyond their own uncertainty, over the size.
+        search_p: Chance of as much in the whole search where nothing is missing.
+    """
+
+    before: float
+    after: float
+    gain_ci95: tuple[float, float]
+    share: float
+    change: float
+    spread: float
+    search_p: float
+
+    @property
+    def accepted(self) -> bool:
+        """Whether all of it holds."""
+        return (
+            self.gain_ci95[0] > 0.0
+            and (self.share >= MATERIAL or self.change >= REPEATABLE)
+            and self.spread <= HETEROGENEITY
+            and self.search_p <= FALSE_ALARM
+        )
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """An accepted effect with its rivals.
+
+    Args:
+        candidate: The effect as it was chosen.
+        judgement: What spoke for it.
+        field: All finalists of its round, the best first.
+    """
+
+    candidate: Candidate
+    judgement: Judgement
+    field: tuple[Candidate, ...]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The end of the search.
+
+    Args:
+        accepted: What was accepted, in the order of acceptance.
+        fit: Joint fit of all; ``None`` where nothing was accepted.
+        alarm_p: Chance of the best hypothesis' gain where nothing is missing.
+        turned_down: The best candidate of the last round and why it failed, where there was one.
+    """
+
+    accepted: tuple[Accepted, ...]
+    fit: Fit | None
+    alarm_p: float
+    turned_down: tuple[Candidate, Judgement] | None
+
+
+@dataclass(frozen=True)
+class Search:
+    """The search for what is missing in the recordings in question.
+
+    Args:
+        evidence: Residuals and columns.
+        weights: Noise model.
+        belief: What nominal recordings, or priors, say of the common coefficients.
+        executor: Runs fits.
+        rng: Of bootstraps.
+        advance: Called with 1 after each step.
+    """
+
+    evidence: Evidence
+    weights: Weights
+    belief: Belief
+    executor: Executor
+    rng: np.random.Generator
+    advance: Callable[[float], None] = lambda _: None
+
+    def run(self) -> Choice:
+        """Add effects while they hold."""
+        accepted: list[Accepted] = []
+        fit: Fit | None = None
+        alarm_p, turned_down = 1.0, None
+        while len(accepted) < MOST:
+            parts = self.parts(fit)
+            marginal = Marginal.of(
+                self.belief, total(_searched(parts), self.evidence.size), self.weights.share
+            )
+            taken = frozenset(a.candidate.number for a in accepted)
+            ranked = self.screen(marginal, taken)
+            null = self.null(marginal)
+            if not accepted:
+                alarm_p = float((null >= ranked[0][1]).mean()) if ranked else 1.0
+            if not ranked or ranked[0][1] <= 0.0:
+                break
+            field = self.finalists(fit, ranked[:FINALISTS])
+            self.advance(1.0)
+            found, turned_down = self.best(field, fit, null)
+            if found is None:
+                break
+            accepted.append(found)
+            fit = self.refit(found.candidate.fit)
+            self.advance(1.0)
+        return Choice(tuple(accepted), fit, alarm_p, turned_down)
+
+    def parts(self, fit: Fit | None) -> list[Products]:
+        """Give the products of the residuals that accepted effects leave, without nominal recordings."""
+        residuals = self.residuals(fit)
+        return [part for part in self.evidence.products(self.weights, residuals) if not part.nominal]
+
+    def residuals(self, fit: Fit | None) -> list[Floats]:
+        """Give the residuals that accepted effects leave; nominal recordings have none of them."""
+        if fit is None:
+            return list(self.evidence.residuals)
+        found = []
+        for stage, residual in zip(self.evidence.stages, self.evidence.residuals, strict=True):
+            if stage.session.nominal:
+                found.append(residual)
+                continue
+            placed = [
+                h.placed(stage.world, theta)
+                for h, theta in zip(fit.hypotheses, fit.thetas, strict=True)
+                if h.place.sensor in (None, *stage.world.sensors)
+            ]
+            found.append(residual - stage.change(placed))
+        return found
+
+    def screen(self, marginal: Marginal, taken: frozenset[int]) -> list[tuple[int, float, Floats]]:
+        """Rank hypotheses by their linear gain less the price of their parameters, with a start each."""
+        best: dict[int, tuple[float, Floats]] = {}
+        price = np.log(max(marginal.count, 2.0))
+        directions = self.evidence.library.directions
+        for number, _, columns in self.evidence.library.groups():
+            if number in taken:
+                continue
+            own = [self.evidence.nuisances + c for c in columns]
+            if marginal.matrix[own, own].min() <= INVISIBLE:
+                continue
+            gain, values = marginal.gain(own)
+            effect = self.evidence.library.hypotheses[number].effect
+            theta, allowed = _start(effect.parameters, [directions[c] for c in columns], values)
+            score = (gain if allowed else 0.0) - price * len(effect.parameters)
+            if number not in best or score > best[number][0]:
+                best[number] = (score, theta)
+        ranked = [(number, score, theta) for number, (score, theta) in best.items()]
+        return sorted(ranked, key=lambda entry: -entry[1])
+
+    def null(self, marginal: Marginal) -> Floats:
+        """Draw the best score of the whole screen where nothing is missing, shape (draws,)."""
+        drawn = marginal.null_draws(self.rng, DRAWS)
+        price = np.log(max(marginal.count, 2.0))
+        best = np.full(DRAWS, -np.inf)
+        for number, _, columns in self.evidence.library.groups():
+            own = [self.evidence.nuisances + c for c in columns]
+            if marginal.matrix[own, own].min() <= INVISIBLE:
+                continue
+            block = marginal.matrix[np.ix_(own, own)]
+            size = np.sqrt(np.maximum(np.diag(block), 1e-300))
+            scaled = block / np.outer(size, size) + 1e-6 * np.eye(len(own))
+            whitened = drawn[:, own] / size
+            gains = (whitened * np.linalg.solve(scaled, whitened.T).T).sum(axis=1)
+            parameters = len(self.evidence.library.hypotheses[number].effect.parameters)
+            best = np.maximum(best, gains - price * parameters)
+        return best
+
+    def ground(self) -> Ground:
+        """Prepare nonlinear fits on the searched stretches of the recordings in question."""
+        views = []
+        for number, stage in enumerate(self.evidence.stages):
+            session = stage.session
+            if session.nominal or session.heldout.all():
+                continue
+            residual = self.evidence.residuals[number]
+            used = np.isfinite(residual) & ~session.heldout[:, None]
+            weight = used / self.evidence.scale(self.weights, number)
+            common = self.evidence.columns[number] * weight[..., None].astype(np.float32)
+            left = np.nan_to_num(residual) * weight
+            views.append(View(stage, left, weight, common.reshape(-1, self.evidence.size)))
+        seen = total(_searched(self.parts(None)), self.evidence.size)
+        return Ground.of(views, self.belief, self.weights.share, seen)
+
+    def finalists(self, fit: Fit | None, ranked: Sequence[tuple[int, float, Floats]]) -> list[Candidate]:
+        """Fit hypotheses together with what is accepted already, the best first."""
+        ground = self.ground()
+        before = fit.gain if fit is not None else 0.0
+        price = np.log(max(self.count(), 2.0))
+        hypotheses = self.evidence.library.hypotheses
+        known = fit.hypotheses if fit is not None else ()
+        thetas = fit.thetas if fit is not None else ()
+        found = []
+        for number, _, theta in ranked:
+            own = fit_effects(ground, (*known, hypotheses[number]), (*thetas, theta), free=len(known))
+            gain = own.gain - before
+            found.append(Candidate(number, own, gain, gain - price * len(theta)))
+            self.advance(1.0)
+        return sorted(found, key=lambda candidate: -candidate.delta_bic)
+
+    def count(self) -> float:
+        """Give the effective number of searched samples."""
+        seen = 0
+        for stage, residual in zip(self.evidence.stages, self.evidence.residuals, strict=True):
+            if not stage.session.nominal:
+                seen += int(np.isfinite(residual[~stage.session.heldout]).sum())
+        return seen * self.weights.share
+
+    def best(
+        self, field: Sequence[Candidate], fit: Fit | None, null: Floats
+    ) -> tuple[Accepted | None, tuple[Candidate, Judgement] | None]:
+        """Judge the best candidates and take the first that holds."""
+        turned_down = None
+        for candidate in field[:TRIED]:
+            if candidate.delta_bic < max(LEAST_BIC, CLOSE * field[0].delta_bic) or candidate.fit.at_bound:
+                continue
+            judgement = self.judge(candidate, fit, null)
+            if judgement.accepted:
+                return Accepted(candidate, judgement, tuple(field)), None
+            turned_down = turned_down or (candidate, judgement)
+        return None, turned_down
+
+    def judge(self, candidate: Candidate, fit: Fit | None, null: Floats) -> Judgement:
+        """Predict each recording, or stretch, from the others with and without a candidate."""
+        parts = _searched(self.extended(candidate, fit))
+        folds = _folds(parts)
+        size = self.evidence.size
+        extended = _extended(self.belief, self.belief.mean)
+        share = self.weights.share
+        before, after, counts, sizes, precisions = [], [], [], [], []
+        for fold in folds:
+            rest = [part for part in parts if part not in fold]
+            if not rest:
+                continue
+            known = extended.updated(total(rest, size + 1), share)
+            seen = total(fold, size + 1)
+            # Without the candidate its coefficient is zero for certain.
+            plain = self.belief.updated(_cut(total(rest, size + 1), size), share)
+            before.append(Marginal.of(plain, _cut(seen, size), share).cost)
+            after.append(Marginal.of(known, seen, share).cost)
+            counts.append(share * seen.count)
+            own = Marginal.of(extended, seen, share)
+            sizes.append(own.vector[-1] / max(own.matrix[-1, -1], 1e-12))
+            precisions.append(own.matrix[-1, -1])
+        low, high = bootstrap(self.rng, np.array(before), np.array(after))
+        explainable = max(float(np.sum(before) - np.sum(counts)), 1e-9)
+        changed = sum(part.matrix[-1, -1] for part in parts) / max(sum(part.count for part in parts), 1)
+        return Judgement(
+            float(np.sqrt(np.sum(before) / np.sum(counts))),
+            float(np.sqrt(np.sum(after) / np.sum(counts))),
+            (low, high),
+            float(np.sum(before) - np.sum(after)) / explainable,
+            float(np.sqrt(changed)),
+            _heterogeneity(np.array(sizes), np.array(precisions)),
+            float((null >= candidate.delta_bic).mean()),
+        )
+
+    def extended(self, candidate: Candidate, fit: Fit | None) -> list[Products]:
+        """Give the products with the candidate's change as one more column."""
+        before = self.residuals(fit)
+        after = self.residuals(candidate.fit)
+        plain = self.evidence.products(self.weights, before)
+        found = []
+        for number, stage in enumerate(self.evidence.stages):
+            if stage.session.nominal:
+                continue
+            found += with_column(
+                [part for part in plain if part.session == number],
+                before[number],
+                self.evidence.columns[number],
+                before[number] - after[number],
+                self.evidence.scale(self.weights, number),
+                stage.session.blocks,
+            )
+        return found
+
+    def subset(self, fit: Fit, kept: Sequence[int]) -> Fit | None:
+        """Keep some effects of a fit as they are; ``None`` where none is kept."""
+        if not kept:
+            return None
+        return replace(
+            fit,
+            hypotheses=tuple(fit.hypotheses[k] for k in kept),
+            thetas=tuple(fit.thetas[k] for k in kept),
+        )
+
+    def refit(self, fit: Fit) -> Fit:
+        """Fit all accepted effects together."""
+        return fit_effects(self.ground(), fit.hypotheses, fit.thetas)
+
+
+def _start(
+    parameters: Sequence[Parameter], directions: Sequence[Direction], values: Floats
+) -> tuple[Floats, bool]:
+    """Turn linear coefficients into parameters to start from; whether their signs are allowed."""
+    theta = directions[0].theta.copy()
+    allowed = True
+    for direction, value in zip(directions, values.tolist(), strict=True):
+        if direction.parameter < 0:
+            allowed = allowed and value > 0.0
+            continue
+        bounds = parameters[direction.parameter]
+        if bounds.lower >= 0.0 and value < 0.0 and len(directions) == 1:
+            allowed = False
+        theta[direction.parameter] = float(np.clip(value * direction.typical, bounds.lower, bounds.upper))
+    return theta, allowed
+
+
+def _cut(whole: Total, size: int) -> Total:
+    """Leave the last columns out."""
+    return Total(whole.count, whole.matrix[:size, :size], whole.vector[:size], whole.power)
+
+
+def _searched(parts: Sequence[Products]) -> list[Products]:
+    return [part for part in parts if not part.heldout]
+
+
+def _folds(parts: Sequence[Products]) -> list[list[Products]]:
+    """Cut stretches into folds: recordings where there are three or more, else five spans of time."""
+    sessions = sorted({part.session for part in parts})
+    if len(sessions) >= 3:
+        return [[part for part in parts if part.session == number] for number in sessions]
+    ordered = sorted(parts, key=lambda part: (part.session, part.block))
+    cuts = np.array_split(np.arange(len(ordered)), min(5, len(ordered)))
+    return [[ordered[k] for k in cut] for cut in cuts]
+
+
+def _extended(belief: Belief, mean: Floats) -> Belief:
+    """Add a coefficient about which nothing is known but that it is 1, give or take ten."""
+    size = len(mean)
+    covariance = np.zeros((size + 1, size + 1))
+    covariance[:size, :size] = belief.covariance
+    covariance[size, size] = 100.0
+    return Belief(np.append(mean, 0.0), covariance)
+
+
+def bootstrap(
+    rng: np.random.Generator, before: Floats, after: Floats, draws: int = 500
+) -> tuple[float, float]:
+    """Give the interval of 1 - sqrt(after / before) over resampled stretches."""
+    chosen = rng.integers(0, len(before), (draws, len(before)))
+    ratio = after[chosen].sum(axis=1) / np.maximum(before[chosen].sum(axis=1), 1e-12)
+    gains = 1.0 - np.sqrt(np.maximum(ratio, 0.0))
+    low, high = np.percentile(gains, [2.5, 97.5])
+    return float(low), float(high)
+
+
+def _heterogeneity(sizes: Floats, precisions: Floats) -> float:
+    """Give the spread between folds beyond their own uncertainty, over the mean (DerSimonian and Laird)."""
+    if len(sizes) < 2 or precisions.sum() <= 0.0:
+        return 0.0
+    mean = float((precisions * sizes).sum() / precisions.sum())
+    excess = float((precisions * (sizes - mean) ** 2).sum()) - (len(sizes) - 1)
+    weight = precisions.sum() - (precisions**2).sum() / precisions.sum()
+    between = max(excess, 0.0) / max(weight, 1e-12)
+    return float(np.sqrt(between) / max(abs(mean), 1e-12))
+
+
+__all__ = ["Accepted", "Candidate", "Choice", "Hypothesis", "Judgement", "Search"]

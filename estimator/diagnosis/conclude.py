@@ -1,0 +1,246 @@
+"""From a search to findings in words: evidence on held-out data, rivals, what is left and where."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.choose import TIED, Accepted, Candidate, Choice, Search, bootstrap
+from estimator.diagnosis.gram import Products, total
+from estimator.diagnosis.result import (
+    Evidence,
+    Exposure,
+    Finding,
+    Heldout,
+    Quantity,
+    Rejected,
+    Rival,
+    Trace,
+)
+from estimator.diagnosis.session import channels, units
+from estimator.diagnosis.stage import Stage
+from estimator.diagnosis.words import WHEN, manoeuvre, name_place
+from estimator.effects import EFFECTS
+from estimator.specimen.physics import EffectName, Place
+
+Floats = NDArray[np.float64]
+
+TRACES = 4
+TRACE_CHANNELS = 3
+POINTS = 600
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """Costs of held-out stretches without and with findings.
+
+    Args:
+        before: Weighted squares of each stretch without them.
+        after: With them.
+        counts: Residuals of each.
+    """
+
+    before: Floats
+    after: Floats
+    counts: Floats
+
+    def rms(self) -> tuple[float, float]:
+        """Give the normalised root mean squares before and after."""
+        total_count = max(float(self.counts.sum()), 1.0)
+        return (
+            float(np.sqrt(max(self.before.sum(), 0.0) / total_count)),
+            float(np.sqrt(max(self.after.sum(), 0.0) / total_count)),
+        )
+
+
+def held_out(search: Search, before: Sequence[Products], after: Sequence[Products]) -> Predictions:
+    """Predict held-out stretches with common coefficients from the others, without and with effects.
+
+    Args:
+        search: The search.
+        before: Products of the residuals without the effects.
+        after: With them.
+    """
+    size = search.evidence.size
+    costs: list[Floats] = []
+    for parts in (before, after):
+        seen = [part for part in parts if not part.heldout]
+        common = search.belief.updated(total(seen, size), search.weights.share).mean
+        costs.append(np.array([part.cost(common) for part in parts if part.heldout]))
+    counts = np.array([float(part.count) for part in before if part.heldout])
+    return Predictions(costs[0], costs[1], counts)
+
+
+def heldout_result(search: Search, predictions: Predictions, how: str) -> Heldout:
+    """Judge the whole model on held-out data."""
+    rms_before, rms_after = predictions.rms()
+    interval = (0.0, 0.0)
+    if len(predictions.before) and not np.array_equal(predictions.before, predictions.after):
+        interval = bootstrap(search.rng, predictions.before, predictions.after)
+    return Heldout(rms_before, rms_after, interval, how)
+
+
+def findings_of(search: Search, choice: Choice) -> tuple[Finding, ...]:
+    """Tell of every accepted effect what speaks for it; the one that explains most comes first."""
+    fit = choice.fit
+    if fit is None:
+        return ()
+    whole = search.parts(fit)
+    found: list[tuple[float, Finding]] = []
+    for index, accepted in enumerate(choice.accepted):
+        others = [k for k in range(len(fit.hypotheses)) if k != index]
+        without = search.parts(search.subset(fit, others))
+        predictions = held_out(search, without, whole)
+        gain = float(predictions.before.sum() - predictions.after.sum())
+        found.append((gain, _finding(search, choice, accepted, index, predictions)))
+    return tuple(finding for _, finding in sorted(found, key=lambda entry: -entry[0]))
+
+
+def _finding(
+    search: Search, choice: Choice, accepted: Accepted, index: int, predictions: Predictions
+) -> Finding:
+    fit = choice.fit
+    assert fit is not None
+    hypothesis, theta, stds = fit.hypotheses[index], fit.thetas[index], fit.stds(index)
+    effect = hypothesis.effect
+    before, after = predictions.rms()
+    low, high = accepted.judgement.gain_ci95
+    if len(predictions.before) > 1:
+        low, high = bootstrap(search.rng, predictions.before, predictions.after)
+    rivals, rejected = _rivals(search, accepted)
+    when = WHEN[effect.name]
+    tied = "; ".join(f"{r.effect} at {name_place(r.where)} ({r.manoeuvre} would tell)" for r in rivals)
+    statement = (
+        f"{effect.tell(theta, hypothesis.place)} The mismatch varies with: {when}. With it, data that no fit "
+        f"has seen are predicted to {after:.2f} instead of {before:.2f} of their scatter."
+        + (f" These data do not tell it from {tied}." if tied else "")
+    )
+    return Finding(
+        effect=effect.name,
+        where=hypothesis.place,
+        when=when,
+        statement=statement,
+        parameters={
+            p.name: Quantity(float(value), float(std), p.unit)
+            for p, value, std in zip(effect.parameters, theta, stds, strict=True)
+        },
+        evidence=Evidence(
+            accepted.candidate.delta_bic, before, after, (low, high), accepted.judgement.search_p
+        ),
+        confusable_with=rivals,
+        rejected=rejected,
+        exposure=_exposure(search, choice, index),
+    )
+
+
+def _rivals(search: Search, accepted: Accepted) -> tuple[tuple[Rival, ...], tuple[Rejected, ...]]:
+    winner = accepted.candidate
+    own = search.evidence.library.hypotheses[winner.number]
+    rivals: dict[str, Rival] = {}
+    rejected: list[Rejected] = []
+    for candidate in accepted.field:
+        other = search.evidence.library.hypotheses[candidate.number]
+        if candidate.number == winner.number:
+            continue
+        lost = winner.delta_bic - candidate.delta_bic
+        if _tied(winner, candidate, own.name, other.name) and other.name != own.name:
+            rival = Rival(other.name, other.place, manoeuvre(own.name, other.name), lost)
+            rivals.setdefault(other.name, rival)
+        else:
+            rejected.append(Rejected(other.name, other.place, lost))
+    return tuple(rivals.values()), tuple(sorted(rejected, key=lambda entry: entry.delta_bic))
+
+
+def _tied(winner: Candidate, other: Candidate, own: EffectName, rival: EffectName) -> bool:
+    """Tell whether a rival is as good: nearly the same gain, or a class that looks alike by nature."""
+    share = other.gain / max(winner.gain, 1e-9)
+    alike = set(EFFECTS[own].equivalence) & set(EFFECTS[rival].equivalence)
+    return share >= TIED or (bool(alike) and share >= 0.9)
+
+
+def _exposure(search: Search, choice: Choice, index: int) -> Exposure | None:
+    """Show the residual of the channel that a finding improves most against what exposes it."""
+    fit = choice.fit
+    assert fit is not None
+    others = [k for k in range(len(fit.hypotheses)) if k != index]
+    before = search.residuals(search.subset(fit, others))
+    after = search.residuals(fit)
+    best: tuple[float, int, int] | None = None
+    for number, stage in enumerate(search.evidence.stages):
+        if stage.session.nominal:
+            continue
+        scale = np.array([search.weights.scale[name] for name in search.evidence.names[number]])
+        gains = np.nansum((before[number] / scale) ** 2 - (after[number] / scale) ** 2, axis=0)
+        row = int(np.argmax(gains))
+        if best is None or gains[row] > best[0]:
+            best = (float(gains[row]), number, row)
+    if best is None:
+        return None
+    _, number, row = best
+    stage = search.evidence.stages[number]
+    name, unit, values = exposing_variable(stage, fit.hypotheses[index].name, fit.hypotheses[index].place)
+    return Exposure(
+        name,
+        unit,
+        f"{stage.session.name}: {channels(stage.suite)[row]}",
+        units(stage.suite)[row],
+        values,
+        before[number][:, row],
+        after[number][:, row],
+    )
+
+
+def exposing_variable(stage: Stage, name: str, place: Place) -> tuple[str, str, Floats]:
+    """Give the variable against which an effect's residual shows best: its name, unit and values."""
+    regime = WHEN[name]
+    session = stage.session
+    if regime == "pressure level":
+        if place.chamber is not None:
+            return f"pressure of chamber {place.chamber}", "Pa", session.pressures[:, place.chamber]
+        return "highest pressure", "Pa", session.pressures.max(axis=1, initial=0.0)
+    if regime in ("rate", "direction of change") and session.pressures.size:
+        speed = np.gradient(session.pressures, session.clock, axis=0)
+        if place.chamber is not None:
+            return f"rate of pressure of chamber {place.chamber}", "Pa/s", speed[:, place.chamber]
+        return "rate of the pressures' sum", "Pa/s", speed.sum(axis=1)
+    if regime in ("pose", "largest strain so far"):
+        bend = np.linalg.norm(stage.arm.baseline.strains[..., :2], axis=-1)[:, -1]
+        return "bend of the last segment", "rad", bend
+    return "time", "s", session.clock - session.clock[0]
+
+
+def traces_of(search: Search, choice: Choice) -> tuple[Trace, ...]:
+    """Give the channels that are furthest off, before and after, of some recordings, held-out ones first."""
+    after = search.residuals(choice.fit)
+    parts = [part for part in search.parts(choice.fit) if not part.heldout]
+    common = search.belief.updated(total(parts, search.evidence.size), search.weights.share).mean
+    chosen = sorted(
+        (k for k, stage in enumerate(search.evidence.stages) if not stage.session.nominal),
+        key=lambda k: (not search.evidence.stages[k].session.heldout.any(), k),
+    )[:TRACES]
+    found = []
+    for number in chosen:
+        stage = search.evidence.stages[number]
+        names = channels(stage.suite)
+        scale = np.array([search.weights.scale[name] for name in names])
+        off = np.nanmean((search.evidence.residuals[number] / scale) ** 2, axis=0)
+        every = max(1, stage.session.samples // POINTS)
+        shared = search.evidence.columns[number] @ common
+        reading = stage.reading_rows
+        for row in np.argsort(-np.nan_to_num(off))[:TRACE_CHANNELS].tolist():
+            plain = search.evidence.residuals[number][:, row]
+            left = after[number][:, row] - shared[:, row]
+            found.append(
+                Trace(
+                    stage.session.name,
+                    names[row],
+                    units(stage.suite)[row],
+                    stage.session.clock[::every] - stage.session.clock[0],
+                    reading[::every, row],
+                    (reading[:, row] - plain)[::every],
+                    (reading[:, row] - left)[::every],
+                    stage.session.heldout[::every],
+                )
+            )
+    return tuple(found)

@@ -1,0 +1,172 @@
+"""The recordings of a diagnosis as residuals and columns, and their products under a noise model."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.belief import Belief
+from estimator.diagnosis.calibration import Fitted
+from estimator.diagnosis.gram import Products, products_of, renewed, total
+from estimator.diagnosis.library import Library
+from estimator.diagnosis.session import channels, units
+from estimator.diagnosis.stage import Stage
+from estimator.diagnosis.weights import Weights, weights_of
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+FULLEST = 5.0
+"""Spread, in typical sizes, of all effects at once in the fullest model, which tells the noise."""
+INADEQUACY = 0.015
+"""Share of the motion that no model of an arm gets right, however much is fitted."""
+BACKGROUND = 0.3
+"""Spread of what every arm may have of an effect, in typical sizes: the belief before nominal recordings."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Residuals and columns of all sessions.
+
+    Args:
+        stages: The sessions on the calibrated model.
+        fitted: The calibration, whose unknowns are the first columns.
+        library: Directions: the columns after them.
+        residuals: Of each session, shape (samples, rows).
+        columns: Of each session, shape (samples, rows, unknowns + forms + directions).
+        forms: Number of columns of the model form.
+        kept: Products under the last noise model, by its scales.
+    """
+
+    stages: tuple[Stage, ...]
+    fitted: Fitted
+    library: Library
+    residuals: tuple[Floats, ...]
+    columns: tuple[Singles, ...]
+    forms: int
+    kept: dict[tuple[tuple[str, float], ...], list[list[Products]]] = field(
+        default_factory=dict, compare=False
+    )
+
+    @property
+    def nuisances(self) -> int:
+        """Number of columns of calibration and model form."""
+        return self.calibrations + self.forms
+
+    @property
+    def calibrations(self) -> int:
+        """Number of columns of the calibration."""
+        return len(self.fitted.vector)
+
+    @property
+    def size(self) -> int:
+        """Number of columns."""
+        return self.nuisances + len(self.library.directions)
+
+    @property
+    def names(self) -> list[tuple[str, ...]]:
+        """Channels of each session."""
+        return [channels(stage.suite) for stage in self.stages]
+
+    def prior(self, background: float, form: float) -> Belief:
+        """Give the belief before any recording.
+
+        Args:
+            background: Standard deviation of each direction's coefficient in typical sizes.
+            form: Standard deviation of the coefficients of the model form, in their spread.
+        """
+        known, rows = self.fitted.prior_rows()
+        covariance = np.zeros((self.size, self.size))
+        count = self.calibrations
+        covariance[:count, :count] = np.linalg.inv(rows.T @ rows)
+        forms = np.arange(count, self.nuisances)
+        covariance[forms, forms] = form**2
+        own = np.arange(self.nuisances, self.size)
+        covariance[own, own] = background**2
+        mean = np.zeros(self.size)
+        # It pulls towards what was known beforehand, not towards the values at which residuals are taken.
+        mean[:count] = np.linalg.lstsq(rows, known, rcond=None)[0]
+        return Belief(mean, covariance)
+
+    def products(self, weights: Weights, residuals: Sequence[Floats] | None = None) -> list[Products]:
+        """Multiply residuals and columns, stretch by stretch; the columns' own products are kept."""
+        key = tuple(sorted(weights.scale.items()))
+        if key not in self.kept:
+            self.kept.clear()
+            self.kept[key] = [self._first(weights, number) for number in range(len(self.stages))]
+        if residuals is None:
+            return [part for parts in self.kept[key] for part in parts]
+        found = []
+        for number, stage in enumerate(self.stages):
+            scale, blocks = self.scale(weights, number), stage.session.blocks
+            found += renewed(self.kept[key][number], residuals[number], self.columns[number], scale, blocks)
+        return found
+
+    def scale(self, weights: Weights, number: int) -> Floats:
+        """Give the standard deviation of each row of a session, shape (rows,)."""
+        return np.array([weights.scale[name] for name in channels(self.stages[number].suite)])
+
+    def _first(self, weights: Weights, number: int) -> list[Products]:
+        session = self.stages[number].session
+        return products_of(
+            self.residuals[number],
+            self.columns[number],
+            self.scale(weights, number),
+            session.blocks,
+            session.heldout,
+            number,
+            nominal=session.nominal,
+        )
+
+    def weigh(self, rounds: int = 2) -> Weights:
+        """Learn the noise model from what the fullest model leaves outside the held-out stretches."""
+        weights = weights_of(self.names, self._seen(self.residuals), self._sigmas)
+        for _ in range(rounds):
+            left = list(self.residuals)
+            for nominal in (True, False):
+                left = self._fullest(weights, left, nominal=nominal)
+            weights = weights_of(self.names, self._seen(left), self._sigmas)
+        return weights
+
+    def _fullest(self, weights: Weights, left: Sequence[Floats], *, nominal: bool) -> list[Floats]:
+        """Give what everything at once leaves of nominal, or other, recordings, widened by what it spent."""
+        parts = [p for p in self.products(weights) if not p.heldout and p.nominal == nominal]
+        if not parts:
+            return list(left)
+        everything = total(parts, self.size)
+        belief = self.prior(FULLEST, FULLEST).updated(everything, 1.0)
+        spent = float(np.einsum("ij,ji->", belief.covariance, everything.matrix))
+        widen = np.sqrt(everything.count / max(everything.count - spent, 0.1 * everything.count))
+        return [
+            widen * (own - c @ belief.mean) if stage.session.nominal == nominal else own
+            for stage, own, c in zip(self.stages, left, self.columns, strict=True)
+        ]
+
+    @cached_property
+    def _sigmas(self) -> list[Floats]:
+        """Noise of each row, and what no model of an arm gets right of its motion."""
+        squares: dict[tuple[str, str], list[Floats]] = {}
+        groups = [_groups(stage) for stage in self.stages]
+        for stage, own in zip(self.stages, groups, strict=True):
+            for group, column in zip(own, stage.reading_rows.T, strict=True):
+                squares.setdefault(group, []).append(column[np.isfinite(column)] ** 2)
+        # A body that moves along one axis is off along all: a group's channels share the largest motion.
+        form: dict[tuple[str, str], float] = {}
+        for group, parts in squares.items():
+            moved = max(float(part.mean()) if len(part) else 0.0 for part in parts)
+            form[group] = INADEQUACY * float(np.sqrt(moved))
+        return [
+            np.hypot(stage.session.sigma, [form[group] for group in own])
+            for stage, own in zip(self.stages, groups, strict=True)
+        ]
+
+    def _seen(self, residuals: Sequence[Floats]) -> list[Floats]:
+        return [left[~stage.session.heldout] for stage, left in zip(self.stages, residuals, strict=True)]
+
+
+def _groups(stage: Stage) -> list[tuple[str, str]]:
+    """Give sensor and unit of each row."""
+    names = (name.rpartition(".")[0] for name in channels(stage.suite))
+    return list(zip(names, units(stage.suite), strict=True))

@@ -1,0 +1,303 @@
+"""Nonlinear fit of effects, with all that is common to the recordings marginalised."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.belief import Belief, Factor
+from estimator.diagnosis.gram import Total
+from estimator.diagnosis.library import Hypothesis
+from estimator.diagnosis.stage import Stage
+from estimator.effects import Parameter
+
+Floats = NDArray[np.float64]
+
+ITERATIONS = 6
+STEP = 1e-3
+"""Step of the differences, in units of the fit."""
+SETTLED = 0.02
+"""Improvement of the cost that ends a fit."""
+LARGEST = 1.5
+"""Longest step of a parameter in units of the fit."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What a fit sees of one session.
+
+    Args:
+        stage: The session on the calibrated model.
+        left: Residual over its scale, lost ones zero, shape (samples, rows).
+        weight: Inverse scale, zero for lost or held-out residuals, shape (samples, rows).
+        common: Columns of the common coefficients over their scale, shape (samples * rows, columns).
+    """
+
+    stage: Stage
+    left: Floats
+    weight: Floats
+    common: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The common coefficients' normal equations, factorised once for all fits.
+
+    Args:
+        views: What is seen of each session.
+        belief: Belief about the common coefficients.
+        share: Share of independent samples.
+        factor: Factor of share C^T C + P.
+        right: share C^T (r - C m), shape (columns,).
+    """
+
+    views: tuple[View, ...]
+    belief: Belief
+    share: float
+    factor: Factor
+    right: Floats
+
+    @classmethod
+    def of(cls, views: Sequence[View], belief: Belief, share: float, seen: Total) -> "Ground":
+        """Prepare fits on views, whose products are known."""
+        right = seen.vector - seen.matrix @ belief.mean
+        return cls(
+            tuple(views),
+            belief,
+            share,
+            Factor.of(share * seen.matrix + belief.precision),
+            share * right,
+        )
+
+    @cached_property
+    def _innovations(self) -> list[Floats]:
+        """What the belief leaves of each session, shape (samples * rows,)."""
+        return [view.left.ravel() - view.common @ self.belief.mean for view in self.views]
+
+    def projected(self, changes: Sequence[Floats]) -> tuple[Floats, Floats]:
+        """Give M and b for whitened changes of all sessions, each of shape (samples * rows, k)."""
+        k = changes[0].shape[1]
+        gram, right = np.zeros((k, k)), np.zeros(k)
+        cross = np.zeros((len(self.right), k))
+        for view, own, change in zip(self.views, self._innovations, changes, strict=True):
+            gram += change.T @ change
+            right += change.T @ own
+            cross += view.common.T @ change.astype(np.float32)
+        solved = self.factor.solve(self.share * cross)
+        matrix: Floats = self.share * (gram - cross.T @ solved)
+        vector: Floats = self.share * right - solved.T @ self.right
+        return matrix, vector
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Where a fit of effects ended.
+
+    Args:
+        hypotheses: The effects and their places.
+        thetas: Their parameters.
+        covariance: Of all parameters, in the units of the fit, shape (parameters, parameters).
+        scales: Derivative of each parameter by its unit of the fit, shape (parameters,).
+        gain: By how much they lower the cost against none of them.
+        at_bound: Whether an amplitude ended at a bound that is not its neutral value.
+    """
+
+    hypotheses: tuple[Hypothesis, ...]
+    thetas: tuple[Floats, ...]
+    covariance: Floats
+    scales: Floats
+    gain: float
+    at_bound: bool
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters."""
+        return sum(len(theta) for theta in self.thetas)
+
+    def stds(self, number: int) -> Floats:
+        """Give the standard deviations of one effect's parameters, shape (parameters,)."""
+        ends = np.cumsum([0, *(len(theta) for theta in self.thetas)])
+        own = slice(int(ends[number]), int(ends[number + 1]))
+        stds: Floats = (np.sqrt(np.maximum(np.diag(self.covariance), 0.0)) * self.scales)[own]
+        return stds
+
+
+def fit_effects(
+    ground: Ground,
+    hypotheses: Sequence[Hypothesis],
+    starts: Sequence[Floats],
+    free: int = 0,
+    *,
+    exact: bool = False,
+    iterations: int = ITERATIONS,
+) -> Fit:
+    """Fit the parameters of effects that act together (Levenberg-Marquardt, in bounds).
+
+    Args:
+        ground: What is seen, with the common coefficients.
+        hypotheses: The effects.
+        starts: Parameters to begin with.
+        free: First effect whose parameters move; those before it stay.
+        exact: Solve the model itself, not its linearisation.
+        iterations: Largest number of steps.
+    """
+    chart = _Chart.of(hypotheses[free:])
+    fixed = list(starts[:free])
+    values = chart.units(np.concatenate([*starts[free:], np.zeros(0)]))
+    damping = 1e-2
+    change = _whitened(ground, hypotheses, [*fixed, *chart.split(values)], exact=exact)
+    gain = _gain(ground, change)
+    matrix = np.eye(len(values))
+    for _ in range(iterations):
+        slopes = _slopes(ground, hypotheses, fixed, chart, values, change, exact=exact)
+        both = [np.column_stack([s, c]) for s, c in zip(slopes, change, strict=True)]
+        product, vector = ground.projected(both)
+        matrix = product[:-1, :-1] + np.diag(1.0 / chart.spreads**2)
+        pull = vector[:-1] - product[:-1, -1] - (values - chart.centres) / chart.spreads**2
+        better = False
+        for _ in range(4):
+            damped = matrix + damping * np.diag(np.diag(matrix))
+            step = np.clip(np.linalg.solve(damped, pull), -LARGEST, LARGEST)
+            trial = np.clip(values + step, chart.lower, chart.upper)
+            tried = _whitened(ground, hypotheses, [*fixed, *chart.split(trial)], exact=exact)
+            new = _gain(ground, tried) - chart.penalty(trial) + chart.penalty(values)
+            if np.isfinite(new) and new > gain:
+                better = True
+                break
+            damping *= 10.0
+        if not better:
+            break
+        improved = new - gain
+        values, change, gain, damping = trial, tried, _gain(ground, tried), max(damping * 0.1, 1e-6)
+        if improved < SETTLED:
+            break
+    thetas = (*fixed, *chart.split(values))
+    return Fit(
+        tuple(hypotheses),
+        thetas,
+        np.asarray(np.linalg.inv(matrix), dtype=np.float64),
+        chart.slopes(values),
+        gain,
+        chart.at_bound(values),
+    )
+
+
+def _whitened(
+    ground: Ground, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats], *, exact: bool
+) -> list[Floats]:
+    """Give what effects change, over the residuals' scale, each session flattened to one column."""
+    found = []
+    for view in ground.views:
+        world = view.stage.world
+        placed = [
+            hypothesis.placed(world, theta)
+            for hypothesis, theta in zip(hypotheses, thetas, strict=True)
+            if hypothesis.place.sensor in (None, *world.sensors)
+        ]
+        change = view.stage.change(placed, exact=exact)
+        found.append(np.nan_to_num(change * view.weight, nan=0.0).reshape(-1, 1))
+    return found
+
+
+def _gain(ground: Ground, change: Sequence[Floats]) -> float:
+    matrix, vector = ground.projected(change)
+    return float(2.0 * vector[0] - matrix[0, 0])
+
+
+def _slopes(
+    ground: Ground,
+    hypotheses: Sequence[Hypothesis],
+    fixed: list[Floats],
+    chart: "_Chart",
+    values: Floats,
+    change: Sequence[Floats],
+    *,
+    exact: bool,
+) -> list[Floats]:
+    columns: list[list[Floats]] = [[] for _ in ground.views]
+    for index in range(len(values)):
+        moved = values.copy()
+        step = STEP * (-1.0 if values[index] + STEP > chart.upper[index] else 1.0) * chart.typical[index]
+        moved[index] += step
+        there = _whitened(ground, hypotheses, [*fixed, *chart.split(moved)], exact=exact)
+        for own, ahead, here in zip(columns, there, change, strict=True):
+            own.append((ahead - here) / step)
+    return [np.concatenate(own, axis=1) for own in columns]
+
+
+@dataclass(frozen=True)
+class _Chart:
+    """Parameters of several effects in units of the fit: over their typical size, or as logarithms."""
+
+    parameters: tuple[Parameter, ...]
+    sizes: tuple[int, ...]
+
+    @classmethod
+    def of(cls, hypotheses: Sequence[Hypothesis]) -> "_Chart":
+        parameters = tuple(p for h in hypotheses for p in h.effect.parameters)
+        return cls(parameters, tuple(len(h.effect.parameters) for h in hypotheses))
+
+    @property
+    def typical(self) -> Floats:
+        return np.ones(len(self.parameters))
+
+    def _unit(self, parameter: Parameter) -> float:
+        return abs(parameter.typical) or parameter.spread or 1.0
+
+    def units(self, theta: Floats) -> Floats:
+        found = [
+            np.log(max(value, 1e-12)) if p.transform == "log" else value / self._unit(p)
+            for p, value in zip(self.parameters, theta.tolist(), strict=True)
+        ]
+        return np.array(found)
+
+    def split(self, values: Floats) -> list[Floats]:
+        theta = np.array(
+            [
+                np.exp(value) if p.transform == "log" else value * self._unit(p)
+                for p, value in zip(self.parameters, values.tolist(), strict=True)
+            ]
+        )
+        return [np.array(part) for part in np.split(theta, np.cumsum(self.sizes)[:-1])]
+
+    def slopes(self, values: Floats) -> Floats:
+        found = [
+            np.exp(value) if p.transform == "log" else self._unit(p)
+            for p, value in zip(self.parameters, values.tolist(), strict=True)
+        ]
+        return np.array(found)
+
+    @property
+    def lower(self) -> Floats:
+        return self.units(np.array([p.lower for p in self.parameters]))
+
+    @property
+    def upper(self) -> Floats:
+        return self.units(np.array([p.upper for p in self.parameters]))
+
+    @property
+    def centres(self) -> Floats:
+        middle = [0.0 if p.role == "amplitude" else p.typical for p in self.parameters]
+        return self.units(np.array(middle))
+
+    @property
+    def spreads(self) -> Floats:
+        """Spread of the priors; those of amplitudes are wide, so that only the data speak of size."""
+        found = [
+            p.spread
+            if p.transform == "log"
+            else (10.0 if p.role == "amplitude" else 3.0) * p.spread / self._unit(p)
+            for p in self.parameters
+        ]
+        return np.asarray(np.maximum(np.array(found), 1e-3), dtype=np.float64)
+
+    def penalty(self, values: Floats) -> float:
+        return float((((values - self.centres) / self.spreads) ** 2).sum())
+
+    def at_bound(self, values: Floats) -> bool:
+        near = np.minimum(values - self.lower, self.upper - values) < 1e-6
+        neutral = np.abs(values - self.centres) < 1e-6
+        amplitude = np.array([p.role == "amplitude" for p in self.parameters])
+        return bool((near & ~neutral & amplitude).any())

@@ -1,0 +1,162 @@
+"""Everything a linear search needs of the recordings: products of residuals and columns, stretch by stretch.
+
+With W the weights of a stretch's rows, r its residual and X its columns, the products X^T W X, X^T W r and
+r^T W r answer any question about fits, predictions and their differences without touching samples again.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Products:
+    """Products of one stretch.
+
+    Args:
+        session: Number of its session.
+        block: Number of the stretch in the session.
+        nominal: Whether the arm was in its known state.
+        heldout: Whether no fit and no choice may see it.
+        count: Number of residuals.
+        matrix: X^T W X, shape (columns, columns).
+        vector: X^T W r, shape (columns,).
+        power: r^T W r.
+    """
+
+    session: int
+    block: int
+    nominal: bool
+    heldout: bool
+    count: int
+    matrix: Floats
+    vector: Floats
+    power: float
+
+    def cost(self, coefficients: Floats) -> float:
+        """Give the weighted squares that coefficients leave."""
+        c = coefficients
+        return self.power - 2.0 * float(c @ self.vector) + float(c @ self.matrix @ c)
+
+
+def products_of(
+    residual: Floats,
+    columns: Floats | NDArray[np.float32],
+    scale: Floats,
+    blocks: NDArray[np.int64],
+    heldout: Flags,
+    session: int,
+    *,
+    nominal: bool,
+) -> list[Products]:
+    """Multiply a session's residuals and columns, stretch by stretch.
+
+    Args:
+        residual: NaN where lost, shape (samples, rows).
+        columns: Shape (samples, rows, columns).
+        scale: Standard deviation of each row, shape (rows,).
+        blocks: Stretch of each sample, shape (samples,).
+        heldout: Samples held out, the same for a whole stretch, shape (samples,).
+        session: Number of the session.
+        nominal: Whether the arm was in its known state.
+    """
+    found = []
+    for block, own, seen, weight in _stretches(residual, scale, blocks):
+        left = residual[own][seen] * weight
+        rows: NDArray[Any] = np.asarray(columns[own][seen] * weight[:, None], dtype=columns.dtype)
+        matrix = np.asarray(rows.T @ rows, dtype=np.float64)
+        vector = np.asarray(rows.T @ left, dtype=np.float64)
+        flag = bool(heldout[own].any())
+        power = float(left @ left)
+        found.append(Products(session, block, nominal, flag, len(left), matrix, vector, power))
+    return found
+
+
+def renewed(
+    parts: Sequence[Products],
+    residual: Floats,
+    columns: Floats | NDArray[np.float32],
+    scale: Floats,
+    blocks: NDArray[np.int64],
+) -> list[Products]:
+    """Give the products of a session with another residual, lost at the same places; see ``products_of``."""
+    found = []
+    stretches = _stretches(residual, scale, blocks)
+    for part, (_, own, seen, weight) in zip(parts, stretches, strict=True):
+        left = residual[own][seen] * weight
+        scaled = np.where(seen, np.nan_to_num(residual[own]) / scale**2, 0.0)
+        vector = _pull(columns[own], scaled)
+        found.append(replace(part, vector=vector, power=float(left @ left)))
+    return found
+
+
+def with_column(
+    parts: Sequence[Products],
+    residual: Floats,
+    columns: Floats | NDArray[np.float32],
+    change: Floats,
+    scale: Floats,
+    blocks: NDArray[np.int64],
+) -> list[Products]:
+    """Give the products of a session with one more column, shape (samples, rows); see ``products_of``."""
+    found = []
+    stretches = _stretches(residual, scale, blocks)
+    for part, (_, own, seen, _) in zip(parts, stretches, strict=True):
+        weighted = np.where(seen, np.nan_to_num(change[own]) / scale**2, 0.0)
+        cross = _pull(columns[own], weighted)
+        size = len(cross)
+        matrix = np.empty((size + 1, size + 1))
+        matrix[:size, :size] = part.matrix
+        matrix[size, :size] = matrix[:size, size] = cross
+        matrix[size, size] = float((weighted * np.nan_to_num(change[own])).sum())
+        pull = float((weighted * np.nan_to_num(residual[own])).sum())
+        found.append(replace(part, matrix=matrix, vector=np.append(part.vector, pull)))
+    return found
+
+
+def _pull(columns: Floats | NDArray[np.float32], weighted: Floats) -> Floats:
+    """Multiply columns, shape (samples, rows, columns), by weighted residuals, in the columns' precision."""
+    flat = columns.reshape(-1, columns.shape[-1])
+    single = weighted.ravel().astype(np.float32) if columns.dtype == np.float32 else weighted.ravel()
+    return np.asarray(np.dot(flat.T, single), dtype=np.float64)
+
+
+def _stretches(
+    residual: Floats, scale: Floats, blocks: NDArray[np.int64]
+) -> list[tuple[int, Flags, Flags, Floats]]:
+    """List the stretches that have residuals: number, samples, present residuals and their weights."""
+    found = []
+    for block in np.unique(blocks):
+        own = blocks == block
+        seen = np.isfinite(residual[own])
+        if seen.any():
+            found.append((int(block), own, seen, np.broadcast_to(1.0 / scale, seen.shape)[seen]))
+    return found
+
+
+@dataclass(frozen=True)
+class Total:
+    """Sum of the products of some stretches."""
+
+    count: int
+    matrix: Floats
+    vector: Floats
+    power: float
+
+
+def total(parts: Sequence[Products], size: int) -> Total:
+    """Add products up."""
+    matrix, vector = np.zeros((size, size)), np.zeros(size)
+    count, power = 0, 0.0
+    for part in parts:
+        matrix += part.matrix
+        vector += part.vector
+        count += part.count
+        power += part.power
+    return Total(count, matrix, vector, power)

@@ -1,0 +1,198 @@
+"""Where a mismatch sits and what it varies with, before any hypothesis.
+
+At every place stands an equivalent load or offset: bending, twisting and axial couples of a segment, a
+pressure in a chamber, an offset of a sensor's channel, a turn of the base. Each varies with one regime. A
+cell's share is what it alone removes of the mismatch beyond noise, the calibration free to move; its chance
+is that of so large a gain anywhere in the map where nothing is missing.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.belief import Belief, Marginal
+from estimator.diagnosis.gram import Products, products_of, total
+from estimator.diagnosis.result import Cell, CellKind, LocationMap, Regime
+from estimator.diagnosis.session import channels, units
+from estimator.diagnosis.stage import Stage
+from estimator.diagnosis.weights import Weights
+from estimator.simulation import Drive
+
+Floats = NDArray[np.float64]
+
+COUPLES = ("x", "y", "z", "axial")
+COUPLE_UNITS = ("N m", "N m", "N m", "N")
+MEMORY = 3.0
+"""Seconds after which a change is forgotten."""
+DRAWS = 300
+TILT = 1e-3
+SIZES = {"N m": 0.01, "N": 0.3, "Pa": 1e3, "m": 1e-3, "rad": 1e-2}
+"""What a coefficient of 1 stands for, so that all are of one order."""
+
+
+@dataclass(frozen=True)
+class Spotted:
+    """An equivalent load or offset of one place.
+
+    Args:
+        kind: Sort of place.
+        name: Which one.
+        axis: Of the place.
+        unit: Of the load.
+        column: Change of the predictions per unit, shape (samples, rows).
+    """
+
+    kind: CellKind
+    name: str
+    axis: str
+    unit: str
+    column: Floats
+
+
+def locate(
+    stages: Sequence[Stage],
+    residuals: Sequence[Floats],
+    weights: Weights,
+    calibrations: Sequence[Floats],
+    prior: Belief,
+    rng: np.random.Generator,
+) -> LocationMap:
+    """Map a mismatch.
+
+    Args:
+        stages: Sessions in question.
+        residuals: What is left in each, NaN where lost or held out, shape (samples, rows).
+        weights: Noise model.
+        calibrations: Columns of the calibration of each, shape (samples, rows, unknowns).
+        prior: Belief about those.
+        rng: Of the draws without mismatch.
+    """
+    parts: list[Products] = []
+    found: list[tuple[CellKind, str, str, str, Regime]] = []
+    for number, (stage, left, known) in enumerate(zip(stages, residuals, calibrations, strict=True)):
+        spots = spotted(stage)
+        varied = regimes(stage)
+        cells = [(spot, name) for spot in spots for name in varied]
+        columns = np.stack(
+            [SIZES[spot.unit] * spot.column * varied[name][:, None] for spot in spots for name in varied],
+            axis=-1,
+        )
+        found = found or [(spot.kind, spot.name, spot.axis, spot.unit, name) for spot, name in cells]
+        scale = np.array([weights.scale[name] for name in channels(stage.suite)])
+        parts += products_of(
+            left,
+            np.concatenate([known, columns], axis=-1),
+            scale,
+            stage.session.blocks,
+            np.zeros(stage.session.samples, dtype=bool),
+            number,
+            nominal=False,
+        )
+    size, nuisances = len(found) + prior.mean.size, prior.mean.size
+    belief = _with_columns(prior, size)
+    everything = total(parts, size)
+    marginal = Marginal.of(belief, everything, weights.share)
+    diagonal = np.maximum(np.diag(marginal.matrix)[nuisances:], 1e-300)
+    values = marginal.vector[nuisances:] / diagonal
+    gains = marginal.vector[nuisances:] * values
+    drawn = marginal.null_draws(rng, DRAWS)[:, nuisances:]
+    null = (drawn**2 / diagonal).max(axis=1)
+    explainable = max(marginal.cost - marginal.count, float(gains.max(initial=0.0)), 1e-9)
+    cells_out = [
+        Cell(
+            kind,
+            name,
+            axis,
+            regime,
+            float(abs(value)) * SIZES[unit],
+            unit,
+            float(gain / explainable),
+            float((null >= gain).mean()),
+        )
+        for (kind, name, axis, unit, regime), value, gain in zip(found, values, gains, strict=True)
+    ]
+    return LocationMap(tuple(sorted(cells_out, key=lambda cell: -cell.share)))
+
+
+def spotted(stage: Stage) -> list[Spotted]:
+    """List the equivalent loads and offsets of all places."""
+    response = stage.arm.baseline
+    chambers = stage.drive.pressures.shape[1]
+    sections = response.frames.positions.shape[1]
+    rows = np.nan_to_num(stage.suite.sensitivity(stage.scene, stage.base).twists)
+    by_pressure = rows @ response.motion[..., :chambers]
+    by_wrench = rows @ response.motion[..., chambers : chambers + 6 * sections]
+    by_couple = by_wrench @ np.swapaxes(
+        stage.arm.segments.rows(response.frames).reshape(stage.session.samples, -1, 6 * sections), -1, -2
+    )
+    found = []
+    for g, segment in enumerate(stage.arm.segments.names):
+        found += [
+            Spotted("segment", segment, letter, unit, by_couple[..., 4 * g + axis])
+            for axis, (letter, unit) in enumerate(zip(COUPLES, COUPLE_UNITS, strict=True))
+        ]
+    found += [
+        Spotted("chamber", str(chamber), "pressure", "Pa", by_pressure[..., chamber])
+        for chamber in range(chambers)
+    ]
+    for row, (channel, unit) in enumerate(zip(channels(stage.suite), units(stage.suite), strict=True)):
+        sensor, _, letter = channel.rpartition(".")
+        column = np.zeros(rows.shape[:2])
+        column[:, row] = 1.0
+        found.append(Spotted("sensor", sensor, letter, unit, column))
+    for axis, letter in enumerate("xy"):
+        turned = np.zeros((stage.session.samples, 3))
+        turned[:, axis] = TILT
+        twists = stage.arm.twists(_tilted(stage, turned)) / TILT
+        found.append(Spotted("base", "base", letter, "rad", np.einsum("tri,ti->tr", rows, twists)))
+    return found
+
+
+def regimes(stage: Stage) -> dict[Regime, Floats]:
+    """Give what a mismatch may vary with, each scaled to unit root mean square, shape (samples,)."""
+    time = stage.session.clock
+    pressures = stage.session.pressures
+    level = pressures.max(axis=1, initial=0.0)
+    speed = np.gradient(pressures, time, axis=0) if pressures.size else np.zeros_like(pressures)
+    fastest = np.abs(speed).max(axis=1, initial=0.0)
+    towards = speed.sum(axis=1) if speed.size else np.zeros(len(time))
+    bends = np.linalg.norm(stage.arm.baseline.strains[..., :2], axis=-1)
+    pose = bends[:, -1]
+    return {
+        "constant": np.ones(len(time)),
+        "pressure level": _unit(level),
+        "direction of change": _unit(np.tanh(towards / 2e3)),
+        "time since a change": _unit(1.0 - _since(time, fastest)),
+        "rate": _unit(towards),
+        "pose": _unit(pose**2),
+        "largest strain so far": _unit(np.maximum.accumulate(pose)),
+        "time of the run": _unit(time - time[0]),
+    }
+
+
+def _since(time: Floats, fastest: Floats) -> Floats:
+    """Give what is left of the memory of the last change, exp(-time since / MEMORY)."""
+    moving = fastest > 1.5e3
+    last = np.maximum.accumulate(np.where(moving, time, time[0] - 100.0))
+    decay: Floats = np.exp(-(time - last) / MEMORY)
+    return decay
+
+
+def _unit(values: Floats) -> Floats:
+    size = float(np.sqrt(np.mean(values**2)))
+    return values / size if size > 0.0 else values
+
+
+def _tilted(stage: Stage, turned: Floats) -> Drive:
+    return replace(stage.drive, base_rotation=stage.drive.base_rotation + turned)
+
+
+def _with_columns(prior: Belief, size: int) -> Belief:
+    """Add coefficients that are not part of the belief: they stay where they are."""
+    covariance = np.zeros((size, size))
+    known = prior.mean.size
+    covariance[:known, :known] = prior.covariance
+    covariance[np.arange(known, size), np.arange(known, size)] = 1e-18
+    return Belief(np.append(prior.mean, np.zeros(size - known)), covariance)

@@ -1,0 +1,90 @@
+"""What nominal recordings teach: the common coefficients, and how far these carry to other runs."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.belief import Belief, Marginal
+from estimator.diagnosis.evidence import BACKGROUND, Evidence
+from estimator.diagnosis.gram import Products, total
+from estimator.diagnosis.weights import Weights
+
+Floats = NDArray[np.float64]
+
+WIDTHS = (0.03, 0.06, 0.12, 0.25)
+"""Standard deviations tried for what changes of each effect from run to run, in typical sizes."""
+UNKNOWN = 0.03
+"""The same where no nominal recording tells."""
+NUISANCE = 0.1
+"""What changes of the calibration from run to run, in its prior spread, per typical size of effects."""
+
+
+def belief_before(evidence: Evidence, weights: Weights) -> tuple[Belief, float]:
+    """Give the belief with which the recordings in question are judged, and the width it rests on.
+
+    Args:
+        evidence: All recordings.
+        weights: Noise model.
+    """
+    parts = [part for part in evidence.products(weights) if part.nominal]
+    if not parts:
+        return evidence.prior(UNKNOWN, UNKNOWN), UNKNOWN
+    prior = evidence.prior(BACKGROUND, 1.0)
+    width = _width(evidence, prior, parts, weights.share)
+    learnt = prior.updated(total(parts, evidence.size), weights.share)
+    return learnt.wider(_spreads(evidence, width)), width
+
+
+def _spreads(evidence: Evidence, width: float) -> Floats:
+    spreads = np.sqrt(np.diag(evidence.prior(1.0, 1.0).covariance))
+    changed = width * spreads
+    changed[: evidence.nuisances] *= NUISANCE
+    for index, parameter in enumerate(evidence.fitted.layout.parameters):
+        if parameter.kind == "base" and _by_markers(evidence):
+            changed[index] = spreads[index]
+    return changed
+
+
+def _by_markers(evidence: Evidence) -> bool:
+    """Tell whether markers register the laboratory: they are placed, and seen, anew in every recording."""
+    sensors = [m for stage in evidence.stages for m in stage.suite.measurements]
+    return any(m.registration is not None and m.registration.covariance.any() for m in sensors)
+
+
+def _width(evidence: Evidence, prior: Belief, parts: Sequence[Products], share: float) -> float:
+    """Choose the width at which every nominal recording is best predicted from the others."""
+    sessions = sorted({part.session for part in parts})
+    if len(sessions) == 1:
+        blocks = sorted({part.block for part in parts})
+        halves = [blocks[: len(blocks) // 2], blocks[len(blocks) // 2 :]]
+        folds = [[part for part in parts if part.block in half] for half in halves]
+    else:
+        folds = [[part for part in parts if part.session == number] for number in sessions]
+    scores = []
+    for width in WIDTHS:
+        score = 0.0
+        for fold in folds:
+            rest = [part for part in parts if part not in fold]
+            belief = prior.updated(total(rest, evidence.size), share).wider(_spreads(evidence, width))
+            score += predictive(belief, fold, share, evidence.size)
+        scores.append(score)
+    return WIDTHS[int(np.argmax(scores))]
+
+
+def predictive(belief: Belief, fold: Sequence[Products], share: float, size: int) -> float:
+    """Give twice the logarithm of the density of a fold under a belief, up to a constant."""
+    seen = total(fold, size)
+    marginal = Marginal.of(belief, seen, share)
+    root = np.sqrt(np.diag(belief.covariance))
+    inner = np.eye(size) + share * _sandwich(belief.covariance, seen.matrix, root)
+    return -marginal.cost - float(np.linalg.slogdet(inner)[1])
+
+
+def _sandwich(covariance: Floats, matrix: Floats, root: Floats) -> Floats:
+    """Give P G in coordinates scaled by the belief's deviations, for a well-scaled determinant."""
+    scaled: Floats = (covariance / np.outer(root, root)) @ (matrix * np.outer(root, root))
+    return scaled
+
+
+__all__ = ["belief_before", "predictive"]

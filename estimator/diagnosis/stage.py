@@ -1,0 +1,256 @@
+"""A session on the calibrated model: the prediction, the residual, and what effects would change."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.calibration.forward import registered, rigid_motion
+from estimator.calibration.parameters import Layout, Setting
+from estimator.diagnosis.session import Session
+from estimator.effects import World
+from estimator.effects.augmented import PlacedEffect, simulate_with
+from estimator.model import Frames
+from estimator.sensing import Scene, SensorSuite
+from estimator.simulation import Arm, Drive, LinearisedArm, Response, Segments
+from estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SPREAD = 8.0
+"""Factor by which a segment's stiffness may differ between poses; more means that the model is lost."""
+STIFFNESS_STEP = 0.02
+"""Relative change of a segment's stiffness by which the prediction is differentiated."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """The model of a specimen whose segments' stiffness can be scaled.
+
+    Args:
+        specimen: The robot.
+        sections: Names of the sections whose frames it gives.
+        arm: Gives the arm with stiffness factors of segments and each segment's torsional compliance beyond
+            the model's, shape (segments,); a model that cannot twist leaves that out.
+        fast: Whether it solves thousands of samples in seconds.
+    """
+
+    specimen: Specimen
+    sections: tuple[str, ...]
+    arm: Callable[[Mapping[str, float], Floats], Arm]
+    fast: bool = False
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A session on the calibrated model.
+
+    Args:
+        session: The session.
+        setting: Calibration.
+        arm: The arm linearised along the calibrated drive.
+        exact: The arm itself.
+        world: What effects may refer to.
+        suite: The sensors, aligned.
+        drive: The calibrated drive.
+        by_stiffness: Derivative of the predictions by the logarithm of each segment's stiffness, then by each
+            segment's torsion, where the model was solved for it, shape (samples, rows, 2 segments).
+    """
+
+    session: Session
+    setting: Setting
+    arm: LinearisedArm
+    exact: Arm
+    world: World
+    suite: SensorSuite
+    drive: Drive
+    by_stiffness: Floats | None = None
+
+    @cached_property
+    def base(self) -> Floats:
+        """Predicted readings without effects, stacked, shape (samples, readings)."""
+        predicted: Floats = self.suite.predict(self.scene)
+        return predicted
+
+    @cached_property
+    def scene(self) -> Scene:
+        """What the sensors look at without effects."""
+        return Scene(self.arm.baseline.frames, np.zeros((self.session.samples, 0)))
+
+    @cached_property
+    def by_strain(self) -> Floats:
+        """Derivative of the predictions by free strains, shape (samples, rows, 4 segments)."""
+        response, segments = self.arm.baseline, self.arm.segments
+        samples, sections = response.frames.positions.shape[:2]
+        rows = np.nan_to_num(self.suite.sensitivity(self.scene, self.base).twists)
+        first = response.motion.shape[-1] - 3 - 6 * sections
+        by_wrench = rows @ response.motion[..., first : first + 6 * sections]
+        strains = segments.rows(response.frames)
+        loads = np.einsum("tgij,tgik->tgkj", strains, self.world.stiffness)
+        by_strain: Floats = by_wrench @ np.moveaxis(loads.reshape(samples, -1, 6 * sections), 1, 2)
+        return by_strain
+
+    def innovation(self, readings: Floats) -> Floats:
+        """Compare stacked readings with the prediction without effects, shape (samples, rows)."""
+        left: Floats = self.suite.sensitivity(self.scene, readings).innovation
+        return np.where(self.arm.baseline.converged[:, None], left, np.nan)
+
+    @cached_property
+    def residual(self) -> Floats:
+        """Measured minus predicted, shape (samples, rows); NaN where lost."""
+        return self.innovation(self.session.readings)
+
+    @cached_property
+    def reading_rows(self) -> Floats:
+        """Readings as rows: lengths and angles from the pose that is predicted for the first sample."""
+        frames = self.arm.baseline.frames
+        first = Frames(
+            np.broadcast_to(frames.positions[:1], frames.positions.shape),
+            np.broadcast_to(frames.rotations[:1], frames.rotations.shape),
+        )
+        scene = Scene(first, self.scene.loads)
+        rows: Floats = self.suite.sensitivity(scene, self.session.readings).innovation
+        return rows
+
+    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> Floats:
+        """Give by how much effects change the predictions, shape (samples, rows).
+
+        Args:
+            effects: The effects.
+            exact: Solve the model again instead of using its linearisation.
+        """
+        arm = self.exact if exact else self.arm
+        found = simulate_with(effects, arm, self.world, self.drive, self.suite)
+        readings = np.concatenate([found.readings[m.name] for m in self.suite.measurements], axis=-1)
+        if exact:
+            readings = np.where(found.response.converged[:, None], readings, np.nan)
+        return self.innovation(readings)
+
+    def calibration_columns(self, layout: Layout) -> Floats:
+        """Differentiate the predictions by the unknowns of a calibration, then by each segment's torsion.
+
+        Returns:
+            Shape (samples, rows, unknowns + segments).
+        """
+        response, pressures = self.arm.baseline, self.session.pressures
+        rows = np.nan_to_num(self.suite.sensitivity(self.scene, self.base).twists)
+        by_pressure = rows @ response.motion[..., : pressures.shape[1]]
+        by_alignment = self.suite.parameter_rows(self.scene, self.base)
+        by_base = -registered(self.suite)[:, None] * (rows @ rigid_motion(response.frames))
+        actuation = self.setting.actuation
+        pushed = pressures * (1.0 + actuation.curve * pressures)
+        square = actuation.gain * pressures**2
+        names = self.suite.parameter_names
+        known = len(layout.parameters)
+        columns = np.zeros((*rows.shape[:2], known + len(self.world.segments)))
+        for index, parameter in enumerate(layout.parameters):
+            target = parameter.target
+            match parameter.kind:
+                case "modulus":
+                    columns[..., index] = self._by_stiffness(target)
+                case "gain":
+                    columns[..., index] = by_pressure[..., int(target)] * pushed[:, None, int(target)]
+                case "curve":
+                    members = list(parameter.chambers)
+                    columns[..., index] = (by_pressure[..., members] * square[:, None, members]).sum(axis=-1)
+                case "bias":
+                    columns[..., index] = by_pressure[..., int(target)]
+                case "base":
+                    columns[..., index] = by_base[..., int(target)]
+                case "alignment" if target in names:
+                    columns[..., index] = by_alignment[..., names.index(target)]
+        for index in range(len(self.world.segments)):
+            if self.by_stiffness is not None:
+                columns[..., known + index] = self.by_stiffness[..., len(self.world.segments) + index]
+            else:
+                twist = self.arm.baseline.strains[:, index, 2]
+                columns[..., known + index] = self.by_strain[..., 4 * index + 2] * twist[:, None]
+        return columns
+
+    def _by_stiffness(self, segment: str) -> Floats:
+        """Differentiate by the logarithm of a segment's stiffness: all its strains shrink alike."""
+        index = self.world.segments.index(segment)
+        if self.by_stiffness is not None:
+            return self.by_stiffness[..., index]
+        own = slice(4 * index, 4 * index + 4)
+        shrunk: Floats = -np.einsum(
+            "trk,tk->tr", self.by_strain[..., own], self.arm.baseline.strains[:, index]
+        )
+        return shrunk
+
+
+def build_stage(
+    model: Model, session: Session, setting: Setting, torsion: Floats, *, slopes: bool = False
+) -> Stage:
+    """Solve the calibrated model along a session and linearise it there.
+
+    Args:
+        model: The model.
+        session: The session.
+        setting: Calibration.
+        torsion: Torsional compliance of each segment beyond the model's, shape (segments,).
+        slopes: Solve for the derivatives by stiffness where the model is fast.
+    """
+    arm = model.arm(setting.scales, torsion)
+    drive = session.drive(setting.actuation, arm.segments.count)
+    response = arm.respond(drive)
+    suite = setting.aligned(session.suite)
+    sensors = tuple(m.name for m in suite.measurements)
+    world = World.of(
+        model.specimen, arm.segments, model.sections, _stiffness(arm.segments, response), sensors
+    )
+    stage = Stage(session, setting, LinearisedArm(arm.segments, drive, response), arm, world, suite, drive)
+    return (
+        replace(stage, by_stiffness=_by_stiffness(model, stage, torsion)) if slopes and model.fast else stage
+    )
+
+
+def _by_stiffness(model: Model, stage: Stage, torsion: Floats) -> Floats:
+    """Solve the model with every segment a little stiffer, then a little weaker in torsion.
+
+    Returns:
+        Shape (samples, rows, 2 segments).
+    """
+    columns = []
+    for index in range(2 * len(torsion)):
+        scales, twist = dict(stage.setting.scales), torsion.copy()
+        if index < len(torsion):
+            name = stage.world.segments[index]
+            scales[name] = scales.get(name, 1.0) * float(np.exp(STIFFNESS_STEP))
+        else:
+            twist[index - len(torsion)] += STIFFNESS_STEP
+        found = model.arm(scales, twist).respond(stage.drive, stage.arm.baseline)
+        readings = stage.suite.predict(Scene(found.frames, stage.scene.loads))
+        columns.append(np.where(found.converged[:, None], stage.innovation(readings), 0.0) / STIFFNESS_STEP)
+    return np.stack(columns, axis=-1)
+
+
+def _stiffness(segments: Segments, response: Response) -> Floats:
+    """Give each segment's stiffness against its own couples in every pose, shape (samples, segments, 4, 4).
+
+    It is the inverse of the tangent compliance, kept within ``SPREAD`` of the typical one.
+    """
+    sections = response.frames.positions.shape[1]
+    rows = segments.rows(response.frames)
+    first = response.motion.shape[-1] - 3 - 6 * sections
+    by_wrench = response.motion[..., first : first + 6 * sections]
+    compliance = np.einsum("tgai,tij,tgbj->tgab", rows, by_wrench, rows)
+    compliance = 0.5 * (compliance + np.swapaxes(compliance, -1, -2))
+    typical = np.sqrt(np.abs(np.median(np.diagonal(compliance, axis1=2, axis2=3), axis=0)))
+    size = np.maximum(typical, 1e-12)
+    scaled = compliance / (size[..., :, None] * size[..., None, :])
+    values, vectors = np.linalg.eigh(scaled)
+    inverse = 1.0 / np.clip(values, 1.0 / SPREAD, SPREAD)
+    whole = (vectors * inverse[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    stiffness: Floats = whole / (size[..., :, None] * size[..., None, :])
+    return stiffness
+
+
+def thinned(session: Session, count: int) -> Session:
+    """Keep about ``count`` samples, evenly spread."""
+    keep = np.zeros(session.samples, dtype=bool)
+    keep[np.unique(np.linspace(0, session.samples - 1, min(count, session.samples)).astype(int))] = True
+    return replace(session.thin(keep))

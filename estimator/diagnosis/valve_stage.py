@@ -1,0 +1,269 @@
+"""What the valves do otherwise than asked, or otherwise than in nominal recordings, as findings."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.admit import Admitted
+from estimator.diagnosis.result import (
+    Baseline,
+    Diagnosis,
+    Evidence,
+    Finding,
+    Heldout,
+    LocationMap,
+    Quantity,
+    Rival,
+    Trace,
+    Unexplained,
+    Verdict,
+)
+from estimator.diagnosis.valves import Valve, predict, valves_of
+from estimator.recording import Recording
+from estimator.specimen.physics import EffectName, Place
+
+Floats = NDArray[np.float64]
+
+LEAST_BIAS = 300.0
+"""Steady error [Pa], and change of it, from which it is told."""
+LEAST_DELAY = 0.015
+LEAST_BAND = 300.0
+LEAST_LOSS = 3000.0
+LEAST_GAIN = 0.03
+SIGMAS = 4.0
+RESOLUTION = 30.0
+"""Noise below which no pressure is believed [Pa]."""
+LEFT_OVER = 5.0
+"""Root mean square over the noise from which something beyond the law is left, such as overshoot."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """A valve's law from one part of a recording, judged on the other.
+
+    Args:
+        recording: Its name.
+        valve: The law from the first part.
+        time: Of the second part [s], shape (samples,).
+        asked: Set-points [Pa], shape (samples,).
+        given: Measured pressures [Pa], shape (samples,).
+        predicted: What the law gives [Pa], shape (samples,).
+        heldout: Samples that the law has not seen, shape (samples,).
+    """
+
+    recording: str
+    valve: Valve
+    time: Floats
+    asked: Floats
+    given: Floats
+    predicted: Floats
+    heldout: NDArray[np.bool_]
+
+    def errors(self) -> tuple[float, float]:
+        """Give the root mean square on unseen samples of set-point and of law against pressure [Pa]."""
+        own = self.heldout
+        asked, law = self.given[own] - self.asked[own], self.given[own] - self.predicted[own]
+        return float(np.sqrt(np.mean(asked**2))), float(np.sqrt(np.mean(law**2)))
+
+
+def splits_of(recordings: Sequence[Recording]) -> list[Split]:
+    """Learn each valve's law from the first half of its activity in each recording."""
+    found = []
+    for recording in recordings:
+        for whole in valves_of(recording):
+            time = recording.time
+            asked = recording.columns[f"pressure_cmd_{whole.chamber}_pa"]
+            given = recording.columns[f"pressure_{whole.chamber}_pa"]
+            active = np.flatnonzero(np.nan_to_num(asked) > 500.0)
+            middle = float(0.5 * (time[active[0]] + time[active[-1]]))
+            early = recording.window(np.asarray(time <= middle))
+            learnt = {valve.chamber: valve for valve in valves_of(early)}
+            seen = np.isfinite(asked) & np.isfinite(given)
+            law = learnt.get(whole.chamber, whole)
+            found.append(
+                Split(
+                    recording.name,
+                    whole,
+                    time[seen],
+                    asked[seen],
+                    given[seen],
+                    predict(law, time[seen], asked[seen]),
+                    time[seen] > middle,
+                )
+            )
+    return found
+
+
+def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple[Finding, ...]:
+    """Tell what the valves do otherwise, chamber by chamber."""
+    found: list[Finding] = []
+    for chamber in sorted({split.valve.chamber for split in suspects}):
+        own = [split for split in suspects if split.valve.chamber == chamber]
+        known = [split for split in nominal if split.valve.chamber == chamber]
+        found += _findings(chamber, own, known)
+    return tuple(found)
+
+
+def with_valves(diagnosis: Diagnosis, faults: tuple[Finding, ...]) -> Diagnosis:
+    """Add what the valves do to the diagnosis of an arm; measured pressures already hold it."""
+    if not faults:
+        return diagnosis
+    verdict: Verdict = "explained" if diagnosis.verdict == "consistent" else diagnosis.verdict
+    if diagnosis.verdict == "unexplained":
+        verdict = "partly_explained"
+    return replace(diagnosis, verdict=verdict, findings=(*diagnosis.findings, *faults))
+
+
+def valve_diagnosis(
+    specimen: str, admitted: Admitted, splits: Sequence[Split], faults: tuple[Finding, ...]
+) -> Diagnosis:
+    """Write down a diagnosis of recordings that hold valves alone."""
+    rms: dict[str, list[float]] = {}
+    noise: dict[str, list[float]] = {}
+    for split in splits:
+        channel = f"pressure_{split.valve.chamber}"
+        rms.setdefault(channel, []).append(split.valve.rms)
+        noise.setdefault(channel, []).append(max(split.valve.noise, RESOLUTION))
+    errors = np.array([split.errors() for split in splits])
+    floors = np.array([max(split.valve.noise, RESOLUTION) for split in splits])
+    before, after = (float(np.sqrt(np.mean((column / floors) ** 2))) for column in errors.T)
+    gains = 1.0 - errors[:, 1] / np.maximum(errors[:, 0], 1e-9)
+    left = after > LEFT_OVER
+    verdict: Verdict = "consistent" if not faults else "partly_explained" if left else "explained"
+    return Diagnosis(
+        specimen=specimen,
+        recordings=tuple(recording.name for recording in admitted.suspects),
+        nominal=tuple(recording.name for recording in admitted.nominal),
+        verdict=verdict,
+        baseline=Baseline(
+            {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in rms.items()},
+            {name: float(np.mean(values)) for name, values in noise.items()},
+            dict.fromkeys(rms, "Pa"),
+            before,
+        ),
+        map=LocationMap(),
+        findings=faults,
+        heldout=Heldout(
+            before,
+            after,
+            (float(gains.min()), float(gains.max())),
+            "each valve's law is learnt from the first half of its activity and judged on the second",
+        ),
+        unexplained=Unexplained(after),
+        notes=(*admitted.notes, "The recordings hold valves alone, no motion of the arm."),
+        traces=tuple(
+            Trace(
+                split.recording,
+                f"pressure_{split.valve.chamber}",
+                "Pa",
+                split.time,
+                split.given,
+                split.asked,
+                split.predicted,
+                split.heldout,
+            )
+            for split in splits
+        ),
+    )
+
+
+def _findings(chamber: int, own: Sequence[Split], known: Sequence[Split]) -> list[Finding]:
+    found = []
+    evidence = _evidence(own)
+    ceilings = [split.valve.ceiling for split in own if np.isfinite(split.valve.ceiling)]
+    if ceilings and not any(np.isfinite(split.valve.ceiling) for split in known):
+        ceiling = float(np.median(ceilings))
+        loss = max(float(split.asked.max()) for split in own) - ceiling
+        if loss > LEAST_LOSS:
+            words = f"The pressure in chamber {chamber} never passes {ceiling:.0f} Pa, whatever is asked."
+            quantity = {"ceiling": Quantity(ceiling, 100.0, "Pa")}
+            found.append(
+                _finding("pressure_saturation", chamber, words, quantity, evidence, "pressure level")
+            )
+    steady, spread = _summary([_offset(split) for split in own])
+    before, before_spread = _summary([_offset(split) for split in known]) if known else (0.0, 0.0)
+    change = steady - before
+    least = max(LEAST_BIAS, SIGMAS * float(np.hypot(spread, before_spread)))
+    shut = any(split.valve.deadband > LEAST_BAND - before for split in own)
+    if abs(change) > least:
+        if shut and change < 0.0:
+            words = f"The first {-change:.0f} Pa of the set-point of chamber {chamber} do nothing."
+            quantity = {"band": Quantity(-change, max(spread, 20.0), "Pa")}
+            found.append(_finding("valve_deadband", chamber, words, quantity, evidence, "pressure level"))
+        else:
+            words = f"While open, the valve of chamber {chamber} is off by {change:+.0f} Pa."
+            rival = (
+                (Rival("valve_deadband", Place(chamber=chamber), "a staircase of small pressures", 0.0),)
+                if change < 0.0
+                else ()
+            )
+            quantity = {"bias": Quantity(change, max(spread, 20.0), "Pa")}
+            found.append(
+                _finding("pressure_bias", chamber, words, quantity, evidence, "pressure level", rival)
+            )
+    timed = [split.valve for split in own if split.valve.timed]
+    if timed:
+        found += _delays(chamber, timed, [s.valve for s in known if s.valve.timed], evidence)
+    return found
+
+
+def _delays(chamber: int, own: Sequence[Valve], known: Sequence[Valve], evidence: Evidence) -> list[Finding]:
+    dead, dead_spread = _summary([valve.dead_time for valve in own])
+    lag, lag_spread = _summary([valve.lag for valve in own])
+    dead_before, dead_known = _summary([valve.dead_time for valve in known]) if known else (0.0, 0.0)
+    lag_before, lag_known = _summary([valve.lag for valve in known]) if known else (0.0, 0.0)
+    late, slower = dead - dead_before, lag - lag_before
+    least = max(LEAST_DELAY, SIGMAS * float(np.hypot(dead_spread + lag_spread, dead_known + lag_known)))
+    if late + slower <= least:
+        return []
+    words = (
+        f"The valve of chamber {chamber} answers {1e3 * dead:.0f} ms after its set-point and then follows "
+        f"with a time constant of {1e3 * lag:.0f} ms."
+    )
+    quantities = {
+        "lag": Quantity(slower, max(lag_spread, 0.01), "s"),
+        "dead_time": Quantity(late, max(dead_spread, 0.01), "s"),
+    }
+    return [_finding("line_lag", chamber, words, quantities, evidence, "time since a change")]
+
+
+def _offset(split: Split) -> float:
+    """Give the steady error of an open valve [Pa], a dead band counted as one."""
+    valve = split.valve
+    return valve.bias - (1.0 + valve.gain) * valve.deadband
+
+
+def _summary(values: Sequence[float]) -> tuple[float, float]:
+    """Give the median and the standard deviation of a mean."""
+    if not values:
+        return 0.0, 0.0
+    spread = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+    return float(np.median(values)), spread / np.sqrt(len(values))
+
+
+def _evidence(own: Sequence[Split]) -> Evidence:
+    pairs = np.array([split.errors() for split in own])
+    noise = np.array([max(split.valve.noise, RESOLUTION) for split in own])
+    before, after = (float(np.sqrt(np.mean((column / noise) ** 2))) for column in pairs.T)
+    gains = 1.0 - pairs[:, 1] / np.maximum(pairs[:, 0], 1e-9)
+    count = sum(int(split.heldout.sum()) for split in own)
+    # Samples of a valve's answer say the same for about its settling time.
+    effective = max(count / 50.0, 2.0)
+    gain = effective * (before**2 - after**2) / max(after**2, 1.0)
+    low, high = (float(gains.min()), float(gains.max())) if len(gains) > 1 else (float(gains[0]),) * 2
+    return Evidence(gain - 4.0 * np.log(effective), before, after, (low, high), 0.0)
+
+
+def _finding(
+    effect: EffectName,
+    chamber: int,
+    words: str,
+    quantities: dict[str, Quantity],
+    evidence: Evidence,
+    when: str,
+    rivals: tuple[Rival, ...] = (),
+) -> Finding:
+    statement = f"{words} Seen between set-point and measured pressure: it is in the valve, not in the arm."
+    return Finding(effect, Place(chamber=chamber), when, statement, quantities, evidence, rivals)

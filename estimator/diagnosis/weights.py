@@ -1,0 +1,68 @@
+"""How far residuals scatter where nothing that the library knows is missing, and how long they stay alike."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Weights:
+    """The noise model of a diagnosis.
+
+    Args:
+        scale: Standard deviation of each channel's residual: noise, and what the fullest model leaves.
+        share: Share of the samples that are worth an independent one.
+    """
+
+    scale: Mapping[str, float]
+    share: float
+
+
+def weights_of(
+    names: Sequence[Sequence[str]],
+    residuals: Sequence[Floats],
+    sigmas: Sequence[Floats],
+) -> Weights:
+    """Learn the noise model from residuals of the fullest model.
+
+    Args:
+        names: Channels of each session.
+        residuals: Residuals of each session, shape (samples, rows).
+        sigmas: Standard deviation of each row's noise, shape (rows,).
+    """
+    squares: dict[str, list[Floats]] = {}
+    floors: dict[str, float] = {}
+    lengths: list[float] = []
+    for own, left, sigma in zip(names, residuals, sigmas, strict=True):
+        for index, name in enumerate(own):
+            column = left[:, index]
+            squares.setdefault(name, []).append(column[np.isfinite(column)] ** 2)
+            floors[name] = max(floors.get(name, 0.0), float(sigma[index]))
+            lengths.append(correlation_length(column))
+    scale = {
+        name: max(float(np.sqrt(np.mean(np.concatenate(parts)))) if parts else 0.0, floors[name])
+        for name, parts in squares.items()
+    }
+    return Weights(scale, 1.0 / max(float(np.mean(lengths)), 1.0))
+
+
+def correlation_length(values: Floats) -> float:
+    """Give the number of consecutive samples that say the same: 1 + 2 sum of autocorrelations.
+
+    Summed up to the first that is not positive (Geyer's initial sequence).
+    """
+    filled = np.nan_to_num(values)
+    power = float(filled @ filled)
+    count = len(filled)
+    if count < 4 or power == 0.0:
+        return 1.0
+    size = 2 ** int(np.ceil(np.log2(2 * count)))
+    spectrum = np.abs(np.fft.rfft(filled, size)) ** 2
+    correlation = np.fft.irfft(spectrum)[: count // 2] / power
+    below = np.flatnonzero(correlation <= 0.0)
+    end = int(below[0]) if len(below) else len(correlation)
+    return float(min(1.0 + 2.0 * correlation[1:end].sum(), count / 2))

@@ -1,0 +1,145 @@
+"""The model that a diagnosis runs on: the calibrated rod where there is one, else finite elements."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.arm import build_arm
+from estimator.diagnosis.stage import Model
+from estimator.fem import FiniteElementModel, FiniteElementState
+from estimator.model import Frames, Inputs, Load
+from estimator.rod.model import CalibratedRod
+from estimator.simulation import Arm, Segments, SimulatedArm, section_loads
+from estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+Answer = tuple[Floats, Floats, Floats, bool]
+
+GRAVITY_STEP = 0.5
+"""Step of the differences by gravity [m/s2]."""
+PRESSURE_GRAIN = 20.0
+LOAD_GRAIN = 1e-5
+"""Inputs that differ by less [Pa; N, N m, m/s2] are solved once."""
+TWIST = (0, 0, 0, 6)
+"""Term of a link law that stands for the moment about the arm's axis."""
+
+
+def rod_model(specimen: Specimen, rod: CalibratedRod) -> Model:
+    """Diagnose on a calibrated rod of the specimen."""
+    rod = rod.with_loads(section_loads(tuple(rod.sections)))
+    step = rod.linearise(rod.rest(), Inputs(np.zeros(rod.chambers), np.zeros(len(rod.loads)), np.zeros(3)))
+    segments = Segments.of(specimen, tuple(rod.sections), step.frames)
+
+    def arm(scales: Mapping[str, float], torsion: Floats) -> Arm:
+        scaled = rod.with_scales({name: f for name, f in scales.items() if name in rod.regions})
+        return SimulatedArm(_twisted(scaled, segments, torsion), segments)
+
+    return Model(specimen, tuple(rod.sections), arm, fast=True)
+
+
+def _twisted(rod: CalibratedRod, segments: Segments, torsion: Floats) -> CalibratedRod:
+    """Scale how far each segment twists under a moment about its axis."""
+    laws = rod.laws
+    term = np.flatnonzero((laws.table == TWIST).all(axis=1))
+    if not torsion.any() or not len(term):
+        return rod
+    coefficients = laws.coefficients.copy()
+    for name, more in zip(segments.names, torsion.tolist(), strict=True):
+        own = [link for link, region in enumerate(rod.chain.regions) if region == name]
+        coefficients[own, term[0], 2] *= 1.0 + more
+    return replace(rod, laws=laws._replace(coefficients=coefficients))
+
+
+@dataclass(frozen=True)
+class SparseAnswer:
+    """Answers for many samples; see ``estimator.simulation.arm.BatchAnswer``."""
+
+    frames: Frames
+    motion: Floats
+    converged: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class SparseModel:
+    """Finite elements that solve equal inputs only once.
+
+    Args:
+        model: The model with ``section_loads``.
+        solved: Answers so far by their inputs.
+        advance: Called with 1 after each solve.
+    """
+
+    model: FiniteElementModel
+    solved: dict[tuple[int, ...], Answer]
+    advance: Callable[[float], None]
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections."""
+        return tuple(self.model.sections)
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Loads whose amplitudes are inputs."""
+        return self.model.loads
+
+    def rest(self) -> FiniteElementState:
+        """Give the unloaded state."""
+        return self.model.rest()
+
+    def evaluate(self, pressures: Floats, loads: Floats, gravity: Floats) -> SparseAnswer:
+        """Solve samples with pressures, load amplitudes and gravity of shape (samples, ...)."""
+        grains = np.concatenate(
+            [
+                np.round(pressures / PRESSURE_GRAIN),
+                np.round(loads / LOAD_GRAIN),
+                np.round(gravity / LOAD_GRAIN),
+            ],
+            axis=1,
+        ).astype(np.int64)
+        found = []
+        state = self.model.rest()
+        for key, p, amplitude, g in zip(map(tuple, grains.tolist()), pressures, loads, gravity, strict=True):
+            if key not in self.solved:
+                self.solved[key], state = self._solve(Inputs(p, amplitude, g), state)
+                self.advance(1.0)
+            found.append(self.solved[key])
+        places, turns, motions, good = zip(*found, strict=True)
+        return SparseAnswer(
+            Frames(np.array(places), np.array(turns)), np.array(motions), np.array(good, dtype=bool)
+        )
+
+    def _solve(self, inputs: Inputs, state: FiniteElementState) -> tuple[Answer, FiniteElementState]:
+        model = self.model
+        state, good = model.solve(inputs, state)
+        step = model.linearise(state, inputs)
+        eye = np.eye(6 * len(model.sections))
+        drift, by_inputs = step.response(eye)
+        by_gravity = []
+        for axis in np.eye(3):
+            moved = replace(inputs, gravity=inputs.gravity + GRAVITY_STEP * axis)
+            by_gravity.append((model.linearise(state, moved).response(eye)[0] - drift) / GRAVITY_STEP)
+        motion = np.column_stack([by_inputs, *by_gravity])
+        answer = (step.frames.positions, step.frames.rotations, motion, bool(good))
+        return answer, state if good else model.rest()
+
+
+def finite_element_model(specimen: Specimen, advance: Callable[[float], None] = lambda _: None) -> Model:
+    """Diagnose on finite elements: for arms with few different inputs, or where no rod is at hand."""
+    plain = build_arm(specimen, loads=())
+    sections = tuple(plain.sections)
+    fem = build_arm(specimen, loads=section_loads(sections))
+    segments = Segments.of(specimen, sections, fem.section_frames(fem.rest()))
+    made: dict[tuple[tuple[str, float], ...], Arm] = {}
+
+    def arm(scales: Mapping[str, float], torsion: Floats) -> Arm:  # noqa: ARG001
+        known = {name: round(f, 6) for name, f in scales.items() if name in fem.parameters}
+        key = tuple(sorted(known.items()))
+        if key not in made:
+            model = SparseModel(fem.with_scales(known), {}, advance)
+            made[key] = SimulatedArm(model, segments)  # type: ignore[arg-type]
+        return made[key]
+
+    return Model(specimen, sections, arm)

@@ -1,0 +1,163 @@
+"""From the paths of recordings to a diagnosis."""
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from estimator.diagnosis.admit import Admitted, admit, motion_columns
+from estimator.diagnosis.diagnose import Outcome, diagnose
+from estimator.diagnosis.prepare import averaged, prepare
+from estimator.diagnosis.release import find_release
+from estimator.diagnosis.session import Session
+from estimator.diagnosis.stage import Model
+from estimator.diagnosis.valve_stage import splits_of, valve_diagnosis, valve_findings, with_valves
+from estimator.effects.accepted import physics_entry
+from estimator.errors import InputError
+from estimator.recording import Recording
+from estimator.specimen import Specimen
+from service.diagnosis.models import finite_element_model, rod_model
+from service.offline.inputs import load_recordings
+from service.rods import rod_for
+
+SAMPLES = 9000
+"""Largest number of samples over all recordings."""
+STEP = 0.1
+"""Shortest window of a mean in long recordings [s]."""
+SHORT = 20.0
+"""Recordings below it [s] are looked at more closely."""
+FEW = 400
+"""Different inputs up to which finite elements are fast enough."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to diagnose.
+
+    Args:
+        recordings: Recordings in question.
+        nominal: Recordings of the arm in its known state.
+        specimen: The robot.
+        seed: Of everything random.
+    """
+
+    recordings: tuple[Path, ...]
+    nominal: tuple[Path, ...]
+    specimen: Specimen
+    seed: int = 0
+
+
+def run(request: Request, executor: Executor, tell: Callable[[str], None] = lambda _: None) -> Outcome:
+    """Diagnose recordings.
+
+    Args:
+        request: What to diagnose.
+        executor: Runs independent work.
+        tell: Told what is being done.
+
+    Raises:
+        InputError: A recording cannot be read, does not fit the specimen, or cannot decide anything.
+    """
+    began = time.monotonic()
+    tell("reading")
+    suspects, nominal = load_recordings(request.recordings), load_recordings(request.nominal)
+    _refuse_doubles(suspects, nominal)
+    admitted = admit(suspects, nominal, request.specimen)
+    valves = splits_of(admitted.suspects)
+    faults = valve_findings(valves, splits_of(admitted.nominal))
+    if not any(motion_columns(recording) for recording in admitted.suspects):
+        diagnosis = valve_diagnosis(request.specimen.name, admitted, valves, faults)
+        return Outcome(replace(diagnosis, seconds=time.monotonic() - began), (), ())
+    model = _model(request.specimen, admitted, tell)
+    sessions, notes = sessions_of(admitted, request.specimen, model)
+    outcome = diagnose(model, sessions, executor, seed=request.seed, notes=notes, advance=tell)
+    diagnosis = replace(with_valves(outcome.diagnosis, faults), seconds=time.monotonic() - began)
+    return replace(outcome, diagnosis=diagnosis)
+
+
+def improved_specimen(specimen: Specimen, outcome: Outcome) -> Specimen:
+    """Add what was found to a specimen; an effect at the same place takes the place of the old one."""
+    entries = [
+        physics_entry(placed, stds, outcome.diagnosis.recordings)
+        for placed, stds in zip(outcome.accepted, outcome.stds, strict=True)
+    ]
+    new = {(entry.effect, entry.where) for entry in entries}
+    kept = [entry for entry in specimen.physics if (entry.effect, entry.where) not in new]
+    return specimen.model_copy(update={"physics": (*kept, *entries)})
+
+
+def sessions_of(
+    admitted: Admitted, specimen: Specimen, model: Model
+) -> tuple[tuple[Session, ...], tuple[str, ...]]:
+    """Bring all recordings to the rate of a diagnosis."""
+    notes = list(admitted.notes)
+    native, steps = [], []
+    for recording, nominal in admitted.all:
+        prepared = prepare(recording, specimen, model.sections, nominal=nominal)
+        notes += prepared.notes
+        ring = ring_frequency(prepared.session)
+        release = find_release(prepared.session, ring)
+        if release is not None:
+            notes.append(
+                f"{recording.name}: let go at {release.time:.2f} s and swings at {ring:.2f} Hz; judged "
+                "before that, weightless, and after the swing has died away."
+            )
+        session = release.session if release else prepared.session
+        native.append(session)
+        steps.append(_step(session, ring))
+    total = sum(session.seconds / step for session, step in zip(native, steps, strict=True))
+    stretch = max(1.0, total / SAMPLES)
+    sessions = tuple(averaged(one, step * stretch) for one, step in zip(native, steps, strict=True))
+    longest = max(float(session.step) for session in sessions)
+    notes.append(
+        f"Readings were averaged over windows of up to {longest:.2f} s: "
+        f"{sum(session.samples for session in sessions)} samples in all."
+    )
+    return sessions, tuple(dict.fromkeys(notes))
+
+
+def _step(session: Session, ring: float | None) -> float:
+    """Choose a window [s]: long enough to average a ring away, short enough to see lags."""
+    if session.seconds >= SHORT:
+        return STEP
+    return max(session.step, min(2.0 / ring, session.seconds / 8.0)) if ring else session.step
+
+
+def ring_frequency(session: Session) -> float | None:
+    """Find the frequency of a ring of 1.5 to 15 Hz [Hz]; ``None`` where there is none."""
+    readings = session.readings
+    count = len(readings)
+    if count < 64 or session.step > 0.03:
+        return None
+    spread = np.nanstd(readings, axis=0)
+    column = readings[:, int(np.nanargmax(np.where(np.isfinite(spread), spread, 0.0)))]
+    rates = np.gradient(np.nan_to_num(column, nan=float(np.nanmean(column))))
+    power = np.abs(np.fft.rfft(rates - rates.mean())) ** 2
+    frequencies = np.fft.rfftfreq(count, session.step)
+    band = (frequencies >= 1.5) & (frequencies <= 15.0)
+    if not band.any() or power[band].sum() < 0.5 * power.sum():
+        return None
+    return float(frequencies[band][int(np.argmax(power[band]))])
+
+
+def _model(specimen: Specimen, admitted: Admitted, tell: Callable[[str], None]) -> Model:
+    distinct = 0
+    for recording, _ in admitted.all:
+        pressures = [recording.pressure(k)[0] for k in recording.chambers]
+        if pressures:
+            distinct += len(np.unique(np.round(np.nan_to_num(np.column_stack(pressures)), -2), axis=0))
+    if distinct <= FEW:
+        return finite_element_model(specimen)
+    tell("preparing the model")
+    rod = rod_for(specimen, lambda done, whole: tell(f"fitting the rod, {done} of {whole}"))
+    return rod_model(specimen, rod)
+
+
+def _refuse_doubles(suspects: Sequence[Recording], nominal: Sequence[Recording]) -> None:
+    names = [recording.name for recording in (*suspects, *nominal)]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"recording {name}", "is given twice", "name every recording once")
