@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Memory = tuple[object, ...]
 
-NEAR = 1e-3  # out-of-balance force over the applied one, at which a Newton step leaves about its square
+NEAR = 5e-3  # out-of-balance force over the applied one, at which a Newton step leaves about its square
 NEWTON_STEPS = 12
 
 

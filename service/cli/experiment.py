@@ -166,7 +166,10 @@ def _recorded(
     if write is not None:
         write.write_text(experiments_page(tables, seeds))
         say(f"wrote {write}")
-    return 0
+    failed = sorted({f"{failure} of seed {r.number}" for r in results for failure in r.failed})
+    if failed:
+        say(f"softarm: {', '.join(failed)} failed; the notes say why")
+    return int(bool(failed))
 
 
 def _live(

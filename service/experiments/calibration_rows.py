@@ -14,7 +14,7 @@ from service.experiments.validation import pose_errors
 from service.experiments.whole_runs import sampled
 
 Runs = Callable[[str, Specimen], Run]
-SAMPLES = 24
+SAMPLES = 16
 
 
 def unknown_rows(found: Calibrated) -> list[Cells]:
@@ -59,7 +59,7 @@ def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs) -> list[Cell
 def drift_rows(specimen: Specimen, runs: Runs) -> list[Cells]:
     """Check the calibration against later recordings of the same arm."""
     solver = known_force_solver(specimen)
-    found = check_drift(solver, specimen, [runs("validation", specimen)], nodes=40)
+    found = check_drift(solver, specimen, [runs("validation", specimen)], nodes=24)
     return [
         {
             "quantity": drift.quantity,

@@ -89,14 +89,14 @@ def tables_of(results: Iterable[SeedResult]) -> tuple[Table, ...]:
         if rows:
             notes = list(NOTES.get(name, ()))
             if name == "teach":
-                notes += [f"Seed {r.number}: {note}" for r in results for note in r.notes]
+                notes += [f"Seed {r.number}: {note}" for r in results for note in r.notes if "poses" in note]
             tables.append(Table(TITLES[name], rows, tuple(notes)))
     return tuple(tables)
 
 
 def summary(results: Iterable[SeedResult]) -> Table:
     """Say for each aim what came out over all seeds, and whether it is met."""
-    rows: list[Cells] = []
+    results, rows = tuple(results), list[Cells]()
     joined = [row for result in results for rows in result.tables.values() for row in rows]
     for name, quantity, pick in _AIMS:
         chosen = [row for row in joined if pick(row)]
@@ -120,7 +120,8 @@ def summary(results: Iterable[SeedResult]) -> Table:
                 "inside_2_std": _share(chosen),
             }
         )
-    return Table("Aims", rows, ("Mean error over each run, then over the seeds.", WAY))
+    failures = [f"Seed {r.number}: {note}" for r in results for note in r.notes if " failed: " in note]
+    return Table("Aims", rows, ("Mean error over each run, then over the seeds.", WAY, *failures))
 
 
 def _share(rows: Sequence[Cells]) -> float | None:

@@ -15,7 +15,15 @@ from estimator.specimen import Specimen
 from service.experiments.figures import Cells, beside, error_figures, inside
 from service.experiments.models import lateral_loads, tracking_model, wrench_loads
 from service.experiments.paper import FORCE_PRESSURISED_N, FORCE_STILL_N, Published
-from service.experiments.pulls import TAUT_N, ForceErrors, Pull, force_errors, pull_of
+from service.experiments.pulls import (
+    TAUT_N,
+    ForceErrors,
+    Pull,
+    at_looks,
+    force_errors,
+    look_windows,
+    pull_of,
+)
 from service.experiments.subsets import subset
 from service.offline.resample import resample
 from service.offline.track import Track, actuation, track
@@ -76,6 +84,7 @@ def follow_pull(
     sensors: str = "orientations",
     loads: tuple[Load, ...] | None = None,
     rate: float = RATE_HZ,
+    at_rest: bool = False,
     advance: Advance = lambda _: None,
 ) -> PullTrack:
     """Estimate the force over a recording and hold it against the gauge.
@@ -85,10 +94,12 @@ def follow_pull(
         sensors: Which sensors are used; see ``subsets``.
         loads: Unknown loads; two lateral forces on the pulled section where none are named.
         rate: Estimates per second.
+        at_rest: Estimate once at the end of each rest of gauge and pressures instead.
         advance: Called with 1 after each.
     """
     run = case.run
-    slow = subset(resample(run, rate), sensors, dict(case.specimen.calibration.scatter))
+    sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, rate)
+    slow = subset(sampled, sensors, dict(case.specimen.calibration.scatter))
     pull = pull_of(case.recording, case.specimen, run, slow.time)
     model = tracking_model(case.specimen, lateral_loads(pull.section) if loads is None else loads)
     found = track(model, case.specimen, slow, advance)
@@ -98,15 +109,14 @@ def follow_pull(
     return PullTrack(case.condition, sensors, pull, found, force_errors(found, pull, free).keep(tied), tied)
 
 
-def along_cord_row(done: PullTrack, *, at_rest: bool = False, published: Published | None = None) -> Cells:
+def along_cord_row(done: PullTrack, published: Published | None = None) -> Cells:
     """Summarise the error along the cord, across the arm's axis; beside the paper's where there is one.
 
     Args:
         done: Estimates and gauge.
-        at_rest: Count one look at each rest of the gauge instead of every estimate.
         published: The paper's figures.
     """
-    errors = done.errors.looks() if at_rest else done.errors
+    errors = done.errors
     span = float(np.ptp(errors.gauge)) if len(errors.gauge) else float("nan")
     row: Cells = {
         "condition": done.condition,
@@ -133,10 +143,11 @@ def along_cord_row(done: PullTrack, *, at_rest: bool = False, published: Publish
     }
 
 
-def axial_rows(case: PullCase, advance: Advance = lambda _: None) -> list[Cells]:
+def axial_rows(case: PullCase, *, at_rest: bool = False, advance: Advance = lambda _: None) -> list[Cells]:
     """Estimate force along the arm's axis and torque about it from poses; the cord gives no torque."""
     run = case.run
-    slow = subset(resample(run, 1.0), "poses", dict(case.specimen.calibration.scatter))
+    sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, 1.0)
+    slow = subset(sampled, "poses", dict(case.specimen.calibration.scatter))
     pull = pull_of(case.recording, case.specimen, run, slow.time)
     model = tracking_model(case.specimen, wrench_loads(pull.section))
     found = track(model, case.specimen, slow, advance)
@@ -169,9 +180,10 @@ def axial_rows(case: PullCase, advance: Advance = lambda _: None) -> list[Cells]
 def location_rows(case: PullCase, looks: int = 3, advance: Advance = lambda _: None) -> list[Cells]:
     """Find where along the arm the cord pulls, from poses, at the strongest steady pulls."""
     run = case.run
-    slow = subset(resample(run, 2.0), "fused", dict(case.specimen.calibration.scatter))
+    sampled = at_looks(run, look_windows(case.recording))
+    slow = subset(sampled, "fused", dict(case.specimen.calibration.scatter))
     pull = pull_of(case.recording, case.specimen, run, slow.time)
-    strength = np.linalg.norm(pull.force, axis=1) * (pull.still & pull.tied)
+    strength = np.linalg.norm(pull.force, axis=1) * pull.tied
     strength[~np.isfinite(slow.readings).all(axis=1)] = 0.0
     chosen = [int(index) for index in _strongest(strength, slow.time, looks) if strength[index] > TAUT_N]
     model: ArmModel[Any, Any] = tracking_model(case.specimen, lateral_loads(pull.section))

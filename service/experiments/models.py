@@ -29,10 +29,14 @@ def lateral_loads(section: str) -> tuple[Load, ...]:
     )
 
 
+def hand_loads(section: str) -> tuple[Load, ...]:
+    """Give the force of a hand on one section."""
+    return (*lateral_loads(section), Load(f"{section}_z", "force", (0.0, 0.0, 1.0), section=section))
+
+
 def wrench_loads(section: str) -> tuple[Load, ...]:
     """Give force and torque on one section, the torque about the arm's axis at the base alone."""
     return (
-        *lateral_loads(section),
-        Load(f"{section}_z", "force", (0.0, 0.0, 1.0), section=section),
+        *hand_loads(section),
         Load(f"{section}_torque", "moment", (0.0, 0.0, 1.0), section=section),
     )

@@ -1,7 +1,7 @@
 """Estimated forces beside the gauge's, over a recording in which a cord pulls on the arm."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from estimator.calibration.pulls import cord_direction, gauged_section
 from estimator.errors import InputError
 from estimator.recording import Recording
 from estimator.specimen import Specimen
+from service.experiments.holds import means
 from service.offline.track import State, Track
 
 Floats = NDArray[np.float64]
@@ -19,6 +20,7 @@ Flags = NDArray[np.bool_]
 TAUT_N = 0.03
 STILL_M_S = 1e-3
 SETTLED_S = 0.6
+LOOK_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,27 @@ def rested(recording: Recording, times: Floats) -> Flags:
     return flags
 
 
+def look_windows(recording: Recording, look: float = LOOK_S) -> Floats:
+    """Find the end of each rest of hook and pressures, beginning and end of a look [s], shape (looks, 2)."""
+    times = np.arange(recording.time[0], recording.time[-1], 0.1)
+    still = rested(recording, times)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
+    ends = np.array([times[end - 1] for end in edges[1::2]])
+    return np.column_stack([ends - look, ends])
+
+
+def at_looks(run: Run, windows: Floats) -> Run:
+    """Average a run over looks, so that each becomes one sample."""
+    held = means(run, windows)
+    return replace(
+        run,
+        time=held.time - 0.5 * LOOK_S,
+        pressures=held.pressures,
+        readings=held.readings,
+        loads=held.loads,
+    )
+
+
 @dataclass(frozen=True)
 class ForceErrors:
     """Estimated and measured force along the cord, across the arm's axis.
@@ -132,26 +155,6 @@ class ForceErrors:
     def error(self) -> Floats:
         """Estimate less gauge [N], shape (samples,)."""
         return self.estimate - self.gauge
-
-    def looks(self) -> "ForceErrors":
-        """Average each rest to one look, its first and last samples left out, shape (looks,)."""
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], self.still, [False]]).astype(int)))
-        rests = [
-            slice(int(start) + 1, int(end) - 1)
-            for start, end in zip(edges[::2], edges[1::2], strict=True)
-            if end - start >= 4
-        ]
-
-        def mean(values: Floats) -> Floats:
-            return np.array([np.nanmean(values[rest]) for rest in rests])
-
-        return ForceErrors(
-            mean(self.time),
-            mean(self.gauge),
-            mean(self.estimate),
-            mean(self.std),
-            np.ones(len(rests), dtype=bool),
-        )
 
     def keep(self, flags: Flags) -> "ForceErrors":
         """Keep some samples, shape (samples,)."""

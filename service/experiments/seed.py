@@ -1,7 +1,8 @@
 """One fake arm of a campaign: its recordings, its calibration, and each experiment on it."""
 
+import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -11,8 +12,10 @@ from threadpoolctl import threadpool_limits
 from estimator.arm import default_loads
 from estimator.calibration import Calibrated, Options, Run, arrange, calibrate, calibrated_specimen
 from estimator.calibration.pulls import section_forces
+from estimator.errors import InputError
 from estimator.recording import Recording
 from estimator.specimen import Specimen, load_specimen, save_specimen
+from service.errors import WorkFailedError
 from service.experiments.calibration_rows import comparison_rows, drift_rows, unknown_rows
 from service.experiments.figures import Cells
 from service.experiments.force_rows import (
@@ -50,7 +53,7 @@ RUNS: Mapping[str, tuple[str, ...]] = {
 }
 """Runs of the fake arm by name: manoeuvres of its library."""
 
-NODES = 120
+NODES = 80
 Series = dict[str, list[float]]
 
 
@@ -84,12 +87,14 @@ class SeedResult:
         tables: Rows by the name of the table.
         series: Columns of each plot by its name.
         notes: What a reader should know.
+        failed: Experiments that did not come to an end; the notes say why.
     """
 
     number: int
     tables: dict[str, list[Cells]] = field(default_factory=dict)
     series: dict[str, Series] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
 
     def add(self, table: str, new: list[Cells]) -> None:
         """Add rows to a table, the seed before them."""
@@ -121,7 +126,7 @@ class SeedBench:
     def found(self) -> Calibrated:
         """The joint calibration."""
         runs = [self.run(name, self.nominal) for name in CALIBRATION_RUNS]
-        options = Options(nodes=self.plan.nodes)
+        options = Options(nodes=self.plan.nodes, iterations=8)
         return calibrate(known_force_solver(self.nominal), self.nominal, runs, options)
 
     @cached_property
@@ -148,7 +153,12 @@ def run_seed(plan: SeedPlan) -> SeedResult:
     with threadpool_limits(limits=1):
         bench = SeedBench(plan)
         for name in plan.experiments:
-            steps[name](bench, result)
+            try:
+                steps[name](bench, result)
+            except (InputError, WorkFailedError) as error:  # one experiment fails, the others go on
+                result.notes.append(f"{name} failed: {error}")
+                result.failed.append(name)
+            (plan.folder / "result.json").write_text(json.dumps(asdict(result), indent=1, default=str))
     return result
 
 
@@ -175,13 +185,13 @@ def _force(bench: SeedBench, result: SeedResult) -> None:
     for condition, name in (("not pressurised", "force_still"), ("pressurised", "force_pressurised")):
         case = PullCase(condition, bench.recording(name), bench.specimen)
         resting = condition == "not pressurised"
-        done = follow_pull(case)
-        result.add("force", [along_cord_row(done, at_rest=resting, published=PUBLISHED[condition])])
+        done = follow_pull(case, at_rest=resting)
+        result.add("force", [along_cord_row(done, PUBLISHED[condition])])
         result.series[f"force {condition}"] = series_of(done)
         for kind in SUBSETS:
-            done = follow_pull(case, kind, rate=3.0)
-            result.add("sensors", [along_cord_row(done, at_rest=resting)])
-        result.add("axial", axial_rows(case))
+            by = done if kind == "orientations" else follow_pull(case, kind, rate=2.0, at_rest=resting)
+            result.add("sensors", [along_cord_row(by)])
+        result.add("axial", axial_rows(case, at_rest=resting))
     _beyond(bench, result)
 
 
@@ -189,10 +199,11 @@ def _beyond(bench: SeedBench, result: SeedResult) -> None:
     still = PullCase("not pressurised", bench.recording("force_still"), bench.specimen)
     moving = PullCase("moving", bench.recording("force_moving"), bench.specimen)
     above = PullCase("not pressurised", bench.recording("force_intermediate"), bench.specimen)
-    result.add("beyond", [along_cord_row(follow_pull(moving, rate=4.0))])
-    result.add("beyond", [along_cord_row(follow_pull(above, rate=4.0), at_rest=True)])
-    every = follow_pull(still, loads=default_loads(bench.specimen), rate=4.0)
-    result.add("beyond", [along_cord_row(every, at_rest=True)])
+    result.add("beyond", [along_cord_row(follow_pull(moving, rate=2.0))])
+    result.add("beyond", [along_cord_row(follow_pull(above, at_rest=True))])
+    every = default_loads(bench.specimen)
+    for kind in ("orientations", "poses"):
+        result.add("beyond", [along_cord_row(follow_pull(still, kind, loads=every, at_rest=True))])
     for case in (still, above):
         result.add("location", location_rows(case))
 

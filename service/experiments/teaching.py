@@ -9,26 +9,28 @@ from numpy.typing import NDArray
 
 from estimator.calibration import Run, arrange
 from estimator.errors import InputError
-from estimator.inverse import reach_pose
-from estimator.model import ArmModel, Inputs
+from estimator.inverse import Estimate, Estimator, approach, replace_loads
+from estimator.model import ArmModel
 from estimator.recording import Recording
 from estimator.rotations import from_quaternions, log
-from estimator.sensing import SectionPose, SensorSuite
+from estimator.sensing import Registration, SectionPose, SensorSuite
+from estimator.sensors import SpecimenSensors
 from estimator.specimen import Specimen
+from service.errors import WorkFailedError
 from service.experiments.figures import Cells, beside, error_figures, without_unit
 from service.experiments.holds import hold_windows, means
-from service.experiments.models import tracking_model
+from service.experiments.models import hand_loads, tracking_model
 from service.experiments.paper import TEACH_DEGREES, TEACH_MM
 from service.experiments.recorded import FakeRun, holds_table, perform
-from service.offline.track import actuation
+from service.experiments.subsets import subset
+from service.offline.resample import resample
+from service.offline.track import actuation, settings
 from service.recordings import load_recording
 
 Floats = NDArray[np.float64]
 
-POSITION_WEIGHT_M = 2e-3
-ROTATION_WEIGHT_RAD = 0.025
-"""A miss of one weighs as much as a miss of the other: the aims of the experiment."""
 CORRECTIONS = 2
+RATE_HZ = 3.0
 HOLD_S, RAMP_S = 4.0, 1.0
 STILL_M_S = 0.01
 SHORTEST_S = 2.0
@@ -41,7 +43,7 @@ class TaughtPoses:
     """What was shown.
 
     Args:
-        suite: The tip's pose, with the weights of the search.
+        suite: The tip's pose.
         readings: Poses shown, shape (poses, 7).
         time: When [s], shape (poses,).
     """
@@ -73,7 +75,7 @@ def taught_poses(recording: Recording, specimen: Specimen, section: str = "tip")
         InputError: There are too few of them.
     """
     run = arrange(recording, specimen)
-    sensor, readings = weighted_pose(run, section)
+    sensor, readings = pose_of(run, section)
     windows = still_windows(run.time, readings[:, :3])
     held = means(replace(run, suite=SensorSuite((sensor,)), readings=readings), windows)
     rest = readings[np.isfinite(readings).all(axis=1)][0, :3]
@@ -88,8 +90,8 @@ def taught_poses(recording: Recording, specimen: Specimen, section: str = "tip")
     return TaughtPoses(SensorSuite((sensor,)), held.readings, held.time)
 
 
-def weighted_pose(run: Run, section: str) -> tuple[SectionPose, Floats]:
-    """Give a section's pose with the weights of the search, and its readings, shape (samples, 7).
+def pose_of(run: Run, section: str) -> tuple[SectionPose, Floats]:
+    """Give the sensor of a section's pose and its readings, shape (samples, 7).
 
     Raises:
         InputError: The recording has no such pose.
@@ -99,8 +101,7 @@ def weighted_pose(run: Run, section: str) -> tuple[SectionPose, Floats]:
         readings = run.readings[:, start : start + sensor.reading_size]
         start += sensor.reading_size
         if isinstance(sensor, SectionPose) and sensor.name == f"frame_{section}":
-            weighted = replace(sensor, position_sigma=POSITION_WEIGHT_M, rotation_sigma=ROTATION_WEIGHT_RAD)
-            return weighted, readings
+            return sensor, readings
     raise InputError(run.name, f"has no pose of {section}", "record its body")
 
 
@@ -123,36 +124,39 @@ def still_windows(time: Floats, positions: Floats, look: float = 0.5) -> Floats:
     return np.array(windows).reshape(-1, 2)
 
 
-def holding_pressures(
-    model: ArmModel[Any, Any], specimen: Specimen, poses: TaughtPoses, readings: Floats
-) -> tuple[Floats, NDArray[np.bool_]]:
-    """Find the chamber pressures that bring the free arm nearest to poses.
+def follow(model: ArmModel[Any, Any], specimen: Specimen, run: Run, moments: Floats) -> list[Estimate[Any]]:
+    """Follow a run and keep the estimates at some moments.
 
     Args:
-        model: Model without loads.
+        model: Model with the forces of a hand as unknown loads.
         specimen: The calibrated robot.
-        poses: Sensors and weights.
-        readings: Poses, shape (poses, 7).
+        run: What was recorded, at the rate of the estimates.
+        moments: [s], shape (moments,).
 
-    Returns:
-        Pressures [Pa], shape (poses, chambers), and whether each pose is reached within the weights.
+    Raises:
+        WorkFailedError: An estimate at one of them did not converge.
     """
-    limits = np.array(specimen.pressure_limits)
+    estimator = Estimator(model, run.suite, settings(model.loads, specimen, run))
     gravity = np.array(specimen.gravity_m_s2)
-    pressures, reached = np.zeros((len(readings), model.chambers)), np.zeros(len(readings), dtype=bool)
-    inputs = Inputs(np.full(model.chambers, 5e3), np.zeros(len(model.loads)), gravity)
-    start, _ = model.solve(inputs, model.rest())
-    for index, reading in enumerate(readings):
-        found = reach_pose(model, poses.suite, reading, limits, (start, inputs))
-        pressures[index], reached[index] = found.pressures, found.reachable
-    return pressures, reached
+    wanted = set(np.searchsorted(run.time, moments, side="right") - 1)
+    kept = []
+    for index, (time, readings, pressures) in enumerate(
+        zip(run.time, run.readings, run.pressures, strict=True)
+    ):
+        estimate = estimator.update(float(time), readings, pressures, gravity)
+        if index in wanted:
+            if estimate.status == "diverged":
+                raise WorkFailedError(f"{run.name}: the estimate at {time:.1f} s {estimate.status}")
+            kept.append(estimate)
+    return kept
 
 
 def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, number: int | None) -> TeachResult:
-    """Let the fake arm hold the poses that were shown, correct by what the model makes of the misses, repeat.
+    """Let the fake arm hold the poses that were shown, lead it back by what is missed, repeat.
 
-    The correction p += p(shown) - p(seen), both told in the model's pressures, is what the service's feedback
-    settles at.
+    The pressures and the corrections are those of the service: loads traded for pressures at the estimate of
+    the shown pose, then a step towards it from the estimate of the held one; the service takes such steps
+    little by little.
 
     Args:
         recording: The poses shown.
@@ -161,40 +165,50 @@ def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, numbe
         number: Which arm is drawn.
     """
     poses = taught_poses(recording, specimen)
-    model = tracking_model(specimen, ())
-    mapping = actuation(specimen, arrange(recording, specimen))
-    limits = np.array(specimen.pressure_limits)
-    goal, reached = holding_pressures(model, specimen, poses, poses.readings)
-    asked = goal.copy()
+    model = tracking_model(specimen, hand_loads("tip"))
+    mapping, limits = actuation(specimen, arrange(recording, specimen)), np.array(specimen.pressure_limits)
+    shown = follow(model, specimen, _slow(recording, specimen), poses.time)
+    tips = SensorSuite((SpecimenSensors(specimen, tuple(model.sections), Registration()).pose("tip"),))
+    steps = [replace_loads(estimate, tips, limits, np.zeros(len(model.loads))) for estimate in shown]
+    held = [
+        mapping.to_measured(e.inputs.pressures + step.change) for e, step in zip(shown, steps, strict=True)
+    ]
+    asked = np.clip(np.array(held), 0.0, limits)
     result = TeachResult()
     for attempt in range(CORRECTIONS + 1):
-        wanted = np.clip(mapping.to_measured(asked), 0.0, limits)
-        table = holds_table(wanted, HOLD_S, RAMP_S)
-        run = FakeRun(f"held_{attempt}", (), 7000 + attempt, number, table)
-        seen = _held(load_recording(perform(run, folder)), specimen, len(goal))
+        run = FakeRun(f"held_{attempt}", (), 7000 + attempt, number, holds_table(asked, HOLD_S, RAMP_S))
+        told = load_recording(perform(run, folder))
+        seen, moments = _held(told, specimen, len(asked))
         millimetres, degrees = misses(poses, seen)
         label = "pressures of the model" if attempt == 0 else f"after {attempt} corrections by feedback"
         result.rows += miss_rows(label, millimetres, degrees)
-        result.series[f"mm_{attempt}"], result.series[f"degrees_{attempt}"] = (
-            millimetres.tolist(),
-            degrees.tolist(),
-        )
-        if attempt < CORRECTIONS:
-            now, _ = holding_pressures(model, specimen, poses, seen)
-            asked = np.clip(asked + goal - now, 0.0, limits)
-    result.notes.append(
-        f"{len(goal)} poses shown, {int(reached.sum())} of them reachable by pressures within "
-        f"{1e3 * POSITION_WEIGHT_M:g} mm and {np.degrees(ROTATION_WEIGHT_RAD):.2g} degrees per axis."
-    )
+        result.series |= {f"mm_{attempt}": millimetres.tolist(), f"degrees_{attempt}": degrees.tolist()}
+        if attempt == CORRECTIONS:
+            break
+        for row, estimate, goal in zip(
+            asked, follow(model, specimen, _slow(told, specimen), moments), shown, strict=True
+        ):
+            change = approach(estimate, tips, limits, goal.frames).change
+            now = estimate.inputs.pressures
+            row += mapping.to_measured(now + change) - mapping.to_measured(now)
+        asked = np.clip(asked, 0.0, limits)
+    reachable = sum(step.reachable for step in steps)
+    result.notes.append(f"{len(shown)} poses shown, {reachable} of them reachable within the sensors' noise.")
     return result
 
 
-def _held(recording: Recording, specimen: Specimen, count: int) -> Floats:
-    """Give the poses at the ends of the holds, the vented one left out, shape (poses, 7)."""
+def _slow(recording: Recording, specimen: Specimen) -> Run:
+    run = subset(arrange(recording, specimen), "poses", dict(specimen.calibration.scatter))
+    return resample(run, RATE_HZ)
+
+
+def _held(recording: Recording, specimen: Specimen, count: int) -> tuple[Floats, Floats]:
+    """Give the poses at the ends of the holds, the vented one left out, shape (poses, 7), and when."""
     run = arrange(recording, specimen)
-    sensor, readings = weighted_pose(run, "tip")
+    sensor, readings = pose_of(run, "tip")
     windows = hold_windows(recording, shortest=0.5 * HOLD_S)[-count:]
-    return means(replace(run, suite=SensorSuite((sensor,)), readings=readings), windows).readings
+    seen = means(replace(run, suite=SensorSuite((sensor,)), readings=readings), windows)
+    return seen.readings, seen.time
 
 
 def misses(poses: TaughtPoses, seen: Floats) -> tuple[Floats, Floats]:

@@ -13,7 +13,7 @@ from service.experiments.holds import hold_windows, means
 from service.experiments.leave_one_out import without_each
 from service.experiments.live import with_hooks
 from service.experiments.paper import FORCE_STILL_N, TEACH_MM
-from service.experiments.pulls import ForceErrors, pull_of
+from service.experiments.pulls import at_looks, look_windows, pull_of
 from service.experiments.recorded import holds_table
 from service.experiments.subsets import subset
 from service.experiments.teaching import still_windows
@@ -123,12 +123,17 @@ def test_a_marker_that_the_specimen_does_not_name_is_left_out_and_told() -> None
     assert run.ignored_markers == ("hook",)
 
 
-def test_looks_average_each_rest() -> None:
-    still = np.array([1, 1, 1, 1, 0, 1, 1, 1, 1, 1], dtype=bool)
-    values = np.arange(10.0)
-    looks = ForceErrors(values, values, values + 1.0, np.ones(10), still).looks()
-    np.testing.assert_allclose(looks.gauge, [1.5, 7.0])
-    np.testing.assert_allclose(looks.error, 1.0)
+def test_looks_end_where_the_gauge_sets_off() -> None:
+    time = np.arange(0.0, 20.0, 1.0 / RATE)
+    told = posed(gauge_cord_n=0.02 * time, **hook((1.0, 0.0, 0.0)))
+    columns = dict(told.columns)
+    columns["marker_hook_x_m"] = 0.3 + np.interp(time, [0, 6, 7, 12, 13, 20], [0, 0, 0.01, 0.01, 0.02, 0.02])
+    moved = Recording(told.name, told.time, columns, told.info)
+    windows = look_windows(moved)
+    np.testing.assert_allclose(windows[:, 1], [6.0, 12.0, 19.9], atol=0.25)
+    specimen = load_specimen("sopra")
+    run = at_looks(arrange(moved, specimen, None, section_forces(specimen)), windows)
+    np.testing.assert_allclose(np.linalg.norm(run.loads, axis=1), 0.02 * run.time, atol=1e-3)
 
 
 @pytest.mark.parametrize(
