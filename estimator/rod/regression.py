@@ -16,6 +16,10 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
+LONGEST = 0.3
+"""Change of a law's variables, over their range, that counts most in the fit of derivatives."""
+
+
 @dataclass(frozen=True)
 class Form:
     """Form of the link laws.
@@ -100,6 +104,17 @@ def _isotropic(largest: Floats, chambers: int) -> Floats:
     return unit
 
 
+def _moderated(slopes: Floats) -> Floats:
+    """Shorten changes of the variables, shape (samples, variables, inputs), to ``LONGEST``.
+
+    Near the loss of stability a small input moves the arm far; what the linearised law errs there must not
+    drown all the rest.
+    """
+    size = np.abs(slopes).max(axis=1)
+    moderated: Floats = LONGEST / np.maximum(size, LONGEST)
+    return moderated
+
+
 def _fit_link(
     table: Indices,
     variables: Floats,
@@ -113,10 +128,12 @@ def _fit_link(
     width = variables.shape[1]
     rows = features(table, variables)
     normal, right = rows.T @ rows, rows.T @ strains
+    weights = form.slope_weight * _moderated(slopes)
     for column in range(slopes.shape[-1]):
-        rows = form.slope_weight * feature_slopes(table, variables, slopes[..., column])
+        weight = weights[:, column, None]
+        rows = weight * feature_slopes(table, variables, slopes[..., column])
         normal += rows.T @ rows
-        right += form.slope_weight * rows.T @ strain_slopes[..., column]
+        right += rows.T @ (weight * strain_slopes[..., column])
     total, total_right = np.zeros_like(normal), np.zeros_like(right)
     for moved in maps:
         if moved is None:

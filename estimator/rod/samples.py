@@ -1,16 +1,19 @@
 """Equilibria of the finite-element model, with their derivatives: what the link laws are fitted to."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from estimator.fem import FiniteElementModel, Settings
-from estimator.fem.equilibrium import exact_factor
+from estimator.fem.continuation import Waypoint, between, extrapolate
+from estimator.fem.equilibrium import Balance, correct, exact_factor
 from estimator.fem.factor import StiffnessFactor
 from estimator.model import Inputs, Load
+from estimator.rod.load_stiffness import exact_moves
 from estimator.rod.stations import NEAR, Stations
 from estimator.specimen import Specimen
 
@@ -19,6 +22,14 @@ Indices = NDArray[np.int64]
 Progress = Callable[[int, int], None]
 
 STANDARD_GRAVITY = 9.80665
+TOLERANCE = 1e-8
+"""Out-of-balance force over the applied force at which a sample is taken."""
+NEWTON_STEPS = 9
+FIRST = 0.25
+"""First step along a ray, over the largest: at rest the arm is at its softest."""
+SMALL, LARGE = 0.3, 3.0
+FAILURES = 5
+"""Steps that may fail before a ray is left."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +74,7 @@ class Plan:
         seed: Of the Sobol sequence.
         pressure: Largest pressure over the specimen's limit.
         rotation: Rotation [rad] that each load alone would cause at most, were the arm linear.
-        step: Step along a ray; halved where the model does not follow.
+        step: Largest step along a ray; halved where the model does not follow.
     """
 
     rays: int = 32
@@ -98,6 +109,8 @@ def draw_samples(
     stations: Stations,
     plan: Plan,
     progress: Progress | None = None,
+    executor: Executor | None = None,
+    slopes: bool = True,
 ) -> Samples:
     """Solve the finite-element model along rays of pressures, loads and gravity.
 
@@ -107,17 +120,32 @@ def draw_samples(
         stations: Where its frames are wanted.
         plan: Where to sample.
         progress: Called with the rays done and all of them.
+        executor: Threads that walk the rays side by side; the kernels run without the interpreter's lock.
+        slopes: Whether the twists are wanted; without, they have no columns.
 
     Returns:
         The states that were found; a ray ends where the arm loses its stability.
     """
-    scale = load_scale(model, stations, plan.rotation)
+    ends = list(_ends(specimen, model, load_scale(model, stations, plan.rotation), plan))
+
+    def walk(end: Inputs) -> list[tuple[Floats, ...]]:
+        return list(_follow(model, stations, end, plan, slopes))
+
     found: list[tuple[Floats, ...]] = []
-    for index, end in enumerate(_ends(specimen, model, scale, plan)):
-        found += [(*state, np.array(index)) for state in _follow(model, stations, end, plan)]
+    for index, states in enumerate(map(walk, ends) if executor is None else executor.map(walk, ends)):
+        found += [(*state, np.array(index)) for state in states]
         if progress is not None:
             progress(index + 1, plan.rays)
     return Samples(*(np.array(column) for column in zip(*found, strict=True)))
+
+
+def rest_twists(model: FiniteElementModel, stations: Stations) -> Floats:
+    """Give the stations' twists per unit of each input about the rest, shape (stations, 6, inputs)."""
+    rest = np.zeros_like(model.body.points)
+    balance = model.balance(rest, model.no_inputs())
+    factor, pattern = _factor(model, balance), model.body.pattern
+    moves = pattern.scatter(factor.solve(pattern.gather(_input_forces(balance))))
+    return stations.poses(model.body.points, moves)[2]
 
 
 def load_scale(model: FiniteElementModel, stations: Stations, rotation: float) -> Floats:
@@ -125,11 +153,7 @@ def load_scale(model: FiniteElementModel, stations: Stations, rotation: float) -
 
     An axial force gets the size of the lateral ones of its section.
     """
-    displacement = np.zeros_like(model.body.points)
-    inputs = model.no_inputs()
-    factor = _factor(model, displacement, inputs)
-    assert factor is not None
-    twists = _twists(model, stations, displacement, inputs, factor)[2]
+    twists = rest_twists(model, stations)
     turning = np.linalg.norm(twists[:, 3:, model.chambers :], axis=1).max(axis=0)
     for k, load in enumerate(model.loads):
         if load.kind == "force" and load.direction[2] == 1.0:
@@ -139,57 +163,79 @@ def load_scale(model: FiniteElementModel, stations: Stations, rotation: float) -
 
 
 def _ends(specimen: Specimen, model: FiniteElementModel, scale: Floats, plan: Plan) -> Iterator[Inputs]:
-    """Give the ends of the rays; every other one hangs, the rest have gravity in any direction."""
+    """Give the ends of the rays; on three of six the arm hangs, on the rest gravity has any direction."""
     chambers, loads = model.chambers, len(model.loads)
     sequence = qmc.Sobol(chambers + loads + 2, rng=plan.seed).random_base2(int(np.ceil(np.log2(plan.rays))))
     limits = np.array(specimen.pressure_limits)
     for index, row in enumerate(sequence[: plan.rays]):
-        # Every third ray goes to full pressure under small loads: that is how the arm is mostly used.
-        size = scale if index % 3 else 0.3 * scale
         rise, turn = 2.0 * row[-2] - 1.0, 2.0 * np.pi * row[-1]
         flat = np.sqrt(1.0 - rise**2)
-        gravity = (
-            np.array([flat * np.cos(turn), flat * np.sin(turn), rise]) if index % 2 else np.array([0, 0, 1.0])
-        )
+        anyhow = np.array([flat * np.cos(turn), flat * np.sin(turn), rise])
         yield Inputs(
             plan.pressure * limits * row[:chambers],
-            size * (2.0 * row[chambers : chambers + loads] - 1.0),
-            STANDARD_GRAVITY * gravity,
+            scale * _share(model.loads, index) * (2.0 * row[chambers : chambers + loads] - 1.0),
+            STANDARD_GRAVITY * (anyhow if index // 3 % 2 else np.array([0.0, 0.0, 1.0])),
         )
+
+
+def _share(loads: Sequence[Load], index: int) -> Floats:
+    """Give the size of each load on a ray over its scale.
+
+    In turn: all small, as the arm is mostly used; all; the lateral forces at one place alone, large.
+    """
+    if index % 3 < 2:
+        return np.full(len(loads), (SMALL, 1.0)[index % 3])
+    places = list(dict.fromkeys((load.section, load.height) for load in loads))
+    chosen = places[index // 6 % len(places)] if places else None
+    lateral = [
+        load.kind == "force" and load.direction[2] == 0.0 and (load.section, load.height) == chosen
+        for load in loads
+    ]
+    return LARGE * np.array(lateral, dtype=np.float64)
 
 
 def _follow(
-    model: FiniteElementModel, stations: Stations, end: Inputs, plan: Plan
+    model: FiniteElementModel, stations: Stations, end: Inputs, plan: Plan, slopes: bool
 ) -> Iterator[tuple[Floats, ...]]:
     """Walk along a ray until its end or until the arm loses its stability."""
-    model = replace(model, settings=Settings(total_iterations=40))
-    share, step, state = 0.0, plan.step, model.rest()
-    while share < 1.0 - 1e-9 and step > 0.3 * plan.step:
-        target = min(share + step, 1.0)
-        inputs = Inputs(target * end.pressures, target * end.loads, target * end.gravity)
-        found = model.equilibrium(inputs, state)
-        factor = _factor(model, found.value.displacement, inputs) if found.converged else None
-        if factor is None:
-            step *= 0.5
+    settings = Settings(tolerance=TOLERANCE, iterations=NEWTON_STEPS)
+    body, none, rest = model.body, model.no_inputs(), np.zeros_like(model.body.points)
+    before: Waypoint | None = None
+    balance = model.balance(rest, none)
+    here = Waypoint(0.0, rest, _velocity(model, balance, _factor(model, balance), end))
+    step, failures = FIRST * plan.step, 0
+    while here.fraction < 1.0 - 1e-9 and failures < FAILURES:
+        target = min(here.fraction + step, 1.0)
+        inputs = between(none, end, target)
+        found = correct(body, model.balance, extrapolate(body, here, before, target), inputs, settings)
+        if not found.solution.converged or found.factor is None:
+            step, failures = 0.5 * step, failures + 1
             continue
-        share, state = target, found.value
-        positions, rotations, twists = _twists(model, stations, state.displacement, inputs, factor)
-        yield inputs.pressures, inputs.loads, inputs.gravity, positions, rotations, twists
+        step = min(plan.step, (1.5 if found.solution.iterations <= 4 else 1.0) * step)
+        place = found.solution.value
+        before, here = here, Waypoint(target, place, _velocity(model, found.balance, found.factor, end))
+        moves = exact_moves(
+            model, found.factor, place, inputs.loads, _input_forces(found.balance)[: None if slopes else 0]
+        )
+        if moves is None:
+            return
+        yield inputs.pressures, inputs.loads, inputs.gravity, *stations.poses(body.points + place, moves)
 
 
-def _factor(model: FiniteElementModel, displacement: Floats, inputs: Inputs) -> StiffnessFactor | None:
-    return exact_factor(model.body, model.balance(displacement, inputs))
+def _velocity(model: FiniteElementModel, balance: Balance, factor: StiffnessFactor, end: Inputs) -> Floats:
+    """Give the displacement per share of a ray [m], shape (nodes, 3)."""
+    force = np.tensordot(end.pressures, balance.evaluation.gradients, 1)
+    force += np.tensordot(end.loads, balance.load_vectors, 1) + np.outer(model.nodal_mass, end.gravity)
+    return model.body.pattern.scatter(factor.solve(model.body.pattern.gather(force)))
 
 
-def _twists(
-    model: FiniteElementModel,
-    stations: Stations,
-    displacement: Floats,
-    inputs: Inputs,
-    factor: StiffnessFactor,
-) -> tuple[Floats, Floats, Floats]:
-    """Give the stations' frames and their twists per unit of each input at an equilibrium."""
-    balance = model.balance(displacement, inputs, tangent=False)
-    nodal = np.concatenate([balance.evaluation.gradients, balance.load_vectors])
-    moves = factor.solve(model.body.pattern.gather(nodal))
-    return stations.poses(model.body.points + displacement, model.body.pattern.scatter(moves))
+def _factor(model: FiniteElementModel, balance: Balance) -> StiffnessFactor:
+    """Factor the tangent at rest, which is positive definite."""
+    factor = exact_factor(model.body, balance)
+    assert factor is not None
+    return factor
+
+
+def _input_forces(balance: Balance) -> Floats:
+    """Give the nodal forces per unit of each pressure, then each load, shape (inputs, nodes, 3)."""
+    return np.concatenate([balance.evaluation.gradients, balance.load_vectors])

@@ -1,0 +1,20 @@
+"""The calibrated rod: a chain of links whose laws were fitted to the finite-element model."""
+
+from estimator.rod.archive import shape_key
+from estimator.rod.fit import FittedRod, Recipe, adapted, fit_rod
+from estimator.rod.held_out import HeldOut, Report, check_rod
+from estimator.rod.model import Batch, CalibratedRod, RodStep
+
+__all__ = [
+    "Batch",
+    "CalibratedRod",
+    "FittedRod",
+    "HeldOut",
+    "Recipe",
+    "Report",
+    "RodStep",
+    "adapted",
+    "check_rod",
+    "fit_rod",
+    "shape_key",
+]

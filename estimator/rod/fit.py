@@ -1,0 +1,106 @@
+"""Fits the calibrated rod of a specimen to its finite-element model, and checks it there."""
+
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from estimator.arm import default_loads
+from estimator.fem import FiniteElementModel
+from estimator.rod.held_out import Report, check_rod
+from estimator.rod.local import local_states
+from estimator.rod.model import CalibratedRod
+from estimator.rod.regression import Form, fit_laws
+from estimator.rod.samples import Plan, Progress, draw_samples, load_scale, rest_twists, sampling_loads
+from estimator.rod.stations import cut
+from estimator.rod.symmetry import candidates, verified
+from estimator.rotations import from_quaternions
+from estimator.specimen import Specimen
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a rod is fitted and checked.
+
+    Args:
+        plan: Where the finite-element model is sampled.
+        check: Where the rod is held against it, along rays of another sequence.
+        form: Form of the link laws.
+        links_per_segment: Links in each soft segment.
+    """
+
+    plan: Plan = field(default_factory=lambda: Plan(rays=48))
+    check: Plan = field(default_factory=lambda: Plan(rays=12, seed=101, pressure=1.0))
+    form: Form = field(default_factory=Form)
+    links_per_segment: int = 4
+
+
+@dataclass(frozen=True)
+class FittedRod:
+    """A rod and what is known of it.
+
+    Args:
+        rod: The rod, with unit stiffness factors and ``estimator.arm.default_loads``.
+        report: Its errors where it was not fitted.
+        samples: States of the finite-element model that it was fitted to.
+        symmetries: Symmetries of the arm that the fit made use of, the identity included.
+    """
+
+    rod: CalibratedRod
+    report: Report
+    samples: int
+    symmetries: int
+
+
+def fit_rod(
+    specimen: Specimen,
+    model: FiniteElementModel,
+    progress: Progress | None = None,
+    executor: Executor | None = None,
+    recipe: Recipe | None = None,
+) -> FittedRod:
+    """Fit the rod of a specimen as described, without what calibration found; ``adapted`` brings that in.
+
+    Args:
+        specimen: Description.
+        model: Its finite-element model; its loads and stiffness factors do not matter.
+        progress: Called with the rays done and all of them.
+        executor: Threads that solve the model side by side.
+        recipe: How.
+    """
+    recipe = recipe or Recipe()
+    plan, total = recipe.plan, recipe.plan.rays + 2 * recipe.check.rays
+    model = model.with_loads(sampling_loads(specimen)).with_scales(dict.fromkeys(model.parameters, 1.0))
+    stations = cut(specimen, model, recipe.links_per_segment)
+
+    def sampled(done: int, _: int) -> None:
+        if progress is not None:
+            progress(done, total)
+
+    def checked(done: int, _: int) -> None:
+        if progress is not None:
+            progress(plan.rays + done, total)
+
+    samples = draw_samples(specimen, model, stations, plan, sampled, executor)
+    chain, loads = stations.chain, model.loads
+    symmetries = verified(candidates(specimen), loads, rest_twists(model, stations), model.chambers)
+    size = np.concatenate([np.array(specimen.pressure_limits), load_scale(model, stations, plan.rotation)])
+    states = local_states(chain, loads, samples)
+    laws, reach = fit_laws(chain, samples.pressures, states, size, symmetries, recipe.form)
+    rod = CalibratedRod(chain, laws, loads, reach)
+    report = check_rod(rod, specimen, model, stations, recipe.check, checked, executor)
+    return FittedRod(rod.with_loads(default_loads(specimen)), report, len(samples), len(symmetries))
+
+
+def adapted(rod: CalibratedRod, specimen: Specimen) -> CalibratedRod:
+    """Bring a specimen's section frames and calibrated stiffness to the rod of its shape.
+
+    Exact where all that is elastic in the arm is scaled by one factor; ``softarm bench rod`` tells how near
+    it is where the fibres keep their stiffness and the segments have factors of their own.
+    """
+    from_station = np.array([specimen.section(name).frame_origin_m for name in rod.chain.sections])
+    from_station[:, 2] -= rod.chain.heights[rod.chain.section_station]
+    turned = np.array([specimen.section(name).frame_quaternion for name in rod.chain.sections])
+    chain = replace(rod.chain, section_offset=from_station, section_rotation=from_quaternions(turned))
+    scales = {region: specimen.calibration.scale(region) for region in rod.regions}
+    return replace(rod, chain=chain, loads=default_loads(specimen)).with_scales(scales)

@@ -1,0 +1,86 @@
+"""The calibrated rod of a specimen: shipped, from the user's cache, or fitted on the spot."""
+
+import contextlib
+import os
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from estimator.arm import build_arm
+from estimator.rod.archive import from_bytes, shape_key, shipped_rod, to_bytes
+from estimator.rod.fit import FittedRod, adapted, fit_rod
+from estimator.rod.model import CalibratedRod
+from estimator.rod.samples import Progress
+from estimator.specimen import Specimen
+
+THREADS = 2
+
+
+def cache_directory() -> Path:
+    """Give the folder of fitted rods, after the XDG base directories."""
+    base = os.environ.get("XDG_CACHE_HOME", "")
+    return (Path(base) if Path(base).is_absolute() else Path.home() / ".cache") / "softarm" / "rods"
+
+
+def rod_for(specimen: Specimen, progress: Progress | None = None) -> CalibratedRod:
+    """Give the rod of a specimen as calibrated, with ``estimator.arm.default_loads``.
+
+    Args:
+        specimen: Description.
+        progress: Called with the steps done and all of them, should it be fitted, which takes minutes.
+
+    Raises:
+        InputError: The specimen cannot be meshed.
+    """
+    return adapted(fitted_rod(specimen, progress).rod, specimen)
+
+
+def known_rod(specimen: Specimen) -> FittedRod | None:
+    """Give the shipped or cached rod of a specimen's shape, None where it would have to be fitted."""
+    key = shape_key(specimen)
+    return shipped_rod(key) or _cached(key)
+
+
+def fitted_rod(specimen: Specimen, progress: Progress | None = None) -> FittedRod:
+    """Give the rod of a specimen's shape with its report; one that is fitted is kept in the cache."""
+    found = known_rod(specimen)
+    if found is not None:
+        return found
+    fitted = fit_now(specimen, progress)
+    key = shape_key(specimen)
+    with contextlib.suppress(OSError):
+        _keep(to_bytes(fitted, key, specimen.name), _path(key))
+    return fitted
+
+
+def fit_now(specimen: Specimen, progress: Progress | None = None) -> FittedRod:
+    """Fit the rod of a specimen's shape anew."""
+    with threadpool_limits(limits=1), ThreadPoolExecutor(min(THREADS, os.cpu_count() or 1)) as executor:
+        return fit_rod(specimen, build_arm(specimen), progress, executor)
+
+
+def _path(key: str) -> Path:
+    return cache_directory() / f"{key[:32]}.npz"
+
+
+def _cached(key: str) -> FittedRod | None:
+    try:
+        data = _path(key).read_bytes()
+    except OSError:
+        return None
+    found = from_bytes(data)
+    return found[0] if found is not None and found[1] == key else None
+
+
+def _keep(data: bytes, path: Path) -> None:
+    """Write a file whole or not at all; two commands may fit the same rod at once."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor, partial = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+        Path(partial).replace(path)
+    finally:
+        Path(partial).unlink(missing_ok=True)

@@ -1,0 +1,160 @@
+"""The chain of links against what is known of a uniform elastic rod, and its derivatives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.derivatives import derivative_error
+from estimator.errors import InputError
+from estimator.model import Inputs, Load
+from estimator.rod.laws import feature_slopes, features, term_table
+from estimator.rod.skin import placed, skin
+from estimator.rod.statics import place, strain_between
+from estimator.rotations import exp, log
+from tests.estimator.rod import linear_rod as known
+from tests.estimator.rod.linear_rod import linear_rod
+
+STILL = np.zeros(3)
+HANGING = np.array([0.0, 0.0, 9.81])
+RANDOM = np.random.default_rng(5)
+
+
+def tip(rod, inputs):
+    state, found = rod.solve(inputs, rod.rest())
+    assert found
+    step = rod.linearise(state, inputs)
+    return step.frames.positions[-1], log(step.frames.rotations[-1] @ rod.chain.section_rotation[-1].T), state
+
+
+def load(kind, axis, name="it"):
+    return Load(name, kind, axis, section="tip")
+
+
+def test_placing_links_and_taking_them_apart_are_inverse() -> None:
+    lengths = RANDOM.uniform(0.02, 0.05, 5)
+    strain = RANDOM.normal(size=(5, 6)) * [0.4, 0.4, 0.4, 0.002, 0.002, 0.002]
+    rotations, positions, middles = np.zeros((6, 3, 3)), np.zeros((6, 3)), np.zeros((5, 3, 3))
+    rotations[0] = exp(np.array([0.3, -0.2, 0.5]))
+    place(strain, lengths, rotations, positions, middles)
+    found = np.zeros((5, 6))
+    strain_between(rotations, positions, lengths, found, np.zeros((5, 3, 3)))
+    assert np.allclose(found, strain, atol=1e-12)
+
+
+def test_a_moment_bends_the_rod_to_an_arc() -> None:
+    moment = 0.2
+    rod = linear_rod(32).with_loads([load("moment", (0.0, 1.0, 0.0))])
+    place_, turn, _ = tip(rod, Inputs(np.zeros(6), np.array([moment]), STILL))
+    angle = moment * known.LENGTH / known.BENDING
+    assert turn == pytest.approx([0.0, angle, 0.0], abs=1e-9)
+    radius = known.BENDING / moment
+    arc = np.array([radius * (1.0 - np.cos(angle)), 0.0, radius * np.sin(angle)])
+    end = place_ - exp(turn) @ rod.chain.section_offset[-1]
+    assert np.linalg.norm(end - arc) < 2e-4 * known.LENGTH
+
+
+def test_a_small_lateral_force_bends_it_as_a_beam() -> None:
+    force = 1e-4
+    rod = linear_rod(8).with_loads([Load("it", "force", (1.0, 0.0, 0.0), height=known.LENGTH)])
+    _, turn, state = tip(rod, Inputs(np.zeros(6), np.array([force]), STILL))
+    assert turn[1] == pytest.approx(force * known.LENGTH**2 / (2 * known.BENDING), rel=1e-6)
+    across = force * known.LENGTH**3 / (3 * known.BENDING) + force * known.LENGTH / known.SHEAR
+    assert placed(rod.chain, state).positions[-1, 0] == pytest.approx(across, rel=1e-4)
+
+
+def test_more_links_converge_with_order_two() -> None:
+    inputs = Inputs(np.zeros(6), np.array([0.0, 0.0, 0.5, 0.1]), HANGING)
+    found = [tip(linear_rod(links), inputs)[0] for links in (4, 8, 16, 64)]
+    errors = [float(np.linalg.norm(there - found[-1])) for there in found[:-1]]
+    assert errors[0] / errors[1] > 3.0
+    assert errors[1] / errors[2] > 3.0
+
+
+def test_a_load_is_the_same_on_either_side_of_a_station() -> None:
+    rod = linear_rod(8)
+    height = float(rod.chain.heights[3])
+    turned = []
+    for gap in (-1e-7, 1e-7):
+        pushed = rod.with_loads([Load("push", "force", (1.0, 0.0, 0.0), height=height + gap)])
+        turned.append(tip(pushed, Inputs(np.zeros(6), np.array([1.0]), HANGING))[1])
+    assert np.allclose(*turned, atol=1e-6)
+
+
+def test_motion_is_the_derivative_by_pressures_and_loads() -> None:
+    rod = linear_rod(8, curl=0.05, quadratic=1e-3)
+    vector = np.concatenate([RANDOM.uniform(0.0, 5e4, 6), RANDOM.normal(size=4) * 0.1])
+    begin = rod.solve(Inputs(vector[:6], vector[6:], HANGING), rod.rest())[0]
+    step = rod.linearise(begin, Inputs(vector[:6], vector[6:], HANGING))
+
+    def twists(values):
+        state, found = rod.solve(Inputs(values[:6], values[6:], HANGING), begin)
+        assert found
+        frames = rod.linearise(state, Inputs(values[:6], values[6:], HANGING)).frames
+        turned = log(frames.rotations @ np.swapaxes(step.frames.rotations, -1, -2))
+        return np.concatenate([frames.positions, turned], axis=1).ravel()
+
+    steps = np.array([100.0] * 6 + [1e-3] * 4)
+    assert derivative_error(twists, step.motion, vector, steps) < 1e-5
+
+
+def test_a_batch_gives_single_answers_and_derivatives_by_gravity_and_stiffness() -> None:
+    rod = linear_rod(8, curl=0.05, quadratic=1e-3)
+    pressures, loads = RANDOM.uniform(0.0, 5e4, (5, 6)), RANDOM.normal(size=(5, 4)) * 0.1
+    gravity = RANDOM.normal(size=(5, 3)) * 5.0
+    batch = rod.evaluate(pressures, loads, gravity)
+    assert batch.converged.all()
+    for k in range(5):
+        state, _ = rod.solve(Inputs(pressures[k], loads[k], gravity[k]), rod.rest())
+        step = rod.linearise(state, Inputs(pressures[k], loads[k], gravity[k]))
+        assert np.allclose(batch.frames.positions[k], step.frames.positions, atol=1e-9)
+        assert np.allclose(batch.motion[k][:, :10], step.motion, rtol=1e-6, atol=1e-9)
+
+    def twists(values):
+        scaled = rod.with_scales(dict(zip(rod.regions, values[3:], strict=True)))
+        frames = scaled.evaluate(pressures[:1], loads[:1], values[:3]).frames
+        turned = log(frames.rotations[0] @ np.swapaxes(batch.frames.rotations[0], -1, -2))
+        return np.concatenate([frames.positions[0], turned], axis=1).ravel()
+
+    point = np.concatenate([gravity[0], np.ones(len(rod.regions))])
+    assert derivative_error(twists, batch.motion[0][:, 10:], point, 1e-3) < 1e-5
+
+
+def test_scaling_stiffness_and_loads_alike_changes_nothing() -> None:
+    rod = linear_rod(8, curl=0.05, quadratic=1e-3)
+    inputs = Inputs(RANDOM.uniform(0.0, 5e4, 6), RANDOM.normal(size=4) * 0.1, HANGING)
+    scaled = rod.with_scales(dict.fromkeys(rod.regions, 1.7))
+    more = Inputs(1.7 * inputs.pressures, 1.7 * inputs.loads, 1.7 * inputs.gravity)
+    assert np.allclose(tip(rod, inputs)[0], tip(scaled, more)[0], atol=1e-9)
+    with pytest.raises(InputError, match="no region 'middle'"):
+        rod.with_scales({"middle": 1.1})
+
+
+def test_loads_off_the_arm_are_refused() -> None:
+    rod = linear_rod(8)
+    with pytest.raises(InputError, match="outside the arm"):
+        _ = rod.with_loads([Load("far", "force", (1.0, 0.0, 0.0), height=1.0)])._actions
+    with pytest.raises(InputError, match="no section 'elbow'"):
+        _ = rod.with_loads([Load("far", "force", (1.0, 0.0, 0.0), section="elbow")])._actions
+
+
+def test_slopes_of_the_terms_are_their_derivatives() -> None:
+    table = term_table(6, 3)
+    point, direction = RANDOM.normal(size=(1, 9)), RANDOM.normal(size=(1, 9))
+    claimed = feature_slopes(table, point, direction)[0][:, None]
+    error = derivative_error(
+        lambda t: features(table, point + t * direction)[0], claimed, np.zeros(1), steps=1e-3
+    )
+    assert error < 1e-8
+
+
+def test_the_skin_of_a_rod_at_rest_is_the_body_and_follows_its_end() -> None:
+    rod = linear_rod(8)
+    points = RANDOM.uniform([-0.02, -0.02, 0.0], [0.02, 0.02, known.LENGTH], (50, 3))
+    assert np.allclose(skin(points, rod.chain, rod.rest()), points, atol=1e-12)
+    bent = replace(rod, chain=rod.chain)
+    state, _ = bent.solve(Inputs(np.zeros(6), np.array([0.0, 0.0, 0.4, 0.0]), HANGING), rod.rest())
+    frames = placed(rod.chain, state)
+    end = np.array([[0.01, 0.0, known.LENGTH]])
+    there = frames.positions[-1] + frames.rotations[-1] @ np.array([0.01, 0.0, 0.0])
+    assert np.allclose(skin(end, rod.chain, state)[0], there, atol=1e-12)
