@@ -3,7 +3,8 @@
 import threading
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, redirect_stdout
+from io import StringIO
 from typing import TypeVar
 
 import viser
@@ -30,9 +31,10 @@ class Page:
     def __init__(self, client: SoftarmClient, host: str, port: int) -> None:
         specimen = Specimen.model_validate_json(client.ask("specimen"))
         self._client = client
-        self._server = viser.ViserServer(
-            host=host, port=port, label=f"softarm {client.keys.arm}", verbose=False
-        )
+        with redirect_stdout(StringIO()):  # viser's banner would come before our own first line
+            self._server = viser.ViserServer(
+                host=host, port=port, label=f"softarm {client.keys.arm}", verbose=False
+            )
         self._scene = Scene(self._server, specimen)
         self._panel = Panel(self._server, client, len(specimen.chambers))
         self._sections: State | None = None
