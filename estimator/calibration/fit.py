@@ -23,6 +23,11 @@ HUBER = 1.5  # in units of the scatter
 NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
 PULLED = ", pulled"
 """Runs with known forces have a scatter of their own: the arm hangs near rest, where a model is truer."""
+PULL_TRUST = 1.0 / 3.0
+"""A known force tells the stiffness itself, pressures only through gravity and the area that they push on.
+
+Where a model that is not exact must err, it shall err in the pressures, whose gains can make up for it.
+"""
 SETTLING = 4  # evaluations after which scatter and correlation stay, so that one function is minimised
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e6
@@ -202,7 +207,8 @@ def _scatter(rows: Rows) -> dict[str, float]:
         order = np.argsort(sizes)
         middle = np.searchsorted(np.cumsum(weights[order]), 0.5 * weights.sum())
         median = float(sizes[order][min(int(middle), len(sizes) - 1)])
-        scatter[str(name)] = max(NORMAL_MAD * median, float(rows.noise[own].max()))
+        trusted = PULL_TRUST if str(name).endswith(PULLED) else 1.0
+        scatter[str(name)] = max(trusted * NORMAL_MAD * median, float(rows.noise[own].max()))
     return scatter
 
 

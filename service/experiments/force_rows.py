@@ -1,18 +1,20 @@
 """Rows of the force experiment: along the cord, by sensors, along the arm's axis, and where it acts."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.calibration import Run, arrange, section_forces
-from estimator.inverse import ContactSearch, locate_force
-from estimator.model import ArmModel, Load
+from estimator.fem import FiniteElementState
+from estimator.inverse import ContactProfile
+from estimator.model import Load
 from estimator.recording import Recording
 from estimator.specimen import Specimen
 from service.experiments.figures import Cells, beside, error_figures, inside
+from service.experiments.following import follow
 from service.experiments.models import lateral_loads, tracking_model, wrench_loads
 from service.experiments.paper import FORCE_PRESSURISED_N, FORCE_STILL_N, Published
 from service.experiments.pulls import (
@@ -26,7 +28,7 @@ from service.experiments.pulls import (
 )
 from service.experiments.subsets import subset
 from service.offline.resample import resample
-from service.offline.track import Track, actuation, track
+from service.offline.track import Track, track
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -177,44 +179,50 @@ def axial_rows(case: PullCase, *, at_rest: bool = False, advance: Advance = lamb
     return rows
 
 
-def location_rows(case: PullCase, looks: int = 3, advance: Advance = lambda _: None) -> list[Cells]:
+def location_rows(case: PullCase, looks: int = 6, advance: Advance = lambda _: None) -> list[Cells]:
     """Find where along the arm the cord pulls, from poses, at the strongest steady pulls."""
     run = case.run
-    sampled = at_looks(run, look_windows(case.recording))
-    slow = subset(sampled, "fused", dict(case.specimen.calibration.scatter))
+    slow = subset(
+        at_looks(run, look_windows(case.recording)), "fused", dict(case.specimen.calibration.scatter)
+    )
     pull = pull_of(case.recording, case.specimen, run, slow.time)
     strength = np.linalg.norm(pull.force, axis=1) * pull.tied
     strength[~np.isfinite(slow.readings).all(axis=1)] = 0.0
-    chosen = [int(index) for index in _strongest(strength, slow.time, looks) if strength[index] > TAUT_N]
-    model: ArmModel[Any, Any] = tracking_model(case.specimen, lateral_loads(pull.section))
-    pressures = actuation(case.specimen, run)
-    search = ContactSearch(model.with_loads, slow.suite, pressures.chamber_sigma)  # type: ignore[attr-defined]
+    chosen = [index for index in _strongest(strength, slow.time, looks) if strength[index] > TAUT_N]
+    loads = lateral_loads(pull.section)
     low = min(segment.from_m for segment in case.specimen.segments)
-    heights = np.linspace(low + 0.02, case.specimen.sections[-1].frame_origin_m[2] - 1e-3, CANDIDATES)
     truth = case.specimen.section(pull.section).frame_origin_m[2]
-    errors, widths, covered = [], [], []
-    for index in chosen:
-        found = locate_force(
-            search,
-            heights,
-            slow.readings[index],
-            pressures.to_chamber(slow.pressures[index]),
-            np.array(case.specimen.gravity_m_s2),
+    top = case.specimen.sections[-1].frame_origin_m[2]
+    profile = ContactProfile(np.linspace(low + 0.02, top, CANDIDATES))
+    model, pushed = (tracking_model(case.specimen, (*loads, *more)) for more in ((), profile.loads))
+    moments = slow.time[sorted({0, *chosen})]
+    errors, deviations = [], []
+    for estimate in follow(model, case.specimen, slow, moments)[1:]:
+        acting = np.concatenate([estimate.inputs.loads, np.zeros(len(profile.loads))])
+        inputs = replace(estimate.inputs, loads=acting)
+        index = len(errors)
+        found = profile.place(
+            pushed,
+            FiniteElementState(estimate.state.displacement, inputs),
+            slow.suite,
+            slow.readings[sorted(chosen)[index]],
+            estimate,
+            np.zeros(len(loads)),
         )
+        assert found is not None  # two poses are twelve measurements
         errors.append(1e3 * (found.height - truth))
-        widths.append(1e3 * (found.interval[1] - found.interval[0]))
-        covered.append(found.interval[0] - 1e-3 <= truth <= found.interval[1] + 1e-3)
+        deviations.append(1e3 * found.deviation)
         advance(1)
     return [
         {
             "condition": case.condition,
             "section": pull.section,
             "height_mm": 1e3 * truth,
-            "looks": len(chosen),
+            "looks": len(errors),
             "mean_error_mm": float(np.mean(np.abs(errors))) if errors else None,
             "max_error_mm": float(np.max(np.abs(errors))) if errors else None,
-            "interval_95_mm": float(np.mean(widths)) if widths else None,
-            "covered": float(np.mean(covered)) if covered else None,
+            "std_of_estimate_mm": float(np.mean(deviations)) if errors else None,
+            "inside_2_std": inside(np.array(errors), np.array(deviations)),
         }
     ]
 

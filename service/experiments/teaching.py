@@ -2,29 +2,27 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.calibration import Run, arrange
 from estimator.errors import InputError
-from estimator.inverse import Estimate, Estimator, approach, replace_loads
-from estimator.model import ArmModel
+from estimator.inverse import approach, replace_loads
 from estimator.recording import Recording
 from estimator.rotations import from_quaternions, log
 from estimator.sensing import Registration, SectionPose, SensorSuite
 from estimator.sensors import SpecimenSensors
 from estimator.specimen import Specimen
-from service.errors import WorkFailedError
 from service.experiments.figures import Cells, beside, error_figures, without_unit
+from service.experiments.following import follow
 from service.experiments.holds import hold_windows, means
 from service.experiments.models import hand_loads, tracking_model
 from service.experiments.paper import TEACH_DEGREES, TEACH_MM
 from service.experiments.recorded import FakeRun, holds_table, perform
 from service.experiments.subsets import subset
 from service.offline.resample import resample
-from service.offline.track import actuation, settings
+from service.offline.track import actuation
 from service.recordings import load_recording
 
 Floats = NDArray[np.float64]
@@ -122,33 +120,6 @@ def still_windows(time: Floats, positions: Floats, look: float = 0.5) -> Floats:
         if times[end - 1] - times[start] >= SHORTEST_S
     ]
     return np.array(windows).reshape(-1, 2)
-
-
-def follow(model: ArmModel[Any, Any], specimen: Specimen, run: Run, moments: Floats) -> list[Estimate[Any]]:
-    """Follow a run and keep the estimates at some moments.
-
-    Args:
-        model: Model with the forces of a hand as unknown loads.
-        specimen: The calibrated robot.
-        run: What was recorded, at the rate of the estimates.
-        moments: [s], shape (moments,).
-
-    Raises:
-        WorkFailedError: An estimate at one of them did not converge.
-    """
-    estimator = Estimator(model, run.suite, settings(model.loads, specimen, run))
-    gravity = np.array(specimen.gravity_m_s2)
-    wanted = set(np.searchsorted(run.time, moments, side="right") - 1)
-    kept = []
-    for index, (time, readings, pressures) in enumerate(
-        zip(run.time, run.readings, run.pressures, strict=True)
-    ):
-        estimate = estimator.update(float(time), readings, pressures, gravity)
-        if index in wanted:
-            if estimate.status == "diverged":
-                raise WorkFailedError(f"{run.name}: the estimate at {time:.1f} s {estimate.status}")
-            kept.append(estimate)
-    return kept
 
 
 def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, number: int | None) -> TeachResult:

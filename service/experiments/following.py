@@ -1,0 +1,42 @@
+"""Estimates at chosen moments of a run, each reached through all that came before it."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.calibration import Run
+from estimator.inverse import Estimate, Estimator
+from estimator.model import ArmModel
+from estimator.specimen import Specimen
+from service.errors import WorkFailedError
+from service.offline.track import settings
+
+Floats = NDArray[np.float64]
+
+
+def follow(model: ArmModel[Any, Any], specimen: Specimen, run: Run, moments: Floats) -> list[Estimate[Any]]:
+    """Follow a run and keep the estimates at some moments.
+
+    Args:
+        model: Model with the forces of a hand as unknown loads.
+        specimen: The calibrated robot.
+        run: What was recorded, at the rate of the estimates.
+        moments: [s], shape (moments,).
+
+    Raises:
+        WorkFailedError: An estimate at one of them did not converge.
+    """
+    estimator = Estimator(model, run.suite, settings(model.loads, specimen, run))
+    gravity = np.array(specimen.gravity_m_s2)
+    wanted = set(np.searchsorted(run.time, moments, side="right") - 1)
+    kept = []
+    for index, (time, readings, pressures) in enumerate(
+        zip(run.time, run.readings, run.pressures, strict=True)
+    ):
+        estimate = estimator.update(float(time), readings, pressures, gravity)
+        if index in wanted:
+            if estimate.status == "diverged":
+                raise WorkFailedError(f"{run.name}: the estimate at {time:.1f} s {estimate.status}")
+            kept.append(estimate)
+    return kept
