@@ -6,7 +6,7 @@ estimate lets them, and sensors' effects are undone in the readings; what remain
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,7 @@ def estimator_of(
     settings: TrackerSettings,
     *,
     pressures_measured: bool,
+    guide: ArmModel[Any, Any] | None = None,
 ) -> Follower[State]:
     """Make the estimator of a specimen, with its physics where it has any.
 
@@ -60,12 +61,13 @@ def estimator_of(
         suite: The sensors.
         settings: What the estimator assumes.
         pressures_measured: Whether pressures are readings at the arm, not set-points.
+        guide: A fast model with ``loads``, at whose answer the search starts where there are no physics.
 
     Raises:
         InputError: The model's loads are others, or an effect does not fit the arm.
     """
     if not specimen.physics:
-        return Estimator(model, suite, settings)
+        return Estimator(model, suite, settings, guide)
     start = Inputs(np.zeros(model.chambers), np.zeros(len(model.loads)), np.zeros(3))
     rest = model.linearise(model.rest(), start).frames
     segments = Segments.of(specimen, model.sections, rest)
@@ -193,6 +195,16 @@ class AugmentedEstimator(Generic[State, Step]):
                     clean[part] = np.nan if stuck else undo(clean[part], plain[0], changed[0])
         self._memories = tuple(memories)
         return clean
+
+
+def bent_world(world: World, segments: Segments, response: Response) -> World:
+    """Give the world with the stiffness of the segments in the pose of every sample of a response."""
+    rows = segments.rows(response.frames)
+    first = response.motion.shape[-1] - 3 - rows.shape[-1]
+    by_wrench = response.motion[..., first : first + rows.shape[-1]]
+    compliance = np.einsum("tgai,tij,tgbj->tgab", rows, by_wrench, rows)
+    stiffness = [bounded_inverse(one, world.stiffness) for one in compliance]
+    return replace(world, stiffness=np.array(stiffness))
 
 
 def bounded_inverse(compliance: Floats, rest: Floats) -> Floats:

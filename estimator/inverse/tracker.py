@@ -1,7 +1,7 @@
 """The estimator that follows an arm through time, for the live service and for recordings alike."""
 
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,9 +63,17 @@ class Estimator(Generic[State, Step]):
         model: Model of the arm.
         suite: The sensors.
         settings: What it assumes.
+        guide: A fast model with the same chambers and loads, at whose answer a fresh search begins.
     """
 
-    def __init__(self, model: ArmModel[State, Step], suite: SensorSuite, settings: TrackerSettings) -> None:
+    def __init__(
+        self,
+        model: ArmModel[State, Step],
+        suite: SensorSuite,
+        settings: TrackerSettings,
+        guide: ArmModel[Any, Any] | None = None,
+    ) -> None:
+        self._guide = guide
         self._model = model
         self._suite = suite
         self._settings = settings
@@ -104,7 +112,7 @@ class Estimator(Generic[State, Step]):
         acting = self._settings.actuation.to_chamber(pressures)
         prior, guess = self._predict(time, acting, gravity)
         problem = self._problem(readings, acting, prior, gravity)
-        estimate = problem.solve(self._model, (self._start(guess), guess), self._settings.tolerances)
+        estimate = problem.solve(self._model, self._start(problem, guess), self._settings.tolerances)
         self._fresh = estimate.status == "diverged" or not np.isfinite(estimate.vector).all()
         if not self._fresh:
             self._memory = _Memory(time, estimate.state, estimate.inputs, estimate.covariance)
@@ -150,8 +158,21 @@ class Estimator(Generic[State, Step]):
             objectives = (*objectives, PressureReadings(acting, self._settings.actuation.chamber_sigma))
         return Problem(self._unknowns, self._suite, objectives, Limits(lower, upper), gravity)
 
-    def _start(self, guess: Inputs) -> State:
+    def _start(self, problem: Problem, guess: Inputs) -> tuple[State, Inputs]:
         if self._memory is not None and not self._fresh:
-            return self._memory.state
+            return self._memory.state, guess
+        guided = self._guided(problem, guess)
+        if guided is not None:
+            state, found = self._model.solve(guided, self._model.rest())
+            if found:
+                return state, guided
         state, _ = self._model.solve(guess, self._model.rest())
-        return state
+        return state, guess
+
+    def _guided(self, problem: Problem, guess: Inputs) -> Inputs | None:
+        """Give the inputs that the guide finds, None where it finds none."""
+        if self._guide is None:
+            return None
+        state, _ = self._guide.solve(guess, self._guide.rest())
+        estimate = problem.solve(self._guide, (state, guess), self._settings.tolerances)
+        return estimate.inputs if estimate.converged else None

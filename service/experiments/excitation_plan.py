@@ -1,6 +1,7 @@
 """Planning an excitation: from a diagnosis that leaves rivals to the manoeuvres that split them."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -9,12 +10,14 @@ from estimator.effects import EFFECTS, Spot, World
 from estimator.effects.augmented import PlacedEffect
 from estimator.errors import InputError
 from estimator.excitation import Limits, Manoeuvre, Plan, Rivals, Subject, menu, plan_for, whole
+from estimator.model import Inputs
 from estimator.sensing import Measurement, Registration, SensorSuite
 from estimator.sensors import SpecimenSensors
 from estimator.simulation import Segments, SimulatedArm, section_loads
 from estimator.specimen import Specimen
 from estimator.specimen.physics import Place
 from service.diagnosis.report import FindingPart, Report, Where
+from service.rods import known_rod, rod_for
 
 DEFAULT_SLEW = 200e3
 KINDS = ("bend", "orientation", "frame")
@@ -98,10 +101,8 @@ def subject_of(specimen: Specimen, sensors: Sequence[str] = ()) -> Subject:
         specimen: The arm.
         sensors: Names of its sensors, such as ``bend_tip``; orientations of all sections when empty.
     """
-    sections = build_arm(specimen, loads=()).sections
-    model = build_arm(specimen, loads=section_loads(sections))
-    segments = Segments.of(specimen, sections, model.section_frames(model.rest()))
-    arm = SimulatedArm(model, segments)
+    arm = _arm(specimen)
+    sections, segments = arm.model.sections, arm.segments
     names = tuple(sensors) or tuple(f"orientation_{name}" for name in sections)
     made = SpecimenSensors(specimen, sections, Registration())
     make: dict[str, Callable[[str], Measurement]] = {
@@ -114,6 +115,15 @@ def subject_of(specimen: Specimen, sensors: Sequence[str] = ()) -> Subject:
     )
     world = World.of(specimen, segments, sections, arm.stiffness(), names)
     return Subject(arm, segments, world, suite, np.array(specimen.gravity_m_s2))
+
+
+def _arm(specimen: Specimen) -> SimulatedArm[Any, Any]:
+    """Build the model: the calibrated rod where one is at hand, else the slower finite elements."""
+    plain: Any = rod_for(specimen) if known_rod(specimen) is not None else build_arm(specimen)
+    model = plain.with_loads(section_loads(plain.sections))
+    free = Inputs(np.zeros(model.chambers), np.zeros(len(model.loads)), np.zeros(3))
+    rest = model.linearise(model.rest(), free).frames
+    return SimulatedArm(model, Segments.of(specimen, model.sections, rest))
 
 
 def _sensor_names(report: Report) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.augmented import bent_world
 from estimator.calibration import arrange
 from estimator.effects.accepted import accepted_physics
 from estimator.effects.augmented import simulate_with
@@ -148,11 +149,13 @@ def bends(specimen: Specimen, path: Path) -> Bends:
     acting = _acting(specimen, run.pressures)
     sections = len(subject.world.sections)
     drive = Drive.of(run.time + start, acting, gravity, sections, subject.segments.count)
-    arm = LinearisedArm(subject.segments, drive, subject.arm.respond(drive))
+    response = subject.arm.respond(drive)
+    arm = LinearisedArm(subject.segments, drive, response)
+    world = bent_world(subject.world, subject.segments, response)
     names = [sensor.name for sensor in suite.measurements]
     found = [
-        simulate_with(effects, arm, subject.world, drive, suite).readings
-        for effects in ((), accepted_physics(specimen, subject.world))
+        simulate_with(effects, arm, world, drive, suite).readings
+        for effects in ((), accepted_physics(specimen, world))
     ]
     before, after = (np.concatenate([one[name] for name in names], axis=1) for one in found)
     return Bends(run.time, run.pressures, run.readings[:, rows], before, after)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.augmented import AugmentedEstimator, ShapedModel, Spread
+from estimator.augmented import AugmentedEstimator, ShapedModel, Spread, bent_world
 from estimator.augmented.estimator import bounded_inverse, undo
 from estimator.effects import EFFECTS, Spot, World
 from estimator.effects.augmented import PlacedEffect, simulate_with
@@ -68,10 +68,7 @@ def recorded(effect: PlacedEffect, samples: int = 22) -> tuple[np.ndarray, np.nd
     measured[:, 1] = np.clip(time, 0.0, 1.5) * 12e3
     measured[:, 3] = np.clip(time, 0.0, 1.0) * 15e3
     drive = Drive.of(time, ACTUATION.to_chamber(measured), GRAVITY, 2, 2)
-    plain = ARM.respond(drive)
-    rows = ARM.segments.rows(plain.frames)
-    compliance = np.einsum("tgai,tij,tgbj->tgab", rows, plain.motion[:, :, 6:18], rows)
-    bent = replace(WORLD, stiffness=np.array([bounded_inverse(one, WORLD.stiffness) for one in compliance]))
+    bent = bent_world(WORLD, ARM.segments, ARM.respond(drive))
     effect = replace(effect, spot=Spot(bent, effect.spot.place))
     done = simulate_with([effect], ARM, bent, drive, SUITE)
     assert done.settled
