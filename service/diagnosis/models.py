@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,10 @@ class SparseModel:
     solved: dict[tuple[int, ...], Answer]
     advance: Callable[[float], None]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process without the callback, which may belong to a terminal."""
+        return SparseModel, (self.model, self.solved, _quietly)
+
     @property
     def sections(self) -> tuple[str, ...]:
         """Names of the sections."""
@@ -126,7 +131,11 @@ class SparseModel:
         return answer, state if good else model.rest()
 
 
-def finite_element_model(specimen: Specimen, advance: Callable[[float], None] = lambda _: None) -> Model:
+def _quietly(_: float) -> None:
+    """Tell nobody."""
+
+
+def finite_element_model(specimen: Specimen, advance: Callable[[float], None] = _quietly) -> Model:
     """Diagnose on finite elements: for arms with few different inputs, or where no rod is at hand."""
     plain = build_arm(specimen, loads=())
     sections = tuple(plain.sections)
