@@ -75,7 +75,7 @@ class Pattern:
     def scatter(self, free: Floats) -> Floats:
         """Fill nodal vectors with zeros at held nodes, shape (..., 3 free) to (..., nodes, 3)."""
         nodal = np.zeros((*free.shape[:-1], len(self.place), 3))
-        nodal[..., self.free_nodes, :] = free.reshape(*free.shape[:-1], -1, 3)
+        nodal[..., self.free_nodes, :] = free.reshape(*free.shape[:-1], len(self.free_nodes), 3)
         return nodal
 
     def matrix(self, values: Floats, mirror: Floats) -> sparse.csc_matrix:

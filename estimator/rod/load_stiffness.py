@@ -39,7 +39,7 @@ def exact_moves(
     right = pattern.gather(nodal)
     moves = pattern.scatter(factor.solve(right))
     rows = _section_rows(model, loads)
-    if not rows:
+    if not rows or not len(moves):
         return moves
     for _ in range(SWEEPS):
         turned = _turned_forces(model, displacement, rows, moves)
