@@ -52,7 +52,7 @@ class SafetySettings(Table):
     """A valve bank that does not answer for so long is lost."""
     sensor_deadline_s: Positive = 0.15
     """A sensor without a valid reading for so long is stale."""
-    estimator_deadline_s: Positive = 0.5
+    estimator_deadline_s: Positive = 1.0
     """An estimator without a result for so long has failed."""
     setpoint_lifetime_s: Positive = 0.1
     """What is written to the valves expires after so long unless the loop renews it."""

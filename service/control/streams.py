@@ -11,6 +11,9 @@ from service.control.recorder import Document, Recorder
 from service.control.recorder import Sample as RecordedSample
 from service.recordings.mcap_writer import Stamp, Stream
 
+APART_NS = 1_000
+"""Samples that arrived together are kept so far apart: in a recording time rises."""
+
 
 class RecordedStreams:
     """Names the channels as the canonical columns do and hands every sample to the recorder.
@@ -42,6 +45,7 @@ class RecordedStreams:
         if base_body:
             self._topics[base_body] = ("frame/base", POSE_SUFFIXES)
         self._start_ns = clock_ns()
+        self._last_ns: dict[str, int] = {}
         self._sequence = 0
 
     def begin(self) -> None:
@@ -56,8 +60,10 @@ class RecordedStreams:
         topic, fields = place
         if len(fields) != len(sample.values):
             fields = POSE_SUFFIXES[-len(sample.values) :]
+        measured_ns = max(sample.measured_ns, self._last_ns.get(topic, 0) + APART_NS)
+        self._last_ns[topic] = measured_ns
         stamp = Stamp(
-            (sample.measured_ns - self._start_ns) * 1e-9,
+            (measured_ns - self._start_ns) * 1e-9,
             sample.arrival_ns,
             sample.device_ns,
             sample.sequence % 2**32,

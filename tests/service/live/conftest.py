@@ -1,21 +1,15 @@
 """One rig for all: fakes with the dynamic arm, and the service with its finite elements, as processes."""
 
-import socket
 from pathlib import Path
 
 import pytest
 
 from service.experiments.bench import FakeControl
 from service.experiments.session import connect, wait_ready
-from service.rig import FakeRig, RigSettings
+from service.rig import FakeRig, RigSettings, free_endpoint
+from tests.service.live.helpers import cleared
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @pytest.fixture(scope="package")
@@ -23,7 +17,7 @@ def rig(tmp_path_factory):
     settings = RigSettings(
         EXAMPLES / "scenarios" / "demo.toml",
         specimen=str(EXAMPLES / "specimens" / "fake_arm.toml"),
-        endpoint=f"tcp/127.0.0.1:{free_port()}",
+        endpoint=free_endpoint(),
         sensors=("orientation", "bend"),
     )
     with FakeRig(settings, tmp_path_factory.mktemp("rig")) as running:
@@ -41,3 +35,16 @@ def client(rig):
 def fakes(rig):
     with FakeControl(str(rig.announcement["control"])) as control:
         yield control
+
+
+@pytest.fixture(autouse=True)
+def _idle(request):
+    """Begin each test with a cleared arm and no fault at the fakes."""
+    if "client" not in request.fixturenames:
+        return
+    client, fakes = request.getfixturevalue("client"), request.getfixturevalue("fakes")
+    for ask in ("clear", "hand", "cord"):
+        fakes.ask(ask)
+    if wait_ready(client).mode != "IDLE":
+        client.command("stop")
+        cleared(client)

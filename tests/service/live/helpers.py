@@ -1,0 +1,70 @@
+"""What the live tests share: looking at the fakes, and an arm under pressure."""
+
+import contextlib
+import time
+
+import numpy as np
+
+from service.api.messages import State
+from service.network.client import CommandRefusedError
+
+VENTED_MBAR = [0] * 6
+VENTED_S = 0.3
+"""The fakes' own clock holds 0.2 s in test_faults; asking them takes its time on a busy machine."""
+
+
+def pose(fakes):
+    truth = fakes.ask("truth")
+    return np.array(truth["positions"]), np.array(truth["quaternions"])
+
+
+def setpoints(fakes):
+    return fakes.ask("truth")["setpoints_mbar"]["valves"]
+
+
+def seconds_until_vented(fakes, within=2.0):
+    begin = time.monotonic()
+    while setpoints(fakes) != VENTED_MBAR:
+        assert time.monotonic() - begin < within, "the valves hold pressure"
+    return time.monotonic() - begin
+
+
+def wait_for_mode(client, mode, timeout=5.0):
+    return client.wait_for("state", State, lambda s: s.mode == mode, timeout)
+
+
+@contextlib.contextmanager
+def collecting(client, stream):
+    found = []
+    with client.subscribe(stream, found.append):
+        yield found
+
+
+@contextlib.contextmanager
+def pressurised(client, mode="ARMED", pressure=20e3):
+    """The arm under pressure in a mode; afterwards IDLE."""
+    with client.lease():
+        client.command("arm")
+        client.command("set_pressures", pressures_pa=[pressure, *[0.0] * 5], lifetime_s=10.0)
+        if mode in ("TEACH", "HOLDING"):
+            client.command("teach/start")
+            client.wait_for("state", State, lambda s: s.teach_pressures_pa is not None, 5.0)
+        if mode == "HOLDING":
+            client.command("teach/hold", ramp_s=0.2)
+        client.wait_for("state", State, lambda s: max(p or 0.0 for p in s.measured_pa) > 0.5 * pressure, 5.0)
+        yield
+        if client.state().mode not in ("IDLE", "FAULTED"):
+            client.command("disarm")
+
+
+def cleared(client, timeout=10.0):
+    """Clear the latched fault as soon as its cause is gone; nothing comes back by itself."""
+    deadline = time.monotonic() + timeout
+    while True:
+        try:
+            client.command("clear")
+            return wait_for_mode(client, "IDLE")
+        except CommandRefusedError:
+            assert time.monotonic() < deadline
+            if client.state().mode == "IDLE":
+                return client.state()

@@ -1,0 +1,53 @@
+"""The death of the service's own processes; after these the rig is done for, so they come last."""
+
+import os
+import signal
+import subprocess
+import threading
+from pathlib import Path
+
+import pytest
+
+from service.network.client import SoftarmClient
+from service.recordings import load_recording
+from tests.service.live.helpers import (
+    VENTED_MBAR,
+    VENTED_S,
+    cleared,
+    pressurised,
+    seconds_until_vented,
+    setpoints,
+    wait_for_mode,
+)
+
+pytestmark = pytest.mark.timeout(240)
+
+
+def test_killed_estimator_vents_a_held_pose(rig, client, fakes):
+    (estimator,) = children(rig.service.process.pid, "multiprocessing")
+    with pressurised(client, "HOLDING"):
+        os.kill(estimator, signal.SIGKILL)
+        assert seconds_until_vented(fakes) < VENTED_S
+        assert "estimator" in wait_for_mode(client, "FAULTED").fault_cause
+
+
+def children(parent, word):
+    listed = subprocess.run(
+        ["ps", "--ppid", str(parent), "-o", "pid=,args="], capture_output=True, text=True, check=True
+    ).stdout
+    return [int(line.split()[0]) for line in listed.splitlines() if word in line and "tracker" not in line]
+
+
+def test_killed_service_leaves_the_arm_vented_and_its_recording_readable(rig, client, fakes):
+    if client.state().mode == "FAULTED":
+        cleared(client)
+    with SoftarmClient(rig.settings.arm, rig.settings.endpoint, name="last") as last, last.lease():
+        path = Path(str(last.command("record/start", name="torn").applied["path"]))
+        last.command("arm")
+        last.command("set_pressures", pressures_pa=[2e4] * 6, lifetime_s=10.0)
+        threading.Event().wait(2.5)  # the file is flushed every second
+        assert setpoints(fakes) != VENTED_MBAR
+        rig.service.process.kill()
+        assert seconds_until_vented(fakes) < VENTED_S
+    torn = load_recording(path.with_name(path.name + ".part"))
+    assert torn.time[-1] - torn.time[0] > 0.8
