@@ -48,7 +48,7 @@ class SafetySettings(Table):
 
     lease_s: Positive = 1.0
     """A lease that is not renewed for so long is lost, and the arm vents."""
-    valve_deadline_s: Positive = 0.1
+    valve_deadline_s: Positive = 0.15
     """A valve bank that does not answer for so long is lost."""
     sensor_deadline_s: Positive = 0.15
     """A sensor without a valid reading for so long is stale."""

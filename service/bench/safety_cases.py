@@ -22,14 +22,10 @@ VALVE_FAULTS = frozenset(
         "node_down",
         "freeze",
         "drop_after_request",
-        "late_reply",
         "watchdog_fired",
         "second_master",
         "valve_fault",
         "supply_missing",
-        "wrong_transaction",
-        "wrong_protocol",
-        "garbage",
     }
 )
 """Faults of a valve terminal that end every pressurised mode: outputs unknown, lost, or not ours."""
