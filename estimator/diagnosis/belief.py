@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from estimator.diagnosis.gram import Products, Total, total
+from estimator.diagnosis.gram import Total
 
 Floats = NDArray[np.float64]
 
 JITTER = 1e-9
-RIDGES = (1e-9, 1e-7, 1e-5, 1e-3)
+RIDGES = (0.0, 1e-9, 1e-7, 1e-5, 1e-3)
 """Added to a unit diagonal until a matrix is positive."""
 
 
@@ -129,21 +129,26 @@ class Marginal:
         values = np.linalg.solve(scaled, self.vector[list(columns)] / size) / size
         return float(self.vector[list(columns)] @ values), values
 
-    def null_draws(self, rng: np.random.Generator, draws: int) -> Floats:
-        """Draw what b would be where nothing is missing, shape (draws, columns): normal of covariance M."""
-        diagonal = np.diag(self.matrix)
+    def null_draws(self, rng: np.random.Generator, draws: int, first: int) -> Floats:
+        """Draw what b would be where nothing is missing: normal of covariance M.
+
+        Args:
+            rng: Of the draws.
+            draws: Number of draws.
+            first: First column that is drawn; all must be of one order of size.
+
+        Returns:
+            Shape (draws, columns from the first).
+        """
+        block = self.matrix[first:, first:]
+        diagonal = np.diag(block)
         visible = diagonal > 1e-9 * diagonal.max(initial=0.0)
         size = np.where(visible, np.sqrt(np.maximum(diagonal, 1e-300)), 1.0)
-        scaled = np.where(np.outer(visible, visible), self.matrix / np.outer(size, size), 0.0)
+        scaled = np.where(np.outer(visible, visible), block / np.outer(size, size), 0.0)
         values, vectors = np.linalg.eigh(_symmetric(scaled))
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         drawn: Floats = (rng.normal(size=(draws, len(size))) @ root.T) * size
         return drawn
-
-
-def solve_common(belief: Belief, parts: Sequence[Products], share: float) -> Floats:
-    """Give the common coefficients after some products, shape (columns,)."""
-    return belief.updated(total(parts, len(belief.mean)), share).mean
 
 
 def _symmetric(matrix: Floats) -> Floats:

@@ -28,6 +28,8 @@ CLOSE = 0.8
 """Share of the best gain in the criterion below which a hypothesis is no candidate."""
 MATERIAL = 0.10
 """Share of the explainable mismatch that an effect must remove."""
+EXPLAINABLE = 0.25
+"""Share of the scatter that counts as explainable at least."""
 REPEATABLE = 1.0
 """Or root mean square of its change over the scatter of the residuals."""
 DRAWS = 400
@@ -36,6 +38,11 @@ INVISIBLE = 1e-3
 FALSE_ALARM = 0.01
 HETEROGENEITY = 0.5
 """Largest spread between recordings of an effect's size, over the size."""
+TOLD = 3.0
+"""Size of an amplitude over its standard deviation from which it is told from none."""
+EXACT_STEPS = 2
+DIRECT = ("command", "pressure", "gravity", "load")
+"""Where effects enter the model that need few of its answers."""
 TIED = 0.97
 """Share of the gain from which a rival is as good."""
 
@@ -132,6 +139,7 @@ class Search:
         belief: What nominal recordings, or priors, say of the common coefficients.
         executor: Runs fits.
         rng: Of bootstraps.
+        exact: Whether the winners are fitted again on the model itself: where it has few different inputs.
         advance: Called with 1 after each step.
     """
 
@@ -140,6 +148,7 @@ class Search:
     belief: Belief
     executor: Executor
     rng: np.random.Generator
+    exact: bool = False
     advance: Callable[[float], None] = lambda _: None
 
     def run(self) -> Choice:
@@ -147,12 +156,13 @@ class Search:
         accepted: list[Accepted] = []
         fit: Fit | None = None
         alarm_p, turned_down = 1.0, None
+        refused: frozenset[int] = frozenset()
         while len(accepted) < MOST:
             parts = self.parts(fit)
             marginal = Marginal.of(
                 self.belief, total(_searched(parts), self.evidence.size), self.weights.share
             )
-            taken = frozenset(a.candidate.number for a in accepted)
+            taken = frozenset(a.candidate.number for a in accepted) | refused
             ranked = self.screen(marginal, taken)
             null = self.null(marginal)
             if not accepted:
@@ -167,6 +177,10 @@ class Search:
             accepted.append(found)
             fit = self.refit(found.candidate.fit)
             self.advance(1.0)
+            accepted, fit, dropped = self.pruned(accepted, fit)
+            refused |= dropped
+        if fit is not None and self.exact and all(h.effect.hook in DIRECT for h in fit.hypotheses):
+            fit = fit_effects(self.ground(), fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
         return Choice(tuple(accepted), fit, alarm_p, turned_down)
 
     def parts(self, fit: Fit | None) -> list[Products]:
@@ -188,7 +202,7 @@ class Search:
                 for h, theta in zip(fit.hypotheses, fit.thetas, strict=True)
                 if h.place.sensor in (None, *stage.world.sensors)
             ]
-            found.append(residual - stage.change(placed))
+            found.append(residual - stage.change(placed, exact=fit.exact))
         return found
 
     def screen(self, marginal: Marginal, taken: frozenset[int]) -> list[tuple[int, float, Floats]]:
@@ -213,7 +227,8 @@ class Search:
 
     def null(self, marginal: Marginal) -> Floats:
         """Draw the best score of the whole screen where nothing is missing, shape (draws,)."""
-        drawn = marginal.null_draws(self.rng, DRAWS)
+        first = self.evidence.nuisances
+        drawn = marginal.null_draws(self.rng, DRAWS, first)
         price = np.log(max(marginal.count, 2.0))
         best = np.full(DRAWS, -np.inf)
         for number, _, columns in self.evidence.library.groups():
@@ -223,7 +238,7 @@ class Search:
             block = marginal.matrix[np.ix_(own, own)]
             size = np.sqrt(np.maximum(np.diag(block), 1e-300))
             scaled = block / np.outer(size, size) + 1e-6 * np.eye(len(own))
-            whitened = drawn[:, own] / size
+            whitened = drawn[:, [k - first for k in own]] / size
             gains = (whitened * np.linalg.solve(scaled, whitened.T).T).sum(axis=1)
             parameters = len(self.evidence.library.hypotheses[number].effect.parameters)
             best = np.maximum(best, gains - price * parameters)
@@ -306,7 +321,7 @@ class Search:
             sizes.append(own.vector[-1] / max(own.matrix[-1, -1], 1e-12))
             precisions.append(own.matrix[-1, -1])
         low, high = bootstrap(self.rng, np.array(before), np.array(after))
-        explainable = max(float(np.sum(before) - np.sum(counts)), 1e-9)
+        explainable = max(float(np.sum(before) - np.sum(counts)), EXPLAINABLE * float(np.sum(counts)))
         changed = sum(part.matrix[-1, -1] for part in parts) / max(sum(part.count for part in parts), 1)
         return Judgement(
             float(np.sqrt(np.sum(before) / np.sum(counts))),
@@ -337,6 +352,16 @@ class Search:
             )
         return found
 
+    def pruned(self, accepted: list[Accepted], fit: Fit) -> tuple[list[Accepted], Fit | None, frozenset[int]]:
+        """Drop effects whose sizes are no longer told from none once all are fitted together."""
+        needed = [k for k in range(len(accepted)) if _told(fit, k)]
+        if len(needed) == len(accepted):
+            return accepted, fit, frozenset()
+        dropped = frozenset(accepted[k].candidate.number for k in range(len(accepted)) if k not in needed)
+        left = self.subset(fit, needed)
+        kept = [accepted[k] for k in needed]
+        return kept, self.refit(left) if left is not None else None, dropped
+
     def subset(self, fit: Fit, kept: Sequence[int]) -> Fit | None:
         """Keep some effects of a fit as they are; ``None`` where none is kept."""
         if not kept:
@@ -350,6 +375,17 @@ class Search:
     def refit(self, fit: Fit) -> Fit:
         """Fit all accepted effects together."""
         return fit_effects(self.ground(), fit.hypotheses, fit.thetas)
+
+
+def _told(fit: Fit, number: int) -> bool:
+    """Tell whether some amplitude of an effect is told from none."""
+    effect, theta, stds = fit.hypotheses[number].effect, fit.thetas[number], fit.stds(number)
+    sizes = [
+        abs(value) / max(std, 1e-300)
+        for parameter, value, std in zip(effect.parameters, theta, stds, strict=True)
+        if parameter.role == "amplitude"
+    ]
+    return max(sizes) >= TOLD
 
 
 def _start(

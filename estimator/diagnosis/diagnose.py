@@ -2,13 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.belief import Belief
-from estimator.diagnosis.calibration import calibrate_sessions
+from estimator.diagnosis.calibration import Fitted, calibrate_sessions
 from estimator.diagnosis.choose import Choice, Search
 from estimator.diagnosis.conclude import (
     findings_of,
@@ -33,6 +32,9 @@ from estimator.diagnosis.result import (
 from estimator.diagnosis.session import Session, channels, units
 from estimator.diagnosis.split import excitation, hold_out
 from estimator.diagnosis.stage import Model, Stage
+from estimator.diagnosis.stuck import Stuck, find_stuck, stuck_findings, without_stuck
+from estimator.diagnosis.swapped import refuse_swapped
+from estimator.diagnosis.swing import fit_swing, swinging
 from estimator.diagnosis.weights import Weights
 from estimator.diagnosis.words import EXCITATION
 from estimator.effects import EFFECTS
@@ -56,11 +58,15 @@ class Outcome:
         diagnosis: The result.
         accepted: The effects with their parameters.
         stds: Standard deviations of these.
+        fitted: The calibration; ``None`` where only valves were recorded.
+        covariance: Covariance of its unknowns, shape (unknowns, unknowns).
     """
 
     diagnosis: Diagnosis
     accepted: tuple[PlacedEffect, ...]
     stds: tuple[tuple[float, ...], ...]
+    fitted: Fitted | None = None
+    covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def diagnose(
@@ -70,6 +76,7 @@ def diagnose(
     *,
     seed: int = 0,
     notes: Sequence[str] = (),
+    effects: Sequence[EffectName] | None = None,
     advance: Callable[[str], None] = lambda _: None,
 ) -> Outcome:
     """Find the physics that a model lacks.
@@ -80,6 +87,7 @@ def diagnose(
         executor: Runs independent work.
         seed: Of everything random.
         notes: What was noticed of the recordings.
+        effects: Effects to try; all when left out.
         advance: Told what is being done.
     """
     rng = np.random.default_rng(seed)
@@ -90,7 +98,19 @@ def diagnose(
     fitted = calibrate_sessions(model, known)
     advance("predicting")
     stages = tuple(fitted.stage(model, session) for session in split)
-    library = build_library(_common_world(stages).world, np.concatenate([s.pressures for s in split]))
+    refuse_swapped(stages)
+    stuck = tuple(one for stage in stages if not stage.session.nominal for one in find_stuck(stage))
+    stages = tuple(
+        without_stuck(stage, tuple(one for one in stuck if one.recording == stage.session.name))
+        for stage in stages
+    )
+    swing = fit_swing([stage for stage in stages if stage.session.nominal] or stages)
+    if swing is not None:
+        stages = tuple(swinging(stage, swing) for stage in stages)
+        notes = (*notes, f"Motion matters: the model swings at {1.0 / (2.0 * np.pi * swing[0]):.1f} Hz.")
+    library = build_library(
+        _common_world(stages).world, np.concatenate([s.pressures for s in split]), effects
+    )
     advance("trying effects")
     changes = list(executor.map(_columns, [(stage, library) for stage in stages]))
     columns = tuple(
@@ -101,14 +121,14 @@ def diagnose(
     )
     forms = columns[0].shape[-1] - len(fitted.vector) - len(library.directions)
     residuals = tuple(stage.residual for stage in stages)
-    evidence = Evidence(stages, fitted, library, residuals, columns, forms)
+    evidence = Evidence(model.specimen.name, stages, fitted, library, residuals, columns, forms)
     weights = evidence.weigh()
     belief, width = belief_before(evidence, weights)
     advance("fitting")
-    search = Search(evidence, weights, belief, executor, rng, lambda _: advance("fitting"))
+    search = Search(evidence, weights, belief, executor, rng, not model.fast, lambda _: advance("fitting"))
     choice = search.run()
     advance("judging")
-    return _outcome(search, choice, how, (*notes, *_notes(width, known)), model)
+    return _outcome(search, choice, how, (*notes, *_notes(width, known)), stuck)
 
 
 def _columns(work: tuple[Stage, Library]) -> NDArray[np.float32]:
@@ -131,20 +151,22 @@ def _notes(width: float, known: Sequence[Session]) -> list[str]:
     return ["No nominal recording was given: the specimen itself is what the recordings are judged against."]
 
 
-def _outcome(search: Search, choice: Choice, how: str, notes: Sequence[str], model: Model) -> Outcome:
+def _outcome(
+    search: Search, choice: Choice, how: str, notes: Sequence[str], stuck: tuple[Stuck, ...]
+) -> Outcome:
     evidence, weights = search.evidence, search.weights
     suspects = [stage for stage in evidence.stages if not stage.session.nominal]
     before, after = search.parts(None), search.parts(choice.fit)
     predictions = held_out(search, before, after)
-    findings = findings_of(search, choice)
+    findings = (*findings_of(search, choice), *stuck_findings(stuck))
     remainder = _remainder(search, choice)
-    left_map = _map(search, choice) if findings else LocationMap()
     first_map = _map(search, None)
+    left_map = _map(search, choice) if choice.fit is not None else first_map
     baseline = _baseline(suspects, weights, predictions.rms()[0])
-    verdict = _verdict(choice, remainder)
-    unexplained = _unexplained(verdict, remainder, left_map if findings else first_map)
+    verdict = _verdict(choice, remainder, found=bool(findings))
+    unexplained = _unexplained(verdict, remainder, left_map)
     diagnosis = Diagnosis(
-        specimen=model.specimen.name,
+        specimen=evidence.specimen,
         recordings=tuple(stage.session.name for stage in suspects),
         nominal=tuple(stage.session.name for stage in evidence.stages if stage.session.nominal),
         verdict=verdict,
@@ -158,11 +180,14 @@ def _outcome(search: Search, choice: Choice, how: str, notes: Sequence[str], mod
         traces=traces_of(search, choice),
     )
     fit = choice.fit
+    known = len(evidence.fitted.values)
+    covariance = search.belief.covariance[:known, :known]
     if fit is None:
-        return Outcome(diagnosis, (), ())
+        return Outcome(diagnosis, (), (), evidence.fitted, covariance)
     world = _common_world(evidence.stages).world
     placed = tuple(h.placed(world, theta) for h, theta in zip(fit.hypotheses, fit.thetas, strict=True))
-    return Outcome(diagnosis, placed, tuple(tuple(fit.stds(k).tolist()) for k in range(len(placed))))
+    stds = tuple(tuple(fit.stds(k).tolist()) for k in range(len(placed)))
+    return Outcome(diagnosis, placed, stds, evidence.fitted, covariance)
 
 
 def _baseline(stages: Sequence[Stage], weights: Weights, normalised: float) -> Baseline:
@@ -182,50 +207,24 @@ def _baseline(stages: Sequence[Stage], weights: Weights, normalised: float) -> B
 
 
 def _remainder(search: Search, choice: Choice) -> float:
-    """Give the rms that findings and common coefficients leave, over the same in nominal recordings.
+    """Give what the library cannot explain of the recordings in question, over the same of nominal ones.
 
-    Without nominal recordings it is over the scatter that the fullest model leaves.
+    Without nominal recordings it is over the scatter itself.
     """
-    size = search.evidence.size
-    parts = search.parts(choice.fit)
-    common = search.belief.updated(
-        total([p for p in parts if not p.heldout], size), search.weights.share
-    ).mean
-    left = sum(part.cost(common) for part in parts) / max(sum(part.count for part in parts), 1)
-    nominal = [p for p in search.evidence.products(search.weights) if p.nominal]
-    if not nominal:
-        return float(np.sqrt(max(left, 0.0)))
-    known = search.belief.updated(total(nominal, size), search.weights.share).mean
-    floor = sum(part.cost(known) for part in nominal) / max(sum(part.count for part in nominal), 1)
-    return float(np.sqrt(max(left, 0.0) / max(floor, 1e-12)))
+    evidence, weights = search.evidence, search.weights
+    left = evidence.leftover(weights, search.residuals(choice.fit), nominal=False)
+    known = evidence.leftover(weights, evidence.residuals, nominal=True)
+    return left / known if known > 0.0 else left
 
 
 def _map(search: Search, choice: Choice | None) -> LocationMap:
-    evidence = search.evidence
     residuals = search.residuals(choice.fit if choice else None)
-    chosen = [k for k, stage in enumerate(evidence.stages) if not stage.session.nominal]
-    count = evidence.nuisances
-    prior = Belief(search.belief.mean[:count], search.belief.covariance[:count, :count])
-    common = search.belief.mean.copy()
-    common[:count] = 0.0
-    left = []
-    for k in chosen:
-        own = residuals[k] - evidence.columns[k] @ common
-        own[evidence.stages[k].session.heldout] = np.nan
-        left.append(own)
-    return locate(
-        [evidence.stages[k] for k in chosen],
-        left,
-        search.weights,
-        [np.asarray(evidence.columns[k][..., :count], dtype=np.float64) for k in chosen],
-        prior,
-        search.rng,
-    )
+    return locate(search.evidence, residuals, search.weights, search.belief, search.rng)
 
 
-def _verdict(choice: Choice, remainder: float) -> Verdict:
+def _verdict(choice: Choice, remainder: float, *, found: bool) -> Verdict:
     structured = remainder > STRUCTURE
-    if choice.accepted:
+    if found:
         return "partly_explained" if structured else "explained"
     doubtful = choice.turned_down is not None and choice.turned_down[1].gain_ci95[0] > 0.1
     return "unexplained" if structured or (doubtful and choice.alarm_p < SIGNIFICANT) else "consistent"

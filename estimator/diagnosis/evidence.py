@@ -31,6 +31,7 @@ class Evidence:
     """Residuals and columns of all sessions.
 
     Args:
+        specimen: Name of the specimen.
         stages: The sessions on the calibrated model.
         fitted: The calibration, whose unknowns are the first columns.
         library: Directions: the columns after them.
@@ -40,6 +41,7 @@ class Evidence:
         kept: Products under the last noise model, by its scales.
     """
 
+    specimen: str
     stages: tuple[Stage, ...]
     fitted: Fitted
     library: Library
@@ -83,6 +85,7 @@ class Evidence:
         covariance[:count, :count] = np.linalg.inv(rows.T @ rows)
         forms = np.arange(count, self.nuisances)
         covariance[forms, forms] = form**2
+        covariance[self.nuisances - 1, self.nuisances - 1] = 1.0  # the clocks are unknown whatever is assumed
         own = np.arange(self.nuisances, self.size)
         covariance[own, own] = background**2
         mean = np.zeros(self.size)
@@ -105,8 +108,9 @@ class Evidence:
         return found
 
     def scale(self, weights: Weights, number: int) -> Floats:
-        """Give the standard deviation of each row of a session, shape (rows,)."""
-        return np.array([weights.scale[name] for name in channels(self.stages[number].suite)])
+        """Give the standard deviation of each residual of a session, shape (samples, rows)."""
+        stage = self.stages[number]
+        return np.hypot([weights.scale[name] for name in channels(stage.suite)], stage.unrest)
 
     def _first(self, weights: Weights, number: int) -> list[Products]:
         session = self.stages[number].session
@@ -124,15 +128,33 @@ class Evidence:
         """Learn the noise model from what the fullest model leaves outside the held-out stretches."""
         weights = weights_of(self.names, self._seen(self.residuals), self._sigmas)
         for _ in range(rounds):
-            left = list(self.residuals)
-            for nominal in (True, False):
-                left = self._fullest(weights, left, nominal=nominal)
-            weights = weights_of(self.names, self._seen(left), self._sigmas)
+            each = [self._fullest(weights, self.residuals, nominal=nominal) for nominal in (True, False)]
+            left = [each[0 if s.session.nominal else 1][k] for k, s in enumerate(self.stages)]
+            weights = weights_of(self.names, self._seen(self._calmed(left, weights)), self._sigmas)
         return weights
+
+    def _calmed(self, residuals: Sequence[Floats], weights: Weights) -> list[Floats]:
+        """Shrink residuals by what unrest adds to their scatter."""
+        found = []
+        for number, (stage, left) in enumerate(zip(self.stages, residuals, strict=True)):
+            row = np.array([weights.scale[name] for name in channels(stage.suite)])
+            found.append(left * row / self.scale(weights, number))
+        return found
+
+    def leftover(self, weights: Weights, residuals: Sequence[Floats], *, nominal: bool) -> float:
+        """Give the rms, over its scatter, of what everything at once leaves of some recordings."""
+        left = self._calmed(self._fullest(weights, residuals, nominal=nominal), weights)
+        squares = [
+            (own[~stage.session.heldout] / [weights.scale[name] for name in names]).ravel() ** 2
+            for stage, own, names in zip(self.stages, left, self.names, strict=True)
+            if stage.session.nominal == nominal
+        ]
+        return float(np.sqrt(np.nanmean(np.concatenate(squares)))) if squares else 0.0
 
     def _fullest(self, weights: Weights, left: Sequence[Floats], *, nominal: bool) -> list[Floats]:
         """Give what everything at once leaves of nominal, or other, recordings, widened by what it spent."""
-        parts = [p for p in self.products(weights) if not p.heldout and p.nominal == nominal]
+        every = self.products(weights, left)
+        parts = [p for p in every if not p.heldout and p.nominal == nominal]
         if not parts:
             return list(left)
         everything = total(parts, self.size)
@@ -150,7 +172,8 @@ class Evidence:
         squares: dict[tuple[str, str], list[Floats]] = {}
         groups = [_groups(stage) for stage in self.stages]
         for stage, own in zip(self.stages, groups, strict=True):
-            for group, column in zip(own, stage.reading_rows.T, strict=True):
+            seen = stage.reading_rows[~stage.session.heldout]
+            for group, column in zip(own, seen.T, strict=True):
                 squares.setdefault(group, []).append(column[np.isfinite(column)] ** 2)
         # A body that moves along one axis is off along all: a group's channels share the largest motion.
         form: dict[tuple[str, str], float] = {}

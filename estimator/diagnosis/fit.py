@@ -102,6 +102,7 @@ class Fit:
         scales: Derivative of each parameter by its unit of the fit, shape (parameters,).
         gain: By how much they lower the cost against none of them.
         at_bound: Whether an amplitude ended at a bound that is not its neutral value.
+        exact: Whether it rests on the model itself and not on its linearisation.
     """
 
     hypotheses: tuple[Hypothesis, ...]
@@ -110,6 +111,7 @@ class Fit:
     scales: Floats
     gain: float
     at_bound: bool
+    exact: bool = False
 
     @property
     def parameters(self) -> int:
@@ -181,6 +183,7 @@ def fit_effects(
         chart.slopes(values),
         gain,
         chart.at_bound(values),
+        exact,
     )
 
 

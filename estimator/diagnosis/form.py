@@ -21,12 +21,18 @@ PRESSURE = 50e3
 STRAIN = 0.5
 ELONGATION = 0.02
 """Elongation [m] that stands beside a strain of ``STRAIN``."""
+CLOCK = 0.03
+"""Standard deviation of the delay between the clocks of pressures and motion [s]."""
 SPREAD = 0.04
 """Standard deviation of each coefficient, in strains of ``STRAIN`` at monomials of 1."""
 
 
 def form_columns(stage: Stage) -> Floats:
-    """Give the change of the predictions per unit of each coefficient, shape (samples, rows, columns)."""
+    """Give the change of the predictions per unit of each coefficient, that of the clock last.
+
+    Returns:
+        Shape (samples, rows, columns).
+    """
     by_strain = stage.by_strain
     size = np.array([STRAIN, STRAIN, STRAIN, ELONGATION])
     columns = []
@@ -35,7 +41,9 @@ def form_columns(stage: Stage) -> Floats:
         for axis in range(4):
             own = SPREAD * size[axis] * by_strain[..., 4 * g + axis]
             columns.append(own[..., None] * features[:, None, :])
-    return np.concatenate(columns, axis=-1)
+    predicted = np.nan_to_num(stage.reading_rows - stage.residual)
+    late = -CLOCK * np.gradient(predicted, stage.session.clock, axis=0)
+    return np.concatenate([*columns, late[..., None]], axis=-1)
 
 
 def monomials(stage: Stage, segment: int) -> Floats:

@@ -60,7 +60,7 @@ def products_of(
     Args:
         residual: NaN where lost, shape (samples, rows).
         columns: Shape (samples, rows, columns).
-        scale: Standard deviation of each row, shape (rows,).
+        scale: Standard deviation of each row, shape (rows,), or of each residual, (samples, rows).
         blocks: Stretch of each sample, shape (samples,).
         heldout: Samples held out, the same for a whole stretch, shape (samples,).
         session: Number of the session.
@@ -87,10 +87,11 @@ def renewed(
 ) -> list[Products]:
     """Give the products of a session with another residual, lost at the same places; see ``products_of``."""
     found = []
+    spread = np.broadcast_to(scale, residual.shape)
     stretches = _stretches(residual, scale, blocks)
     for part, (_, own, seen, weight) in zip(parts, stretches, strict=True):
         left = residual[own][seen] * weight
-        scaled = np.where(seen, np.nan_to_num(residual[own]) / scale**2, 0.0)
+        scaled = np.where(seen, np.nan_to_num(residual[own]) / spread[own] ** 2, 0.0)
         vector = _pull(columns[own], scaled)
         found.append(replace(part, vector=vector, power=float(left @ left)))
     return found
@@ -106,9 +107,10 @@ def with_column(
 ) -> list[Products]:
     """Give the products of a session with one more column, shape (samples, rows); see ``products_of``."""
     found = []
+    spread = np.broadcast_to(scale, residual.shape)
     stretches = _stretches(residual, scale, blocks)
     for part, (_, own, seen, _) in zip(parts, stretches, strict=True):
-        weighted = np.where(seen, np.nan_to_num(change[own]) / scale**2, 0.0)
+        weighted = np.where(seen, np.nan_to_num(change[own]) / spread[own] ** 2, 0.0)
         cross = _pull(columns[own], weighted)
         size = len(cross)
         matrix = np.empty((size + 1, size + 1))
@@ -132,11 +134,12 @@ def _stretches(
 ) -> list[tuple[int, Flags, Flags, Floats]]:
     """List the stretches that have residuals: number, samples, present residuals and their weights."""
     found = []
+    spread = np.broadcast_to(scale, residual.shape)
     for block in np.unique(blocks):
         own = blocks == block
         seen = np.isfinite(residual[own])
         if seen.any():
-            found.append((int(block), own, seen, np.broadcast_to(1.0 / scale, seen.shape)[seen]))
+            found.append((int(block), own, seen, 1.0 / spread[own][seen]))
     return found
 
 

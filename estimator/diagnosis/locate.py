@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.belief import Belief, Marginal
-from estimator.diagnosis.gram import Products, products_of, total
+from estimator.diagnosis.evidence import Evidence
+from estimator.diagnosis.gram import Total, total
 from estimator.diagnosis.result import Cell, CellKind, LocationMap, Regime
 from estimator.diagnosis.session import channels, units
 from estimator.diagnosis.stage import Stage
@@ -52,55 +53,42 @@ class Spotted:
 
 
 def locate(
-    stages: Sequence[Stage],
+    evidence: Evidence,
     residuals: Sequence[Floats],
     weights: Weights,
-    calibrations: Sequence[Floats],
-    prior: Belief,
+    belief: Belief,
     rng: np.random.Generator,
 ) -> LocationMap:
-    """Map a mismatch.
+    """Map the mismatch of the recordings in question, outside what is held out.
 
     Args:
-        stages: Sessions in question.
-        residuals: What is left in each, NaN where lost or held out, shape (samples, rows).
+        evidence: All recordings.
+        residuals: What is left in each of them, NaN where lost, shape (samples, rows).
         weights: Noise model.
-        calibrations: Columns of the calibration of each, shape (samples, rows, unknowns).
-        prior: Belief about those.
+        belief: Belief about the common coefficients, which stay free.
         rng: Of the draws without mismatch.
     """
-    parts: list[Products] = []
     found: list[tuple[CellKind, str, str, str, Regime]] = []
-    for number, (stage, left, known) in enumerate(zip(stages, residuals, calibrations, strict=True)):
-        spots = spotted(stage)
-        varied = regimes(stage)
-        cells = [(spot, name) for spot in spots for name in varied]
-        columns = np.stack(
-            [SIZES[spot.unit] * spot.column * varied[name][:, None] for spot in spots for name in varied],
-            axis=-1,
-        )
-        found = found or [(spot.kind, spot.name, spot.axis, spot.unit, name) for spot, name in cells]
-        scale = np.array([weights.scale[name] for name in channels(stage.suite)])
-        parts += products_of(
-            left,
-            np.concatenate([known, columns], axis=-1),
-            scale,
-            stage.session.blocks,
-            np.zeros(stage.session.samples, dtype=bool),
-            number,
-            nominal=False,
-        )
-    size, nuisances = len(found) + prior.mean.size, prior.mean.size
-    belief = _with_columns(prior, size)
-    everything = total(parts, size)
-    marginal = Marginal.of(belief, everything, weights.share)
-    diagonal = np.maximum(np.diag(marginal.matrix)[nuisances:], 1e-300)
-    values = marginal.vector[nuisances:] / diagonal
-    gains = marginal.vector[nuisances:] * values
-    drawn = marginal.null_draws(rng, DRAWS)[:, nuisances:]
-    null = (drawn**2 / diagonal).max(axis=1)
+    parts: list[tuple[Floats, Floats, Floats]] = []
+    for number, stage in enumerate(evidence.stages):
+        if stage.session.nominal or stage.session.heldout.all():
+            continue
+        names, columns = cells_of(stage)
+        found = found or names
+        if names == found:
+            parts.append(_cross(evidence, weights, number, residuals[number], columns))
+    if not parts:
+        return LocationMap()
+    searched = [p for p in evidence.products(weights, residuals) if not p.nominal and not p.heldout]
+    seen = total(searched, evidence.size)
+    marginal = Marginal.of(*_joined(belief, seen, parts), weights.share)
+    first = evidence.size
+    diagonal = np.maximum(np.diag(marginal.matrix)[first:], 1e-300)
+    values = marginal.vector[first:] / diagonal
+    gains = marginal.vector[first:] * values
+    null = (marginal.null_draws(rng, DRAWS, first) ** 2 / diagonal).max(axis=1)
     explainable = max(marginal.cost - marginal.count, float(gains.max(initial=0.0)), 1e-9)
-    cells_out = [
+    cells = [
         Cell(
             kind,
             name,
@@ -113,7 +101,55 @@ def locate(
         )
         for (kind, name, axis, unit, regime), value, gain in zip(found, values, gains, strict=True)
     ]
-    return LocationMap(tuple(sorted(cells_out, key=lambda cell: -cell.share)))
+    return LocationMap(tuple(sorted(cells, key=lambda cell: -cell.share)))
+
+
+def cells_of(stage: Stage) -> tuple[list[tuple[CellKind, str, str, str, Regime]], NDArray[np.float32]]:
+    """List the cells of a session and their columns, shape (samples, rows, cells)."""
+    spots, varied = spotted(stage), regimes(stage)
+    names = [(spot.kind, spot.name, spot.axis, spot.unit, regime) for spot in spots for regime in varied]
+    columns = np.stack(
+        [SIZES[spot.unit] * spot.column * values[:, None] for spot in spots for values in varied.values()],
+        axis=-1,
+    )
+    return names, columns.astype(np.float32)
+
+
+def _cross(
+    evidence: Evidence,
+    weights: Weights,
+    number: int,
+    residual: Floats,
+    columns: NDArray[np.float32],
+) -> tuple[Floats, Floats, Floats]:
+    """Multiply cells with common columns, with one another and with the residual of a session."""
+    stage = evidence.stages[number]
+    seen = np.isfinite(residual) & ~stage.session.heldout[:, None]
+    inverse = np.where(seen, 1.0 / evidence.scale(weights, number), 0.0).astype(np.float32)
+    cells = (columns * inverse[..., None]).reshape(-1, columns.shape[-1])
+    common = (evidence.columns[number] * inverse[..., None]).reshape(len(cells), -1)
+    left = np.where(seen, np.nan_to_num(residual), 0.0) * inverse
+    return (
+        np.asarray(np.dot(common.T, cells), dtype=np.float64),
+        np.asarray(np.dot(cells.T, cells), dtype=np.float64),
+        np.asarray(np.dot(cells.T, left.ravel()), dtype=np.float64),
+    )
+
+
+def _joined(
+    belief: Belief, seen: Total, parts: Sequence[tuple[Floats, Floats, Floats]]
+) -> tuple[Belief, Total]:
+    """Put cells beside the common columns; about cells the belief is that they are zero."""
+    known = len(belief.mean)
+    cross, own, pull = (np.sum([part[k] for part in parts], axis=0) for k in range(3))
+    size = known + len(pull)
+    matrix, covariance = np.zeros((size, size)), np.zeros((size, size))
+    matrix[:known, :known], matrix[known:, known:] = seen.matrix, own
+    matrix[:known, known:], matrix[known:, :known] = cross, cross.T
+    covariance[:known, :known] = belief.covariance
+    covariance[np.arange(known, size), np.arange(known, size)] = 1e-18
+    joined = Belief(np.append(belief.mean, np.zeros(len(pull))), covariance)
+    return joined, Total(seen.count, matrix, np.append(seen.vector, pull), seen.power)
 
 
 def spotted(stage: Stage) -> list[Spotted]:
@@ -187,12 +223,3 @@ def _unit(values: Floats) -> Floats:
 
 def _tilted(stage: Stage, turned: Floats) -> Drive:
     return replace(stage.drive, base_rotation=stage.drive.base_rotation + turned)
-
-
-def _with_columns(prior: Belief, size: int) -> Belief:
-    """Add coefficients that are not part of the belief: they stay where they are."""
-    covariance = np.zeros((size, size))
-    known = prior.mean.size
-    covariance[:known, :known] = prior.covariance
-    covariance[np.arange(known, size), np.arange(known, size)] = 1e-18
-    return Belief(np.append(prior.mean, np.zeros(size - known)), covariance)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from estimator.calibration.forward import registered, rigid_motion
 from estimator.calibration.parameters import Layout, Setting
-from estimator.diagnosis.session import Session
+from estimator.diagnosis.session import Session, units
 from estimator.effects import World
 from estimator.effects.augmented import PlacedEffect, simulate_with
 from estimator.model import Frames
@@ -22,6 +22,10 @@ Flags = NDArray[np.bool_]
 
 SPREAD = 8.0
 """Factor by which a segment's stiffness may differ between poses; more means that the model is lost."""
+SUDDEN, RINGDOWN = 0.2, 0.7
+RINGING = 0.2
+LEVER = 0.1
+"""See ``Stage.unrest``: [s], [s], a share, [m]."""
 STIFFNESS_STEP = 0.02
 """Relative change of a segment's stiffness by which the prediction is differentiated."""
 
@@ -114,6 +118,26 @@ class Stage:
         scene = Scene(first, self.scene.loads)
         rows: Floats = self.suite.sensitivity(scene, self.session.readings).innovation
         return rows
+
+    @cached_property
+    def unrest(self) -> Floats:
+        """What swings after fast changes may add, which a quasi-static arm leaves out, shape (samples, rows).
+
+        A change of bend within ``SUDDEN`` seconds rings down with the time constant ``RINGDOWN``; the share
+        ``RINGING`` of it counts as uncertain, on a lever of ``LEVER`` for positions.
+        """
+        bends = self.arm.baseline.strains[..., :2].reshape(self.session.samples, -1)
+        back = max(1, round(SUDDEN / self.session.step))
+        left = np.zeros(self.session.samples)
+        if back * self.session.step < RINGDOWN and self.session.samples > back:
+            change = np.abs(bends[back:] - bends[:-back]).max(axis=1)
+            left[back:] = change
+            kept = np.exp(-np.diff(self.session.clock) / RINGDOWN)
+            for k in range(1, len(left)):
+                left[k] = max(left[k], left[k - 1] * kept[k - 1])
+        lever = np.array([LEVER if unit == "m" else 1.0 for unit in units(self.suite)])
+        uncertain: Floats = RINGING * left[:, None] * lever
+        return uncertain
 
     def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> Floats:
         """Give by how much effects change the predictions, shape (samples, rows).

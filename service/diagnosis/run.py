@@ -8,9 +8,20 @@ from pathlib import Path
 
 import numpy as np
 
+from estimator.calibration import (
+    BatchSolver,
+    Calibrated,
+    CalibrationRefusedError,
+    Check,
+    Options,
+    arrange,
+    calibrate,
+    calibrated_specimen,
+)
+from estimator.calibration.identifiability import identify
 from estimator.diagnosis.admit import Admitted, admit, motion_columns
 from estimator.diagnosis.diagnose import Outcome, diagnose
-from estimator.diagnosis.prepare import averaged, prepare
+from estimator.diagnosis.prepare import averaged, blocks_of, prepare
 from estimator.diagnosis.release import find_release
 from estimator.diagnosis.session import Session
 from estimator.diagnosis.stage import Model
@@ -18,6 +29,7 @@ from estimator.diagnosis.valve_stage import splits_of, valve_diagnosis, valve_fi
 from estimator.effects.accepted import physics_entry
 from estimator.errors import InputError
 from estimator.recording import Recording
+from estimator.sensing import Bend
 from estimator.specimen import Specimen
 from service.diagnosis.models import finite_element_model, rod_model
 from service.offline.inputs import load_recordings
@@ -73,13 +85,42 @@ def run(request: Request, executor: Executor, tell: Callable[[str], None] = lamb
         return Outcome(replace(diagnosis, seconds=time.monotonic() - began), (), ())
     model = _model(request.specimen, admitted, tell)
     sessions, notes = sessions_of(admitted, request.specimen, model)
+    if _without_axes(request.specimen, sessions):
+        tell("finding the axes of bends")
+        specimen, words = with_axes(request.specimen, admitted, model.sections)
+        model = replace(model, specimen=specimen)
+        sessions, notes = sessions_of(admitted, specimen, model)
+        notes = (*notes, words)
     outcome = diagnose(model, sessions, executor, seed=request.seed, notes=notes, advance=tell)
     diagnosis = replace(with_valves(outcome.diagnosis, faults), seconds=time.monotonic() - began)
     return replace(outcome, diagnosis=diagnosis)
 
 
+def _without_axes(specimen: Specimen, sessions: Sequence[Session]) -> bool:
+    sensors = [m for session in sessions for m in session.suite.measurements]
+    return not specimen.calibration.bends and any(isinstance(sensor, Bend) for sensor in sensors)
+
+
+def with_axes(specimen: Specimen, admitted: Admitted, sections: tuple[str, ...]) -> tuple[Specimen, str]:
+    """Calibrate a specimen whose bends' axes nobody knows; every fourth stretch of time stays unseen."""
+    chosen = admitted.nominal or tuple(
+        recording.window(np.asarray(blocks_of(recording.time) % 4 != 2)) for recording in admitted.suspects
+    )
+    runs = [arrange(recording, specimen, sections) for recording in chosen]
+    solver = BatchSolver(rod_for(specimen).with_loads(()))
+    try:
+        found = calibrate(solver, specimen, runs, Options(search_axes=True))
+    except CalibrationRefusedError as refusal:
+        return specimen, f"The axes of the bends stay as described: {refusal}"
+    words = (
+        "Rotation and handedness of the bends' axes were found before anything else, outside held-out time."
+    )
+    return calibrated_specimen(specimen, found), words
+
+
 def improved_specimen(specimen: Specimen, outcome: Outcome) -> Specimen:
-    """Add what was found to a specimen; an effect at the same place takes the place of the old one."""
+    """Write calibration and findings into a specimen; an effect replaces one of its kind at its place."""
+    specimen = _calibrated(specimen, outcome)
     entries = [
         physics_entry(placed, stds, outcome.diagnosis.recordings)
         for placed, stds in zip(outcome.accepted, outcome.stds, strict=True)
@@ -87,6 +128,30 @@ def improved_specimen(specimen: Specimen, outcome: Outcome) -> Specimen:
     new = {(entry.effect, entry.where) for entry in entries}
     kept = [entry for entry in specimen.physics if (entry.effect, entry.where) not in new]
     return specimen.model_copy(update={"physics": (*kept, *entries)})
+
+
+def _calibrated(specimen: Specimen, outcome: Outcome) -> Specimen:
+    fitted = outcome.fitted
+    if fitted is None:
+        return specimen
+    diagnosis = outcome.diagnosis
+    names = diagnosis.nominal or diagnosis.recordings
+    found = Calibrated(
+        identified=identify(fitted.layout, fitted.values, outcome.covariance),
+        covariance=outcome.covariance,
+        mirrored={
+            section: specimen.calibration.bend(section).mirrored
+            for section in (s.name for s in specimen.sections)
+            if f"bend_{section}.bias_x" in fitted.layout.names
+        },
+        check=Check({}, {}, {}, {}, 0),
+        lags=(),
+        status="converged",
+        nodes=0,
+        unsolved=0,
+        recordings=names,
+    )
+    return calibrated_specimen(specimen, found, "by softarm diagnose, before any effect was looked for")
 
 
 def sessions_of(

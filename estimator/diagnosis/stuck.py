@@ -1,0 +1,143 @@
+"""Sensors that stand still while the arm moves: found in the readings themselves, before any fit."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.result import Evidence, Finding, Quantity
+from estimator.diagnosis.stage import Stage
+from estimator.effects import EFFECTS
+from estimator.specimen.physics import Place
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LEAST = 3.0
+"""Shortest time [s] for which a sensor must stand still."""
+MOVING = 0.05
+"""Motion that the model must predict meanwhile [rad], and a hundredth of it in metres."""
+STILL = 0.02
+"""Share of the predicted motion below which a reading stands still."""
+
+
+@dataclass(frozen=True)
+class Stuck:
+    """A sensor that stands still for a while.
+
+    Args:
+        recording: In which recording.
+        sensor: Its name.
+        since: Seconds from the start of the recording.
+        until: Seconds from the start of the recording.
+        before: Root mean square of its error against the model [rad, or m over ``LEVER``].
+        after: Root mean square of its motion, which is what a held reading leaves.
+        samples: Number of samples.
+    """
+
+    recording: str
+    sensor: str
+    since: float
+    until: float
+    before: float
+    after: float
+    samples: int
+
+
+LEVER = 0.1
+
+
+def find_stuck(stage: Stage) -> tuple[Stuck, ...]:
+    """Find sensors of a session that stand still while the model says that they should move."""
+    found = []
+    time = stage.session.clock - stage.session.clock[0]
+    measured, left = stage.reading_rows, stage.residual
+    predicted = measured - left
+    for measurement in stage.suite.measurements:
+        rows = stage.suite.slices[measurement.name]
+        size = np.array([LEVER if measurement.size == 6 and k < 3 else 1.0 for k in range(measurement.size)])
+        if measurement.name.startswith("marker"):
+            size[:] = LEVER
+        shown, wanted = measured[:, rows] / size, predicted[:, rows] / size
+        for start, end in _still(time, shown, wanted):
+            own = slice(start, end)
+            found.append(
+                Stuck(
+                    stage.session.name,
+                    measurement.name,
+                    float(time[start]),
+                    float(time[end - 1]),
+                    float(np.sqrt(np.nanmean((left[own, rows] / size) ** 2))),
+                    float(np.sqrt(np.nanmean((shown[own] - np.nanmean(shown[own], axis=0)) ** 2))),
+                    end - start,
+                )
+            )
+    return tuple(found)
+
+
+def without_stuck(stage: Stage, stuck: tuple[Stuck, ...]) -> Stage:
+    """Lose the readings of sensors while they stand still."""
+    if not stuck:
+        return stage
+    readings = stage.session.readings.copy()
+    time = stage.session.clock - stage.session.clock[0]
+    start = 0
+    for measurement in stage.suite.measurements:
+        own = slice(start, start + measurement.reading_size)
+        start = own.stop
+        for one in stuck:
+            if one.sensor == measurement.name:
+                readings[(time >= one.since) & (time <= one.until), own] = np.nan
+    return replace(stage, session=replace(stage.session, readings=readings))
+
+
+def stuck_findings(stuck: tuple[Stuck, ...]) -> tuple[Finding, ...]:
+    """Tell of every sensor that stood still, from the first time on."""
+    found = []
+    for sensor in dict.fromkeys(one.sensor for one in stuck):
+        own = [one for one in stuck if one.sensor == sensor]
+        count = sum(one.samples for one in own)
+        before, after = (
+            float(np.sqrt(sum(one.samples * getattr(one, name) ** 2 for one in own) / count))
+            for name in ("before", "after")
+        )
+        first = min(one.since for one in own)
+        place = Place(sensor=sensor)
+        where = "; ".join(f"{one.recording} from {one.since:.1f} to {one.until:.1f} s" for one in own)
+        words = EFFECTS["sensor_stuck"].tell(np.array([1.0, first]), place)
+        gain = count * np.log(max(before, 1e-12) / max(after, 1e-6)) - 2.0 * np.log(count)
+        share = 1.0 - after / max(before, 1e-12)
+        found.append(
+            Finding(
+                "sensor_stuck",
+                place,
+                "time of the run",
+                f"{words} It stands still while the arm moves: {where}.",
+                {"share": Quantity(1.0, 0.01, "1"), "since": Quantity(first, 0.1, "s")},
+                Evidence(float(gain), before, after, (share, share), 0.0),
+            )
+        )
+    return tuple(found)
+
+
+def _still(time: Floats, shown: Floats, wanted: Floats) -> list[tuple[int, int]]:
+    """List the longest stretches in which readings stand still and predictions move."""
+    step = float(np.median(np.diff(time)))
+    width = max(3, round(LEAST / step))
+    if len(time) <= width:
+        return []
+    quiet = _range(shown, width) < STILL * np.maximum(_range(wanted, width), MOVING)
+    moving = _range(wanted, width) > MOVING
+    flags = np.zeros(len(time), dtype=bool)
+    for k in np.flatnonzero(quiet & moving):
+        flags[k : k + width] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+def _range(values: Floats, width: int) -> Floats:
+    """Give the largest range of any component in each window, shape (samples - width + 1,)."""
+    filled = np.where(np.isfinite(values), values, np.nanmedian(values, axis=0))
+    windows = np.lib.stride_tricks.sliding_window_view(filled, width, axis=0)
+    ranges: Floats = (windows.max(axis=-1) - windows.min(axis=-1)).max(axis=1)
+    return ranges
