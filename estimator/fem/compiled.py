@@ -1,4 +1,4 @@
-"""The one way in which this package compiles a kernel."""
+"""The two ways in which this package compiles a kernel."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
@@ -11,3 +11,9 @@ Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 def compiled(function: Kernel) -> Kernel:
     """Compile a kernel on first use, keep it on disk, and let it run without the interpreter's lock."""
     return cast("Kernel", numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+
+
+def reassociated(function: Kernel) -> Kernel:
+    """Compile a kernel whose sums may be taken in any order, so that they run in parallel lanes."""
+    loose = {"reassoc", "contract", "nsz"}
+    return cast("Kernel", numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=loose)(function))

@@ -8,6 +8,7 @@ from estimator.fem.blas import Blas, load_blas
 from estimator.fem.fronts import Fronts
 from estimator.fem.fronts_kernel import factor_fronts, multiply_blocks, solve_fronts
 from estimator.fem.pattern import Pattern, Tangent
+from estimator.fem.substitution import CompactFactor
 from estimator.mesh import Floats
 
 REFINEMENT = 1e-10
@@ -32,11 +33,6 @@ class FactorPlan:
     def of(cls, pattern: Pattern, fronts: Fronts) -> "FactorPlan":
         """Bind an analysis to scipy's BLAS."""
         return cls(pattern, fronts, load_blas())
-
-    @property
-    def widest(self) -> int:
-        """Size of the largest front in dofs."""
-        return self.fronts.size * int((self.fronts.pivots + self.fronts.borders).max(initial=0))
 
     def factorise(self, tangent: Tangent) -> "StiffnessFactor | None":
         """Factor the symmetric part of a tangent by Cholesky.
@@ -76,6 +72,10 @@ class StiffnessFactor:
         """Solve with the symmetric part alone, which is exact for a symmetric tangent."""
         return self._solve(right)
 
+    def compact(self) -> CompactFactor:
+        """Copy the symmetric part's factor to single precision."""
+        return CompactFactor(self.plan.fronts, self.panels.astype(np.float32))
+
     def solve_transposed(self, right: Floats) -> Floats:
         """Solve K^T x = right, shapes (3 free,) or (right-hand sides, 3 free)."""
         return self._refined(right, transposed=True)
@@ -99,7 +99,7 @@ class StiffnessFactor:
         solution = np.array(np.atleast_2d(right), dtype=float, order="C")
         solve_fronts(
             self.plan.blas.addresses, self.plan.blas.letters, f.size, f.pivots, f.borders, f.rows,
-            f.row_start, f.panel, self.panels, solution, np.empty(self.plan.widest * len(solution)),
+            f.row_start, f.panel, self.panels, solution, np.empty(f.widest * len(solution)),
         )  # fmt: skip
         return solution.reshape(np.shape(right))
 

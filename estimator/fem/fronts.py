@@ -54,6 +54,11 @@ class Fronts:
     work: int
 
     @property
+    def widest(self) -> int:
+        """Size of the largest front in dofs."""
+        return self.size * int((self.pivots + self.borders).max(initial=0))
+
+    @property
     def operations(self) -> float:
         """Multiply-adds of one factorisation."""
         pivots, borders = float(self.size) * self.pivots, float(self.size) * self.borders

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from estimator.fem.factor import StiffnessFactor
 from estimator.fem.interpolation import PointMap, points_inside
 from estimator.fem.loads import LoadSet, build_loads
 from estimator.fem.materials import Material
+from estimator.fem.section_fit import SectionFit, build_section_fit
 from estimator.fem.sections import FramePose, Section, SectionFrame, build_section
 from estimator.fem.solution import Solution
 from estimator.mesh import Floats, Mesh
@@ -323,6 +325,11 @@ class FiniteElementModel:
     def poses(self, displacement: Floats) -> tuple[FramePose, ...]:
         """Fit the sections' frames to a configuration."""
         return tuple(frame.at(self.body.points + displacement) for frame in self.frames.values())
+
+    @cached_property
+    def section_fit(self) -> SectionFit:
+        """The fit of all sections' frames at once."""
+        return build_section_fit(tuple(self.frames.values()), len(self.body.points), self.body.transport)
 
     def section_frames(self, state: FiniteElementState) -> Frames:
         """Give the sections' frames in a state."""

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.fem.factor import StiffnessFactor
 from estimator.fem.model import FiniteElementModel, FiniteElementState
+from estimator.fem.substitution import CompactFactor
 from estimator.mesh import Floats
 from estimator.model import Inputs
 
@@ -15,14 +15,14 @@ class Stiffness:
     """The tangent at one configuration.
 
     Args:
-        factor: Its factor.
+        factor: Its factor, for steps that the next residual corrects.
         fields: Displacement per unit of each pressure, then each load, shape (inputs, nodes, 3).
         motion: Change of the stacked section twists per unit of each input, shape (6 sections, inputs).
         inverse: Inverse deformation gradients, shape (points, 3, 3).
         sections: Rotations of the sections, shape (sections, 3, 3).
     """
 
-    factor: StiffnessFactor
+    factor: CompactFactor
     fields: Floats
     motion: Floats
     inverse: Floats
@@ -35,11 +35,12 @@ def take_stiffness(model: FiniteElementModel, displacement: Floats, inputs: Inpu
     if step.factor is None:
         return None
     fields = model.body.pattern.scatter(step.factor.solve(step.input_forces()))
-    motion = np.array([[pose.push(field) for pose in step.poses] for field in fields])
+    sections = model.section_fit
+    fitted = sections.at(model.body.points + displacement)
     return Stiffness(
-        factor=step.factor,
+        factor=step.factor.compact(),
         fields=fields,
-        motion=motion.reshape(len(fields), -1).T,
+        motion=fitted.twists(sections.weights @ fields).T,
         inverse=np.asarray(np.linalg.inv(model.body.transport.deformation(displacement)), dtype=np.float64),
-        sections=step.frames.rotations,
+        sections=fitted.frames.rotations,
     )

@@ -7,8 +7,8 @@ import numpy as np
 
 from estimator.fem.background import Refactoriser
 from estimator.fem.equilibrium import Balance
-from estimator.fem.model import FiniteElementModel, FiniteElementState, frames_of
-from estimator.fem.sections import FramePose
+from estimator.fem.model import FiniteElementModel, FiniteElementState
+from estimator.fem.section_fit import Fitted
 from estimator.fem.stiffness import Stiffness, take_stiffness
 from estimator.mesh import Floats
 from estimator.model import Frames, Inputs, Load
@@ -48,7 +48,7 @@ class TrackingStep:
         state: Configuration.
         inputs: Inputs.
         balance: Forces there, without tangent.
-        poses: Frames of the sections there.
+        fitted: Frames of the sections there.
         stiffness: The factor; None where the configuration is invalid.
     """
 
@@ -56,13 +56,13 @@ class TrackingStep:
     state: TrackingState
     inputs: Inputs
     balance: Balance
-    poses: tuple[FramePose, ...]
+    fitted: Fitted
     stiffness: Stiffness | None
 
     @property
     def frames(self) -> Frames:
         """Frames of the sections at the iterate."""
-        return frames_of(self.poses)
+        return self.fitted.frames
 
     @property
     def residual_norm(self) -> float:
@@ -88,20 +88,20 @@ class TrackingStep:
         if self.balance.norm < NEGLIGIBLE * self.model.settings.tolerance:
             return np.zeros_like(self.state.displacement)
         forces = body.transport.forces_back(self.turns, body.pattern.scatter(self.balance.residual))
-        return body.pattern.scatter(self.stiffness.factor.solve_roughly(body.pattern.gather(forces)))
+        return body.pattern.scatter(self.stiffness.factor.solve(body.pattern.gather(forces)))
 
     @cached_property
     def _twists(self) -> tuple[Floats, Floats]:
         """Change of the twists of all sections through the Newton step and per unit of each input."""
-        sections = len(self.poses)
+        sections = len(self.fitted.turns)
         if self.stiffness is None:
             inputs = self.model.chambers + len(self.model.loads)
             return np.full(6 * sections, np.nan), np.full((6 * sections, inputs), np.nan)
         drift = np.zeros(6 * sections)
         if self.correction.any():
             transport = self.model.body.transport
-            step = transport.assemble(transport.carried(self.turns, self.correction))
-            drift = np.concatenate([pose.push(step) for pose in self.poses])
+            step = transport.divergence(transport.carried(self.turns, self.correction))
+            drift = self.fitted.twists((self.model.section_fit.of_divergence @ step)[None])[0]
         since = self.frames.rotations @ self.stiffness.sections.transpose(0, 2, 1)
         motion = self.stiffness.motion.reshape(sections, 2, 3, -1)
         return drift, np.einsum("sij,stjr->stir", since, motion).reshape(6 * sections, -1)
@@ -161,9 +161,9 @@ class TrackingModel:
     def linearise(self, state: TrackingState, inputs: Inputs) -> TrackingStep:
         """Linearise about a state under given inputs."""
         balance = self.model.balance(state.displacement, inputs, tangent=False)
-        poses = self.model.poses(state.displacement)
+        fitted = self.model.section_fit.at(self.model.body.points + state.displacement)
         stiffness = self._stiffness(state, inputs, balance) if balance.evaluation.valid else None
-        return TrackingStep(self.model, state, inputs, balance, poses, stiffness)
+        return TrackingStep(self.model, state, inputs, balance, fitted, stiffness)
 
     def _stiffness(self, state: TrackingState, inputs: Inputs, balance: Balance) -> Stiffness | None:
         stale = state.stiffness

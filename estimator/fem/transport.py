@@ -16,10 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimator.fem.dissection import Dissection
-from estimator.fem.factor import FactorPlan, StiffnessFactor
+from estimator.fem.factor import FactorPlan
 from estimator.fem.fronts import analyse
 from estimator.fem.pattern import Pattern, Tangent
 from estimator.fem.shapes import quadrature, shape_functions
+from estimator.fem.substitution import CompactFactor
 from estimator.fem.transport_kernel import (
     point_divergence,
     point_gradients,
@@ -58,13 +59,14 @@ class Transport:
         patches: Quadrature points of the blocks.
         points: Number of quadrature points.
         pattern: Free nodes.
-        factor: Factor of the Poisson matrix, one dof per free node.
+        factor: Factor of the Poisson matrix, one dof per free node. What single precision leaves out of a
+            field is out of balance at the next residual.
     """
 
     patches: tuple[Patch, ...]
     points: int
     pattern: Pattern
-    factor: StiffnessFactor
+    factor: CompactFactor
 
     def gradient(self, nodal: Floats) -> Floats:
         """Differentiate a nodal field by the rest positions, shape (nodes, 3) to (points, 3, 3)."""
@@ -77,22 +79,27 @@ class Transport:
         """Give the deformation gradient of a displacement, shape (points, 3, 3)."""
         return self.gradient(displacement) + np.eye(3)
 
-    def _divergence(self, fields: Floats) -> Floats:
+    def divergence(self, fields: Floats) -> Floats:
+        """Apply the adjoint of ``gradient`` under the volumes, shape (points, 3, 3) to (nodes, 3)."""
         nodal = np.zeros((len(self.pattern.place), 3))
         for patch in self.patches:
             point_divergence(fields[patch.span], patch.connectivity, patch.gradients, patch.weights, nodal)
         return nodal
 
-    def _solve(self, nodal: Floats) -> Floats:
-        """Solve the Poisson problem for each component, shape (nodes, 3), zero where held."""
+    def solve_poisson(self, nodal: Floats) -> Floats:
+        """Solve the Poisson problem for scalar fields, shape (fields, nodes), zero where held."""
         free = self.pattern.free_nodes
         solved = np.zeros_like(nodal)
-        solved[free] = self.factor.solve(np.ascontiguousarray(nodal[free].T)).T
+        solved[:, free] = self.factor.solve(nodal[:, free])
         return solved
+
+    def _solve(self, nodal: Floats) -> Floats:
+        """Solve the Poisson problem for each component, shape (nodes, 3), zero where held."""
+        return np.ascontiguousarray(self.solve_poisson(nodal.T).T)
 
     def assemble(self, fields: Floats) -> Floats:
         """Find the displacement whose gradient fits fields best, zero where held, shape (nodes, 3)."""
-        return self._solve(self._divergence(fields))
+        return self._solve(self.divergence(fields))
 
     def turns(self, inverse_before: Floats, after: Floats) -> Floats:
         """Give the rotation at every point from a configuration, by its inverse F, to another, by its F."""
@@ -110,7 +117,7 @@ class Transport:
         """Carry nodal forces back, the adjoint of ``assemble(carried(turns, .))``, shape (nodes, 3)."""
         fields = self.gradient(self._solve(forces))
         turn_fields(turns, fields, True)
-        return self._divergence(fields)
+        return self.divergence(fields)
 
     def moved(self, displacement: Floats, deformation: Floats, change: Floats) -> Floats:
         """Move by a change of the deformation gradient, its spin taken as a finite rotation.
@@ -151,4 +158,4 @@ def build_transport(
     factor = plan.factorise(Tangent(values, values))
     if factor is None:
         raise ValueError("the Poisson matrix of a clamped body is positive definite")
-    return Transport(tuple(patches), start, pattern, factor)
+    return Transport(tuple(patches), start, pattern, factor.compact())

@@ -6,6 +6,7 @@ At an iterate every objective gives rows r - J du with covariance R; the problem
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -88,9 +89,14 @@ class SensorObjective:
     name: str = "sensors"
     data: bool = True
 
+    @cached_property
+    def _own_noise(self) -> Floats:
+        return self.suite.own_noise(self.readings)
+
     def rows(self, at: Iterate) -> Rows:
         """Linearise at an iterate; rows of absent sensors are left out."""
-        seen = self.suite.observe(Scene(at.frames, at.vector[at.chambers :]), self.readings)
+        scene = Scene(at.frames, at.vector[at.chambers :])
+        seen = self.suite.observe(scene, self.readings, self._own_noise)
         drift, motion = at.response(seen.twists)
         jacobian = motion.copy()
         jacobian[:, at.chambers :] += seen.loads

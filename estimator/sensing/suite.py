@@ -130,11 +130,7 @@ class SensorSuite:
         Returns:
             Shape (..., size, size).
         """
-        parts = self._split(readings)
-        covariance = np.zeros((*np.shape(readings)[:-1], self.size, self.size))
-        for measurement, reading in zip(self.measurements, parts, strict=True):
-            rows = self.slices[measurement.name]
-            covariance[..., rows, rows] = measurement.covariance(reading)
+        covariance = self.own_noise(readings)
         for registration, members in self._registrations:
             moved = np.zeros((self.size, 1))
             for name in members:
@@ -143,11 +139,30 @@ class SensorSuite:
             covariance += rigid @ registration @ np.swapaxes(rigid, -1, -2)
         return covariance
 
-    def observe(self, scene: Scene, readings: Floats) -> Observation:
-        """Compare the present readings of one instant, shape (readings,), with the scene."""
+    def own_noise(self, readings: Floats) -> Floats:
+        """Give the covariance of the sensors' own noise, without the registrations', shape as ``covariance``.
+
+        It depends on the readings alone.
+        """
+        covariance = np.zeros((*np.shape(readings)[:-1], self.size, self.size))
+        for measurement, reading in zip(self.measurements, self._split(readings), strict=True):
+            rows = self.slices[measurement.name]
+            covariance[..., rows, rows] = measurement.covariance(reading)
+        return covariance
+
+    def observe(self, scene: Scene, readings: Floats, own_noise: Floats | None = None) -> Observation:
+        """Compare the present readings of one instant, shape (readings,), with the scene.
+
+        Args:
+            scene: What they look at.
+            readings: Stacked readings, shape (readings,).
+            own_noise: What ``own_noise`` gives for them, where it is known already.
+        """
         whole = self.sensitivity(scene, readings)
         rows = np.flatnonzero(np.isfinite(whole.innovation))
-        covariance = self.covariance(scene, readings, np.nan_to_num(whole.twists))
+        covariance = self.own_noise(readings) if own_noise is None else own_noise
+        if self._registrations:
+            covariance = self.covariance(scene, readings, np.nan_to_num(whole.twists))
         return Observation(
             whole.innovation[rows],
             whole.twists[rows],
