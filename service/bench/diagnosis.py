@@ -119,7 +119,7 @@ def _run_all(
     from service.bench.proof.trial import diagnose, forget, read_outcomes, record
 
     done = {(one.trial, one.excitation) for one in read_outcomes(folders.results)}
-    waiting = [(t, e) for t in planned for e in excitations if (t, e) not in done][:at_most]
+    waiting = [(t, e) for e in excitations for t in planned if (t, e) not in done][:at_most]
     folders.root.mkdir(parents=True, exist_ok=True)
     writing = Lock()
 
