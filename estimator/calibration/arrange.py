@@ -108,13 +108,15 @@ def arrange(
     registration = _registration(recording, specimen, names)
     make = SpecimenSensors(specimen, names, registration)
     sensors = {**_bends(recording, make), **_poses(recording, make), **_markers(recording, make)}
+    known = {marker.name for marker in specimen.markers}
+    unknown = tuple(name for name in recording.markers if name not in known)
     if not sensors:
         cure = "add bends, frames or markers of a section below the base"
-        raise InputError(recording.name, "holds no motion of the arm", cure)
+        foreign = f": the specimen has no marker {unknown[0]!r}" if unknown else ""
+        raise InputError(recording.name, f"holds no motion of the arm{foreign}", cure)
     suite = SensorSuite(tuple(sensor for sensor, _ in sensors.values()))
     readings = suite.stack({name: values for name, (_, values) in sensors.items()})
     rows = np.isfinite(readings).any(axis=1)
-    unknown = tuple(name for name in recording.markers if name not in {m.name for m in specimen.markers})
     pulls = known_pulls(recording, specimen, registration, loads)
     bridged = [_interpolate(recording.time, recording.time, column) for column in pulls.T]
     run = Run(

@@ -94,7 +94,7 @@ class Forward:
         sensitivity = suite.sensitivity(scene, nodes.readings)
         twists = np.nan_to_num(sensitivity.twists)
         lost = ~response.converged[:, None]
-        left = sensitivity.innovation - (twists @ response.drift[..., None])[..., 0]
+        left = sensitivity.innovation
         return Evaluation(
             np.where(lost, np.nan, left),
             self._jacobian(setting, suite, nodes, scene, twists, response, np.nan_to_num(left)),

@@ -279,10 +279,15 @@ def _curves(specimen: Specimen, moved: Sequence[int]) -> list[Parameter]:
     return parameters
 
 
+def _registered_by_body(sensor: Measurement) -> bool:
+    """Tell whether a sensor rests on the pose of one body; markers on the base tell their own error."""
+    return sensor.registration is not None and not sensor.registration.covariance.any()
+
+
 def _surroundings(suite: SensorSuite, pulled: bool) -> list[Parameter]:
     """Leave open how the base's body is mounted, where gravity points, and where the cord pulls."""
     found = []
-    if any(sensor.registration is not None for sensor in suite.measurements):
+    if any(_registered_by_body(sensor) for sensor in suite.measurements):
         names = ("shift_x", "shift_y", "shift_z", "turn_x", "turn_y", "turn_z")
         for number, name in enumerate(names):
             unit, spread = ("m", SHIFT_SPREAD) if number < 3 else ("rad", TURN_SPREAD)

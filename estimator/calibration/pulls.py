@@ -123,7 +123,7 @@ def require_unsaturated(recording: Recording, gauge: str) -> None:
     seen = tension[np.isfinite(tension)]
     if len(seen) < 2 * SATURATED_REPEATS or seen.max() < 10 * LEAST_PULL:
         return
-    top = seen == seen.max()
+    top = np.asarray(seen == seen.max())
     runs = np.diff(np.flatnonzero(np.concatenate([[True], ~top, [True]]))) - 1
     moving = np.ptp(seen[~top]) > 0.5 * seen.max() if (~top).any() else False
     if moving and runs.max() >= SATURATED_REPEATS and (seen > SATURATION_SHARE * seen.max()).mean() > 0.1:

@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
+from estimator.rotations import exp
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Memory = tuple[object, ...]
 
-NEAR = 5e-3  # out-of-balance force over the applied one, at which a Newton step leaves about its square
+NEAR = 1e-3  # out-of-balance force over the applied one, at which a Newton step leaves about its square
 NEWTON_STEPS = 12
+LARGEST_MOVE = 0.01  # rad or m; a Newton step that still moves a section by more is taken, not extrapolated
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,6 @@ class Response:
 
     Args:
         frames: Frames of the sections, arrays with a leading axis (nodes,).
-        drift: Section twists that are left to the equilibrium, shape (nodes, 6 sections).
         by_pressure: Section twists per unit of each pressure, shape (nodes, 6 sections, chambers).
         by_load: Section twists per unit of each load, shape (nodes, 6 sections, loads).
         by_gravity: Section twists per component of gravity, shape (nodes, 6 sections, 3).
@@ -33,7 +34,6 @@ class Response:
     """
 
     frames: Frames
-    drift: Floats
     by_pressure: Floats
     by_load: Floats
     by_gravity: Floats
@@ -45,7 +45,6 @@ class Response:
         """Keep some nodes, shape (nodes,)."""
         return Response(
             Frames(self.frames.positions[flags], self.frames.rotations[flags]),
-            self.drift[flags],
             self.by_pressure[flags],
             self.by_load[flags],
             self.by_gravity[flags],
@@ -156,7 +155,6 @@ class NodeSolver(Generic[State, Step]):
         nodes, sections = len(pressures), len(self.sections)
         found = Response(
             Frames(np.zeros((nodes, sections, 3)), np.zeros((nodes, sections, 3, 3))),
-            np.zeros((nodes, 6 * sections)),
             np.zeros((nodes, 6 * sections, model.chambers)),
             np.zeros((nodes, 6 * sections, len(self.loads))),
             np.zeros((nodes, 6 * sections, 3)),
@@ -170,13 +168,11 @@ class NodeSolver(Generic[State, Step]):
             if memory is not None and memory.converged[index]:
                 state = cast(State, memory.memory[index])
             inputs = Inputs(acting, pulled, gravity)
-            state, step, found.converged[index] = settle(model, state, inputs)
+            state, found.converged[index] = self._settle(found, index, state, inputs, model)
             states.append(state)
-            self._put(found, index, step, model.chambers)
             self.advance(1)
         return Response(
             found.frames,
-            found.drift,
             found.by_pressure,
             found.by_load,
             found.by_gravity,
@@ -185,17 +181,30 @@ class NodeSolver(Generic[State, Step]):
             tuple(states),
         )
 
-    def _put(self, found: Response, index: int, step: Step, chambers: int) -> None:
+    def _settle(
+        self, found: Response, index: int, start: State, inputs: Inputs, model: ScaledModel[State, Step]
+    ) -> tuple[State, bool]:
+        """Solve a node and put it among the answers; what its last Newton step moves is extrapolated."""
+        state, step, converged = settle(model, start, inputs)
         found.frames.positions[index] = step.frames.positions
         found.frames.rotations[index] = step.frames.rotations
-        if not found.converged[index]:
-            return
-        drift, by_input, by_gravity, by_factor = step.full_response(np.eye(found.drift.shape[1]))
-        found.drift[index] = drift
-        found.by_pressure[index] = by_input[:, :chambers]
-        found.by_load[index] = by_input[:, chambers:]
+        if not converged:
+            return state, False
+        rows = np.eye(found.by_load.shape[1])
+        for _ in range(NEWTON_STEPS):
+            drift, by_input, by_gravity, by_factor = step.full_response(rows)
+            if np.abs(drift).max() <= LARGEST_MOVE:
+                break
+            state = model.advance(step, np.zeros(model.chambers + len(model.loads)))
+            step = model.linearise(state, inputs)
+        move = drift.reshape(-1, 6)
+        found.frames.positions[index] = step.frames.positions + move[:, :3]
+        found.frames.rotations[index] = exp(move[:, 3:]) @ step.frames.rotations
+        found.by_pressure[index] = by_input[:, : model.chambers]
+        found.by_load[index] = by_input[:, model.chambers :]
         found.by_gravity[index] = by_gravity
         found.by_factor[index] = by_factor
+        return state, True
 
 
 def settle(model: ScaledModel[State, Step], start: State, inputs: Inputs) -> tuple[State, Step, bool]:
@@ -296,7 +305,6 @@ class BatchSolver:
         inputs = pressures.shape[1] + loads.shape[1]
         return Response(
             answer.frames,
-            np.zeros(answer.motion.shape[:2]),
             answer.motion[..., : pressures.shape[1]],
             answer.motion[..., pressures.shape[1] : inputs],
             answer.motion[..., inputs : inputs + 3],

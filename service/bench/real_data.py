@@ -180,7 +180,7 @@ def joined(folds: Sequence[ArmErrors]) -> ArmErrors:
     """Give the root mean square over folds."""
 
     def mean(name: str) -> Floats:
-        return np.sqrt(np.mean([getattr(fold, name) ** 2 for fold in folds], axis=0))
+        return np.asarray(np.sqrt(np.mean([getattr(fold, name) ** 2 for fold in folds], axis=0)))
 
     return ArmErrors(folds[0].names, *(mean(n) for n in ("line_training", "line", "training", "model")))
 

@@ -33,6 +33,7 @@ def _common(command: Command) -> Command:
         click.option("--seeds", type=click.IntRange(1, 20), default=1, show_default=True, help="Fake arms."),
         click.option("--jobs", type=click.IntRange(1), help="Processes at a time; as many as processors."),
         click.option("--specimen", "-s", metavar="S", help="Calibrated specimen to use as it is."),
+        click.option("--resume", is_flag=True, help="With --recorded: keep what --out already holds."),
         click.option(
             "--out",
             "-o",
@@ -117,6 +118,7 @@ def _run(
     jobs: int | None,
     specimen: str | None,
     out: Path,
+    resume: bool,
     as_json: bool,
     write: Path | None = None,
 ) -> int:
@@ -126,7 +128,16 @@ def _run(
         raise click.UsageError("--recorded goes with --fake")
     if not recorded:
         return _live(name, arm=arm, endpoint=endpoint, specimen=specimen, out=out, as_json=as_json)
-    return _recorded(name, seeds=seeds, jobs=jobs, specimen=specimen, out=out, as_json=as_json, write=write)
+    return _recorded(
+        name,
+        seeds=seeds,
+        jobs=jobs,
+        specimen=specimen,
+        out=out,
+        resume=resume,
+        as_json=as_json,
+        write=write,
+    )
 
 
 def _recorded(
@@ -136,6 +147,7 @@ def _recorded(
     jobs: int | None,
     specimen: str | None,
     out: Path,
+    resume: bool,
     as_json: bool,
     write: Path | None,
 ) -> int:
@@ -153,7 +165,8 @@ def _recorded(
 
     chosen = EXPERIMENTS if name == "all" else (name,)
     plans = [
-        SeedPlan(number, out / f"seed{number}", chosen, calibrated=specimen) for number in range(1, seeds + 1)
+        SeedPlan(number, out / f"seed{number}", chosen, calibrated=specimen, resume=resume)
+        for number in range(1, seeds + 1)
     ]
     with progress(f"experiment {name}", float(seeds)) as advance:
         results = run_campaign(plans, jobs or default_jobs(seeds), lambda: advance(1))

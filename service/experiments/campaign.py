@@ -12,7 +12,7 @@ import numpy as np
 
 from service.cli.output import Table
 from service.experiments.figures import Cells
-from service.experiments.seed import SeedPlan, SeedResult, run_seed
+from service.experiments.seed import FAILED, SeedPlan, SeedResult, run_seed
 
 EXPERIMENTS = ("calibrate", "validate", "force", "teach")
 
@@ -104,8 +104,8 @@ def summary(results: Iterable[SeedResult]) -> Table:
             continue
         key = "mean_percent" if "force" in name else "mean"
         aim = "aim_percent" if "force" in name else "aim"
-        values = [float(row[key]) for row in chosen if isinstance(row[key], float)]
-        goal = float(chosen[0][aim] or 0.0)
+        values = [value for row in chosen if isinstance(value := row[key], float)]
+        goal = next(value for row in chosen if isinstance(value := row[aim], float))
         paper = chosen[0].get("paper_mean_percent" if "force" in name else "paper_mean")
         rows.append(
             {
@@ -120,7 +120,7 @@ def summary(results: Iterable[SeedResult]) -> Table:
                 "inside_2_std": _share(chosen),
             }
         )
-    failures = [f"Seed {r.number}: {note}" for r in results for note in r.notes if " failed: " in note]
+    failures = [f"Seed {r.number}: {note}" for r in results for note in r.notes if FAILED in note]
     return Table("Aims", rows, ("Mean error over each run, then over the seeds.", WAY, *failures))
 
 

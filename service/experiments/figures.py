@@ -1,7 +1,5 @@
 """Figures of errors: min, max, mean, standard deviation, share inside two standard deviations."""
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -52,18 +50,3 @@ def inside(errors: Floats, deviations: Floats, factor: float = 2.0) -> float:
     if not seen.any():
         return float("nan")
     return float((np.abs(errors[seen]) <= factor * deviations[seen]).mean())
-
-
-def pooled(rows: list[Cells], keys: Mapping[str, str]) -> Cells:
-    """Give the mean of some columns over rows, with the largest of those that are maxima.
-
-    Args:
-        rows: One a seed.
-        keys: Column to ``mean``, ``max`` or ``min``.
-    """
-    found: Cells = {}
-    reduce = {"mean": np.mean, "max": np.max, "min": np.min}
-    for key, how in keys.items():
-        values = [row[key] for row in rows if isinstance(row.get(key), float)]
-        found[key] = float(reduce[how](np.array(values, dtype=float))) if values else None
-    return found

@@ -196,7 +196,8 @@ def location_rows(case: PullCase, looks: int = 6, advance: Advance = lambda _: N
     profile = ContactProfile(np.linspace(low + 0.02, top, CANDIDATES))
     model, pushed = (tracking_model(case.specimen, (*loads, *more)) for more in ((), profile.loads))
     moments = slow.time[sorted({0, *chosen})]
-    errors, deviations = [], []
+    errors: list[float] = []
+    deviations: list[float] = []
     for estimate in follow(model, case.specimen, slow, moments)[1:]:
         acting = np.concatenate([estimate.inputs.loads, np.zeros(len(profile.loads))])
         inputs = replace(estimate.inputs, loads=acting)

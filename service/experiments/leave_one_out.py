@@ -45,7 +45,8 @@ def leave_one_out_errors(solver: Solver, specimen: Specimen, holds: Holds) -> tu
     deviations = pose_deviation(specimen, holds.run.suite)
     residual = np.where(np.isfinite(at.innovation), at.innovation, 0.0) / deviations
     jacobian = np.where(np.isfinite(at.innovation)[..., None], at.jacobian, 0.0) / deviations[:, None]
-    left = without_each(residual, jacobian, np.linalg.inv(layout.prior_covariance())) * deviations
+    prior = np.asarray(np.linalg.inv(layout.prior_covariance()), dtype=np.float64)
+    left = without_each(residual, jacobian, prior) * deviations
     left[~np.isfinite(at.innovation)] = np.nan
     found = []
     for sensor in holds.run.suite.measurements:

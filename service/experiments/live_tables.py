@@ -57,7 +57,8 @@ def run_live(
         bench.advance = advance
         done = _RUNS[name](bench, seed)
         known = bench.specimen
-    result, more = SeedResult(seed), ()
+    result = SeedResult(seed)
+    more: tuple[Table, ...] = ()
     if name == "calibrate":
         more = _calibrated(known, done, out)
     else:

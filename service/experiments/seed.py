@@ -53,7 +53,8 @@ RUNS: Mapping[str, tuple[str, ...]] = {
 }
 """Runs of the fake arm by name: manoeuvres of its library."""
 
-NODES = 80
+NODES = 64
+FAILED = " failed: "
 Series = dict[str, list[float]]
 
 
@@ -68,6 +69,7 @@ class SeedPlan:
         specimen: Nominal specimen.
         calibrated: A calibrated specimen to use instead of calibrating.
         nodes: Largest number of samples of the calibration.
+        resume: Keep what an earlier run in the same folder has done.
     """
 
     number: int
@@ -76,6 +78,7 @@ class SeedPlan:
     specimen: str = "sopra"
     calibrated: str | None = None
     nodes: int = NODES
+    resume: bool = False
 
 
 @dataclass
@@ -88,6 +91,7 @@ class SeedResult:
         series: Columns of each plot by its name.
         notes: What a reader should know.
         failed: Experiments that did not come to an end; the notes say why.
+        done: Experiments that did.
     """
 
     number: int
@@ -95,6 +99,7 @@ class SeedResult:
     series: dict[str, Series] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
+    done: list[str] = field(default_factory=list)
 
     def add(self, table: str, new: list[Cells]) -> None:
         """Add rows to a table, the seed before them."""
@@ -126,7 +131,7 @@ class SeedBench:
     def found(self) -> Calibrated:
         """The joint calibration."""
         runs = [self.run(name, self.nominal) for name in CALIBRATION_RUNS]
-        options = Options(nodes=self.plan.nodes, iterations=8)
+        options = Options(nodes=self.plan.nodes, iterations=6)
         return calibrate(known_force_solver(self.nominal), self.nominal, runs, options)
 
     @cached_property
@@ -134,6 +139,9 @@ class SeedBench:
         """The calibrated specimen; it is written beside the recordings."""
         if self.plan.calibrated is not None:
             return load_specimen(self.plan.calibrated)
+        kept = self.plan.folder / "specimen.toml"
+        if self.plan.resume and kept.exists():
+            return load_specimen(str(kept))
         told = f"softarm experiment, fake arm {self.plan.number}, {', '.join(CALIBRATION_RUNS)}"
         specimen = calibrated_specimen(self.nominal, self.found, told)
         save_specimen(specimen, self.plan.folder / "specimen.toml")
@@ -149,16 +157,24 @@ def run_seed(plan: SeedPlan) -> SeedResult:
         "force": _force,
         "teach": _teach,
     }
+    kept = plan.folder / "result.json"
     result = SeedResult(plan.number)
+    if plan.resume and kept.exists():
+        result = SeedResult(**json.loads(kept.read_text()))
+        result.failed.clear()
+        result.notes = [note for note in result.notes if FAILED not in note]
     with threadpool_limits(limits=1):
         bench = SeedBench(plan)
         for name in plan.experiments:
+            if name in result.done:
+                continue
             try:
                 steps[name](bench, result)
+                result.done.append(name)
             except (InputError, WorkFailedError) as error:  # one experiment fails, the others go on
-                result.notes.append(f"{name} failed: {error}")
+                result.notes.append(f"{name}{FAILED}{error}")
                 result.failed.append(name)
-            (plan.folder / "result.json").write_text(json.dumps(asdict(result), indent=1, default=str))
+            kept.write_text(json.dumps(asdict(result), indent=1, default=str))
     return result
 
 

@@ -202,5 +202,6 @@ def miss_rows(label: str, millimetres: Floats, degrees: Floats) -> list[Cells]:
         ("orientation", "degrees", degrees, TEACH_DEGREES),
     ):
         figures = without_unit(beside(error_figures(sizes, unit), published, unit), unit)
-        rows.append({"run": label, "quantity": quantity, "unit": unit, "poses": len(sizes)} | figures)
+        row: Cells = {"run": label, "quantity": quantity, "unit": unit, "poses": len(sizes)}
+        rows.append(row | figures)
     return rows
