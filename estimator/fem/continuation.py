@@ -116,6 +116,8 @@ class Path:
                 step *= (
                     2.0 if found.solution.iterations <= 4 else 1.2 if found.solution.iterations <= 6 else 0.7
                 )
+                if self._spent >= self._settings.total_iterations and aim < 1.0:
+                    return self._end(self._here.displacement, SolveStatus.ITERATIONS)
                 continue
             status = found.solution.status
             step = 0.4 * (aim - self._here.fraction)

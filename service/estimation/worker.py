@@ -5,14 +5,17 @@ the control loop. Requests and results are small, so a pipe carries them.
 """
 
 import asyncio
+import logging
 import multiprocessing
 import os
 import signal
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, Generic, TypeVar
 
+logger = logging.getLogger(__name__)
 Request = TypeVar("Request")
 Result = TypeVar("Result")
 Solver = Callable[[Any], Any]
@@ -20,6 +23,8 @@ SolverFactory = Callable[[], Solver]
 
 RESTARTS_ALLOWED = 5
 KILL_AFTER_S = 2.0
+STUCK_S = 5.0
+"""A request that takes longer is given up, and the process with it."""
 NICER = 5
 """Numerics give way to the control loop and the drivers."""
 
@@ -63,9 +68,15 @@ class Worker(Generic[Request, Result]):
     Args:
         factory: Builds the solver in the child; it must be picklable.
         on_result: Takes each result, in the event loop.
+        clock: Monotonic time [s].
     """
 
-    def __init__(self, factory: SolverFactory, on_result: Callable[[Result], None]) -> None:
+    def __init__(
+        self,
+        factory: SolverFactory,
+        on_result: Callable[[Result], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._factory = factory
         self._on_result = on_result
         self._context = multiprocessing.get_context("spawn")
@@ -75,6 +86,8 @@ class Worker(Generic[Request, Result]):
         self._ready = asyncio.Event()
         self._waiting: Request | None = None
         self._busy = True
+        self._clock = clock
+        self._sent_s = clock()
         self._restarts = 0
         self._closing = False
         self._changed = asyncio.Event()
@@ -111,14 +124,24 @@ class Worker(Generic[Request, Result]):
     def submit(self, request: Request) -> None:
         """Hand over a request; one that still waits is replaced by the newer one."""
         if self._busy or self._pipe is None:
+            self._give_up_when_stuck()
             self.replaced += self._waiting is not None
             self._waiting = request
             return
         self._send(request)
 
+    def _give_up_when_stuck(self) -> None:
+        """Kill a process that has been at one request for too long; its end starts a new one."""
+        stuck = self._ready.is_set() and self._clock() - self._sent_s > STUCK_S
+        if stuck and self._process is not None:
+            logger.warning("the estimator was at one request for %g s; it is started anew", STUCK_S)
+            self._sent_s = self._clock()
+            self._process.kill()
+
     def _send(self, request: Request) -> None:
         assert self._pipe is not None
         self._busy = True
+        self._sent_s = self._clock()
         self._waiting = None
         try:
             self._pipe.send(request)

@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from service.estimation.worker import RESTARTS_ALLOWED, Worker
+from service.estimation.worker import RESTARTS_ALLOWED, STUCK_S, Worker
 
 
 def double():
@@ -86,3 +86,16 @@ async def test_gives_up_on_a_process_that_keeps_dying():
         await worker.until(lambda state: state.gave_up)
         assert worker.state.restarts == RESTARTS_ALLOWED + 1
         assert not worker.state.running
+
+
+async def test_process_that_is_stuck_is_started_anew(tmp_path):
+    gate = tmp_path / "gate"
+    os.mkfifo(gate)
+    now = [0.0]
+    async with Worker(partial(gated, str(gate)), Results().take, lambda: now[0]) as worker:
+        await worker.until(lambda state: state.running)
+        worker.submit("never answered")
+        worker.submit("waits")
+        now[0] += STUCK_S + 1.0
+        worker.submit("waits as well")
+        await worker.until(lambda state: state.restarts == 1 and state.running)
