@@ -230,3 +230,26 @@ def test_an_effect_is_read_from_words() -> None:
 
 def test_the_speed_is_measured() -> None:
     assert real_time_factor("all chambers, taut cord", 0.1) > 0.0
+
+
+def test_a_table_of_pressures_is_followed(tmp_path: Path) -> None:
+    table = tmp_path / "commands.csv"
+    names = [f"pressure_cmd_{chamber}_pa" for chamber in range(6)]
+    rows = ("0,0,0,0,0,0,0", "1,20000,0,0,0,0,10000", "1.5,20000,0,0,0,0,10000")
+    table.write_text("\n".join([",".join(["t_s", *names]), *rows]) + "\n")
+    done = CliRunner().invoke(main, ["record", str(tmp_path / "run"), "--commands", str(table)])
+    assert done.exit_code == 0, done.output
+    told = load_recording(tmp_path / "run")
+    assert told.time[-1] == pytest.approx(1.49, abs=0.02)
+    assert told.columns["pressure_cmd_0_pa"][50] == pytest.approx(1e4, rel=0.02)
+    assert told.columns["pressure_cmd_5_pa"][-1] == 1e4
+    assert told.info["manoeuvre"] == "commands"
+
+
+def test_a_table_that_lacks_a_chamber_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "commands.csv").write_text("t_s,pressure_cmd_0_pa\n0,0\n")
+    done = CliRunner().invoke(
+        main, ["record", str(tmp_path / "run"), "--commands", str(tmp_path / "commands.csv")]
+    )
+    assert isinstance(done.exception, InputError)
+    assert "give a CSV with columns t_s" in str(done.exception)
