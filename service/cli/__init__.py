@@ -1,6 +1,7 @@
 """The ``softarm`` command: one module per sub-command, imported only when it is called."""
 
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 
@@ -8,6 +9,9 @@ import click
 
 from estimator.errors import InputError
 from service.errors import WorkFailedError
+
+TRACEBACK = "SOFTARM_TRACEBACK"
+"""Environment variable that lets a mistake of softarm itself show where it happened."""
 
 COMMANDS = {
     "demo": "Start fakes, service and page, and run the force experiment on them.",
@@ -62,12 +66,20 @@ def softarm() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line; every mistake of the user becomes one line and a status.
+    """Run the command line; every mistake becomes one line and a status, those of softarm itself too.
 
     Args:
         arguments: The words after ``softarm``; those of the process when left out.
     """
-    sys.exit(run(arguments))
+    try:
+        status = run(arguments)
+    except Exception as error:
+        if os.environ.get(TRACEBACK):
+            raise
+        what = " ".join(f"{type(error).__name__}: {error}".split())
+        click.echo(f"softarm: a mistake of its own: {what}; set {TRACEBACK}=1 to see where", err=True)
+        status = 1
+    sys.exit(status)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
