@@ -129,7 +129,11 @@ class Estimator(Generic[State, Step]):
             elapsed = time - self._memory.time
             mean[:chambers] = self._memory.inputs.pressures
             wander = self._settings.pressure_drift**2 * max(elapsed, 0.0)
-            variance[:chambers] = np.diag(self._memory.covariance)[:chambers] + wander
+            # At a bound the covariance is zero, yet the pressure may leave it at once.
+            known = np.maximum(
+                np.diag(self._memory.covariance)[:chambers], self._settings.actuation.chamber_sigma**2
+            )
+            variance[:chambers] = known + wander
             mean[chambers:], loads = process.predict(
                 self._memory.inputs.loads, self._memory.covariance[chambers:, chambers:], elapsed
             )

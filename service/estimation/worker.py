@@ -5,6 +5,7 @@ the control loop. Requests and results are small, so a pipe carries them.
 """
 
 import asyncio
+import faulthandler
 import logging
 import multiprocessing
 import os
@@ -57,7 +58,11 @@ def _serve(pipe: Connection, factory: SolverFactory) -> None:
         solver = factory()
         pipe.send(None)
         while True:
-            pipe.send(solver(pipe.recv()))
+            request = pipe.recv()
+            faulthandler.dump_traceback_later(0.9 * STUCK_S)  # says in the log where it is stuck
+            result = solver(request)
+            faulthandler.cancel_dump_traceback_later()
+            pipe.send(result)
     except (EOFError, BrokenPipeError):
         return
 
