@@ -23,11 +23,13 @@ COARSE = 25
 FACTORS = (0.7, 1.0, 1.4, 2.0)
 """Factors on all moduli at which a fit may begin, and the samples of each session that tell which."""
 LEAST_PRESSURE_SPREAD = 1.0e3
-KINDS = ("modulus", "gain", "curve", "bias", "alignment", "base")
-"""What may be calibrated before an effect is looked for."""
+KINDS = ("modulus", "gain", "curve", "alignment", "base")
+"""What may be calibrated before an effect is looked for; biases of pressures are effects of valves."""
 HUBER = 1.5
 SCATTER = {"m": 1.5e-3, "rad": 1.5e-2}
 """Size [m, rad] of an error that a calibrated model is expected to leave; larger ones count less."""
+SHARE = 0.1
+"""Share of the samples that are worth an independent one: a model's errors are alike for seconds."""
 LARGEST_STEP = 0.5
 """Largest change of a modulus' logarithm in one step."""
 
@@ -165,4 +167,5 @@ def _equations(stages: Sequence[Stage], layout: Layout) -> tuple[Floats, Floats,
     size = np.abs(left) / scale
     weight = np.sqrt(np.minimum(1.0, HUBER / np.maximum(size, 1e-12))) / scale
     loss = np.where(size <= HUBER, size**2, 2.0 * HUBER * size - HUBER**2)
-    return left * weight, column * weight[:, None], float(loss.sum())
+    tempered = weight * np.sqrt(SHARE)
+    return left * tempered, column * tempered[:, None], SHARE * float(loss.sum())

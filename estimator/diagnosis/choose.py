@@ -385,7 +385,7 @@ def _told(fit: Fit, number: int) -> bool:
         for parameter, value, std in zip(effect.parameters, theta, stds, strict=True)
         if parameter.role == "amplitude"
     ]
-    return max(sizes) >= TOLD
+    return bool(max(sizes) >= TOLD)
 
 
 def _start(

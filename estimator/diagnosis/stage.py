@@ -11,7 +11,7 @@ from estimator.calibration.forward import registered, rigid_motion
 from estimator.calibration.parameters import Layout, Setting
 from estimator.diagnosis.session import Session, units
 from estimator.effects import World
-from estimator.effects.augmented import PlacedEffect, simulate_with
+from estimator.effects.augmented import PlacedEffect, signals_of, simulate_with
 from estimator.model import Frames
 from estimator.sensing import Scene, SensorSuite
 from estimator.simulation import Arm, Drive, LinearisedArm, Response, Segments
@@ -26,6 +26,8 @@ SUDDEN, RINGDOWN = 0.2, 0.7
 RINGING = 0.2
 LEVER = 0.1
 """See ``Stage.unrest``: [s], [s], a share, [m]."""
+ANSWERING = ("contact_obstacle", "tether_stiffness", "base_compliance")
+"""Effects whose own consequence changes what they do: how far they push depends on how far they moved."""
 STIFFNESS_STEP = 0.02
 """Relative change of a segment's stiffness by which the prediction is differentiated."""
 
@@ -142,16 +144,68 @@ class Stage:
     def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> Floats:
         """Give by how much effects change the predictions, shape (samples, rows).
 
+        One effect alone that does not answer to the response needs no search for a fixed point.
+
         Args:
             effects: The effects.
             exact: Solve the model again instead of using its linearisation.
         """
+        if len(effects) == 1 and not exact and effects[0].effect.name not in ANSWERING:
+            return self.first_order(effects[0])
         arm = self.exact if exact else self.arm
         found = simulate_with(effects, arm, self.world, self.drive, self.suite)
         readings = np.concatenate([found.readings[m.name] for m in self.suite.measurements], axis=-1)
         if exact:
             readings = np.where(found.response.converged[:, None], readings, np.nan)
         return self.innovation(readings)
+
+    def first_order(self, placed: PlacedEffect) -> Floats:
+        """Give by how much an effect changes the predictions to first order, shape (samples, rows).
+
+        What it sees of the response is the response without it: for a material effect exactly what it asks
+        for, for loads and supports that depend on the response the first step towards it.
+        """
+        hook = placed.effect.hook
+        response, drive = self.arm.baseline, self.drive
+        if hook == "sensing":
+            return self._misread(placed)
+        signals = signals_of(drive, self.world, response)
+        value, _ = placed.act(signals, ())
+        chambers = drive.pressures.shape[1]
+        if hook in ("pressure", "command"):
+            return _applied(self.by_input[..., :chambers], value - drive.pressures)
+        if hook == "gravity":
+            return _applied(self.by_input[..., -3:], value)
+        if hook == "load":
+            own = value.reshape(drive.samples, -1)
+            return _applied(self.by_input[..., chambers : chambers + own.shape[1]], own)
+        if hook == "couple":
+            return _applied(self.by_strain, (value - signals.strains).reshape(drive.samples, -1))
+        turned = replace(drive, base_rotation=drive.base_rotation + value.reshape(drive.samples, 3))
+        return _applied(self.by_twist, self.arm.twists(turned) - self.arm.twists(drive))
+
+    def _misread(self, placed: PlacedEffect) -> Floats:
+        sensor, start = placed.spot.place.sensor, 0
+        readings = self.base.copy()
+        for measurement in self.suite.measurements:
+            own = slice(start, start + measurement.reading_size)
+            start = own.stop
+            if measurement.name == sensor:
+                signals = signals_of(self.drive, self.world, self.arm.baseline)
+                readings[:, own], _ = placed.act(replace(signals, reading=self.base[:, own]), ())
+        return self.innovation(readings)
+
+    @cached_property
+    def by_twist(self) -> Floats:
+        """Derivative of the predictions by the sections' twists, shape (samples, rows, 6 sections)."""
+        rows: Floats = np.nan_to_num(self.suite.sensitivity(self.scene, self.base).twists)
+        return rows
+
+    @cached_property
+    def by_input(self) -> Floats:
+        """Derivative of the predictions by pressures, wrenches and gravity, shape (samples, rows, inputs)."""
+        by_input: Floats = self.by_twist @ self.arm.baseline.motion
+        return by_input
 
     def calibration_columns(self, layout: Layout) -> Floats:
         """Differentiate the predictions by the unknowns of a calibration, then by each segment's torsion.
@@ -204,6 +258,12 @@ class Stage:
             "trk,tk->tr", self.by_strain[..., own], self.arm.baseline.strains[:, index]
         )
         return shrunk
+
+
+def _applied(slopes: Floats, change: Floats) -> Floats:
+    """Multiply derivatives, shape (samples, rows, inputs), with changes, shape (samples, inputs)."""
+    applied: Floats = np.einsum("tri,ti->tr", slopes, change)
+    return applied
 
 
 def build_stage(

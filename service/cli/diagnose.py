@@ -1,5 +1,6 @@
 """``softarm diagnose RECORDING... --specimen S``: the physics that a model leaves out."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,32 @@ if TYPE_CHECKING:
 
 NOMINAL = "--nominal"
 ALTERNATIVES = 4
+
+
+SHARES = {
+    "reading": 3.0,
+    "preparing the model": 2.0,
+    "calibrating": 20.0,
+    "predicting": 15.0,
+    "trying effects": 25.0,
+    "fitting": 25.0,
+    "judging": 10.0,
+}
+"""Share of the time that each part of a diagnosis takes."""
+
+
+class _Steps:
+    """Turns what is being done into progress: a part counts as done when the next begins."""
+
+    def __init__(self, advance: Callable[[float], None]) -> None:
+        self._advance = advance
+        self._now = ""
+
+    def tell(self, what: str) -> None:
+        """Take note of what is being done."""
+        if what != self._now:
+            self._advance(SHARES.get(self._now, 0.0))
+            self._now = what
 
 
 class NominalCommand(click.Command):
@@ -92,12 +119,8 @@ def command(
     if write_specimen is not None:
         refuse_existing(write_specimen, force=force)
     robot = specimen_of(specimen, recordings, load_recordings(recordings[:1]))
-    with workers(jobs, dask) as executor, progress("diagnosing") as advance:
-        outcome = run(
-            Request(recordings, nominal, robot, seed),
-            executor,
-            lambda what: advance(1.0),  # noqa: ARG005
-        )
+    with workers(jobs, dask) as executor, progress("diagnosing", sum(SHARES.values())) as advance:
+        outcome = run(Request(recordings, nominal, robot, seed), executor, _Steps(advance).tell)
     report = report_of(outcome.diagnosis)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)

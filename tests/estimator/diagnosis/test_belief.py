@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from estimator.diagnosis.belief import Belief, Factor, Marginal
+from estimator.diagnosis.gram import products_of, renewed, total, with_column
+
+
+@pytest.fixture
+def data() -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(3)
+    columns = rng.normal(size=(40, 2, 5))
+    residual = columns @ np.array([0.5, -1.0, 0.0, 0.2, 0.0]) + 0.1 * rng.normal(size=(40, 2))
+    residual[3, 1] = np.nan
+    return residual, columns
+
+
+BLOCKS = np.arange(40) // 10
+
+
+def _products(residual: np.ndarray, columns: np.ndarray) -> list:
+    scale = np.array([0.1, 0.2])
+    return products_of(residual, columns, scale, BLOCKS, np.zeros(40, dtype=bool), 0, nominal=False)
+
+
+def test_a_belief_learns_what_least_squares_finds(data: tuple[np.ndarray, np.ndarray]) -> None:
+    residual, columns = data
+    prior = Belief(np.zeros(5), 1e8 * np.eye(5))
+    found = prior.updated(total(_products(residual, columns), 5), 1.0)
+    seen = np.isfinite(residual)
+    weight = np.broadcast_to([10.0, 5.0], seen.shape)[seen]
+    rows = columns[seen] * weight[:, None]
+    expected = np.linalg.lstsq(rows, residual[seen] * weight, rcond=None)[0]
+    assert found.mean == pytest.approx(expected, rel=1e-5, abs=1e-7)
+    assert found.covariance == pytest.approx(np.linalg.inv(rows.T @ rows), rel=1e-4)
+
+
+def test_the_gain_of_extra_coefficients_is_the_fall_of_the_cost(data: tuple[np.ndarray, np.ndarray]) -> None:
+    residual, columns = data
+    known = Belief(np.zeros(4), 0.01 * np.eye(4))
+    with_extra = Belief(np.zeros(5), np.diag([0.01] * 4 + [1e6]))
+    parts = _products(residual, np.concatenate([columns[..., :4], columns[..., 1:2]], axis=-1))
+    small = [type(p)(**{**vars(p), "matrix": p.matrix[:4, :4], "vector": p.vector[:4]}) for p in parts]
+    marginal = Marginal.of(known, total(small, 4), 1.0)
+    gain, _ = marginal.gain([1])
+    after = Marginal.of(with_extra, total(parts, 5), 1.0).cost
+    assert gain == pytest.approx(marginal.cost - after, rel=1e-3)
+
+
+def test_products_of_another_residual_and_of_one_more_column(data: tuple[np.ndarray, np.ndarray]) -> None:
+    residual, columns = data
+    scale = np.array([0.1, 0.2])
+    first = _products(residual, columns)
+    other = np.where(np.isfinite(residual), residual - 0.3, np.nan)
+    for a, b in zip(renewed(first, other, columns, scale, BLOCKS), _products(other, columns), strict=True):
+        assert a.vector == pytest.approx(b.vector)
+        assert a.power == pytest.approx(b.power)
+    wider = with_column(first, residual, columns[..., :], columns[..., 2] ** 2, scale, BLOCKS)
+    direct = _products(residual, np.concatenate([columns, columns[..., 2:3] ** 2], axis=-1))
+    for a, b in zip(wider, direct, strict=True):
+        assert a.matrix == pytest.approx(b.matrix)
+        assert a.vector == pytest.approx(b.vector)
+
+
+def test_a_factor_solves_badly_scaled_matrices() -> None:
+    size = np.array([1e-4, 1.0, 1e4])
+    matrix = np.outer(size, size) * (np.eye(3) + 0.2)
+    right = matrix @ np.array([1.0, 2.0, 3.0])
+    assert Factor.of(matrix).solve(right) == pytest.approx([1.0, 2.0, 3.0], rel=1e-5)

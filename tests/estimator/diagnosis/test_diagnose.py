@@ -1,0 +1,97 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.diagnosis import diagnose as whole
+from estimator.diagnosis.diagnose import Outcome, diagnose
+from estimator.diagnosis.session import Session
+from estimator.diagnosis.split import hold_out
+from estimator.specimen.physics import Place
+from service.diagnosis.report import report_of
+from service.diagnosis.workers import Inline
+from tests.estimator.diagnosis.linear_arm import model, scrambled, trial
+
+TRIED = (
+    "chamber_gain",
+    "line_leak",
+    "viscoelastic_creep",
+    "segment_stiffness",
+    "sensor_scale",
+    "sensor_bias",
+    "chamber_crosstalk",
+    "pressure_bias",
+)
+WEAK = ("chamber_gain", Place(chamber=1), (-0.15,))
+
+
+def _diagnose(sessions: list[Session]) -> Outcome:
+    return diagnose(model(), sessions, Inline(), effects=TRIED)
+
+
+@pytest.fixture(scope="module")
+def weak() -> Outcome:
+    return _diagnose(trial([WEAK]))
+
+
+def test_nothing_new_is_consistent() -> None:
+    found = _diagnose(trial([])).diagnosis
+    assert found.verdict == "consistent"
+    assert not found.findings
+
+
+def test_a_weak_chamber_is_named_and_placed(weak: Outcome) -> None:
+    (finding,) = weak.diagnosis.findings
+    assert weak.diagnosis.verdict == "explained"
+    assert (finding.effect, finding.where) == ("chamber_gain", Place(chamber=1))
+    gain = finding.parameters["gain"]
+    assert gain.value == pytest.approx(-0.15, abs=max(3.0 * gain.std, 0.015))
+    assert finding.evidence.heldout_gain_ci95[0] > 0.0
+    assert weak.diagnosis.heldout.after < weak.diagnosis.heldout.before
+
+
+def test_an_inseparable_rival_is_named_with_what_would_tell(weak: Outcome) -> None:
+    (finding,) = weak.diagnosis.findings
+    named = {rival.effect: rival.manoeuvre for rival in finding.confusable_with}
+    assert "close the valve" in named.get("line_leak", "close the valve")
+
+
+def test_the_mismatch_is_located_before_any_hypothesis(weak: Outcome) -> None:
+    best = weak.diagnosis.map.best
+    assert best is not None
+    assert best.p_value < 0.05
+    assert (best.kind, best.name) in (("chamber", "1"), ("segment", "upper"), ("base", "base"))
+
+
+def test_a_sensor_that_shows_too_much_is_told_from_physics() -> None:
+    effect = ("sensor_scale", Place(sensor="bend_tip"), (0.12,))
+    found = _diagnose(trial([effect])).diagnosis
+    assert [f.effect for f in found.findings][:1] == ["sensor_scale"]
+    assert found.findings[0].where.sensor == "bend_tip"
+
+
+def test_held_out_recordings_are_seen_by_no_fit_and_no_choice(weak: Outcome) -> None:
+    sessions = trial([WEAK])
+    split, _ = hold_out(sessions, np.array(model().specimen.pressure_limits))
+    held = {s.name for s in split if s.heldout.any()}
+    assert held
+    spoilt = [scrambled(s) if s.name in held else s for s in sessions]
+    again = _diagnose(spoilt)
+    assert [p.theta.tolist() for p in again.accepted] == [p.theta.tolist() for p in weak.accepted]
+    assert again.diagnosis.heldout.after > weak.diagnosis.heldout.after
+
+
+def test_one_seed_gives_one_report(weak: Outcome) -> None:
+    again = _diagnose(trial([WEAK]))
+    assert report_of(again.diagnosis) == report_of(weak.diagnosis)
+
+
+def test_a_structure_outside_the_library_is_unknown() -> None:
+    sessions = trial([])
+    shaken = []
+    for one in sessions:
+        ripple = 0.06 * np.sin(2.0 * np.pi * one.clock / 2.3)[:, None] * np.array([1.0, 0.0, 0.0, 0.0])
+        shaken.append(one if one.nominal else replace(one, readings=one.readings + ripple))
+    found = _diagnose(shaken).diagnosis
+    assert found.verdict in ("unexplained", "partly_explained")
+    assert found.unexplained.normalised_rms > whole.STRUCTURE

@@ -1,0 +1,50 @@
+import numpy as np
+import pytest
+
+from estimator.diagnosis.valve_stage import splits_of, valve_findings
+from estimator.diagnosis.valves import static, valves_of
+from estimator.recording import Recording
+from estimator.simulation.filters import first_order
+
+TIME = np.arange(0.0, 80.0, 0.01)
+
+
+def _recording(name: str, dead_time: float = 0.0, lag: float = 0.0, law: tuple = (0.0, 0.0, 0.0, np.inf)):
+    levels = np.array(
+        [0.0, 1e3, 2e3, 4e3, 0.0, 20e3, 0.0, 30e3, 40e3, 10e3, 55e3, 50e3, 60e3, 25e3, 5e3, 0.0]
+    )
+    asked = np.repeat(levels, len(TIME) // len(levels))
+    late = np.interp(TIME - dead_time, TIME, asked)
+    given = first_order(TIME, static(late, *law), lag, ())[0]
+    given = given + np.random.default_rng(1).normal(0.0, 30.0, len(TIME))
+    return Recording(name, TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
+
+
+def test_a_perfect_valve_has_no_finding() -> None:
+    assert valve_findings(splits_of([_recording("plain")]), []) == ()
+
+
+def test_dead_time_lag_and_bias_are_found() -> None:
+    (valve,) = valves_of(_recording("late", 0.05, 0.06, (-700.0, 0.0, 0.0, np.inf)))
+    assert valve.dead_time == pytest.approx(0.05, abs=0.015)
+    assert valve.lag == pytest.approx(0.06, abs=0.02)
+    assert valve.bias == pytest.approx(-700.0, abs=60.0)
+    assert valve.ceiling == np.inf
+
+
+def test_what_nominal_recordings_show_as_well_is_not_new() -> None:
+    law = (-700.0, 0.0, 0.0, np.inf)
+    known = splits_of([_recording("known", 0.05, 0.06, law)])
+    assert valve_findings(splits_of([_recording("again", 0.05, 0.06, law)]), known) == ()
+    (finding,) = valve_findings(splits_of([_recording("slow", 0.05, 0.2, law)]), known)
+    assert finding.effect == "line_lag"
+    assert finding.parameters["lag"].value == pytest.approx(0.14, abs=0.05)
+
+
+def test_a_ceiling_and_a_dead_band_are_told() -> None:
+    found = valve_findings(splits_of([_recording("weak", law=(0.0, 0.0, 0.0, 45e3))]), [])
+    assert [f.effect for f in found] == ["pressure_saturation"]
+    assert found[0].parameters["ceiling"].value == pytest.approx(45e3, abs=200.0)
+    found = valve_findings(splits_of([_recording("stiff", law=(0.0, 0.0, 2.5e3, np.inf))]), [])
+    assert [f.effect for f in found] == ["valve_deadband"]
+    assert found[0].parameters["band"].value == pytest.approx(2.5e3, abs=200.0)
