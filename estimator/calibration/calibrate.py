@@ -11,7 +11,7 @@ from estimator.calibration.fit import Fit, fit
 from estimator.calibration.forward import Evaluation, Forward
 from estimator.calibration.identifiability import KEPT, MANOEUVRES, identify, kept
 from estimator.calibration.nodes import BLOCK, Nodes, choose_nodes, training_blocks
-from estimator.calibration.outcome import Calibrated, Check
+from estimator.calibration.outcome import Calibrated, Check, by_quantity
 from estimator.calibration.parameters import Layout, build_layout
 from estimator.calibration.pulls import LEAST_PULL
 from estimator.calibration.regression import estimate_lag, fit_line
@@ -110,6 +110,7 @@ def calibrate(
         nodes=sum(len(own.time) for own in nodes),
         unsolved=sum(int((~evaluation.converged).sum()) for evaluation in final.evaluations),
         recordings=tuple(run.name for run in runs),
+        scatter=_free_scatter(held_out, trained.evaluations, nodes, train),
     )
 
 
@@ -131,6 +132,24 @@ def rms(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> dict[str, 
                 squares.setdefault(f"{name}.{number}", []).append(column[np.isfinite(column)] ** 2)
     joined = {name: np.concatenate(parts) for name, parts in squares.items()}
     return {name: float(np.sqrt(values.mean())) for name, values in joined.items() if len(values)}
+
+
+def _free_scatter(
+    held_out: Sequence[Evaluation],
+    trained: Sequence[Evaluation],
+    nodes: Sequence[Nodes],
+    train: Sequence[Flags],
+) -> dict[str, float]:
+    """Give the scatter of each sensor by quantity on unseen nodes, without known forces if there are such.
+
+    An arm that hangs vented, drawn by a gauge, stays near rest and scatters less than one under pressure.
+    """
+    unseen = [~flags for flags in train]
+    split = any(flags.any() for flags in unseen)
+    parts = _parts(nodes, unseen if split else train)
+    pairs = list(zip(held_out if split else trained, parts, strict=True))
+    free = [pair for pair in pairs if not pair[1].run.pulled and len(pair[1].time)] or pairs
+    return by_quantity(rms([evaluation for evaluation, _ in free], [own for _, own in free]))
 
 
 def _choose(runs: Sequence[Run], lags: Sequence[float | None], count: int) -> tuple[Nodes, ...]:

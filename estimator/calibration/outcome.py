@@ -55,6 +55,8 @@ class Calibrated:
         nodes: Number of nodes.
         unsolved: Nodes at which the model found no equilibrium.
         recordings: Names of the runs.
+        scatter: Root mean square of measured minus predicted, by sensor and quantity [m or rad], where no fit
+            had seen it.
     """
 
     identified: tuple[Identified, ...]
@@ -66,6 +68,7 @@ class Calibrated:
     nodes: int
     unsolved: int
     recordings: tuple[str, ...]
+    scatter: Mapping[str, float]
 
     @property
     def fitted(self) -> int:
@@ -101,7 +104,7 @@ def calibrated_specimen(specimen: Specimen, found: Calibrated, provenance: str =
         update={
             "recordings": tuple(dict.fromkeys((*old.recordings, *found.recordings))),
             "provenance": provenance or old.provenance,
-            "scatter": scatter_of(found.check),
+            "scatter": dict(found.scatter),
             "modulus_scale": scales,
             "chambers": tuple(_chamber(specimen, c.index, found) for c in specimen.chambers),
             "bends": _bends(specimen, found),
@@ -112,11 +115,10 @@ def calibrated_specimen(specimen: Specimen, found: Calibrated, provenance: str =
     return specimen.model_copy(update={"calibration": calibration, "gravity_m_s2": gravity})
 
 
-def scatter_of(check: Check) -> dict[str, float]:
-    """Give the scatter of each sensor by quantity, of what no fit had seen where something was held out."""
-    unseen = check.held_out or check.training
+def by_quantity(components: Mapping[str, float]) -> dict[str, float]:
+    """Join root mean squares of components to those of each sensor's quantities."""
     groups: dict[str, list[float]] = {}
-    for name, value in unseen.items():
+    for name, value in components.items():
         groups.setdefault(quantity_of(name), []).append(value)
     return {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in groups.items()}
 

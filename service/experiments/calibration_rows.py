@@ -14,7 +14,7 @@ from service.experiments.validation import pose_errors
 from service.experiments.whole_runs import sampled
 
 Runs = Callable[[str, Specimen], Run]
-SAMPLES = 16
+SAMPLES = 12
 
 
 def unknown_rows(found: Calibrated) -> list[Cells]:

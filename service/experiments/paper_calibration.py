@@ -43,7 +43,7 @@ class PaperCalibration:
 
 
 def calibrate_as_paper(
-    solver: Solver, specimen: Specimen, sweep: Run, pulls: Run, nodes: int = 20
+    solver: Solver, specimen: Specimen, sweep: Run, pulls: Run, nodes: int = 14
 ) -> PaperCalibration:
     """Calibrate twice, as the paper does.
 
@@ -79,7 +79,7 @@ def _fit(solver: Solver, specimen: Specimen, runs: Sequence[Run], nodes: int, *,
     chosen: tuple[Nodes, ...] = tuple(choose_nodes(run, nodes) for run in runs)
     layout = _layout(specimen, runs[0], solver, _names(specimen, with_gains=with_gains))
     forward = Forward(solver, layout, chosen, np.array(specimen.gravity_m_s2))
-    return fit(forward, layout.means, iterations=6)
+    return fit(forward, layout.means, iterations=5)
 
 
 def _names(specimen: Specimen, *, with_gains: bool) -> list[str]:

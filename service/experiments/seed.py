@@ -53,7 +53,7 @@ RUNS: Mapping[str, tuple[str, ...]] = {
 }
 """Runs of the fake arm by name: manoeuvres of its library."""
 
-NODES = 64
+NODES = 56
 FAILED = " failed: "
 Series = dict[str, list[float]]
 
