@@ -15,6 +15,7 @@ class Stiffness:
     """The tangent at one configuration.
 
     Args:
+        displacement: The configuration [m], shape (nodes, 3).
         factor: Its factor, for steps that the next residual corrects.
         fields: Displacement per unit of each pressure, then each load, shape (inputs, nodes, 3).
         motion: Change of the stacked section twists per unit of each input, shape (6 sections, inputs).
@@ -22,6 +23,7 @@ class Stiffness:
         sections: Rotations of the sections, shape (sections, 3, 3).
     """
 
+    displacement: Floats
     factor: CompactFactor
     fields: Floats
     motion: Floats
@@ -38,6 +40,7 @@ def take_stiffness(model: FiniteElementModel, displacement: Floats, inputs: Inpu
     sections = model.section_fit
     fitted = sections.at(model.body.points + displacement)
     return Stiffness(
+        displacement=displacement,
         factor=step.factor.compact(),
         fields=fields,
         motion=fitted.twists(sections.weights @ fields).T,

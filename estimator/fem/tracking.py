@@ -17,6 +17,8 @@ NEGLIGIBLE = 1.0
 """Residual over the tolerance below which nothing is corrected."""
 CORRECTING = 1e-3
 """Change of the inputs, over the largest of their kind, up to which a step counts as a correction."""
+SLOWING = 0.05
+"""Contraction from which on a fresh factor is asked for in the background."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,13 @@ class TrackingStep:
         drift, motion = self._twists
         return rows @ drift, rows @ motion
 
+    def forces(self, change: Floats) -> float:
+        """Give the norm of the forces that the Newton step for changed inputs is to balance [N]."""
+        evaluation, chambers = self.balance.evaluation, self.model.chambers
+        pushed = np.tensordot(change[:chambers], evaluation.gradients, 1)
+        loaded = np.tensordot(change[chambers:], self.balance.load_vectors, 1)
+        return float(np.linalg.norm(self.balance.residual + self.model.body.pattern.gather(pushed + loaded)))
+
     def moved(self, change: Floats) -> Floats:
         """Give the displacement after the Newton step for changed inputs [m], shape (nodes, 3)."""
         assert self.stiffness is not None
@@ -166,16 +175,20 @@ class TrackingModel:
         return TrackingStep(self.model, state, inputs, balance, fitted, stiffness)
 
     def _stiffness(self, state: TrackingState, inputs: Inputs, balance: Balance) -> Stiffness | None:
-        stale = state.stiffness
-        if self.background is not None:
-            stale = self.background.latest or stale
-            self.background.offer(state.displacement, inputs)
-        settled = balance.norm < self.model.settings.tolerance
+        held, arrived = state.stiffness, not np.isfinite(state.forces)
         moved_on = not np.array_equal(inputs.gravity, state.inputs.gravity)
-        contracted = float(np.linalg.norm(balance.residual)) < self.contraction * state.forces or moved_on
-        renewed = stale is not state.stiffness
-        if stale is not None and (settled or contracted or renewed):
-            return stale
+        left = float(np.linalg.norm(balance.residual))
+        calm = arrived or moved_on or balance.norm < self.model.settings.tolerance
+        slow = not calm and left >= self.contraction * state.forces
+        nearest = held
+        if self.background is not None:
+            if arrived or moved_on or (not calm and left >= SLOWING * state.forces):
+                self.background.offer(state.displacement, inputs)
+            # Another factor has other sensitivities and so another optimum: none is swapped near the end.
+            if held is None or arrived or slow:
+                nearest = _nearer(state.displacement, held, self.background.latest)
+        if nearest is not None and (not slow or nearest is not held):
+            return nearest
         return take_stiffness(self.model, state.displacement, inputs)
 
     def advance(self, step: TrackingStep, change: Floats) -> TrackingState:
@@ -189,13 +202,21 @@ class TrackingModel:
         corrects = _small(change[: self.chambers], inputs.pressures) and _small(
             change[self.chambers :], inputs.loads
         )
-        left = float(np.linalg.norm(step.balance.residual)) if corrects else np.inf
-        return TrackingState(displacement, inputs, step.stiffness, left)
+        forces = step.forces(change) if corrects else np.inf
+        return TrackingState(displacement, inputs, step.stiffness, forces)
 
     def solve(self, inputs: Inputs, start: TrackingState) -> tuple[TrackingState, bool]:
         """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
         found, converged = self.model.solve(inputs, FiniteElementState(start.displacement, start.inputs))
         return TrackingState(found.displacement, found.inputs, start.stiffness), converged
+
+
+def _nearer(displacement: Floats, held: Stiffness | None, other: Stiffness | None) -> Stiffness | None:
+    """Choose the factor that was taken nearer to a configuration."""
+    if held is None or other is None:
+        return held or other
+    away = [np.linalg.norm(displacement - one.displacement) for one in (held, other)]
+    return other if away[1] < away[0] else held
 
 
 def _small(change: Floats, values: Floats) -> bool:
