@@ -104,7 +104,7 @@ def cord_direction(
             knot = registration.to_base(recording.pose(section)[:, :3])
         reach = hook - knot
         lengths = np.linalg.norm(reach, axis=1, keepdims=True)
-        tied = np.isfinite(hook).all(axis=1)
+        tied = np.asarray(np.isfinite(hook).all(axis=1))
         return np.where(tied[:, None], reach / np.maximum(lengths, 1e-9), 0.0)
     told = recording.info.get("gauge_direction")
     if told is None:
