@@ -1,6 +1,7 @@
 """What the live tests share: looking at the fakes, and an arm under pressure."""
 
 import contextlib
+import threading
 import time
 
 import numpy as np
@@ -66,5 +67,6 @@ def cleared(client, timeout=10.0):
             return wait_for_mode(client, "IDLE")
         except CommandRefusedError:
             assert time.monotonic() < deadline
+            threading.Event().wait(0.05)
             if client.state().mode == "IDLE":
                 return client.state()
