@@ -28,7 +28,7 @@ from service.recordings import load_recording
 Floats = NDArray[np.float64]
 
 CORRECTIONS = 2
-RATE_HZ = 3.0
+RATE_HZ = 2.0
 HOLD_S, RAMP_S = 4.0, 1.0
 STILL_M_S = 0.01
 SHORTEST_S = 2.0
