@@ -89,7 +89,13 @@ def layout_of(model: Model, sessions: Sequence[Session]) -> Layout:
     # A known weight in several mounts tells the moduli, so that the chambers' mean gain may be anything.
     weighed = turned(sessions)
     layout = build_layout(model.specimen, suite, sources, moved, segments, weighed)
-    return layout.without({p.name for p in layout.parameters if p.kind not in KINDS})
+    kinds = KINDS[:-1] if by_markers(suite) else KINDS
+    return layout.without({p.name for p in layout.parameters if p.kind not in kinds})
+
+
+def by_markers(suite: SensorSuite) -> bool:
+    """Tell whether markers on the base register the laboratory; a recorded frame may be mounted askew."""
+    return any(m.registration is not None and m.registration.covariance.any() for m in suite.measurements)
 
 
 def turned(sessions: Sequence[Session]) -> bool:

@@ -12,6 +12,7 @@ from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.fit import Fit, Ground, View, fit_effects
 from estimator.diagnosis.gram import Products, Total, total, with_column
 from estimator.diagnosis.library import Direction, Hypothesis
+from estimator.diagnosis.ring import Ring
 from estimator.diagnosis.weights import Weights
 from estimator.effects import Parameter
 
@@ -24,6 +25,8 @@ FINALISTS = 10
 TRIED = 4
 """Best of them that may be accepted."""
 LEAST_BIC = 10.0
+MOST_SURPRISE = 12.0
+"""Largest cost of a size that nobody expects."""
 CLOSE = 0.8
 """Share of the best gain in the criterion below which a hypothesis is no candidate."""
 MATERIAL = 0.10
@@ -55,7 +58,7 @@ class Candidate:
         number: Its number in the library.
         fit: The fit, together with the effects accepted before.
         gain: By how much it lowers the cost.
-        delta_bic: The same less the price of its parameters.
+        delta_bic: The same less the price of its parameters and of a size that nobody expects.
     """
 
     number: int
@@ -140,6 +143,7 @@ class Search:
         executor: Runs fits.
         rng: Of bootstraps.
         exact: Whether the winners are fitted again on the model itself: where it has few different inputs.
+        ring: Frequencies of the swing, where arms were released.
         advance: Called with 1 after each step.
     """
 
@@ -149,6 +153,7 @@ class Search:
     executor: Executor
     rng: np.random.Generator
     exact: bool = False
+    ring: Ring | None = None
     advance: Callable[[float], None] = lambda _: None
 
     def run(self) -> Choice:
@@ -180,7 +185,8 @@ class Search:
             accepted, fit, dropped = self.pruned(accepted, fit)
             refused |= dropped
         if fit is not None and self.exact and all(h.effect.hook in DIRECT for h in fit.hypotheses):
-            fit = fit_effects(self.ground(), fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
+            again = fit_effects(self.ground(), fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
+            fit = self.heard(again)
         return Choice(tuple(accepted), fit, alarm_p, turned_down)
 
     def parts(self, fit: Fit | None) -> list[Products]:
@@ -271,10 +277,26 @@ class Search:
         found = []
         for number, _, theta in ranked:
             own = fit_effects(ground, (*known, hypotheses[number]), (*thetas, theta), free=len(known))
+            own = self.heard(own)
             gain = own.gain - before
-            found.append(Candidate(number, own, gain, gain - price * len(theta)))
+            bic = gain - price * len(theta) - _surprise(hypotheses[number], own.thetas[-1])
+            found.append(Candidate(number, own, gain, bic))
             self.advance(1.0)
-        return sorted(found, key=lambda candidate: -candidate.delta_bic)
+        ranked_by_fit = sorted(found, key=lambda candidate: -candidate.delta_bic)
+        return self.plainest_first(ranked_by_fit)
+
+    def plainest_first(self, field: list[Candidate]) -> list[Candidate]:
+        """Put the one with the fewest and likeliest numbers first among those as good as the best."""
+        if not field:
+            return field
+        alike = [one for one in field if one.delta_bic > field[0].delta_bic - LEAST_BIC]
+        hypotheses = self.evidence.library.hypotheses
+
+        def plain(one: Candidate) -> tuple[int, float]:
+            theta = one.fit.thetas[-1]
+            return len(theta), _surprise(hypotheses[one.number], theta)
+
+        return [*sorted(alike, key=plain), *field[len(alike) :]]
 
     def count(self) -> float:
         """Give the effective number of searched samples."""
@@ -289,8 +311,9 @@ class Search:
     ) -> tuple[Accepted | None, tuple[Candidate, Judgement] | None]:
         """Judge the best candidates and take the first that holds."""
         turned_down = None
+        least = max(LEAST_BIC, CLOSE * max((one.delta_bic for one in field), default=0.0))
         for candidate in field[:TRIED]:
-            if candidate.delta_bic < max(LEAST_BIC, CLOSE * field[0].delta_bic) or candidate.fit.at_bound:
+            if candidate.delta_bic < least or candidate.fit.at_bound:
                 continue
             judgement = self.judge(candidate, fit, null)
             if judgement.accepted:
@@ -374,7 +397,21 @@ class Search:
 
     def refit(self, fit: Fit) -> Fit:
         """Fit all accepted effects together."""
-        return fit_effects(self.ground(), fit.hypotheses, fit.thetas)
+        return self.heard(fit_effects(self.ground(), fit.hypotheses, fit.thetas))
+
+    def heard(self, fit: Fit) -> Fit:
+        """Let a fit take note of the frequency of the swing, where one was heard."""
+        return self.ring.heard(fit) if self.ring is not None else fit
+
+
+def _surprise(hypothesis: Hypothesis, theta: Floats) -> float:
+    """Give how unlikely the sizes of an effect are beforehand, as a cost."""
+    sizes = [
+        (value / parameter.spread) ** 2
+        for parameter, value in zip(hypothesis.effect.parameters, theta.tolist(), strict=True)
+        if parameter.role == "amplitude"
+    ]
+    return min(sum(sizes), MOST_SURPRISE)
 
 
 def _told(fit: Fit, number: int) -> bool:

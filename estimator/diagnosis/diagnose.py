@@ -29,6 +29,7 @@ from estimator.diagnosis.result import (
     Unexplained,
     Verdict,
 )
+from estimator.diagnosis.ring import ring_of
 from estimator.diagnosis.session import Session, channels, units
 from estimator.diagnosis.split import excitation, hold_out
 from estimator.diagnosis.stage import Model, Stage
@@ -125,7 +126,16 @@ def diagnose(
     weights = evidence.weigh()
     belief, width = belief_before(evidence, weights)
     advance("fitting")
-    search = Search(evidence, weights, belief, executor, rng, not model.fast, lambda _: advance("fitting"))
+    search = Search(
+        evidence,
+        weights,
+        belief,
+        executor,
+        rng,
+        exact=not model.fast,
+        ring=ring_of(stages),
+        advance=lambda _: advance("fitting"),
+    )
     choice = search.run()
     advance("judging")
     return _outcome(search, choice, how, (*notes, *_notes(width, known)), stuck)

@@ -40,16 +40,7 @@ def _spreads(evidence: Evidence, width: float) -> Floats:
     spreads = np.sqrt(np.diag(evidence.prior(1.0, 1.0).covariance))
     changed = width * spreads
     changed[: evidence.nuisances] *= NUISANCE
-    for index, parameter in enumerate(evidence.fitted.layout.parameters):
-        if parameter.kind == "base" and _by_markers(evidence):
-            changed[index] = spreads[index]
     return changed
-
-
-def _by_markers(evidence: Evidence) -> bool:
-    """Tell whether markers register the laboratory: they are placed, and seen, anew in every recording."""
-    sensors = [m for stage in evidence.stages for m in stage.suite.measurements]
-    return any(m.registration is not None and m.registration.covariance.any() for m in sensors)
 
 
 def _width(evidence: Evidence, prior: Belief, parts: Sequence[Products], share: float) -> float:

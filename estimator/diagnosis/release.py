@@ -1,8 +1,7 @@
-"""Arms without pressures that are held, let go, and swing: their weight acts from the release on.
+"""Arms without pressures that are held, let go, and swing: they are judged once they have come to rest.
 
-Before the release something unknown holds the arm as it was drawn; what it needs for that says nothing of the
-arm, so its weight is taken away there. While the swing rings down, means over a few periods are not the rest
-pose, so they are left out.
+Before the release a hand holds the arm in a pose that says nothing of its weight; while the swing rings down,
+means over a few periods are not yet the rest pose.
 """
 
 from dataclasses import dataclass, replace
@@ -22,6 +21,7 @@ STARTUP = 0.12
 """Seconds at the beginning of a recording that motion capture needs to start."""
 DEPARTURE = 0.03
 """Share of the whole motion at which an arm counts as let go."""
+LEAST_SAMPLES = 20
 LEAST_HOLD = 0.1
 """Shortest time for which it is held [s]."""
 
@@ -31,7 +31,7 @@ class Release:
     """A release that was found.
 
     Args:
-        session: The session with its weight from the release on, and the ring lost.
+        session: The session once the swing has died away.
         time: When it was let go [s].
     """
 
@@ -60,13 +60,10 @@ def find_release(session: Session, ring: float | None) -> Release | None:
     first = int(np.argmax(moved))
     if whole <= 0.0 or time[first] < STARTUP + LEAST_HOLD:
         return None
-    held = time < time[first]
-    ringing = (time >= time[first]) & (time < time[first] + RINGS / ring)
-    lost = ringing | (time <= STARTUP)
-    gravity = np.where(held[:, None], 0.0, session.gravity)
-    readings = np.where(lost[:, None], np.nan, session.readings)
-    kept = replace(session, gravity=gravity, readings=readings).thin(~lost)
-    return Release(kept, float(time[first]))
+    settled = np.asarray(time >= time[first] + RINGS / ring)
+    if settled.sum() < LEAST_SAMPLES:
+        return None
+    return Release(replace(session.thin(settled), ring=ring), float(time[first]))
 
 
 def _largest(readings: Floats) -> int:

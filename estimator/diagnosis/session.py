@@ -29,6 +29,7 @@ class Session:
         sigma: Standard deviation of each row's noise in a sample, shape (rows,).
         blocks: Number of the stretch of time that each sample belongs to, shape (samples,).
         heldout: Samples that neither a fit nor a choice may see, shape (samples,).
+        ring: Frequency at which the arm swung when it was released [Hz].
     """
 
     name: str
@@ -42,6 +43,7 @@ class Session:
     sigma: Floats
     blocks: Indices
     heldout: Flags
+    ring: float | None = None
 
     @property
     def samples(self) -> int:

@@ -168,7 +168,7 @@ def sessions_of(
         if release is not None:
             notes.append(
                 f"{recording.name}: let go at {release.time:.2f} s and swings at {ring:.2f} Hz; judged "
-                "before that, weightless, and after the swing has died away."
+                "after the swing has died away."
             )
         session = release.session if release else prepared.session
         native.append(session)
