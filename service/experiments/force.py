@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from service.experiments.bench import Collector, FakeControl, Observation, laboratory_of, ramp_pressures
+from service.experiments.bench import Collector, FakeControl, Observation, laboratory_of
+from service.experiments.recovery import arm_again, lead
 from service.network.client import SoftarmClient
 
 Floats = NDArray[np.float64]
@@ -119,16 +120,17 @@ def run_fake(
         advance()
     hook = rest + settings.cord_m * settings.direction
     _tie(fakes, settings, hook)
-    client.command("arm")
+    arm_again(client)
     pressures = [0.0] * len(client.state().measured_pa)
     for pressure in np.linspace(0.0, settings.chamber_pa, settings.steps):
         goal = [pressure if k in settings.chambers else 0.0 for k in range(len(pressures))]
-        ramp_pressures(client, pressures, goal, settings.settle_s)
+        lead(client, pressures, goal, settings.settle_s)
         pressures = goal
         _wait(collector, settings)
         yield sample("pressurised", collector.observe(settings.look_s), hook, settings.direction)
         advance()
-    client.command("disarm")
+    if client.state().mode == "ARMED":
+        client.command("disarm")
     fakes.ask("cord")
 
 
