@@ -164,7 +164,8 @@ def cavity_volumes(  # noqa: C901 (one loop nest, compiled)
             for i in range(3):
                 x[n, i] = positions[facets[f, n], i] - centre[owner, i]
         slope[:] = 0.0
-        axial[:] = 0.0
+        if tangent:
+            axial[:] = 0.0
         for t in range(triples.shape[0]):
             c = coefficients[t]
             for turn in range(3):
@@ -172,9 +173,10 @@ def cavity_volumes(  # noqa: C901 (one loop nest, compiled)
                 slope[a, 0] += c * (x[b, 1] * x[d, 2] - x[b, 2] * x[d, 1])
                 slope[a, 1] += c * (x[b, 2] * x[d, 0] - x[b, 0] * x[d, 2])
                 slope[a, 2] += c * (x[b, 0] * x[d, 1] - x[b, 1] * x[d, 0])
-                for i in range(3):
-                    axial[a, b, i] -= c * x[d, i]
-                    axial[b, a, i] += c * x[d, i]
+                if tangent:
+                    for i in range(3):
+                        axial[a, b, i] -= c * x[d, i]
+                        axial[b, a, i] += c * x[d, i]
         for n in range(count):
             for i in range(3):
                 gradients[owner, facets[f, n], i] += slope[n, i]

@@ -55,7 +55,7 @@ def extrapolate(body: Body, last: Waypoint, before: Waypoint | None, fraction: f
     if before is None:
         transport = body.transport
         deformation = transport.deformation(last.displacement)
-        return transport.moved(last.displacement, deformation, transport.gradient(ahead * last.velocity))
+        return transport.moved(last.displacement, deformation, ahead * last.velocity)
     span = last.fraction - before.fraction
     t = 1.0 + ahead / span
     return (

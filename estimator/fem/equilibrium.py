@@ -176,9 +176,8 @@ def take_step(
         return displacement
     step = step * min(1.0, reach / max(longest, 1e-300))
     deformation = body.transport.deformation(displacement)
-    change = body.transport.gradient(step)
     for halving in range(8):
-        after = body.transport.moved(displacement, deformation, change * 0.5**halving)
+        after = body.transport.moved(displacement, deformation, step * 0.5**halving)
         if balancer(after, inputs, False, False).evaluation.valid:
             break
     return after
@@ -212,7 +211,7 @@ def descend(
             if exact is None:
                 mode = body.pattern.scatter(_softest(factor, balance.residual))
                 mode *= TILT * reach / float(np.sqrt((mode**2).sum(axis=1).max()))
-                displacement = body.transport.moved(displacement, deformation, body.transport.gradient(mode))
+                displacement = body.transport.moved(displacement, deformation, mode)
                 continue
             if balance.norm <= settings.tolerance:
                 found = Solution(displacement, SolveStatus.CONVERGED, iteration, balance.norm)
@@ -221,9 +220,8 @@ def descend(
         slope = float(step @ balance.residual)
         nodal = body.pattern.scatter(step)
         nodal *= min(1.0, reach / max(float(np.sqrt((nodal**2).sum(axis=1).max())), 1e-300))
-        change = body.transport.gradient(nodal)
         for halving in range(10):
-            after = body.transport.moved(displacement, deformation, change * 0.5**halving)
+            after = body.transport.moved(displacement, deformation, nodal * 0.5**halving)
             trial = balancer(after, inputs, False, False)
             if trial.evaluation.valid and step @ trial.residual > -0.5 * slope:
                 break

@@ -102,7 +102,7 @@ class TrackingStep:
         drift = np.zeros(6 * sections)
         if self.correction.any():
             transport = self.model.body.transport
-            step = transport.divergence(transport.carried(self.turns, self.correction))
+            step = transport.carried(self.turns, self.correction)
             drift = self.fitted.twists((self.model.section_fit.of_divergence @ step)[None])[0]
         since = self.frames.rotations @ self.stiffness.sections.transpose(0, 2, 1)
         motion = self.stiffness.motion.reshape(sections, 2, 3, -1)
@@ -125,8 +125,7 @@ class TrackingStep:
         assert self.stiffness is not None
         transport = self.model.body.transport
         step = self.correction + np.tensordot(change, self.stiffness.fields, 1)
-        bending = transport.carried(self.turns, step)
-        return transport.moved(self.state.displacement, self.deformation, bending)
+        return transport.moved(self.state.displacement, self.deformation, step, self.turns)
 
 
 @dataclass(frozen=True)

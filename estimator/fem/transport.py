@@ -22,11 +22,11 @@ from estimator.fem.pattern import Pattern, Tangent
 from estimator.fem.shapes import quadrature, shape_functions
 from estimator.fem.substitution import CompactFactor
 from estimator.fem.transport_kernel import (
+    carry_gradients,
     point_divergence,
     point_gradients,
-    turn_fields,
     turns_between,
-    wind_fields,
+    wind_gradients,
 )
 from estimator.mesh import ElementBlock, Floats, Indices
 
@@ -108,30 +108,44 @@ class Transport:
         return turns
 
     def carried(self, turns: Floats, nodal: Floats) -> Floats:
-        """Give the gradient of a displacement carried along the turns, shape (points, 3, 3)."""
-        fields = self.gradient(nodal)
-        turn_fields(turns, fields, False)
-        return fields
+        """Give the divergence of the gradient of a displacement carried along the turns, shape (nodes, 3)."""
+        return self._carry(turns, nodal, back=False)
 
     def forces_back(self, turns: Floats, forces: Floats) -> Floats:
-        """Carry nodal forces back, the adjoint of ``assemble(carried(turns, .))``, shape (nodes, 3)."""
-        fields = self.gradient(self._solve(forces))
-        turn_fields(turns, fields, True)
-        return self.divergence(fields)
+        """Carry nodal forces back, the adjoint of carrying a displacement, shape (nodes, 3)."""
+        return self._carry(turns, self._solve(forces), back=True)
 
-    def moved(self, displacement: Floats, deformation: Floats, change: Floats) -> Floats:
-        """Move by a change of the deformation gradient, its spin taken as a finite rotation.
+    def _carry(self, turns: Floats, nodal: Floats, *, back: bool) -> Floats:
+        carried = np.zeros_like(nodal)
+        for patch in self.patches:
+            carry_gradients(
+                nodal, patch.connectivity, patch.gradients, patch.weights, turns[patch.span], back, carried
+            )
+        return carried
+
+    def moved(
+        self, displacement: Floats, deformation: Floats, step: Floats, turns: Floats | None = None
+    ) -> Floats:
+        """Move by a linear step, its spin taken as a finite rotation.
 
         Args:
             displacement: Displacement before [m], shape (nodes, 3).
             deformation: Its deformation gradient, shape (points, 3, 3).
-            change: Its linear change, overwritten, shape (points, 3, 3).
+            step: Linear step [m], shape (nodes, 3).
+            turns: Rotations since the configuration that it is a step of, along which it is carried, shape
+                (points, 3, 3); none when left out.
 
         Returns:
             The displacement after [m], shape (nodes, 3).
         """
-        wind_fields(deformation, change)
-        return displacement + self.assemble(change)
+        turns = np.tile(np.eye(3), (self.points, 1, 1)) if turns is None else turns
+        divergence = np.zeros_like(step)
+        for patch in self.patches:
+            wind_gradients(
+                step, patch.connectivity, patch.gradients, patch.weights, turns[patch.span],
+                deformation[patch.span], divergence,
+            )  # fmt: skip
+        return displacement + self._solve(divergence)
 
 
 def build_transport(
