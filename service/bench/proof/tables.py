@@ -138,7 +138,7 @@ def failures(scores: Sequence[Score]) -> Table:
             "trial": score.outcome.trial.name,
             "excitation": score.outcome.excitation,
             "concealed": ", ".join(hit.effect for hit in score.hits) or "nothing",
-            "said": score.outcome.told or ", ".join(score.named) or score.outcome.report.get("verdict", "nothing"),
+            "said": score.outcome.told or ", ".join(score.named) or str(score.outcome.report.get("verdict")),
             "status": score.outcome.status,
         }
         for score in scores
