@@ -11,6 +11,7 @@ from estimator.fem.materials import Material
 from estimator.fem.pattern import FIXED, Pattern, Slots
 from estimator.fem.shapes import quadrature, shape_functions
 from estimator.fem.solids_kernel import solid_forces
+from estimator.fem.solids_residual import solid_residual
 from estimator.mesh import ElementBlock, Floats, Indices
 
 LOCAL_BULK = {"tet4": 0.0, "tet10": 10.0, "hex8": 0.0, "hex20": 10.0}
@@ -104,13 +105,13 @@ class Solids:
         Returns:
             Whether every element has a positive volume ratio at every point.
         """
-        batches = self.batches
+        batches, scale = self.batches, scales[self.batches.region]
+        elements = (batches.connectivity, batches.gradients, batches.weights, batches.coefficients)
+        if not tangent:
+            return bool(solid_residual(positions, *elements, scale, batches.hourglass, forces))
         return bool(
-            solid_forces(
-                positions, batches.connectivity, batches.gradients, batches.weights, batches.coefficients,
-                scales[batches.region], batches.hourglass, batches.slots, forces, values, tangent,
-            )
-        )  # fmt: skip
+            solid_forces(positions, *elements, scale, batches.hourglass, batches.slots, forces, values)
+        )
 
     def deformation(self, positions: Floats) -> Floats:
         """Give the deformation gradients, shape (elements, points, 3, 3)."""

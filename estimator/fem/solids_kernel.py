@@ -45,7 +45,7 @@ def isochoric_slopes(code: float, half: float, a: float, b: float, excess: float
 
 
 @compiled
-def _gradient(corners: int, gradients: int, nodes: int, points: int, p: int, out: int) -> None:
+def fill_gradient(corners: int, gradients: int, nodes: int, points: int, p: int, out: int) -> None:
     """Fill the deformation gradients of four elements at point p, shape (9, lanes) at address ``out``."""
     f00, f01, f02 = zero(), zero(), zero()
     f10, f11, f12 = zero(), zero(), zero()
@@ -69,7 +69,7 @@ def _gradient(corners: int, gradients: int, nodes: int, points: int, p: int, out
 
 
 @compiled
-def _invert(F: Floats, inverse: Floats, lane: int) -> tuple[float, float]:
+def invert_lane(F: Floats, inverse: Floats, lane: int) -> tuple[float, float]:
     """Fill the transposed inverse of one lane's 3 x 3 matrix, both of shape (9, lanes); return J and F:F."""
     square = 0.0
     for i in range(3):
@@ -173,7 +173,7 @@ def _scatter(block: Floats, slots: Slots, values: Floats) -> None:
 
 
 @compiled
-def _stresses(
+def evaluate_law(
     weights: Floats, ratios: Floats, squares: Floats, table: Floats, scales: Floats, of_f: Floats,
     of_h: Floats, volume_slope: Floats, terms: Floats, stiffening: Floats
 ) -> bool:  # fmt: skip
@@ -228,6 +228,16 @@ def _stresses(
 
 
 @compiled
+def collect_corners(positions: Floats, connectivity: Indices, corners: Floats) -> None:
+    """Fill the positions of the nodes of four elements, shape (nodes, 3, lanes)."""
+    for n in range(corners.shape[0]):
+        for lane in range(LANES):
+            node = max(connectivity[lane, n], -1 - connectivity[lane, n])
+            for i in range(3):
+                corners[n, i, lane] = positions[node, i]
+
+
+@compiled
 def solid_forces(  # noqa: C901 (one loop nest, compiled)
     positions: Floats,
     connectivity: Indices,
@@ -239,7 +249,6 @@ def solid_forces(  # noqa: C901 (one loop nest, compiled)
     slots: Slots,
     forces: Floats,
     values: Floats,
-    tangent: bool,
 ) -> bool:
     """Add internal forces and tangent blocks of all elements; see ``Solids.forces``.
 
@@ -255,18 +264,14 @@ def solid_forces(  # noqa: C901 (one loop nest, compiled)
     scale, stiffness = np.empty(LANES), np.empty((nodes, nodes, LANES))
     mean_slope, force, block = np.empty((nodes, 3, LANES)), np.empty((3, LANES)), np.empty((10, LANES))
     for e in range(connectivity.shape[0]):
-        for n in range(nodes):
-            for lane in range(LANES):
-                node = max(connectivity[e, lane, n], -1 - connectivity[e, lane, n])
-                for i in range(3):
-                    corners[n, i, lane] = positions[node, i]
+        collect_corners(positions, connectivity[e], corners)
         least = np.inf
         for p in range(points):
-            _gradient(
+            fill_gradient(
                 corners.ctypes.data, gradients[e].ctypes.data, nodes, points, p, deformation.ctypes.data
             )
             for lane in range(LANES):
-                ratios[p, lane], squares[p, lane] = _invert(deformation, inverse, lane)
+                ratios[p, lane], squares[p, lane] = invert_lane(deformation, inverse, lane)
                 if not ratios[p, lane] >= least:
                     least = ratios[p, lane]
             for n in range(nodes):
@@ -278,7 +283,7 @@ def solid_forces(  # noqa: C901 (one loop nest, compiled)
                     store(record + (6 + i) * STEP, load(g + i * STEP))
         if not least > 0.0:
             return False
-        if not _stresses(
+        if not evaluate_law(
             weights[e], ratios, squares, coefficients[e], scales[e], of_f, of_h, slope, terms, stiffening
         ):
             return False
@@ -306,8 +311,6 @@ def solid_forces(  # noqa: C901 (one loop nest, compiled)
                 if node >= 0:
                     for i in range(3):
                         forces[node, i] += force[i, lane]
-        if not tangent:
-            continue
         for n in range(nodes):
             for p in range(points):
                 _left(right[n, p].ctypes.data, terms[p].ctypes.data, left[n, p].ctypes.data)
