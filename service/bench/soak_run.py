@@ -272,33 +272,41 @@ class Memory:
     """
 
     def __init__(self, rig: FakeRig) -> None:
-        service = rig.service.process.pid
-        self._pids = {"control": service, "estimator": _child(service)}
+        self._service = rig.service.process.pid
+        self._estimator = _child(self._service)
+        self._restarts = 0
         self._early: dict[str, int] = {}
         self._late: dict[str, int] = {}
 
     def look(self, settled: bool) -> None:
         """Read the memory of each process; until it has settled only the highest counts."""
-        for name, pid in self._pids.items():
+        estimator = _child(self._service)
+        if estimator != self._estimator:
+            self._estimator = estimator
+            self._restarts += 1
+        for name, pid in (("control", self._service), ("estimator", estimator)):
             kib = _resident_kib(pid)
-            if not settled:
+            if not settled or name not in self._early:
                 self._early[name] = max(self._early.get(name, 0), kib)
             self._late[name] = kib
 
     def figures(self) -> dict[str, float | int | str]:
         """Sum up."""
-        found: dict[str, float | int | str] = {}
+        found: dict[str, float | int | str] = {"estimator_restarts": self._restarts}
         for name, early in self._early.items():
             late = self._late[name]
             found[f"{name}_mb"] = late / 1024
-            found[f"{name}_growth_percent"] = max(0.0, 100.0 * (late / early - 1.0)) if late else 0.0
+            found[f"{name}_growth_percent"] = max(0.0, 100.0 * (late / early - 1.0))
         return found
 
 
 def _child(pid: int) -> int:
-    """Find the estimator's process: the largest child."""
-    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    return max((int(child) for child in children), key=_resident_kib)
+    """Find the estimator's process: the largest child; 0 when there is none."""
+    try:
+        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    except OSError:
+        return 0
+    return max((int(child) for child in children), key=_resident_kib, default=0)
 
 
 def _resident_kib(pid: int) -> int:
