@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
 EXCITATIONS = ("designed", "ordinary")
 PARTS = ("trials", "alternatives", "force", "cost")
-FORCES = 12
-"""Trials on whose pull the force is estimated."""
 HEAD = """# The proof of the diagnosis
 
 Written by `softarm bench diagnosis --write docs/diagnosis-proof.md`.
@@ -53,6 +51,7 @@ the answers lie in a folder that only the scorer opens.
     default=PARTS,
     help="What to prove; all when left out.",
 )
+@click.option("--forces", default=12, show_default=True, help="Trials on whose pull the force is estimated.")
 @click.option("--write", type=click.Path(path_type=Path), help="Write the tables to a page.")
 @quick_option
 @json_option
@@ -65,6 +64,7 @@ def command(
     specimen: str,
     keep: bool,
     parts: tuple[str, ...],
+    forces: int,
     write: Path | None,
     quick: bool,
     as_json: bool,
@@ -93,7 +93,7 @@ def command(
     if "force" in parts:
         from service.bench.proof.force import force_table
 
-        tables.append(force_table(folders, say, 1 if quick else FORCES))
+        tables.append(force_table(folders, say, 1 if quick else forces))
     if "cost" in parts:
         from service.bench.proof.cost import cost_table
 
