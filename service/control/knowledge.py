@@ -15,6 +15,8 @@ Floats = NDArray[np.float64]
 CONTACT_BEGINS = 4.0
 CONTACT_ENDS = 2.5
 """Normalised force (Mahalanobis distance) at which a contact begins and ends."""
+CONTACT_FLOOR_N = 0.02
+"""Added to the estimate's own deviation: rubber that creeps and remembers seems pushed by so much."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,8 @@ class Knowledge:
 
     def _follow_contact(self, result: EstimationResult, unix_ns: int) -> None:
         net = result.loads - self.tare
-        distance = float(np.sqrt(net @ np.linalg.pinv(result.load_covariance) @ net / max(len(net), 1)))
+        spread = result.load_covariance + CONTACT_FLOOR_N**2 * np.eye(len(net))
+        distance = float(np.sqrt(net @ np.linalg.pinv(spread) @ net / max(len(net), 1)))
         if self.contact_since_unix_ns is None and distance > CONTACT_BEGINS:
             self.contact_since_unix_ns = unix_ns
         elif distance < CONTACT_ENDS:
