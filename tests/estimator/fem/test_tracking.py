@@ -1,6 +1,7 @@
 """Reused and background factors change the path of an iteration, not where it ends."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -56,6 +57,22 @@ def test_background_factors_are_taken_over(arm_of: ArmOf) -> None:
         assert background.finished >= 6
         assert state.stiffness is not None
         assert max(counts) <= 6
+
+
+def test_a_nearer_factor_is_taken_over_only_where_the_arm_has_just_moved(arm_of: ArmOf) -> None:
+    arm = arm_of("hex8")
+    with Refactoriser(arm) as background:
+        tracking = TrackingModel(arm, background)
+        state, _ = tracking.solve(_inputs(0.0), tracking.rest())
+        state, _ = _follow(tracking, state, _inputs(0.3))
+        background.wait()
+        background.offer(state.displacement, state.inputs)
+        background.wait()
+        held, nearer = state.stiffness, background.latest
+        assert held is not nearer
+        correcting, arrived = replace(state, forces=1e3), replace(state, forces=np.inf)
+        assert tracking.linearise(correcting, state.inputs).stiffness is held
+        assert tracking.linearise(arrived, state.inputs).stiffness is nearer
 
 
 def test_response_with_a_fresh_factor_is_that_of_the_model(arm_of: ArmOf) -> None:
