@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.calibration.parameters import Layout, Setting, build_layout
+from estimator.calibration.parameters import Layout, Parameter, Setting, build_layout
 from estimator.diagnosis.session import Session, units
 from estimator.diagnosis.stage import Model, Stage, build_stage, thinned
 from estimator.sensing import SensorSuite
@@ -14,6 +14,7 @@ from estimator.sensing import SensorSuite
 Floats = NDArray[np.float64]
 
 ITERATIONS = 6
+SLOW_ITERATIONS = 3
 NODES = 90
 """Samples of each session that a calibration looks at."""
 TORSION_SPREAD = 0.5
@@ -90,7 +91,18 @@ def layout_of(model: Model, sessions: Sequence[Session]) -> Layout:
     weighed = turned(sessions)
     layout = build_layout(model.specimen, suite, sources, moved, segments, weighed)
     kinds = KINDS[:-1] if by_markers(suite) else KINDS
-    return layout.without({p.name for p in layout.parameters if p.kind not in kinds})
+    known = any(session.nominal for session in sessions)
+    return layout.without(
+        {p.name for p in layout.parameters if p.kind not in kinds or not (known or _open(p))}
+    )
+
+
+def _open(parameter: Parameter) -> bool:
+    """Tell whether an unknown may be calibrated on the very recordings in question.
+
+    Gains of chambers and biases of bends are then what is looked for, not what is taken for granted.
+    """
+    return parameter.kind not in ("gain", "curve") and ".bias" not in parameter.name
 
 
 def by_markers(suite: SensorSuite) -> bool:
@@ -116,10 +128,11 @@ def calibrate_sessions(
         advance: Called with 1 after every step.
     """
     layout = layout_of(model, sessions)
-    parts = [thinned(session.thin(~session.heldout), NODES) for session in sessions]
+    seen = [session for session in sessions if not session.heldout.all()]
+    parts = [thinned(session.thin(~session.heldout), NODES) for session in seen]
     current = _start(model, layout, parts)
     best, lowest = current, np.inf
-    for _ in range(ITERATIONS):
+    for _ in range(ITERATIONS if model.fast else SLOW_ITERATIONS):
         stages = [current.stage(model, part, slopes=True) for part in parts]
         advance(1.0)
         rows, columns, cost = _equations(stages, layout)
@@ -144,6 +157,8 @@ def _start(model: Model, layout: Layout, parts: Sequence[Session]) -> Fitted:
     few = [thinned(part, COARSE) for part in parts]
     plain = np.zeros(len(model.specimen.segments))
     found = []
+    if not model.fast:
+        return Fitted(layout, layout.means, plain)
     for factor in FACTORS:
         values = layout.means + np.log(factor) * moduli
         stages = [Fitted(layout, values, plain).stage(model, part) for part in few]

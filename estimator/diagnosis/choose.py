@@ -176,6 +176,8 @@ class Search:
                 break
             field = self.finalists(fit, ranked[:FINALISTS])
             self.advance(1.0)
+            if not field:
+                break
             found, turned_down = self.best(field, fit, null)
             if found is None:
                 break
@@ -276,9 +278,14 @@ class Search:
         thetas = fit.thetas if fit is not None else ()
         found = []
         for number, _, theta in ranked:
-            own = fit_effects(ground, (*known, hypotheses[number]), (*thetas, theta), free=len(known))
-            own = self.heard(own)
+            try:
+                own = fit_effects(ground, (*known, hypotheses[number]), (*thetas, theta), free=len(known))
+                own = self.heard(own)
+            except np.linalg.LinAlgError:
+                continue
             gain = own.gain - before
+            if not np.isfinite(gain):
+                continue
             bic = gain - price * len(theta) - _surprise(hypotheses[number], own.thetas[-1])
             found.append(Candidate(number, own, gain, bic))
             self.advance(1.0)
@@ -384,6 +391,13 @@ class Search:
         left = self.subset(fit, needed)
         kept = [accepted[k] for k in needed]
         return kept, self.refit(left) if left is not None else None, dropped
+
+    def without(self, choice: Choice, dropped: Sequence[int]) -> Choice:
+        """Take effects back, and fit the others again."""
+        kept = [k for k in range(len(choice.accepted)) if k not in dropped]
+        left = self.subset(choice.fit, kept) if choice.fit is not None else None
+        fit = self.refit(left) if left is not None else None
+        return replace(choice, accepted=tuple(choice.accepted[k] for k in kept), fit=fit)
 
     def subset(self, fit: Fit, kept: Sequence[int]) -> Fit | None:
         """Keep some effects of a fit as they are; ``None`` where none is kept."""

@@ -1,13 +1,13 @@
 """From a search to findings in words: evidence on held-out data, rivals, what is left and where."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.choose import TIED, Accepted, Candidate, Choice, Search, bootstrap
-from estimator.diagnosis.gram import Products, total
+from estimator.diagnosis.fit import Fit
+from estimator.diagnosis.gram import total
 from estimator.diagnosis.result import (
     Evidence,
     Exposure,
@@ -54,22 +54,37 @@ class Predictions:
         )
 
 
-def held_out(search: Search, before: Sequence[Products], after: Sequence[Products]) -> Predictions:
+def held_out(search: Search, before: Fit | None, after: Fit | None) -> Predictions:
     """Predict held-out stretches with common coefficients from the others, without and with effects.
+
+    Squares are over the noise of quiet stretches; where the arm swings after fast changes they count less.
 
     Args:
         search: The search.
-        before: Products of the residuals without the effects.
-        after: With them.
+        before: Effects without those that are judged.
+        after: Effects with them.
     """
-    size = search.evidence.size
-    costs: list[Floats] = []
-    for parts in (before, after):
-        seen = [part for part in parts if not part.heldout]
-        common = search.belief.updated(total(seen, size), search.weights.share).mean
-        costs.append(np.array([part.cost(common) for part in parts if part.heldout]))
-    counts = np.array([float(part.count) for part in before if part.heldout])
-    return Predictions(costs[0], costs[1], counts)
+    counts: list[float] = []
+    found: list[list[float]] = [[], []]
+    floors = search.evidence.floors
+    for kept, fit in zip(found, (before, after), strict=True):
+        seen = total([part for part in search.parts(fit) if not part.heldout], search.evidence.size)
+        common = search.belief.updated(seen, search.weights.share).mean
+        counts = []
+        for number, left in enumerate(search.residuals(fit)):
+            stage = search.evidence.stages[number]
+            session = stage.session
+            if session.nominal or not session.heldout.any():
+                continue
+            names = channels(stage.suite)
+            row = np.array([search.weights.scale[name] for name in names])
+            calm = row / search.evidence.scale(search.weights, number) / [floors[name] for name in names]
+            squares = ((left - search.evidence.columns[number] @ common) * calm) ** 2
+            for block in np.unique(session.blocks[session.heldout]):
+                own = squares[(session.blocks == block) & session.heldout]
+                kept.append(float(np.nansum(own)))
+                counts.append(float(np.isfinite(own).sum()))
+    return Predictions(np.array(found[0]), np.array(found[1]), np.array(counts))
 
 
 def heldout_result(search: Search, predictions: Predictions, how: str) -> Heldout:
@@ -81,17 +96,29 @@ def heldout_result(search: Search, predictions: Predictions, how: str) -> Heldou
     return Heldout(rms_before, rms_after, interval, how)
 
 
+def unproven(search: Search, choice: Choice) -> list[int]:
+    """List accepted effects that do not improve what was held out, the interval of the gain above zero."""
+    fit = choice.fit
+    if fit is None:
+        return []
+    found = []
+    for index in range(len(choice.accepted)):
+        others = [k for k in range(len(fit.hypotheses)) if k != index]
+        predictions = held_out(search, search.subset(fit, others), fit)
+        if len(predictions.before) and bootstrap(search.rng, predictions.before, predictions.after)[0] <= 0.0:
+            found.append(index)
+    return found
+
+
 def findings_of(search: Search, choice: Choice) -> tuple[Finding, ...]:
     """Tell of every accepted effect what speaks for it; the one that explains most comes first."""
     fit = choice.fit
     if fit is None:
         return ()
-    whole = search.parts(fit)
     found: list[tuple[float, Finding]] = []
     for index, accepted in enumerate(choice.accepted):
         others = [k for k in range(len(fit.hypotheses)) if k != index]
-        without = search.parts(search.subset(fit, others))
-        predictions = held_out(search, without, whole)
+        predictions = held_out(search, search.subset(fit, others), fit)
         gain = float(predictions.before.sum() - predictions.after.sum())
         found.append((gain, _finding(search, choice, accepted, index, predictions)))
     return tuple(finding for _, finding in sorted(found, key=lambda entry: -entry[0]))
@@ -113,7 +140,7 @@ def _finding(
     tied = "; ".join(f"{r.effect} at {name_place(r.where)} ({r.manoeuvre} would tell)" for r in rivals)
     statement = (
         f"{effect.tell(theta, hypothesis.place)} The mismatch varies with: {when}. With it, data that no fit "
-        f"has seen are predicted to {after:.2f} instead of {before:.2f} of their scatter."
+        f"has seen are predicted to {after:.2f} instead of {before:.2f} times their noise."
         + (f" These data do not tell it from {tied}." if tied else "")
     )
     return Finding(

@@ -1,6 +1,6 @@
 """The whole way from sessions to a diagnosis."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
@@ -14,6 +14,7 @@ from estimator.diagnosis.conclude import (
     held_out,
     heldout_result,
     traces_of,
+    unproven,
 )
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.form import form_columns
@@ -36,10 +37,10 @@ from estimator.diagnosis.stage import Model, Stage
 from estimator.diagnosis.stuck import Stuck, find_stuck, stuck_findings, without_stuck
 from estimator.diagnosis.swapped import refuse_swapped
 from estimator.diagnosis.swing import fit_swing, swinging
-from estimator.diagnosis.weights import Weights
 from estimator.diagnosis.words import EXCITATION
 from estimator.effects import EFFECTS
 from estimator.effects.augmented import PlacedEffect
+from estimator.errors import InputError
 from estimator.specimen.physics import EffectName, Place
 
 Floats = NDArray[np.float64]
@@ -99,6 +100,7 @@ def diagnose(
     fitted = calibrate_sessions(model, known)
     advance("predicting")
     stages = tuple(fitted.stage(model, session) for session in split)
+    _require_predictions(stages)
     refuse_swapped(stages)
     stuck = tuple(one for stage in stages if not stage.session.nominal for one in find_stuck(stage))
     stages = tuple(
@@ -141,6 +143,17 @@ def diagnose(
     return _outcome(search, choice, how, (*notes, *_notes(width, known)), stuck)
 
 
+def _require_predictions(stages: Sequence[Stage]) -> None:
+    suspects = [stage for stage in stages if not stage.session.nominal]
+    if not any(np.isfinite(stage.residual[~stage.session.heldout]).any() for stage in suspects):
+        names = ", ".join(stage.session.name for stage in suspects)
+        raise InputError(
+            names,
+            "the model finds no equilibrium at the recorded pressures",
+            "check the pressures' unit, or calibrate the specimen's moduli first",
+        )
+
+
 def _columns(work: tuple[Stage, Library]) -> NDArray[np.float32]:
     stage, library = work
     return library_columns(stage, library).astype(np.float32)
@@ -164,15 +177,19 @@ def _notes(width: float, known: Sequence[Session]) -> list[str]:
 def _outcome(
     search: Search, choice: Choice, how: str, notes: Sequence[str], stuck: tuple[Stuck, ...]
 ) -> Outcome:
-    evidence, weights = search.evidence, search.weights
+    evidence = search.evidence
     suspects = [stage for stage in evidence.stages if not stage.session.nominal]
-    before, after = search.parts(None), search.parts(choice.fit)
-    predictions = held_out(search, before, after)
+    dropped = unproven(search, choice)
+    if dropped:
+        names = ", ".join(choice.accepted[k].candidate.fit.hypotheses[-1].name for k in dropped)
+        notes = (*notes, f"Fitted but not proven on held-out data, and so not reported: {names}.")
+        choice = search.without(choice, dropped)
+    predictions = held_out(search, None, choice.fit)
     findings = (*findings_of(search, choice), *stuck_findings(stuck))
     remainder = _remainder(search, choice)
     first_map = _map(search, None)
     left_map = _map(search, choice) if choice.fit is not None else first_map
-    baseline = _baseline(suspects, weights, predictions.rms()[0])
+    baseline = _baseline(suspects, evidence.floors)
     verdict = _verdict(choice, remainder, found=bool(findings))
     unexplained = _unexplained(verdict, remainder, left_map)
     diagnosis = Diagnosis(
@@ -200,7 +217,7 @@ def _outcome(
     return Outcome(diagnosis, placed, stds, evidence.fitted, covariance)
 
 
-def _baseline(stages: Sequence[Stage], weights: Weights, normalised: float) -> Baseline:
+def _baseline(stages: Sequence[Stage], floors: Mapping[str, float]) -> Baseline:
     squares: dict[str, list[Floats]] = {}
     kinds: dict[str, str] = {}
     for stage in stages:
@@ -213,7 +230,9 @@ def _baseline(stages: Sequence[Stage], weights: Weights, normalised: float) -> B
         for name, parts in squares.items()
         if sum(map(len, parts))
     }
-    return Baseline(rms, {name: weights.scale[name] for name in rms}, kinds, normalised)
+    normalised = [rms[name] / floors[name] for name in rms]
+    whole = float(np.sqrt(np.mean(np.square(normalised)))) if normalised else 0.0
+    return Baseline(rms, {name: floors[name] for name in rms}, kinds, whole)
 
 
 def _remainder(search: Search, choice: Choice) -> float:

@@ -167,6 +167,15 @@ class Evidence:
         ]
 
     @cached_property
+    def floors(self) -> dict[str, float]:
+        """Noise of each channel in quiet stretches, the largest of all recordings [m, rad]."""
+        found: dict[str, float] = {}
+        for stage, names in zip(self.stages, self.names, strict=True):
+            for name, sigma in zip(names, stage.session.sigma.tolist(), strict=True):
+                found[name] = max(found.get(name, 0.0), sigma)
+        return found
+
+    @cached_property
     def _sigmas(self) -> list[Floats]:
         """Noise of each row, and what no model of an arm gets right of its motion."""
         squares: dict[tuple[str, str], list[Floats]] = {}

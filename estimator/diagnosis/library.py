@@ -37,6 +37,8 @@ CUT = (0.9, 0.75, 0.6)
 """Shares of the highest recorded pressure at which a saturation is tried."""
 APART = ("sensor_stuck",)
 """Found by looking at the readings themselves, not by a fit."""
+RUNAWAY = 10.0
+"""Change of a prediction [rad, m] by a typical effect that cannot be meant."""
 SMALL = 0.5
 """Share of the typical amplitude at which the change is taken, so that it stays near linear."""
 
@@ -147,7 +149,8 @@ def library_columns(stage: Stage, library: Library) -> Floats:
             continue
         placed = hypothesis.placed(stage.world, direction.theta)
         columns[..., number] = stage.change([placed]) * (direction.typical / direction.size)
-    return np.nan_to_num(columns)
+    # A direction that runs away somewhere has no linear meaning there.
+    return np.where(np.abs(columns) < RUNAWAY, np.nan_to_num(columns, posinf=0.0, neginf=0.0), 0.0)
 
 
 def _driven(effect: Effect, place: Place, world: World, highest: Floats) -> bool:

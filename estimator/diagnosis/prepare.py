@@ -22,7 +22,10 @@ SAME = np.radians(0.2)
 """Bends that repeat what frames say to within this are left out."""
 TAUT = 0.02
 """A gauge that pulls harder [N] counts as a load."""
-NORMAL_MAD = 1.4826
+RINGING = 0.11
+"""Windows longer than this [s] are there to average a ring away."""
+RESTING = 500.0
+"""Pressures that change by less within a window rest [Pa]."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +109,18 @@ def averaged(session: Session, step: float) -> Session:
         heldout=np.zeros(size, dtype=bool),
     )
     white = _white_noise(session) / np.sqrt(count)
-    return replace(mean, sigma=np.maximum(np.hypot(white, _wander(mean)), _resolution(session)))
+    whole = replace(mean, sigma=np.maximum(np.hypot(white, _wander(mean)), _resolution(session)))
+    return whole.thin(_steady(session, places, size)) if step > RINGING else whole
+
+
+def _steady(session: Session, places: NDArray[np.int64], size: int) -> Flags:
+    """Tell in which windows the pressures rest: long windows are there to average a ring away."""
+    highest = np.full((size, session.pressures.shape[1]), -np.inf)
+    lowest = np.full_like(highest, np.inf)
+    np.maximum.at(highest, places, session.pressures)
+    np.minimum.at(lowest, places, session.pressures)
+    steady = np.asarray((highest - lowest).max(axis=1, initial=0.0) < RESTING)
+    return steady if steady.sum() >= LEAST_BLOCKS else np.ones(size, dtype=bool)
 
 
 def blocks_of(time: Floats) -> Indices:

@@ -1,5 +1,6 @@
 """The model that a diagnosis runs on: the calibrated rod where there is one, else finite elements."""
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from estimator.arm import build_arm
 from estimator.diagnosis.stage import Model
 from estimator.fem import FiniteElementModel, FiniteElementState
+from estimator.geometry import Resolution
 from estimator.model import Frames, Inputs, Load
 from estimator.rod.model import CalibratedRod
 from estimator.simulation import Arm, Segments, SimulatedArm, section_loads
@@ -23,6 +25,10 @@ GRAVITY_STEP = 0.5
 PRESSURE_GRAIN = 20.0
 LOAD_GRAIN = 1e-5
 """Inputs that differ by less [Pa; N, N m, m/s2] are solved once."""
+COARSE = {"quadrant_cylinder": Resolution(layers=1)}
+"""Meshes of bodies whose usual mesh takes seconds to solve; calibration takes up what they are stiffer by."""
+BUDGET = 150.0
+"""Seconds for which finite elements are solved at all, so that a diagnosis ends."""
 TWIST = (0, 0, 0, 6)
 """Term of a link law that stands for the moment about the arm's axis."""
 
@@ -70,15 +76,17 @@ class SparseModel:
         model: The model with ``section_loads``.
         solved: Answers so far by their inputs.
         advance: Called with 1 after each solve.
+        deadline: Time of ``time.monotonic`` from which inputs that are not solved yet count as lost.
     """
 
     model: FiniteElementModel
     solved: dict[tuple[int, ...], Answer]
     advance: Callable[[float], None]
+    deadline: float = float("inf")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Go to another process without the callback, which may belong to a terminal."""
-        return SparseModel, (self.model, self.solved, _quietly)
+        return SparseModel, (self.model, self.solved, _quietly, self.deadline)
 
     @property
     def sections(self) -> tuple[str, ...]:
@@ -107,7 +115,9 @@ class SparseModel:
         found = []
         state = self.model.rest()
         for key, p, amplitude, g in zip(map(tuple, grains.tolist()), pressures, loads, gravity, strict=True):
-            if key not in self.solved:
+            if key not in self.solved and time.monotonic() > self.deadline:
+                self.solved[key] = self._unsolved()
+            elif key not in self.solved:
                 self.solved[key], state = self._solve(Inputs(p, amplitude, g), state)
                 self.advance(1.0)
             found.append(self.solved[key])
@@ -115,6 +125,12 @@ class SparseModel:
         return SparseAnswer(
             Frames(np.array(places), np.array(turns)), np.array(motions), np.array(good, dtype=bool)
         )
+
+    def _unsolved(self) -> Answer:
+        frames = self.model.section_frames(self.model.rest())
+        inputs = self.model.chambers + len(self.model.loads) + 3
+        motion = np.zeros((6 * len(self.model.sections), inputs))
+        return frames.positions, frames.rotations, motion, False
 
     def _solve(self, inputs: Inputs, state: FiniteElementState) -> tuple[Answer, FiniteElementState]:
         model = self.model
@@ -137,17 +153,18 @@ def _quietly(_: float) -> None:
 
 def finite_element_model(specimen: Specimen, advance: Callable[[float], None] = _quietly) -> Model:
     """Diagnose on finite elements: for arms with few different inputs, or where no rod is at hand."""
-    plain = build_arm(specimen, loads=())
-    sections = tuple(plain.sections)
-    fem = build_arm(specimen, loads=section_loads(sections))
+    coarse = COARSE.get(specimen.geometry.kind)
+    sections = tuple(build_arm(specimen, (), coarse).sections)
+    fem = build_arm(specimen, section_loads(sections), coarse)
     segments = Segments.of(specimen, sections, fem.section_frames(fem.rest()))
+    deadline = time.monotonic() + BUDGET
     made: dict[tuple[tuple[str, float], ...], Arm] = {}
 
     def arm(scales: Mapping[str, float], torsion: Floats) -> Arm:  # noqa: ARG001
         known = {name: round(f, 6) for name, f in scales.items() if name in fem.parameters}
         key = tuple(sorted(known.items()))
         if key not in made:
-            model = SparseModel(fem.with_scales(known), {}, advance)
+            model = SparseModel(fem.with_scales(known), {}, advance, deadline)
             made[key] = SimulatedArm(model, segments)  # type: ignore[arg-type]
         return made[key]
 

@@ -33,7 +33,7 @@ from estimator.sensing import Bend
 from estimator.specimen import Specimen
 from service.diagnosis.models import finite_element_model, rod_model
 from service.offline.inputs import load_recordings
-from service.rods import rod_for
+from service.rods import known_rod, rod_for, trusted
 
 SAMPLES = 9000
 """Largest number of samples over all recordings."""
@@ -91,6 +91,10 @@ def run(request: Request, executor: Executor, tell: Callable[[str], None] = lamb
         model = replace(model, specimen=specimen)
         sessions, notes = sessions_of(admitted, specimen, model)
         notes = (*notes, words)
+    known = known_rod(request.specimen) if model.fast else None
+    if known is not None and not trusted(known):
+        error = 100.0 * known.report.trained.force_rms
+        notes = (*notes, f"The calibrated rod is {error:.1f} % of range off the finite elements in force.")
     outcome = diagnose(model, sessions, executor, seed=request.seed, notes=notes, advance=tell)
     diagnosis = replace(with_valves(outcome.diagnosis, faults), seconds=time.monotonic() - began)
     return replace(outcome, diagnosis=diagnosis)
@@ -188,7 +192,7 @@ def _step(session: Session, ring: float | None) -> float:
     """Choose a window [s]: long enough to average a ring away, short enough to see lags."""
     if session.seconds >= SHORT:
         return STEP
-    return max(session.step, min(2.0 / ring, session.seconds / 8.0)) if ring else session.step
+    return max(session.step, min(1.0 / ring, session.seconds / 8.0)) if ring else session.step
 
 
 def ring_frequency(session: Session) -> float | None:
@@ -214,7 +218,7 @@ def _model(specimen: Specimen, admitted: Admitted, tell: Callable[[str], None]) 
         pressures = [recording.pressure(k)[0] for k in recording.chambers]
         if pressures:
             distinct += len(np.unique(np.round(np.nan_to_num(np.column_stack(pressures)), -2), axis=0))
-    if distinct <= FEW:
+    if distinct <= FEW and (specimen.geometry.kind == "block" or known_rod(specimen) is None):
         return finite_element_model(specimen)
     tell("preparing the model")
     rod = rod_for(specimen, lambda done, whole: tell(f"fitting the rod, {done} of {whole}"))

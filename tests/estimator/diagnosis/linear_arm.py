@@ -59,7 +59,7 @@ def suite() -> SensorSuite:
     return SensorSuite(tuple(make.bend(section) for section in SECTIONS))
 
 
-def holds(seed: int, seconds: float = 60.0) -> np.ndarray:
+def holds(seed: int, seconds: float = 45.0) -> np.ndarray:
     """Random pressures held for 3 s each, shape (samples, 6)."""
     rng = np.random.default_rng(seed)
     levels = rng.uniform(0.0, 40e3, (int(seconds / 3.0), 6)) * (rng.random((int(seconds / 3.0), 6)) < 0.6)
@@ -107,9 +107,9 @@ def session(
 
 
 def trial(effects: Sequence[tuple[str, Place, Sequence[float]]]) -> list[Session]:
-    """Two nominal recordings and five in question."""
+    """Two nominal recordings and four in question."""
     known = [session(f"nominal_{k}", k, nominal=True) for k in range(2)]
-    return [*known, *(session(f"run_{k}", 10 + k, effects) for k in range(5))]
+    return [*known, *(session(f"run_{k}", 10 + k, effects) for k in range(4))]
 
 
 def scrambled(one: Session) -> Session:

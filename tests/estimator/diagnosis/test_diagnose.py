@@ -15,11 +15,9 @@ from tests.estimator.diagnosis.linear_arm import model, scrambled, trial
 TRIED = (
     "chamber_gain",
     "line_leak",
-    "viscoelastic_creep",
     "segment_stiffness",
     "sensor_scale",
     "sensor_bias",
-    "chamber_crosstalk",
     "pressure_bias",
 )
 WEAK = ("chamber_gain", Place(chamber=1), (-0.15,))
