@@ -14,8 +14,11 @@ from estimator.rod.fit import FittedRod, adapted, fit_rod
 from estimator.rod.model import CalibratedRod
 from estimator.rod.samples import Progress
 from estimator.specimen import Specimen
+from service.errors import WorkFailedError
 
 THREADS = 2
+LARGEST_FORCE_ERROR = 0.02
+"""Held-out error of a force over its range up to which a rod may stand in for the finite elements."""
 
 
 def cache_directory() -> Path:
@@ -25,7 +28,7 @@ def cache_directory() -> Path:
 
 
 def rod_for(specimen: Specimen, progress: Progress | None = None) -> CalibratedRod:
-    """Give the rod of a specimen as calibrated, with ``estimator.arm.default_loads``.
+    """Give the rod of a specimen as calibrated, with ``estimator.arm.default_loads``, however near it is.
 
     Args:
         specimen: Description.
@@ -35,6 +38,29 @@ def rod_for(specimen: Specimen, progress: Progress | None = None) -> CalibratedR
         InputError: The specimen cannot be meshed.
     """
     return adapted(fitted_rod(specimen, progress).rod, specimen)
+
+
+def trusted_rod(specimen: Specimen, progress: Progress | None = None) -> CalibratedRod:
+    """Give the rod of a specimen as ``rod_for``, if it may stand in for the finite elements.
+
+    Raises:
+        InputError: The specimen cannot be meshed.
+        WorkFailedError: The rod is too far from the finite elements.
+    """
+    fitted = fitted_rod(specimen, progress)
+    if not trusted(fitted):
+        error = 100.0 * fitted.report.trained.force_rms
+        raise WorkFailedError(
+            f"{specimen.name}: the rod's forces are {error:.2g} % of their range off the finite elements "
+            f"(at most {100.0 * LARGEST_FORCE_ERROR:g} %); use the model fem"
+        )
+    return adapted(fitted.rod, specimen)
+
+
+def trusted(fitted: FittedRod) -> bool:
+    """Tell whether a rod is near enough to the finite elements to stand in for them."""
+    found = fitted.report.trained
+    return found.lost == 0 and found.force_rms <= LARGEST_FORCE_ERROR
 
 
 def known_rod(specimen: Specimen) -> FittedRod | None:

@@ -92,7 +92,7 @@ def check_rod(
                 progress(turn * every + done, len(kinds) * every)
 
         loaded = model.with_loads(loads)
-        samples = draw_samples(specimen, loaded, stations, plan, tell, executor, slopes=False)
+        samples = draw_samples(specimen, loaded, stations, plan, tell, executor)
         found.append(compare(rod.with_loads(loads), samples, load_scale(loaded, stations, plan.rotation)))
     return Report(*found)
 

@@ -33,8 +33,8 @@ class Form:
     """
 
     total: int = 3
-    pressure_total: int = 4
-    mixed: tuple[int, int] | None = (1, 3)
+    pressure_total: int = 3
+    mixed: tuple[int, int] | None = None
     slope_weight: float = 0.5
     ridge: float = 1e-9
 

@@ -28,6 +28,8 @@ NEWTON_STEPS = 9
 FIRST = 0.25
 """First step along a ray, over the largest: at rest the arm is at its softest."""
 SMALL, LARGE = 0.3, 3.0
+SOFT = 1.8
+"""Rotation per load, over that at rest, at which a ray ends: beyond it the arm is about to buckle."""
 FAILURES = 5
 """Steps that may fail before a ray is left."""
 
@@ -110,7 +112,6 @@ def draw_samples(
     plan: Plan,
     progress: Progress | None = None,
     executor: Executor | None = None,
-    slopes: bool = True,
 ) -> Samples:
     """Solve the finite-element model along rays of pressures, loads and gravity.
 
@@ -121,15 +122,15 @@ def draw_samples(
         plan: Where to sample.
         progress: Called with the rays done and all of them.
         executor: Threads that walk the rays side by side; the kernels run without the interpreter's lock.
-        slopes: Whether the twists are wanted; without, they have no columns.
 
     Returns:
-        The states that were found; a ray ends where the arm loses its stability.
+        The states that were found; a ray ends where the arm is about to lose its stability.
     """
-    ends = list(_ends(specimen, model, load_scale(model, stations, plan.rotation), plan))
+    scale = load_scale(model, stations, plan.rotation)
+    ends = list(_ends(specimen, model, scale, plan))
 
     def walk(end: Inputs) -> list[tuple[Floats, ...]]:
-        return list(_follow(model, stations, end, plan, slopes))
+        return list(_follow(model, stations, end, plan, scale))
 
     found: list[tuple[Floats, ...]] = []
     for index, states in enumerate(map(walk, ends) if executor is None else executor.map(walk, ends)):
@@ -195,9 +196,9 @@ def _share(loads: Sequence[Load], index: int) -> Floats:
 
 
 def _follow(
-    model: FiniteElementModel, stations: Stations, end: Inputs, plan: Plan, slopes: bool
+    model: FiniteElementModel, stations: Stations, end: Inputs, plan: Plan, scale: Floats
 ) -> Iterator[tuple[Floats, ...]]:
-    """Walk along a ray until its end or until the arm loses its stability."""
+    """Walk along a ray until its end or until the arm grows soft."""
     settings = Settings(tolerance=TOLERANCE, iterations=NEWTON_STEPS)
     body, none, rest = model.body, model.no_inputs(), np.zeros_like(model.body.points)
     before: Waypoint | None = None
@@ -214,12 +215,14 @@ def _follow(
         step = min(plan.step, (1.5 if found.solution.iterations <= 4 else 1.0) * step)
         place = found.solution.value
         before, here = here, Waypoint(target, place, _velocity(model, found.balance, found.factor, end))
-        moves = exact_moves(
-            model, found.factor, place, inputs.loads, _input_forces(found.balance)[: None if slopes else 0]
-        )
+        moves = exact_moves(model, found.factor, place, inputs.loads, _input_forces(found.balance))
         if moves is None:
             return
-        yield inputs.pressures, inputs.loads, inputs.gravity, *stations.poses(body.points + place, moves)
+        origins, turns, twists = stations.poses(body.points + place, moves)
+        turned = np.linalg.norm(twists[:, 3:, model.chambers :], axis=1) * scale
+        if turned.max(initial=0.0) > SOFT * plan.rotation:
+            return
+        yield inputs.pressures, inputs.loads, inputs.gravity, origins, turns, twists
 
 
 def _velocity(model: FiniteElementModel, balance: Balance, factor: StiffnessFactor, end: Inputs) -> Floats:

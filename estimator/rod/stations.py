@@ -78,7 +78,9 @@ def cut(specimen: Specimen, model: FiniteElementModel, links_per_segment: int = 
     for segment in specimen.segments:
         low, high = max(segment.from_m, clamp), segment.to_m
         for height in np.linspace(low, high, links_per_segment + 1)[1:-1]:
-            places[float(height)] = build_slice(model.mesh, float(height))
+            # The points of a slice lie unevenly: their mean is not on the axis.
+            on_axis = np.array([0.0, 0.0, float(height)])
+            places[float(height)] = replace(build_slice(model.mesh, float(height)), origin=on_axis)
     heights = np.array([clamp, *sorted(places)])
     frames = tuple(places[height] for height in heights[1:].tolist())
     chain = _chain(specimen, model, heights)

@@ -9,6 +9,8 @@ BENCHES = {
     "verify": "Check the finite elements against published and analytic answers.",
     "sofa": "Compare with SOFA's equilibria and inverse trajectories.",
     "step": "Time a step of the estimator, part by part.",
+    "rod": "Hold the calibrated rod against its finite-element model, and time both.",
+    "latency": "Time estimates from the packet to a subscriber in another process.",
     "mesh": "Compare the shipped meshes with their refinements.",
     "drivers": "Time and load the device drivers against the fakes.",
     "faults": "Strike every kind of device with random faults, and hold each reading against the truth.",
