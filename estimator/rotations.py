@@ -117,6 +117,19 @@ def inverse_jacobian_kernel(vectors: Floats, matrices: Floats) -> None:
         m[2, 1] -= 0.5 * v[0]
 
 
+@njit(cache=True, nogil=True)
+def matrix_kernel(quaternions: Floats, matrices: Floats) -> None:
+    """Fill matrices, shape (n, 3, 3), with the rotations of quaternions (w, x, y, z), shape (n, 4)."""
+    for i in range(len(quaternions)):
+        q, m = quaternions[i], matrices[i]
+        length = np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+        scale = 1.0 / length if length > 0.0 else np.nan
+        w, x, y, z = q[0] * scale, q[1] * scale, q[2] * scale, q[3] * scale
+        m[0, 0], m[0, 1], m[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+        m[1, 0], m[1, 1], m[1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+        m[2, 0], m[2, 1], m[2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+
+
 def _flat(values: Floats, width: int) -> Floats:
     """Copy to contiguous memory with one leading axis, so that a kernel compiles for one type only."""
     shape = (-1, 3, 3) if width == 9 else (-1, width)
@@ -144,15 +157,10 @@ def from_quaternions(quaternions: Floats) -> Floats:
 
     A quaternion of zeros, which some devices send for a lost body, gives NaN.
     """
-    q = np.asarray(quaternions, dtype=np.float64)
-    length = np.sqrt((q * q).sum(axis=-1, keepdims=True))
-    w, x, y, z = np.moveaxis(q / np.where(length > 0, length, np.nan), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    flat = _flat(quaternions, 4)
+    matrices = np.empty((len(flat), 3, 3))
+    matrix_kernel(flat, matrices)
+    return matrices.reshape(*np.shape(quaternions)[:-1], 3, 3)
 
 
 def log(rotations: Floats) -> Floats:

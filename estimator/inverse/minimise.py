@@ -29,12 +29,14 @@ class Tolerances:
         residual: Out-of-balance force over the applied forces.
         iterations: Largest number of linearisations.
         radius: First radius of the trust region, in units of the inputs' scale.
+        retreats: Largest number of steps that are taken back, each at the price of a solve of the model.
     """
 
     step: float = 1e-6
     residual: float = 1e-6
     iterations: int = 30
     radius: float = 4.0
+    retreats: int = 6
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,7 @@ class _Search(Generic[State, Step]):
     def run(self, state: State, inputs: Inputs) -> Minimum[State]:
         gravity = inputs.gravity
         point = self._linearise(state, self.unknowns.vector(inputs), gravity)
-        radius, last, iterations = self.tolerances.radius, np.inf, 1
+        radius, last, iterations, retreats = self.tolerances.radius, np.inf, 1, 0
         while True:
             change, size = self._change(point, radius)
             rate = min(size / last, 1.0) if np.isfinite(last) else 1.0
@@ -126,8 +128,9 @@ class _Search(Generic[State, Step]):
             )
             iterations += 1
             if not self._improves(point, candidate):
-                if iterations >= self.tolerances.iterations:
+                if iterations >= self.tolerances.iterations or retreats >= self.tolerances.retreats:
                     return self._end(point, 0.0 * change, "diverged", iterations)
+                retreats += 1
                 radius, last = 0.25 * min(radius, size), np.inf
                 candidate = self._settled(point, radius, gravity)
                 iterations += 1

@@ -69,10 +69,19 @@ def reach_pose(
     )
     wish = unloaded.pressures if preferred is None else preferred
     problem = pose_problem(unknowns, suite, target, pressure_limits, wish, inputs.gravity)
-    estimate = problem.solve(model, (state, unloaded), tolerances)
+    estimate = problem.solve(model, (_unloaded(model, state, unloaded), unloaded), tolerances)
     misses = _misses(suite, target, estimate)
     reachable = estimate.converged and not misses
     return Reach(estimate, reachable, _statement(estimate, reachable, misses))
+
+
+def _unloaded(model: ArmModel[State, Step], state: State, inputs: Inputs) -> State:
+    """Bring a state to equilibrium without loads: a search that begins far from one diverges."""
+    for start in (state, model.rest()):
+        found, converged = model.solve(inputs, start)
+        if converged:
+            return found
+    return state
 
 
 def _misses(suite: SensorSuite, target: Floats, estimate: Estimate[State]) -> list[str]:
