@@ -96,6 +96,7 @@ class EstimationResult:
         contact: Place of a single push, when it was asked for and the sensors can tell.
         nodes: Position [m] and stress [Pa] of the mesh's nodes, shape (nodes, 4), when they were asked for.
         solve_s: Time taken.
+        rod_off_rad: Angle by which the calibrated rod was off the finite elements when last compared.
     """
 
     request: EstimationRequest
@@ -113,3 +114,4 @@ class EstimationResult:
     contact: ContactPlace | None = None
     nodes: NDArray[np.float32] | None = None
     solve_s: float = 0.0
+    rod_off_rad: float | None = None

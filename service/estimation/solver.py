@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,11 @@ from estimator.inverse import (
     ContactProfile,
     Estimate,
     LoadProcess,
+    Tolerances,
     TrackerSettings,
 )
 from estimator.model import Inputs
+from estimator.rod.skin import skin
 from estimator.rotations import to_quaternions
 from estimator.sensing import Measurement, Registration, SensorSuite
 from estimator.sensors import SpecimenSensors, mounted_base
@@ -28,8 +30,14 @@ from estimator.specimen import Specimen
 from service.config import ControlSettings, SensorSettings
 from service.estimation.holding import hold_pose
 from service.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
+from service.estimation.rod_check import RodCheck
+from service.rods import trusted_rod
 
 WARM_UP_PRESSURE_PA = 1000.0
+LIVE = Tolerances(step=1e-4, residual=1e-4, iterations=8, retreats=0)
+"""No instant waits for a long search: what is left over is the next one's."""
+SOLVES = 12
+"""Linear solves in one search for an equilibrium: about a quarter of a second."""
 PLACES = 12
 """Candidate heights of a push, from the clamp to the tip."""
 INSIDE_M = 1e-3
@@ -77,26 +85,32 @@ class Solver:
     def __init__(self, settings: SolverSettings) -> None:
         specimen = settings.specimen
         self._threads = threadpool_limits(limits=1)
-        self._model: FiniteElementModel = build_arm(specimen)
+        self._model: FiniteElementModel = bounded(build_arm(specimen))
         self._suite = build_suite(specimen, self._model.sections, settings.sensors)
         self._sensors = SpecimenSensors(specimen, self._model.sections, Registration())
         self._actuation = self._sensors.actuation()
         self._limits = np.array(specimen.pressure_limits)
         sigma = np.full(len(self._model.loads), settings.control.load_std_n)
         process = LoadProcess(sigma, settings.control.load_time_constant_s)
-        tracker = TrackerSettings(process, self._actuation, self._limits)
-        # The thread lives as long as the process, which exists for this solver alone.
-        followed = self._model
-        if specimen.physics:
-            followed = followed.with_loads(section_loads(followed.sections))
-        background = Refactoriser(followed).__enter__()
-        following = TrackingModel(followed, background)
+        tracker = TrackerSettings(process, self._actuation, self._limits, tolerances=LIVE)
+        self._rod = trusted_rod(specimen) if settings.control.model == "rod" else None
+        self._check = None if self._rod is None else RodCheck(self._model).__enter__()
+        following = self._followed(specimen)
         self._estimator: Follower[Any] = estimator_of(
             specimen, following, self._model.loads, self._suite, tracker, pressures_measured=True
         )
         self._profile = ContactProfile(_heights(specimen), passes=1)
-        self._pushed = self._model.with_loads((*self._model.loads, *self._profile.loads))
+        every = (*self._model.loads, *self._profile.loads)
+        self._pushed: Any = (self._rod or self._model).with_loads(every)
         self._warm_up(np.array(specimen.gravity_m_s2))
+
+    def _followed(self, specimen: Specimen) -> Any:
+        """Give the model of the estimates; its thread lives as long as the process, this solver's alone."""
+        loads = section_loads(self._model.sections) if specimen.physics else self._model.loads
+        if self._rod is not None:
+            return self._rod.with_loads(loads)
+        followed = self._model.with_loads(loads) if specimen.physics else self._model
+        return TrackingModel(followed, Refactoriser(followed).__enter__())
 
     def _warm_up(self, gravity: np.ndarray[Any, np.dtype[np.float64]]) -> None:
         """Compile and factor once, so that the first live request is as fast as the rest."""
@@ -111,6 +125,8 @@ class Solver:
         estimate = self._estimator.update(
             request.time_s, request.readings, request.pressures, request.gravity
         )
+        if self._check is not None and estimate.converged:
+            self._check.offer(request.time_s, estimate.inputs, estimate.frames)
         hold = self._held(request, estimate)
         contact = self._contact(request, estimate) if request.want_contact else None
         sections = len(self._model.sections)
@@ -131,6 +147,7 @@ class Solver:
             contact=contact,
             nodes=self._nodes(estimate) if request.want_mesh else None,
             solve_s=time.perf_counter() - begin,
+            rod_off_rad=None if self._check is None else self._check.departure,
         )
 
     def _innovations(self, request: EstimationRequest, estimate: Estimate[Any]) -> dict[str, float]:
@@ -159,11 +176,16 @@ class Solver:
         inputs = estimate.inputs
         loads = np.concatenate([inputs.loads, np.zeros(len(self._profile.loads))])
         pushed = Inputs(inputs.pressures, loads, inputs.gravity)
-        state = FiniteElementState(estimate.state.displacement, pushed)
+        state = estimate.state
+        if self._rod is None:
+            state = FiniteElementState(state.displacement, pushed)
         return self._profile.place(self._pushed, state, self._suite, request.readings, estimate, tare)
 
     def _nodes(self, estimate: Estimate[Any]) -> NDArray[np.float32]:
-        """Give position [m] and von Mises stress [Pa] of every node, shape (nodes, 4)."""
+        """Give position [m] and von Mises stress [Pa] of every node, 0 with the rod, shape (nodes, 4)."""
+        if self._rod is not None:
+            moved = skin(self._model.mesh.points, self._rod.chain, estimate.state)
+            return np.column_stack([moved, np.zeros(len(moved))]).astype(np.float32)
         positions = self._model.mesh.points + estimate.state.displacement
         state = FiniteElementState(estimate.state.displacement, estimate.inputs)
         _, stress = self._model.energy_and_stress(state)
@@ -178,6 +200,11 @@ class Solver:
             np.add.at(count, block.connectivity, 1.0)
         nodes[:, 3] /= np.maximum(count, 1.0)
         return nodes
+
+
+def bounded(model: FiniteElementModel) -> FiniteElementModel:
+    """Give a model whose searches for an equilibrium end in time for a live service."""
+    return replace(model, settings=replace(model.settings, total_iterations=SOLVES))
 
 
 def _heights(specimen: Specimen) -> NDArray[np.float64]:
