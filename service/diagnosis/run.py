@@ -154,6 +154,7 @@ def _calibrated(specimen: Specimen, outcome: Outcome) -> Specimen:
         nodes=0,
         unsolved=0,
         recordings=names,
+        scatter={},
     )
     return calibrated_specimen(specimen, found, "by softarm diagnose, before any effect was looked for")
 
