@@ -44,7 +44,7 @@ def summary(scores: Sequence[Score]) -> Table:
             "Named: a finding bears the concealed name. In the set: it bears it or lists it among what "
             "the data cannot tell from it. Interval: Wilson, 95 %.",
             "Designed: the manoeuvres that tell effects apart, in two mounts. Ordinary: random poses and "
-            "ramps of the same arms.",
+            "ramps of the same arms. One that ended without a report named nothing.",
         ),
     )
 
@@ -113,7 +113,7 @@ def improvement(scores: Sequence[Score]) -> Table:
     rows: list[dict[str, Cell]] = []
     for excitation in EXCITATIONS:
         for kind in AIMS:
-            parts = np.array([score.heldout for score in _of(scores, kind, excitation)])
+            parts = np.array([score.heldout for score in _of(scores, kind, excitation) if score.ran])
             if len(parts):
                 rows.append(
                     {
@@ -160,9 +160,7 @@ def _right(score: Score) -> bool:
 
 
 def _of(scores: Sequence[Score], kind: str, excitation: str) -> list[Score]:
-    return [
-        s for s in scores if s.ran and s.outcome.trial.kind == kind and s.outcome.excitation == excitation
-    ]
+    return [s for s in scores if s.outcome.trial.kind == kind and s.outcome.excitation == excitation]
 
 
 def ran_table(scores: Sequence[Score]) -> Table:
