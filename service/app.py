@@ -96,6 +96,7 @@ class Service:
         sections = tuple(section.name for section in specimen.sections)
         self._knowledge = Knowledge(sections, default_loads(specimen), self._readings.rest)
         self._last_result_ns: int | None = None
+        self._submitted_ns = 0
         self._placed_ns = 0
         self._book = FindingBook(ALL_CHECKS)
         self._test = MismatchTest()
@@ -152,6 +153,8 @@ class Service:
 
     def _record(self, name: str, sample: Sample) -> None:
         self._streams.take(name, sample)
+        if self._readings.completes(name):
+            self._submit(time.monotonic_ns(), after_ticks=0.5)
 
     def _estimated_sensors(self) -> tuple[SensorSettings, ...]:
         return tuple(sensor for sensor in self._setup.config.sensors if sensor.kind != "gauge")
@@ -189,9 +192,9 @@ class Service:
             call = await self._bus.next_call()
             before = self._controller.modes.mode
             answer = await self._verbs.answer(call.verb, call.payload)
-            call.answer(answer)
             if isinstance(answer, Refused):
                 logger.warning("%s refused (%s): %s", call.verb, answer.code, answer.message)
+            call.answer(answer)
             outcome = answer.model_dump(mode="json")
             self._streams.document("command", outcome)
             if before is not self._controller.modes.mode:
@@ -220,17 +223,21 @@ class Service:
             self._follow(self._controller.fire(Event.READY, "the estimator is ready"))
             self._notifier.ready(f"serving {self._setup.config.arm}")
         self._follow(self._guard.advance(now_ns, interval_s * (1 + tick.missed)))
-        self._submit(now_ns)
+        self._submit(now_ns, after_ticks=1.5)
         self._follow(self._guard.check(now_ns, time.time_ns()))
         self._streams.commanded(self._controller.asked.tolist(), now_ns)
         self._notifier.watchdog()
 
-    def _submit(self, now_ns: int) -> None:
+    def _submit(self, now_ns: int, after_ticks: float) -> None:
+        """Ask for an estimate, unless one was asked for less than some ticks ago."""
+        if (now_ns - self._submitted_ns) * 1e-9 < after_ticks / self._setup.config.control.rate_hz:
+            return
         snapshot = self._readings.snapshot(now_ns)
         valves = self._readings.fresh(self._instruments.bank, now_ns)
         pressures = np.full(len(self._limits), np.nan) if valves is None else np.array(valves.values)
         if not snapshot.used:
             return
+        self._submitted_ns = now_ns
         teaching = self._controller.modes.mode in (Mode.TEACH, Mode.HOLDING)
         gravity = np.array(self._setup.specimen.gravity_m_s2)
         self._worker.submit(
@@ -319,7 +326,9 @@ class Service:
         """Picture the estimator's process for the guard."""
         age_s = None if self._last_result_ns is None else (now_ns - self._last_result_ns) * 1e-9
         deadline_s = self._setup.config.safety.estimator_deadline_s
-        return Estimator(self._worker.state.running, age_s, deadline_s, self._knowledge.failures)
+        result = self._knowledge.result
+        off = None if result is None or result.rod_off_rad is None else float(np.degrees(result.rod_off_rad))
+        return Estimator(self._worker.state.running, age_s, deadline_s, self._knowledge.failures, off)
 
     def _publish_state(self) -> None:
         now_ns = time.monotonic_ns()

@@ -1,7 +1,7 @@
 """``softarm estimate RECORDING --specimen S``: pose and external force over a recording."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,10 +17,17 @@ from service.cli.output import (
 )
 
 if TYPE_CHECKING:
-    from estimator.fem import FiniteElementState
+    from collections.abc import Callable
+
+    from estimator.calibration import Run
+    from estimator.specimen import Specimen
     from service.offline.track import Track
+    from service.plots.arm import Surface
 
 DEFAULT_RATE = 10.0
+LINEAR_SOLVES = 60
+"""Allowed to each finite-element search: under a wrong calibration it must not wander for minutes."""
+NAMES = {"fem": "finite elements", "rod": "calibrated rod"}
 
 
 @click.command()
@@ -46,6 +53,14 @@ DEFAULT_RATE = 10.0
 @click.option(
     "--window", type=(float, float), metavar="FROM TO", help="Use only these seconds of the recording."
 )
+@click.option(
+    "--model",
+    "kind",
+    type=click.Choice(list(NAMES)),
+    default="fem",
+    show_default=True,
+    help="Finite elements, or the rod that was fitted to them (fitted first where it is not known yet).",
+)
 @force_option
 @json_option
 def command(
@@ -55,24 +70,23 @@ def command(
     plots: Path | None,
     rate: float,
     window: tuple[float, float] | None,
+    kind: str,
     force: bool,
     as_json: bool,
 ) -> int:
     """Estimate pose and external force over a recording, with their uncertainty.
 
-    Each instant is solved on its own to the nonlinear optimum on the finite-element mesh: pressures as
-    recorded, two lateral forces unknown at every rigid section. Prints a summary, writes plots and, with
-    --out, every estimate.
+    Each instant is solved on its own to the nonlinear optimum on the finite-element mesh, or on the rod:
+    pressures as recorded, two lateral forces unknown at every rigid section. A search on the mesh begins at
+    the rod's answer where that is known, and one that does not settle within bounds counts as diverged.
+    Prints a summary, writes plots and, with --out, every estimate.
 
     Example: softarm estimate ../shared/recordings/sopra_2021-07-09 --specimen sopra
     """
-    from estimator.arm import build_arm
     from estimator.calibration import arrange
     from service.offline.inputs import in_its_mount, load_recordings, specimen_of
     from service.offline.resample import resample
     from service.offline.result import as_recording
-    from service.offline.surface import outer_surface
-    from service.offline.track import track
     from service.plots.estimate import plot_track
     from service.recordings import save_recording
     from service.recordings.files import refuse_existing
@@ -81,22 +95,56 @@ def command(
         refuse_existing(out, force=force or out.is_dir())
     (loaded,) = load_recordings([recording], window)
     robot = in_its_mount(specimen_of(specimen, [recording], [loaded]), loaded)
-    model = build_arm(robot)
-    run = resample(arrange(loaded, robot, model.sections), rate)
-    with progress(f"estimating {loaded.name}", len(run.time)) as advance:
-        found = track(model, robot, run, advance)
+    run = resample(arrange(loaded, robot, tuple(section.name for section in robot.sections)), rate)
+    found, surface = _on_rod(robot, run) if kind == "rod" else _on_mesh(robot, run)
     show(*tables(found, loaded.name), as_json=as_json)
     folder = plots or Path("plots") / loaded.name
-    for path in plot_track(found, loaded.name, folder, lambda state: outer_surface(model, state)):
+    for path in plot_track(found, loaded.name, folder, surface):
         say(f"wrote {path}")
     if out is not None:
-        info = {"specimen": robot.name, "estimated_rate_hz": rate, "estimated_with": "finite elements"}
+        info = {"specimen": robot.name, "estimated_rate_hz": rate, "estimated_with": NAMES[kind]}
         for path in save_recording(as_recording(found, loaded, info), out, force=force):
             say(f"wrote {path}")
     return 0 if bool((found.status == 0).any()) else 1
 
 
-def tables(found: "Track[FiniteElementState]", name: str) -> tuple[Table, ...]:
+def _on_mesh(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any], Surface]]":
+    """Estimate on the finite elements, begun at the rod's answers where it is known."""
+    from dataclasses import replace
+
+    from estimator.arm import build_arm
+    from estimator.rod import adapted
+    from service.offline.surface import outer_surface
+    from service.offline.track import track
+    from service.rods import known_rod, trusted
+
+    model = build_arm(robot)
+    model = replace(model, settings=replace(model.settings, total_iterations=LINEAR_SOLVES))
+    rod = known_rod(robot)
+    guide = None
+    if rod is not None and trusted(rod):
+        guide = adapted(rod.rod, robot).with_loads(model.loads)
+    with progress(f"estimating {run.name}", len(run.time)) as advance:
+        found = track(model, robot, run, advance, guide)
+    return found, lambda state: outer_surface(model, state)
+
+
+def _on_rod(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any], Surface]]":
+    """Estimate on the calibrated rod."""
+    from estimator.geometry import build_mesh
+    from service.offline.surface import skin_surface
+    from service.offline.track import track
+    from service.rods import trusted_rod
+
+    with progress(f"fitting the rod of {robot.name}") as advance:
+        rod = trusted_rod(robot, lambda *_: advance(1))
+    with progress(f"estimating {run.name}", len(run.time)) as advance:
+        found = track(rod, robot, run, advance)
+    mesh = build_mesh(robot)
+    return found, lambda strain: skin_surface(mesh, rod, strain)
+
+
+def tables(found: "Track[Any]", name: str) -> tuple[Table, ...]:
     """Summarise estimates in tables: loads, sections, sensors."""
     from service.offline.result import force_rows, section_rows, sensor_rows, status_counts
 

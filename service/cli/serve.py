@@ -9,9 +9,11 @@ from pathlib import Path
 import click
 
 from service.app import Replay, Service
+from service.cli.output import progress
 from service.config import load_config
 from service.notify import Notifier
 from service.recordings import load_recording
+from service.rods import trusted_rod
 
 
 @click.command()
@@ -33,7 +35,20 @@ def command(path: Path, replay: Path | None, speed: float, verbose: bool) -> Non
         level=logging.INFO if verbose else logging.WARNING,
         format=f"{at}%(levelname)s %(name)s: %(message)s",
     )
+    _prepare(path)
     asyncio.run(_serve(path, None if replay is None else Replay(load_recording(replay), speed)))
+
+
+def _prepare(path: Path) -> None:
+    """Fit the rod that the configuration asks for, where none is known yet, before the arm is waiting.
+
+    Raises:
+        WorkFailedError: It is too far from the finite elements to stand in for them.
+    """
+    setup = load_config(path)
+    if setup.config.control.model == "rod":
+        with progress(f"fitting the rod of {setup.specimen.name}") as advance:
+            trusted_rod(setup.specimen, lambda *_: advance(1))
 
 
 async def _serve(path: Path, replay: Replay | None) -> None:

@@ -58,6 +58,7 @@ class Readings:
         self._deadline_ns = round(safety.sensor_deadline_s * 1e9)
         self._deadline_s = safety.sensor_deadline_s
         self._forward = forward
+        self._leading = leading_channels(self._sensors)
         self._latest: dict[str, Sample] = {}
         self._references: dict[str, Floats] = {}
 
@@ -70,6 +71,16 @@ class Readings:
         """Take a sample of a channel."""
         self._latest[name] = sample
         self._forward(name, sample)
+
+    def completes(self, name: str) -> bool:
+        """Tell whether a sample is the last one of a packet of the leading device.
+
+        That is when an estimate is best begun: whatever waits for the next tick is older by then.
+        """
+        if name not in self._leading:
+            return False
+        arrivals = {self._latest[n].arrival_ns if n in self._latest else None for n in self._leading}
+        return len(arrivals) == 1
 
     def latest(self, name: str) -> Sample | None:
         """Give the newest sample of a channel, however old."""
@@ -157,6 +168,14 @@ class Readings:
         if reference is None:
             return None
         return to_quaternions(reference @ from_quaternions(quaternion))
+
+
+def leading_channels(sensors: tuple[SensorSettings, ...]) -> tuple[str, ...]:
+    """List the sensors' channels of the device that the first needed sensor belongs to, else the first."""
+    if not sensors:
+        return ()
+    device = next((sensor.device for sensor in sensors if sensor.needed), sensors[0].device)
+    return tuple(channel(sensor) for sensor in sensors if sensor.device == device)
 
 
 def channel(sensor: SensorSettings) -> str:

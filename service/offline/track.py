@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,7 @@ def track(
     specimen: Specimen,
     run: Run,
     advance: Callable[[float], None] = lambda _: None,
+    guide: ArmModel[Any, Any] | None = None,
 ) -> Track[State]:
     """Estimate loads and frames at every sample of a run, each on its own.
 
@@ -86,8 +87,9 @@ def track(
         specimen: The robot.
         run: What was recorded, arranged for the model's sections.
         advance: Called with 1 after each sample.
+        guide: A fast model with the same loads, at whose answer a search begins that has nothing to go on.
     """
-    estimator = _estimator(model, specimen, run)
+    estimator = _estimator(model, specimen, run, guide)
     gravity = np.array(specimen.gravity_m_s2)
     chosen = {int(k) for k in np.linspace(0, len(run.time) - 1, SHOWN)}
     shown: list[tuple[int, State]] = []
@@ -106,7 +108,9 @@ def track(
     return samples.track(model, run, tuple(shown), statement)
 
 
-def _estimator(model: ArmModel[State, Step], specimen: Specimen, run: Run) -> Follower[State]:
+def _estimator(
+    model: ArmModel[State, Step], specimen: Specimen, run: Run, guide: ArmModel[Any, Any] | None
+) -> Follower[State]:
     """Make the estimator; physics of the specimen needs the model under the wrenches of its sections."""
     followed = model
     if specimen.physics:
@@ -121,6 +125,7 @@ def _estimator(model: ArmModel[State, Step], specimen: Specimen, run: Run) -> Fo
         run.suite,
         settings(model.loads, specimen, run),
         pressures_measured="commanded" not in run.pressure_source,
+        guide=guide,
     )
 
 

@@ -62,12 +62,14 @@ class Estimator:
         age_s: Age of its last result; ``None`` before the first.
         deadline_s: Age from which it counts as failed.
         failures: Results in a row that did not converge.
+        rod_off_degrees: Angle by which the calibrated rod was off when last compared; ``None`` without one.
     """
 
     running: bool
     age_s: float | None
     deadline_s: float
     failures: int = 0
+    rod_off_degrees: float | None = None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,47 @@
+"""When a packet of the leading device is complete."""
+
+from service.config import SafetySettings, SensorSettings
+from service.control.channels import Sample
+from service.control.readings import Readings, leading_channels
+
+SENSORS = (
+    SensorSettings(kind="bend", section="tip", device="bend", channel="1"),
+    SensorSettings(
+        kind="orientation", section="intermediate", device="qtm", channel="intermediate", needed=True
+    ),
+    SensorSettings(kind="orientation", section="tip", device="qtm", channel="tip", needed=True),
+)
+
+
+def sample(arrival_ns: int) -> Sample:
+    return Sample((0.0,) * 7, arrival_ns, arrival_ns, arrival_ns, 0, "fake")
+
+
+def test_the_needed_device_leads() -> None:
+    assert leading_channels(SENSORS) == ("qtm/intermediate", "qtm/tip")
+    assert leading_channels(SENSORS[:1]) == ("bend/1",)
+    assert leading_channels(()) == ()
+
+
+def test_a_packet_is_complete_with_its_last_body() -> None:
+    done: list[tuple[str, bool]] = []
+    readings = Readings(
+        SENSORS, "", SafetySettings(), lambda name, _: done.append((name, readings.completes(name)))
+    )
+    for name, arrival in (
+        ("qtm/intermediate", 1),
+        ("qtm/base", 1),
+        ("qtm/tip", 1),
+        ("bend/1", 2),
+        ("qtm/tip", 3),
+        ("qtm/intermediate", 3),
+    ):
+        readings.put(name, sample(arrival))
+    assert done == [
+        ("qtm/intermediate", False),
+        ("qtm/base", False),
+        ("qtm/tip", True),
+        ("bend/1", False),
+        ("qtm/tip", False),
+        ("qtm/intermediate", True),
+    ]
