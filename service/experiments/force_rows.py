@@ -34,7 +34,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Advance = Callable[[float], None]
 
-RATE_HZ = 2.5
+RATE_HZ = 1.0
 VENTED_PA = 1.0e3
 PUBLISHED = {"not pressurised": FORCE_STILL_N, "pressurised": FORCE_PRESSURISED_N}
 CANDIDATES = 9

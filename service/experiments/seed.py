@@ -205,7 +205,7 @@ def _force(bench: SeedBench, result: SeedResult) -> None:
         result.add("force", [along_cord_row(done, PUBLISHED[condition])])
         result.series[f"force {condition}"] = series_of(done)
         for kind in SUBSETS:
-            by = done if kind == "orientations" else follow_pull(case, kind, rate=1.0, at_rest=resting)
+            by = done if kind == "orientations" else follow_pull(case, kind, at_rest=resting)
             result.add("sensors", [along_cord_row(by)])
         result.add("axial", axial_rows(case, at_rest=resting))
     _beyond(bench, result)
@@ -215,7 +215,7 @@ def _beyond(bench: SeedBench, result: SeedResult) -> None:
     still = PullCase("not pressurised", bench.recording("force_still"), bench.specimen)
     moving = PullCase("moving", bench.recording("force_moving"), bench.specimen)
     above = PullCase("not pressurised", bench.recording("force_intermediate"), bench.specimen)
-    result.add("beyond", [along_cord_row(follow_pull(moving, rate=1.0))])
+    result.add("beyond", [along_cord_row(follow_pull(moving))])
     result.add("beyond", [along_cord_row(follow_pull(above, at_rest=True))])
     every = default_loads(bench.specimen)
     for kind in ("orientations", "poses"):
