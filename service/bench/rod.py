@@ -112,8 +112,9 @@ def error_rows(
     model = build_arm(specimen)
     model = model.with_scales(dict.fromkeys(model.parameters, 1.0))
     soft = {segment.name: SCALED for segment in specimen.segments}
-    rows = []
-    for title, scales in (("as described", {}), (f"stiffness x {SCALED:g}", soft)):
+    cases: dict[str, dict[str, float]] = {"as described": {}, f"stiffness x {SCALED:g}": soft}
+    rows: list[dict[str, Cell]] = []
+    for title, scales in cases.items():
         scaled = model.with_scales(scales)
         rod = fitted.rod.with_scales(scales)
         report = check_rod(
