@@ -38,7 +38,7 @@ ARM = "sopra_2021-07-09"
 BARE, LOADED = "beam_gravity_v2_a", "beam_load52_v2_a"
 HELD = (0.15, 0.6)  # s, while the beam is held level
 SEGMENT, STEPS = "single_segment_blackframe", (75, 125, 175, 225, 275, 325, 375)
-SETTLED_STEP = 0.4  # s before the end of a step
+SETTLED_STEP = 0.1  # s before the end of a step; one sample of the calibration
 RATE = 10.0  # Hz of the predictions
 """Recordings and the parts of them that count."""
 PAGE = """# Real recordings
