@@ -425,7 +425,7 @@ def _surprise(hypothesis: Hypothesis, theta: Floats) -> float:
         for parameter, value in zip(hypothesis.effect.parameters, theta.tolist(), strict=True)
         if parameter.role == "amplitude"
     ]
-    return min(sum(sizes), MOST_SURPRISE)
+    return float(min(sum(sizes), MOST_SURPRISE))
 
 
 def _told(fit: Fit, number: int) -> bool:

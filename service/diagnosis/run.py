@@ -146,7 +146,7 @@ def _calibrated(specimen: Specimen, outcome: Outcome) -> Specimen:
         mirrored={
             section: specimen.calibration.bend(section).mirrored
             for section in (s.name for s in specimen.sections)
-            if f"bend_{section}.bias_x" in fitted.layout.names
+            if f"bend_{section}.in_plane" in fitted.layout.names
         },
         check=Check({}, {}, {}, {}, 0),
         lags=(),
