@@ -13,9 +13,12 @@ from estimator.diagnosis.stage import Model
 from estimator.fem import FiniteElementModel, FiniteElementState
 from estimator.geometry import Resolution
 from estimator.model import Frames, Inputs, Load
+from estimator.rod import Recipe, adapted, fit_rod
 from estimator.rod.model import CalibratedRod
+from estimator.rod.samples import Plan
 from estimator.simulation import Arm, Segments, SimulatedArm, section_loads
 from estimator.specimen import Specimen
+from service.rods import known_rod
 
 Floats = NDArray[np.float64]
 Answer = tuple[Floats, Floats, Floats, bool]
@@ -29,8 +32,24 @@ COARSE = {"quadrant_cylinder": Resolution(layers=1)}
 """Meshes of bodies whose usual mesh takes seconds to solve; calibration takes up what they are stiffer by."""
 BUDGET = 150.0
 """Seconds for which finite elements are solved at all, so that a diagnosis ends."""
+QUICK_RAYS = 14
+"""Rays of samples of a rod that nobody fitted before: a diagnosis must end."""
 TWIST = (0, 0, 0, 6)
 """Term of a link law that stands for the moment about the arm's axis."""
+
+
+def rod_at_hand(specimen: Specimen, tell: Callable[[str], None] = lambda _: None) -> CalibratedRod:
+    """Give the shipped or cached rod of a specimen, else one that is fitted to fewer samples on the spot."""
+    known = known_rod(specimen)
+    if known is None:
+        recipe = Recipe(plan=Plan(rays=QUICK_RAYS), check=Plan(rays=1, seed=101, pressure=1.0))
+        known = fit_rod(
+            specimen,
+            build_arm(specimen),
+            lambda done, whole: tell(f"fitting the rod, {done} of {whole}"),
+            recipe=recipe,
+        )
+    return adapted(known.rod, specimen)
 
 
 def rod_model(specimen: Specimen, rod: CalibratedRod) -> Model:

@@ -31,9 +31,9 @@ from estimator.errors import InputError
 from estimator.recording import Recording
 from estimator.sensing import Bend
 from estimator.specimen import Specimen
-from service.diagnosis.models import finite_element_model, rod_model
+from service.diagnosis.models import finite_element_model, rod_at_hand, rod_model
 from service.offline.inputs import load_recordings
-from service.rods import known_rod, rod_for, trusted
+from service.rods import known_rod, trusted
 
 SAMPLES = 9000
 """Largest number of samples over all recordings."""
@@ -111,7 +111,7 @@ def with_axes(specimen: Specimen, admitted: Admitted, sections: tuple[str, ...])
         recording.window(np.asarray(blocks_of(recording.time) % 4 != 2)) for recording in admitted.suspects
     )
     runs = [arrange(recording, specimen, sections) for recording in chosen]
-    solver = BatchSolver(rod_for(specimen).with_loads(()))
+    solver = BatchSolver(rod_at_hand(specimen).with_loads(()))
     try:
         found = calibrate(solver, specimen, runs, Options(search_axes=True))
     except CalibrationRefusedError as refusal:
@@ -222,8 +222,7 @@ def _model(specimen: Specimen, admitted: Admitted, tell: Callable[[str], None]) 
     if distinct <= FEW and (specimen.geometry.kind == "block" or known_rod(specimen) is None):
         return finite_element_model(specimen)
     tell("preparing the model")
-    rod = rod_for(specimen, lambda done, whole: tell(f"fitting the rod, {done} of {whole}"))
-    return rod_model(specimen, rod)
+    return rod_model(specimen, rod_at_hand(specimen, tell))
 
 
 def _refuse_doubles(suspects: Sequence[Recording], nominal: Sequence[Recording]) -> None:
