@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 
 SIGMA = 0.015
 """Standard deviation of the logarithm of a ratio of frequencies."""
+ONE_POSE = 0.05
+"""Share of a size that one pose at rest leaves open: the model's law was calibrated at another load."""
 STEPS = 6
 STEP = 1e-4
 
@@ -61,6 +63,7 @@ class Ring:
         before = np.concatenate(fit.thetas)
         scale = np.ones(free) * fit.scales
         spread = fit.covariance * np.outer(scale, scale)
+        spread = spread + np.diag((ONE_POSE * before[start:]) ** 2)
         moved = before.copy()
         slope = np.zeros(free)
         for _ in range(STEPS):

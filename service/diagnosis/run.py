@@ -21,7 +21,7 @@ from estimator.calibration import (
 from estimator.calibration.identifiability import identify
 from estimator.diagnosis.admit import Admitted, admit, motion_columns
 from estimator.diagnosis.diagnose import Outcome, diagnose
-from estimator.diagnosis.prepare import averaged, blocks_of, prepare
+from estimator.diagnosis.prepare import LEAST_BLOCKS, averaged, blocks_of, prepare
 from estimator.diagnosis.release import find_release
 from estimator.diagnosis.session import Session
 from estimator.diagnosis.stage import Model
@@ -191,9 +191,12 @@ def sessions_of(
 
 def _step(session: Session, ring: float | None) -> float:
     """Choose a window [s]: long enough to average a ring away, short enough to see lags."""
+    if session.ring is not None:
+        # At rest it shows one pose: more means would only repeat what the model gets wrong of it.
+        return session.seconds / LEAST_BLOCKS
     if session.seconds >= SHORT:
         return STEP
-    return max(session.step, min(1.0 / ring, session.seconds / 8.0)) if ring else session.step
+    return max(session.step, min(2.0 / ring, session.seconds / 8.0)) if ring else session.step
 
 
 def ring_frequency(session: Session) -> float | None:
