@@ -186,7 +186,7 @@ def _outcome(
         choice = search.without(choice, dropped)
     predictions = held_out(search, None, choice.fit)
     findings = (*findings_of(search, choice), *stuck_findings(stuck))
-    remainder = _remainder(search, choice)
+    remainder = _remainder(search, choice, predictions.rms()[1])
     first_map = _map(search, None)
     left_map = _map(search, choice) if choice.fit is not None else first_map
     baseline = _baseline(suspects, evidence.floors)
@@ -235,15 +235,15 @@ def _baseline(stages: Sequence[Stage], floors: Mapping[str, float]) -> Baseline:
     return Baseline(rms, {name: floors[name] for name in rms}, kinds, whole)
 
 
-def _remainder(search: Search, choice: Choice) -> float:
+def _remainder(search: Search, choice: Choice, over_noise: float) -> float:
     """Give what the library cannot explain of the recordings in question, over the same of nominal ones.
 
-    Without nominal recordings it is over the scatter itself.
+    Without nominal recordings it is over the noise: then nobody says that a mismatch is usual.
     """
     evidence, weights = search.evidence, search.weights
     left = evidence.leftover(weights, search.residuals(choice.fit), nominal=False)
     known = evidence.leftover(weights, evidence.residuals, nominal=True)
-    return left / known if known > 0.0 else left
+    return left / known if known > 0.0 else max(left, over_noise)
 
 
 def _map(search: Search, choice: Choice | None) -> LocationMap:

@@ -110,7 +110,7 @@ def with_valves(diagnosis: Diagnosis, faults: tuple[Finding, ...]) -> Diagnosis:
     """Add what the valves do to the diagnosis of an arm; measured pressures already hold it."""
     if not faults:
         return diagnosis
-    verdict: Verdict = "explained" if diagnosis.verdict == "consistent" else diagnosis.verdict
+    verdict: Verdict = diagnosis.verdict if diagnosis.verdict != "consistent" else "explained"
     if diagnosis.verdict == "unexplained":
         verdict = "partly_explained"
     return replace(diagnosis, verdict=verdict, findings=(*diagnosis.findings, *faults))
