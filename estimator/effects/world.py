@@ -79,7 +79,7 @@ class World:
     def strains(self, couples: Floats) -> Floats:
         """Give the strains that couples alone would make, shape (samples, segments, 4)."""
         if self.stiffness.ndim == 4:
-            strained: Floats = np.linalg.solve(self.stiffness, couples[..., None])[..., 0]
+            strained: Floats = np.asarray(np.linalg.solve(self.stiffness, couples[..., None])[..., 0])
             return strained
         return couples / self.stiffness
 

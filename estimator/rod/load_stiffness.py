@@ -61,7 +61,7 @@ def exact_moves(
 def _fit_of(frame: SectionFrame, moves: Floats) -> Floats:
     """Give the change of A = sum_s x_s c_s^T for displacements of the nodes, shape (moves, 9)."""
     on_points = np.array([frame.points.apply(move) for move in moves])
-    return np.einsum("msk,sl->mkl", on_points, frame.arms).reshape(len(moves), 9)
+    return np.asarray(np.einsum("msk,sl->mkl", on_points, frame.arms).reshape(len(moves), 9))
 
 
 def _by_fit(frame: SectionFrame, row: Floats, positions: Floats) -> Floats:

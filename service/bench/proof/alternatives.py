@@ -228,6 +228,6 @@ def sindy(train: Sequence[Bends]) -> Callable[[Bends], Floats]:
         for row in features:
             path.append(state[0])
             state = np.clip(np.asarray(model.predict(state, u=row[None])), -LARGEST, LARGEST)
-        return run.before + np.array(path)
+        return np.asarray(run.before + np.array(path))
 
     return predict
