@@ -15,13 +15,18 @@ from estimator.specimen import Section as SectionEntry
 from estimator.specimen import Specimen
 
 
-def default_loads(specimen: Specimen) -> tuple[Load, ...]:
-    """Give two lateral forces at every rigid section that is not held, named ``<section>_x`` and ``_y``."""
+def default_loads(specimen: Specimen, sections: Sequence[str] = ()) -> tuple[Load, ...]:
+    """Give two lateral forces at every rigid section that is not held, named ``<section>_x`` and ``_y``.
+
+    Args:
+        specimen: Description.
+        sections: Only at these; at all of them where empty.
+    """
     axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}
     return tuple(
         Load(f"{section.name}_{axis}", "force", direction, section=section.name)
         for section in specimen.sections
-        if section.frame_origin_m[2] > specimen.clamp.up_to_m
+        if section.frame_origin_m[2] > specimen.clamp.up_to_m and (not sections or section.name in sections)
         for axis, direction in axes.items()
     )
 

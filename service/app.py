@@ -94,7 +94,9 @@ class Service:
         self._limits = np.array(specimen.pressure_limits)
         self._controller = Controller(self._instruments.valves, self._limits, config.control, config.safety)
         sections = tuple(section.name for section in specimen.sections)
-        self._knowledge = Knowledge(sections, default_loads(specimen), self._readings.rest)
+        self._knowledge = Knowledge(
+            sections, default_loads(specimen, config.control.forces_on), self._readings.rest
+        )
         self._last_result_ns: int | None = None
         self._submitted_ns = 0
         self._placed_ns = 0

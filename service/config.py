@@ -33,6 +33,8 @@ class ControlSettings(Table):
     """Rate of the control loop."""
     model: Literal["fem", "rod"] = "fem"
     """What the estimator runs on: the converged finite elements or the calibrated rod."""
+    forces_on: tuple[str, ...] = ()
+    """Sections on which an external force may act; all that move when left out."""
     load_std_n: Positive = 1.0
     """Forces of this size are expected; far larger ones are found, but later."""
     load_time_constant_s: Positive = 1.0
@@ -237,6 +239,10 @@ def _inconsistencies(
         if sensor.section not in sections:
             listed = ", ".join(sorted(sections))
             mistakes.append(f"sensors.{index}.section: no section {sensor.section!r}; there are {listed}")
+    moving = [s.name for s in specimen.sections if s.frame_origin_m[2] > specimen.clamp.up_to_m]
+    for index, section in enumerate(config.control.forces_on):
+        if section not in moving:
+            mistakes.append(f"control.forces_on.{index}: {section!r} does not move; {', '.join(moving)} do")
     if config.base_body and config.base_body.split("/")[0] not in names:
         mistakes.append(f"base_body: no device {config.base_body.split('/')[0]!r}; write device/body")
     return mistakes

@@ -41,6 +41,7 @@ class RigSettings:
         rate_hz: Rate of the control loop.
         sensors: Kinds of sensors that the estimator may use: ``orientation`` or ``pose`` of motion capture,
             ``bend``, ``imu``.
+        forces_on: Sections on which a force may act; all that move when empty.
     """
 
     scenario: Path
@@ -50,6 +51,7 @@ class RigSettings:
     model: str = "fem"
     rate_hz: float = 100.0
     sensors: tuple[str, ...] = ("orientation",)
+    forces_on: tuple[str, ...] = ()
 
 
 def free_endpoint() -> str:
@@ -78,7 +80,11 @@ def service_config(settings: RigSettings, devices: Sequence[Mapping[str, Any]]) 
         "specimen": settings.specimen,
         "base_body": next((f"{d['name']}/base" for d in devices if d["kind"] == "qualisys"), ""),
         "network": {"listen": [settings.endpoint]},
-        "control": {"model": settings.model, "rate_hz": settings.rate_hz},
+        "control": {
+            "model": settings.model,
+            "rate_hz": settings.rate_hz,
+            "forces_on": list(settings.forces_on),
+        },
         "devices": tables,
         "sensors": sensors,
     }

@@ -32,7 +32,9 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
     from service.experiments.force import ForceSettings, summary
     from service.experiments.session import connect, force_on_fakes, plot_force
 
-    settings = RigSettings(EXAMPLES / "scenarios" / "demo.toml", specimen=str(fake_specimen()))
+    settings = RigSettings(
+        EXAMPLES / "scenarios" / "demo.toml", specimen=str(fake_specimen()), forces_on=("tip",)
+    )
     force = ForceSettings()
     # Not blocked: the children would inherit that, and could not be asked to end.
     signal.signal(signal.SIGTERM, signal.default_int_handler)

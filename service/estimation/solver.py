@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from estimator.arm import build_arm
+from estimator.arm import build_arm, default_loads
 from estimator.augmented import Follower, estimator_of
 from estimator.fem import FiniteElementModel, FiniteElementState, Refactoriser, TrackingModel
 from estimator.inverse import (
@@ -85,7 +85,9 @@ class Solver:
     def __init__(self, settings: SolverSettings) -> None:
         specimen = settings.specimen
         self._threads = threadpool_limits(limits=1)
-        self._model: FiniteElementModel = bounded(build_arm(specimen))
+        self._model: FiniteElementModel = bounded(
+            build_arm(specimen, default_loads(specimen, settings.control.forces_on))
+        )
         self._suite = build_suite(specimen, self._model.sections, settings.sensors)
         self._sensors = SpecimenSensors(specimen, self._model.sections, Registration())
         self._actuation = self._sensors.actuation()
