@@ -8,9 +8,8 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from estimator.arm import build_arm
 from estimator.rod.archive import from_bytes, shape_key, shipped_rod, to_bytes
-from estimator.rod.fit import FittedRod, adapted, fit_rod
+from estimator.rod.fit import FittedRod, adapted, fit_rod, sampled_model
 from estimator.rod.model import CalibratedRod
 from estimator.rod.samples import Progress
 from estimator.specimen import Specimen
@@ -84,7 +83,7 @@ def fitted_rod(specimen: Specimen, progress: Progress | None = None) -> FittedRo
 def fit_now(specimen: Specimen, progress: Progress | None = None) -> FittedRod:
     """Fit the rod of a specimen's shape anew."""
     with threadpool_limits(limits=1), ThreadPoolExecutor(min(THREADS, os.cpu_count() or 1)) as executor:
-        return fit_rod(specimen, build_arm(specimen), progress, executor)
+        return fit_rod(specimen, sampled_model(specimen), progress, executor)
 
 
 def _path(key: str) -> Path:

@@ -1,7 +1,7 @@
 """The calibrated rod: a chain of links whose laws were fitted to the finite-element model."""
 
 from estimator.rod.archive import shape_key
-from estimator.rod.fit import FittedRod, Recipe, adapted, fit_rod
+from estimator.rod.fit import FittedRod, Recipe, adapted, fit_rod, sampled_model
 from estimator.rod.held_out import HeldOut, Report, check_rod
 from estimator.rod.model import Batch, CalibratedRod, RodStep
 
@@ -16,5 +16,6 @@ __all__ = [
     "adapted",
     "check_rod",
     "fit_rod",
+    "sampled_model",
     "shape_key",
 ]

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from estimator.arm import default_loads
+from estimator.arm import build_arm, default_loads
 from estimator.fem import FiniteElementModel
+from estimator.geometry import DEFAULTS
 from estimator.rod.held_out import Report, check_rod
 from estimator.rod.local import local_states
 from estimator.rod.model import CalibratedRod
@@ -52,6 +53,23 @@ class FittedRod:
     symmetries: int
 
 
+def sampled_model(specimen: Specimen, recipe: Recipe | None = None) -> FiniteElementModel:
+    """Build the finite-element model that a rod is fitted to: with a layer of elements for every link.
+
+    In a longer element the strain of a link depends on more than the link's own wrench.
+
+    Args:
+        specimen: Description.
+        recipe: How the rod is fitted.
+
+    Raises:
+        InputError: The specimen cannot be meshed.
+    """
+    resolution = DEFAULTS[specimen.geometry.kind]
+    layers = max(resolution.layers, (recipe or Recipe()).links_per_segment)
+    return build_arm(specimen, resolution=replace(resolution, layers=layers))
+
+
 def fit_rod(
     specimen: Specimen,
     model: FiniteElementModel,
@@ -63,7 +81,8 @@ def fit_rod(
 
     Args:
         specimen: Description.
-        model: Its finite-element model; its loads and stiffness factors do not matter.
+        model: Its finite-element model, as of ``sampled_model``; its loads and stiffness factors count for
+            nothing.
         progress: Called with the rays done and all of them.
         executor: Threads that solve the model side by side.
         recipe: How.

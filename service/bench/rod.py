@@ -13,7 +13,7 @@ from estimator.arm import build_arm, default_loads
 from estimator.errors import InputError
 from estimator.fem import FiniteElementModel
 from estimator.model import ArmModel, Inputs
-from estimator.rod import FittedRod, HeldOut, Recipe, adapted, check_rod, shape_key
+from estimator.rod import FittedRod, HeldOut, Recipe, adapted, check_rod, sampled_model, shape_key
 from estimator.rod.archive import to_bytes
 from estimator.rod.model import CalibratedRod
 from estimator.rod.stations import cut
@@ -109,7 +109,7 @@ def error_rows(
     """Measure a rod's errors; the quick form gives those that were measured when it was fitted."""
     if quick:
         return _rows(specimen.name, "as fitted", fitted.report.trained, fitted.report.untrained)
-    model = build_arm(specimen)
+    model = sampled_model(specimen)
     model = model.with_scales(dict.fromkeys(model.parameters, 1.0))
     soft = {segment.name: SCALED for segment in specimen.segments}
     cases: dict[str, dict[str, float]] = {"as described": {}, f"stiffness x {SCALED:g}": soft}

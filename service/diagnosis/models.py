@@ -13,7 +13,7 @@ from estimator.diagnosis.stage import Model
 from estimator.fem import FiniteElementModel, FiniteElementState
 from estimator.geometry import Resolution
 from estimator.model import Frames, Inputs, Load
-from estimator.rod import Recipe, adapted, fit_rod
+from estimator.rod import Recipe, adapted, fit_rod, sampled_model
 from estimator.rod.model import CalibratedRod
 from estimator.rod.samples import Plan
 from estimator.simulation import Arm, Segments, SimulatedArm, section_loads
@@ -45,7 +45,7 @@ def rod_at_hand(specimen: Specimen, tell: Callable[[str], None] = lambda _: None
         recipe = Recipe(plan=Plan(rays=QUICK_RAYS), check=Plan(rays=1, seed=101, pressure=1.0))
         known = fit_rod(
             specimen,
-            build_arm(specimen),
+            sampled_model(specimen, recipe),
             lambda done, whole: tell(f"fitting the rod, {done} of {whole}"),
             recipe=recipe,
         )
