@@ -44,7 +44,7 @@ def learn(client: SoftarmClient, name: str, let_go: Callable[[], None]) -> tuple
     settle(client)
     let_go()
     settle(client)
-    client.command("teach/save", name=name)
+    client.command("teach/save", timeout_s=5.0, name=name)
     return client.state().asked_pa
 
 
