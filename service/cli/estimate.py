@@ -56,10 +56,11 @@ NAMES = {"fem": "finite elements", "rod": "calibrated rod"}
 @click.option(
     "--model",
     "kind",
-    type=click.Choice(list(NAMES)),
-    default="fem",
+    type=click.Choice(["auto", *NAMES]),
+    default="auto",
     show_default=True,
-    help="Finite elements, or the rod that was fitted to them (fitted first where it is not known yet).",
+    help="Finite elements, or the rod that was fitted to them (fitted first where it is not known yet); auto "
+    "takes the rod where it is known and near the finite elements.",
 )
 @force_option
 @json_option
@@ -96,7 +97,9 @@ def command(
     (loaded,) = load_recordings([recording], window)
     robot = in_its_mount(specimen_of(specimen, [recording], [loaded]), loaded)
     run = resample(arrange(loaded, robot, tuple(section.name for section in robot.sections)), rate)
+    kind = _chosen(robot) if kind == "auto" else kind
     found, surface = _on_rod(robot, run) if kind == "rod" else _on_mesh(robot, run)
+    say(f"estimated with {NAMES[kind]}")
     show(*tables(found, loaded.name), as_json=as_json)
     folder = plots or Path("plots") / loaded.name
     for path in plot_track(found, loaded.name, folder, surface):
@@ -106,6 +109,14 @@ def command(
         for path in save_recording(as_recording(found, loaded, info), out, force=force):
             say(f"wrote {path}")
     return 0 if bool((found.status == 0).any()) else 1
+
+
+def _chosen(robot: "Specimen") -> str:
+    """Name the model to take: the rod where one is known that may stand in for the finite elements."""
+    from service.rods import known_rod, trusted
+
+    rod = None if robot.physics else known_rod(robot)
+    return "rod" if rod is not None and trusted(rod) else "fem"
 
 
 def _on_mesh(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any], Surface]]":
