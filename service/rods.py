@@ -62,6 +62,12 @@ def trusted(fitted: FittedRod) -> bool:
     return found.lost == 0 and found.force_rms <= LARGEST_FORCE_ERROR
 
 
+def known_trusted_rod(specimen: Specimen) -> CalibratedRod | None:
+    """Give the rod of a specimen where it is known and may stand in for the finite elements."""
+    found = known_rod(specimen)
+    return adapted(found.rod, specimen) if found is not None and trusted(found) else None
+
+
 def known_rod(specimen: Specimen) -> FittedRod | None:
     """Give the shipped or cached rod of a specimen's shape, None where it would have to be fitted."""
     key = shape_key(specimen)

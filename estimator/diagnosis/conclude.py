@@ -20,8 +20,8 @@ from estimator.diagnosis.result import (
 )
 from estimator.diagnosis.session import channels, units
 from estimator.diagnosis.stage import Stage
-from estimator.diagnosis.words import WHEN, manoeuvre, name_place
-from estimator.effects import EFFECTS
+from estimator.diagnosis.words import WHEN, manoeuvre
+from estimator.effects import EFFECTS, describe
 from estimator.specimen.physics import EffectName, Place
 
 Floats = NDArray[np.float64]
@@ -137,7 +137,7 @@ def _finding(
         low, high = bootstrap(search.rng, predictions.before, predictions.after)
     rivals, rejected = _rivals(search, accepted)
     when = WHEN[effect.name]
-    tied = "; ".join(f"{r.effect} at {name_place(r.where)} ({r.manoeuvre} would tell)" for r in rivals)
+    tied = "; ".join(f"{r.effect} at {describe(r.where)} ({r.manoeuvre} would tell)" for r in rivals)
     statement = (
         f"{effect.tell(theta, hypothesis.place)} The mismatch varies with: {when}. With it, data that no fit "
         f"has seen are predicted to {after:.2f} instead of {before:.2f} times their noise."

@@ -1,8 +1,7 @@
 """Plain words for places, regimes and what tells two effects apart."""
 
-from estimator.diagnosis.result import Cell
-from estimator.effects import EFFECTS, describe
-from estimator.specimen.physics import EffectName, Place
+from estimator.effects import EFFECTS
+from estimator.specimen.physics import EffectName
 
 WHEN: dict[str, str] = {
     "viscoelastic_creep": "time since a change",
@@ -63,20 +62,3 @@ def manoeuvre(one: EffectName, other: EffectName) -> str:
                 return words
     needs = EFFECTS[other].needs - EFFECTS[one].needs or EFFECTS[other].needs
     return "; ".join(EXCITATION[need] for need in sorted(needs)) or "another kind of run"
-
-
-def name_place(place: Place) -> str:
-    """Name a place in plain words."""
-    return describe(place)
-
-
-def name_cell(cell: Cell) -> str:
-    """Name a place and the regime of a mismatch."""
-    where = {
-        "segment": f"segment {cell.name} ({cell.axis})",
-        "chamber": f"chamber {cell.name}",
-        "section": f"section {cell.name}",
-        "sensor": f"sensor {cell.name}.{cell.axis}",
-        "base": f"the base ({cell.axis})",
-    }[cell.kind]
-    return f"{where}, varying with {cell.regime}" if cell.regime != "constant" else f"{where}, constant"

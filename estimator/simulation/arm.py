@@ -1,6 +1,6 @@
 """The arm's quasi-static answer to a drive, by any model of ``estimator.model``."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -138,28 +138,43 @@ def _turned(motion: Floats, turn: Floats, chambers: int) -> Floats:
 
 
 @dataclass(frozen=True)
-class _Answer:
+class Answers:
+    """Answers for many samples; see ``BatchAnswer``."""
+
     frames: Frames
     motion: Floats
     converged: Flags
+
+
+def linear_motion(model: ArmModel[State, Step], state: State, inputs: Inputs) -> tuple[Frames, Floats]:
+    """Give the frames at an equilibrium and the section twists per unit of each input.
+
+    The derivative by gravity comes from differences.
+
+    Returns:
+        The frames, and the twists by pressures, loads and gravity, shape (6 sections, inputs + 3).
+    """
+    eye = np.eye(6 * len(model.sections))
+    step = model.linearise(state, inputs)
+    drift, by_inputs = step.response(eye)
+    by_gravity = []
+    for axis in np.eye(3):
+        nearby = model.linearise(state, replace(inputs, gravity=inputs.gravity + GRAVITY_STEP * axis))
+        by_gravity.append((nearby.response(eye)[0] - drift) / GRAVITY_STEP)
+    return step.frames, np.column_stack([by_inputs, *by_gravity])
 
 
 def _one_by_one(
     model: ArmModel[State, Step], pressures: Floats, loads: Floats, gravity: Floats
 ) -> BatchAnswer:
     """Solve samples one after the other; the derivative by gravity comes from differences."""
-    eye = np.eye(6 * len(model.sections))
     state = model.rest()
     places, turns, motions, found = [], [], [], []
     for p, amplitude, g in zip(pressures, loads, gravity, strict=True):
         state, good = model.solve(Inputs(p, amplitude, g), state)
-        step = model.linearise(state, Inputs(p, amplitude, g))
-        by_gravity = []
-        for axis in np.eye(3):
-            nearby = model.linearise(state, Inputs(p, amplitude, g + GRAVITY_STEP * axis))
-            by_gravity.append((nearby.response(eye)[0] - step.response(eye)[0]) / GRAVITY_STEP)
-        motions.append(np.column_stack([step.response(eye)[1], *by_gravity]))
-        places.append(step.frames.positions)
-        turns.append(step.frames.rotations)
+        frames, motion = linear_motion(model, state, Inputs(p, amplitude, g))
+        motions.append(motion)
+        places.append(frames.positions)
+        turns.append(frames.rotations)
         found.append(good)
-    return _Answer(Frames(np.array(places), np.array(turns)), np.array(motions), np.array(found))
+    return Answers(Frames(np.array(places), np.array(turns)), np.array(motions), np.array(found))

@@ -96,7 +96,6 @@ class SafetyArm:
         self._estimated_ns: int | None = None
         self._lease = ""
         self._sequence = 0
-        self._renewing = True
 
     @property
     def mode(self) -> Mode:
@@ -154,7 +153,7 @@ class SafetyArm:
         ticks = 0
         while True:
             now_ns = clock_ns()
-            if self._renewing and ticks % LEASE_EVERY == 0:
+            if ticks % LEASE_EVERY == 0:
                 await self._renew()
             self.guard.advance(now_ns, TICK_S)
             self._estimate(now_ns)
@@ -176,17 +175,12 @@ class SafetyArm:
     def _played(self) -> list[float]:
         return [self.chamber_pa] * len(self.limits)
 
-    def forget_lease(self) -> None:
-        """Stop renewing, as a client that died does."""
-        self._renewing = False
-
     async def enter(self, mode: Mode) -> None:
         """Lead the arm from wherever it is into a mode, with pressure where the mode allows it.
 
         Raises:
             AssertionError: A command on the way was refused.
         """
-        self._renewing = True
         await self._renew()
         if self.mode is Mode.FAULTED and mode is not Mode.FAULTED:
             await self.demand("clear")

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from estimator.diagnosis import Diagnosis
 
 NOMINAL = "--nominal"
-ALTERNATIVES = 4
 
 
 SHARES = {

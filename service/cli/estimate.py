@@ -113,10 +113,9 @@ def command(
 
 def _chosen(robot: "Specimen") -> str:
     """Name the model to take: the rod where one is known that may stand in for the finite elements."""
-    from service.rods import known_rod, trusted
+    from service.rods import known_trusted_rod
 
-    rod = None if robot.physics else known_rod(robot)
-    return "rod" if rod is not None and trusted(rod) else "fem"
+    return "fem" if robot.physics or known_trusted_rod(robot) is None else "rod"
 
 
 def _on_mesh(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any], Surface]]":
@@ -124,17 +123,14 @@ def _on_mesh(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any]
     from dataclasses import replace
 
     from estimator.arm import build_arm
-    from estimator.rod import adapted
     from service.offline.surface import outer_surface
     from service.offline.track import track
-    from service.rods import known_rod, trusted
+    from service.rods import known_trusted_rod
 
     model = build_arm(robot)
     model = replace(model, settings=replace(model.settings, total_iterations=LINEAR_SOLVES))
-    rod = known_rod(robot)
-    guide = None
-    if rod is not None and trusted(rod):
-        guide = adapted(rod.rod, robot).with_loads(model.loads)
+    rod = known_trusted_rod(robot)
+    guide = None if rod is None else rod.with_loads(model.loads)
     with progress(f"estimating {run.name}", len(run.time)) as advance:
         found = track(model, robot, run, advance, guide)
     return found, lambda state: outer_surface(model, state)

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,18 +12,15 @@ from estimator.diagnosis.stage import Model
 from estimator.fem import FiniteElementModel, FiniteElementState
 from estimator.geometry import Resolution
 from estimator.model import Frames, Inputs, Load
-from estimator.rod import Recipe, adapted, fit_rod, sampled_model
+from estimator.rod import FittedRod, Recipe, fit_rod, sampled_model
 from estimator.rod.model import CalibratedRod
 from estimator.rod.samples import Plan
-from estimator.simulation import Arm, Segments, SimulatedArm, section_loads
+from estimator.simulation import Answers, Arm, Segments, SimulatedArm, linear_motion, section_loads
 from estimator.specimen import Specimen
-from service.rods import known_rod
 
 Floats = NDArray[np.float64]
 Answer = tuple[Floats, Floats, Floats, bool]
 
-GRAVITY_STEP = 0.5
-"""Step of the differences by gravity [m/s2]."""
 PRESSURE_GRAIN = 20.0
 LOAD_GRAIN = 1e-5
 """Inputs that differ by less [Pa; N, N m, m/s2] are solved once."""
@@ -38,18 +34,15 @@ TWIST = (0, 0, 0, 6)
 """Term of a link law that stands for the moment about the arm's axis."""
 
 
-def rod_at_hand(specimen: Specimen, tell: Callable[[str], None] = lambda _: None) -> CalibratedRod:
-    """Give the shipped or cached rod of a specimen, else one that is fitted to fewer samples on the spot."""
-    known = known_rod(specimen)
-    if known is None:
-        recipe = Recipe(plan=Plan(rays=QUICK_RAYS), check=Plan(rays=1, seed=101, pressure=1.0))
-        known = fit_rod(
-            specimen,
-            sampled_model(specimen, recipe),
-            lambda done, whole: tell(f"fitting the rod, {done} of {whole}"),
-            recipe=recipe,
-        )
-    return adapted(known.rod, specimen)
+def quick_rod(specimen: Specimen, tell: Callable[[str], None]) -> FittedRod:
+    """Fit a rod to fewer samples than usual, on the spot."""
+    recipe = Recipe(plan=Plan(rays=QUICK_RAYS), check=Plan(rays=1, seed=101, pressure=1.0))
+    return fit_rod(
+        specimen,
+        sampled_model(specimen, recipe),
+        lambda done, whole: tell(f"fitting the rod, {done} of {whole}"),
+        recipe=recipe,
+    )
 
 
 def rod_model(specimen: Specimen, rod: CalibratedRod) -> Model:
@@ -79,33 +72,18 @@ def _twisted(rod: CalibratedRod, segments: Segments, torsion: Floats) -> Calibra
 
 
 @dataclass(frozen=True)
-class SparseAnswer:
-    """Answers for many samples; see ``estimator.simulation.arm.BatchAnswer``."""
-
-    frames: Frames
-    motion: Floats
-    converged: NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
 class SparseModel:
     """Finite elements that solve equal inputs only once.
 
     Args:
         model: The model with ``section_loads``.
         solved: Answers so far by their inputs.
-        advance: Called with 1 after each solve.
         deadline: Time of ``time.monotonic`` from which inputs that are not solved yet count as lost.
     """
 
     model: FiniteElementModel
     solved: dict[tuple[int, ...], Answer]
-    advance: Callable[[float], None]
     deadline: float = float("inf")
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Go to another process without the callback, which may belong to a terminal."""
-        return SparseModel, (self.model, self.solved, _quietly, self.deadline)
 
     @property
     def sections(self) -> tuple[str, ...]:
@@ -121,7 +99,7 @@ class SparseModel:
         """Give the unloaded state."""
         return self.model.rest()
 
-    def evaluate(self, pressures: Floats, loads: Floats, gravity: Floats) -> SparseAnswer:
+    def evaluate(self, pressures: Floats, loads: Floats, gravity: Floats) -> Answers:
         """Solve samples with pressures, load amplitudes and gravity of shape (samples, ...)."""
         grains = np.concatenate(
             [
@@ -138,10 +116,9 @@ class SparseModel:
                 self.solved[key] = self._unsolved()
             elif key not in self.solved:
                 self.solved[key], state = self._solve(Inputs(p, amplitude, g), state)
-                self.advance(1.0)
             found.append(self.solved[key])
         places, turns, motions, good = zip(*found, strict=True)
-        return SparseAnswer(
+        return Answers(
             Frames(np.array(places), np.array(turns)), np.array(motions), np.array(good, dtype=bool)
         )
 
@@ -154,23 +131,12 @@ class SparseModel:
     def _solve(self, inputs: Inputs, state: FiniteElementState) -> tuple[Answer, FiniteElementState]:
         model = self.model
         state, good = model.solve(inputs, state)
-        step = model.linearise(state, inputs)
-        eye = np.eye(6 * len(model.sections))
-        drift, by_inputs = step.response(eye)
-        by_gravity = []
-        for axis in np.eye(3):
-            moved = replace(inputs, gravity=inputs.gravity + GRAVITY_STEP * axis)
-            by_gravity.append((model.linearise(state, moved).response(eye)[0] - drift) / GRAVITY_STEP)
-        motion = np.column_stack([by_inputs, *by_gravity])
-        answer = (step.frames.positions, step.frames.rotations, motion, bool(good))
+        frames, motion = linear_motion(model, state, inputs)
+        answer = (frames.positions, frames.rotations, motion, bool(good))
         return answer, state if good else model.rest()
 
 
-def _quietly(_: float) -> None:
-    """Tell nobody."""
-
-
-def finite_element_model(specimen: Specimen, advance: Callable[[float], None] = _quietly) -> Model:
+def finite_element_model(specimen: Specimen) -> Model:
     """Diagnose on finite elements: for arms with few different inputs, or where no rod is at hand."""
     coarse = COARSE.get(specimen.geometry.kind)
     sections = tuple(build_arm(specimen, (), coarse).sections)
@@ -183,7 +149,7 @@ def finite_element_model(specimen: Specimen, advance: Callable[[float], None] = 
         known = {name: round(f, 6) for name, f in scales.items() if name in fem.parameters}
         key = tuple(sorted(known.items()))
         if key not in made:
-            model = SparseModel(fem.with_scales(known), {}, advance, deadline)
+            model = SparseModel(fem.with_scales(known), {}, deadline)
             made[key] = SimulatedArm(model, segments)  # type: ignore[arg-type]
         return made[key]
 

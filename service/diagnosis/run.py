@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +30,10 @@ from estimator.diagnosis.valve_stage import splits_of, valve_diagnosis, valve_fi
 from estimator.effects.accepted import physics_entry
 from estimator.errors import InputError
 from estimator.recording import Recording
+from estimator.rod import CalibratedRod, FittedRod, adapted
 from estimator.sensing import Bend
 from estimator.specimen import Specimen
-from service.diagnosis.models import finite_element_model, rod_at_hand, rod_model
+from service.diagnosis.models import finite_element_model, quick_rod, rod_model
 from service.offline.inputs import load_recordings
 from service.rods import known_rod, trusted
 
@@ -83,16 +85,26 @@ def run(request: Request, executor: Executor, tell: Callable[[str], None] = lamb
     if not any(motion_columns(recording) for recording in admitted.suspects):
         diagnosis = valve_diagnosis(request.specimen.name, admitted, valves, faults)
         return Outcome(replace(diagnosis, seconds=time.monotonic() - began), (), ())
-    model = _model(request.specimen, admitted, tell)
+    known = known_rod(request.specimen)
+
+    @cache
+    def rod() -> CalibratedRod:
+        """Give the rod that is known, else one that is fitted once."""
+        return adapted((known or quick_rod(request.specimen, tell)).rod, request.specimen)
+
+    if _on_mesh(request.specimen, admitted, known):
+        model = finite_element_model(request.specimen)
+    else:
+        tell("preparing the model")
+        model = rod_model(request.specimen, rod())
     sessions, notes = sessions_of(admitted, request.specimen, model)
     if _without_axes(request.specimen, sessions):
         tell("finding the axes of bends")
-        specimen, words = with_axes(request.specimen, admitted, model.sections)
+        specimen, words = with_axes(request.specimen, admitted, model.sections, rod())
         model = replace(model, specimen=specimen)
         sessions, notes = sessions_of(admitted, specimen, model)
         notes = (*notes, words)
-    known = known_rod(request.specimen) if model.fast else None
-    if known is not None and not trusted(known):
+    if model.fast and known is not None and not trusted(known):
         error = 100.0 * known.report.trained.force_rms
         notes = (*notes, f"The calibrated rod is {error:.1f} % of range off the finite elements in force.")
     outcome = diagnose(model, sessions, executor, seed=request.seed, notes=notes, advance=tell)
@@ -105,13 +117,15 @@ def _without_axes(specimen: Specimen, sessions: Sequence[Session]) -> bool:
     return not specimen.calibration.bends and any(isinstance(sensor, Bend) for sensor in sensors)
 
 
-def with_axes(specimen: Specimen, admitted: Admitted, sections: tuple[str, ...]) -> tuple[Specimen, str]:
+def with_axes(
+    specimen: Specimen, admitted: Admitted, sections: tuple[str, ...], rod: CalibratedRod
+) -> tuple[Specimen, str]:
     """Calibrate a specimen whose bends' axes nobody knows; every fourth stretch of time stays unseen."""
     chosen = admitted.nominal or tuple(
         recording.window(np.asarray(blocks_of(recording.time) % 4 != 2)) for recording in admitted.suspects
     )
     runs = [arrange(recording, specimen, sections) for recording in chosen]
-    solver = BatchSolver(rod_at_hand(specimen).with_loads(()))
+    solver = BatchSolver(rod.with_loads(()))
     try:
         found = calibrate(solver, specimen, runs, Options(search_axes=True))
     except CalibrationRefusedError as refusal:
@@ -216,16 +230,16 @@ def ring_frequency(session: Session) -> float | None:
     return float(frequencies[band][int(np.argmax(power[band]))])
 
 
-def _model(specimen: Specimen, admitted: Admitted, tell: Callable[[str], None]) -> Model:
+def _on_mesh(specimen: Specimen, admitted: Admitted, known: FittedRod | None) -> bool:
+    """Tell whether the recordings ask for so few different answers that finite elements may give them."""
+    if specimen.geometry.kind != "block" and known is not None:
+        return False
     distinct = 0
     for recording, _ in admitted.all:
         pressures = [recording.pressure(k)[0] for k in recording.chambers]
         if pressures:
             distinct += len(np.unique(np.round(np.nan_to_num(np.column_stack(pressures)), -2), axis=0))
-    if distinct <= FEW and (specimen.geometry.kind == "block" or known_rod(specimen) is None):
-        return finite_element_model(specimen)
-    tell("preparing the model")
-    return rod_model(specimen, rod_at_hand(specimen, tell))
+    return distinct <= FEW
 
 
 def _refuse_doubles(suspects: Sequence[Recording], nominal: Sequence[Recording]) -> None:

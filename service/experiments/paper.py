@@ -26,6 +26,3 @@ TEACH_MM = Published(5.2, 13.5, 2.0)
 TEACH_DEGREES = Published(4.0, 11.4, 1.5)
 FORCE_STILL_N = Published(0.007, 0.059, 0.005 * 0.667, 0.667)
 FORCE_PRESSURISED_N = Published(0.0238, 0.177, 0.006 * 1.98, 1.98)
-
-HONEST = (0.90, 0.98)
-"""Share of errors within two standard deviations that an honest covariance gives."""

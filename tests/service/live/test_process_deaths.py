@@ -25,7 +25,7 @@ pytestmark = pytest.mark.timeout(240)
 
 
 def test_killed_estimator_vents_a_held_pose(rig, client, fakes):
-    (estimator,) = children(rig.service.process.pid, "multiprocessing")
+    (estimator,) = children(rig.service.process.pid, "spawn_main")
     with pressurised(client, "HOLDING"):
         os.kill(estimator, signal.SIGKILL)
         assert seconds_until_vented(fakes) < VENTED_S
@@ -34,9 +34,9 @@ def test_killed_estimator_vents_a_held_pose(rig, client, fakes):
 
 def children(parent, word):
     listed = subprocess.run(
-        ["ps", "--ppid", str(parent), "-o", "pid=,args="], capture_output=True, text=True, check=True
+        ["ps", "-ww", "--ppid", str(parent), "-o", "pid=,args="], capture_output=True, text=True, check=True
     ).stdout
-    return [int(line.split()[0]) for line in listed.splitlines() if word in line and "tracker" not in line]
+    return [int(line.split()[0]) for line in listed.splitlines() if word in line]
 
 
 def test_killed_service_leaves_the_arm_vented_and_its_recording_readable(rig, client, fakes):
