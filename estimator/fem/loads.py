@@ -144,3 +144,8 @@ def _supports(mesh: Mesh, load: DistributedLoad) -> list[tuple[str, Indices]]:
         raise InputError(f"load {load.name!r}", f"region {load.region!r} is unknown", f"use one of {known}")
     region = mesh.regions.index(load.region)
     return [(block.kind, block.connectivity[block.region == region]) for block in mesh.blocks]
+
+
+def superpose(factors: Floats, fields: Floats) -> Floats:
+    """Sum nodal fields, shape (fields, nodes, 3), each times its factor."""
+    return np.asarray((factors @ fields.reshape(len(factors), -1)).reshape(fields.shape[1:]))

@@ -13,7 +13,7 @@ from estimator.fem.continuation import Path, between
 from estimator.fem.equilibrium import Balance, Settings, stable_factor, take_step
 from estimator.fem.factor import StiffnessFactor
 from estimator.fem.interpolation import PointMap, points_inside
-from estimator.fem.loads import LoadSet, build_loads
+from estimator.fem.loads import LoadSet, build_loads, superpose
 from estimator.fem.materials import Material
 from estimator.fem.section_fit import SectionFit, build_section_fit
 from estimator.fem.sections import FramePose, Section, SectionFrame, build_section
@@ -267,10 +267,12 @@ class FiniteElementModel:
             positions, inputs.pressures, self.scales, tangent=tangent, load_stiffness=load_stiffness
         )
         vectors = self.load_set.vectors(positions)
-        gather = self.body.pattern.gather
-        pushed = gather(np.tensordot(inputs.pressures, evaluation.gradients, 1))
-        loaded = gather(np.tensordot(inputs.loads, vectors, 1) + np.outer(self.nodal_mass, inputs.gravity))
-        residual = pushed + loaded - gather(evaluation.forces)
+        fields = np.empty((3, *positions.shape))
+        fields[0] = superpose(inputs.pressures, evaluation.gradients)
+        fields[1] = superpose(inputs.loads, vectors) + self.nodal_mass[:, None] * inputs.gravity
+        fields[2] = evaluation.forces
+        pushed, loaded, internal = self.body.pattern.gather(fields)
+        residual = pushed + loaded - internal
         applied = np.hypot(np.linalg.norm(pushed), np.linalg.norm(loaded))
         applied = max(float(applied), self.force_resolution / self.settings.tolerance)
         norm = float(np.linalg.norm(residual) / applied) if evaluation.valid else np.inf

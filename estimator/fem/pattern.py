@@ -69,7 +69,7 @@ class Pattern:
 
     def gather(self, nodal: Floats) -> Floats:
         """Pick the free part of nodal vectors, shape (..., nodes, 3) to (..., 3 free)."""
-        free = nodal[..., self.free_nodes, :]
+        free = np.take(nodal, self.free_nodes, axis=-2)
         return free.reshape(*free.shape[:-2], free.shape[-2] * free.shape[-1])
 
     def scatter(self, free: Floats) -> Floats:

@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from estimator.fem.model import FiniteElementModel, FiniteElementState
 from estimator.fem.substitution import CompactFactor
-from estimator.mesh import Floats
+from estimator.mesh import Floats, Singles
 from estimator.model import Inputs
 
 
@@ -19,7 +17,7 @@ class Stiffness:
         factor: Its factor, for steps that the next residual corrects.
         fields: Displacement per unit of each pressure, then each load, shape (inputs, nodes, 3).
         motion: Change of the stacked section twists per unit of each input, shape (6 sections, inputs).
-        inverse: Inverse deformation gradients, shape (points, 3, 3).
+        inverse: Inverse deformation gradients, a field of ``Transport``.
         sections: Rotations of the sections, shape (sections, 3, 3).
     """
 
@@ -27,7 +25,7 @@ class Stiffness:
     factor: CompactFactor
     fields: Floats
     motion: Floats
-    inverse: Floats
+    inverse: Singles
     sections: Floats
 
 
@@ -37,13 +35,13 @@ def take_stiffness(model: FiniteElementModel, displacement: Floats, inputs: Inpu
     if step.factor is None:
         return None
     fields = model.body.pattern.scatter(step.factor.solve(step.input_forces()))
-    sections = model.section_fit
+    sections, transport = model.section_fit, model.body.transport
     fitted = sections.at(model.body.points + displacement)
     return Stiffness(
         displacement=displacement,
         factor=step.factor.compact(),
         fields=fields,
         motion=fitted.twists(sections.weights @ fields).T,
-        inverse=np.asarray(np.linalg.inv(model.body.transport.deformation(displacement)), dtype=np.float64),
+        inverse=transport.inverse(transport.deformation(displacement)),
         sections=fitted.frames.rotations,
     )

@@ -7,10 +7,11 @@ import numpy as np
 
 from estimator.fem.background import Refactoriser
 from estimator.fem.equilibrium import Balance
+from estimator.fem.loads import superpose
 from estimator.fem.model import FiniteElementModel, FiniteElementState
 from estimator.fem.section_fit import Fitted
 from estimator.fem.stiffness import Stiffness, take_stiffness
-from estimator.mesh import Floats
+from estimator.mesh import Floats, Singles
 from estimator.model import Frames, Inputs, Load
 
 NEGLIGIBLE = 1.0
@@ -72,13 +73,13 @@ class TrackingStep:
         return self.balance.norm if self.stiffness is not None else np.inf
 
     @cached_property
-    def deformation(self) -> Floats:
-        """Deformation gradients, shape (points, 3, 3)."""
+    def deformation(self) -> Singles:
+        """Deformation gradients, a field of ``Transport``."""
         return self.model.body.transport.deformation(self.state.displacement)
 
     @cached_property
-    def turns(self) -> Floats:
-        """Rotations since the factor was taken, shape (points, 3, 3)."""
+    def turns(self) -> Singles:
+        """Rotations since the factor was taken, a field of ``Transport``."""
         assert self.stiffness is not None
         return self.model.body.transport.turns(self.stiffness.inverse, self.deformation)
 
@@ -116,15 +117,15 @@ class TrackingStep:
     def forces(self, change: Floats) -> float:
         """Give the norm of the forces that the Newton step for changed inputs is to balance [N]."""
         evaluation, chambers = self.balance.evaluation, self.model.chambers
-        pushed = np.tensordot(change[:chambers], evaluation.gradients, 1)
-        loaded = np.tensordot(change[chambers:], self.balance.load_vectors, 1)
+        pushed = superpose(change[:chambers], evaluation.gradients)
+        loaded = superpose(change[chambers:], self.balance.load_vectors)
         return float(np.linalg.norm(self.balance.residual + self.model.body.pattern.gather(pushed + loaded)))
 
     def moved(self, change: Floats) -> Floats:
         """Give the displacement after the Newton step for changed inputs [m], shape (nodes, 3)."""
         assert self.stiffness is not None
         transport = self.model.body.transport
-        step = self.correction + np.tensordot(change, self.stiffness.fields, 1)
+        step = self.correction + superpose(change, self.stiffness.fields)
         return transport.moved(self.state.displacement, self.deformation, step, self.turns)
 
 

@@ -18,17 +18,19 @@ import numpy as np
 from estimator.fem.dissection import Dissection
 from estimator.fem.factor import FactorPlan
 from estimator.fem.fronts import analyse
+from estimator.fem.lanes import SINGLE_LANES
 from estimator.fem.pattern import Pattern, Tangent
 from estimator.fem.shapes import quadrature, shape_functions
 from estimator.fem.substitution import CompactFactor
 from estimator.fem.transport_kernel import (
     carry_gradients,
+    invert_fields,
     point_divergence,
     point_gradients,
     turns_between,
     wind_gradients,
 )
-from estimator.mesh import ElementBlock, Floats, Indices
+from estimator.mesh import ElementBlock, Floats, Indices, Singles
 
 UNHELD = 1e-12
 """Share of the Poisson matrix's diagonal that is added to it."""
@@ -36,51 +38,63 @@ UNHELD = 1e-12
 
 @dataclass(frozen=True)
 class Patch:
-    """The quadrature points of one block of elements.
+    """The quadrature points of one block of elements, in groups of ``SINGLE_LANES`` elements.
 
     Args:
-        connectivity: Nodes, shape (elements, nodes).
-        gradients: Gradients of the shape functions at rest [1/m], shape (elements, points, nodes, 3).
-        weights: Volume of each point [m3], shape (elements, points).
-        span: Where its points stand among all points.
+        connectivity: Nodes, -1 - n where an element only fills up the last group, shape (batches, lanes,
+            nodes).
+        gradients: Gradients of the shape functions at rest [1/m], shape (batches, points, nodes, 3, lanes).
+        weights: Volume of each point [m3], shape (batches, points, lanes).
+        span: Where its groups of points stand among all.
     """
 
     connectivity: Indices
-    gradients: Floats
-    weights: Floats
+    gradients: Singles
+    weights: Singles
     span: slice
 
 
 @dataclass(frozen=True)
 class Transport:
-    """Carries displacements between configurations. Fields have shape (points, 3, 3), over all blocks.
+    """Carries displacements between configurations.
+
+    Fields of matrices at the quadrature points have shape (groups, 9, lanes), over all blocks.
 
     Args:
         patches: Quadrature points of the blocks.
-        points: Number of quadrature points.
+        groups: Number of groups of quadrature points.
         pattern: Free nodes.
         factor: Factor of the Poisson matrix, one dof per free node. What single precision leaves out of a
             field is out of balance at the next residual.
     """
 
     patches: tuple[Patch, ...]
-    points: int
+    groups: int
     pattern: Pattern
     factor: CompactFactor
 
-    def gradient(self, nodal: Floats) -> Floats:
-        """Differentiate a nodal field by the rest positions, shape (nodes, 3) to (points, 3, 3)."""
-        fields = np.empty((self.points, 3, 3))
+    def _field(self) -> Singles:
+        return np.empty((self.groups, 9, SINGLE_LANES), dtype=np.float32)
+
+    def gradient(self, nodal: Floats, diagonal: float = 0.0) -> Singles:
+        """Differentiate a nodal field, shape (nodes, 3), by the rest positions; add to the diagonals."""
+        fields = self._field()
         for patch in self.patches:
-            point_gradients(nodal, patch.connectivity, patch.gradients, fields[patch.span])
+            point_gradients(nodal, patch.connectivity, patch.gradients, diagonal, fields[patch.span])
         return fields
 
-    def deformation(self, displacement: Floats) -> Floats:
-        """Give the deformation gradient of a displacement, shape (points, 3, 3)."""
-        return self.gradient(displacement) + np.eye(3)
+    def deformation(self, displacement: Floats) -> Singles:
+        """Give the deformation gradient of a displacement."""
+        return self.gradient(displacement, 1.0)
 
-    def divergence(self, fields: Floats) -> Floats:
-        """Apply the adjoint of ``gradient`` under the volumes, shape (points, 3, 3) to (nodes, 3)."""
+    def inverse(self, fields: Singles) -> Singles:
+        """Invert every matrix of a field."""
+        inverse = self._field()
+        invert_fields(fields, inverse)
+        return inverse
+
+    def divergence(self, fields: Singles) -> Floats:
+        """Apply the adjoint of ``gradient`` under the volumes, to shape (nodes, 3)."""
         nodal = np.zeros((len(self.pattern.place), 3))
         for patch in self.patches:
             point_divergence(fields[patch.span], patch.connectivity, patch.gradients, patch.weights, nodal)
@@ -93,29 +107,32 @@ class Transport:
         solved[:, free] = self.factor.solve(nodal[:, free])
         return solved
 
-    def _solve(self, nodal: Floats) -> Floats:
-        """Solve the Poisson problem for each component, shape (nodes, 3), zero where held."""
-        return np.ascontiguousarray(self.solve_poisson(nodal.T).T)
+    def _solve(self, nodal: Floats, start: Floats) -> Floats:
+        """Solve the Poisson problem for each component and add it, both of shape (nodes, 3)."""
+        solved = start.copy()
+        self.factor.add_vectors(nodal, self.pattern.free_nodes, solved)
+        return solved
 
-    def assemble(self, fields: Floats) -> Floats:
+    def assemble(self, fields: Singles) -> Floats:
         """Find the displacement whose gradient fits fields best, zero where held, shape (nodes, 3)."""
-        return self._solve(self.divergence(fields))
+        divergence = self.divergence(fields)
+        return self._solve(divergence, np.zeros_like(divergence))
 
-    def turns(self, inverse_before: Floats, after: Floats) -> Floats:
+    def turns(self, inverse_before: Singles, after: Singles) -> Singles:
         """Give the rotation at every point from a configuration, by its inverse F, to another, by its F."""
-        turns = np.empty((self.points, 3, 3))
+        turns = self._field()
         turns_between(inverse_before, after, turns)
         return turns
 
-    def carried(self, turns: Floats, nodal: Floats) -> Floats:
+    def carried(self, turns: Singles, nodal: Floats) -> Floats:
         """Give the divergence of the gradient of a displacement carried along the turns, shape (nodes, 3)."""
         return self._carry(turns, nodal, back=False)
 
-    def forces_back(self, turns: Floats, forces: Floats) -> Floats:
+    def forces_back(self, turns: Singles, forces: Floats) -> Floats:
         """Carry nodal forces back, the adjoint of carrying a displacement, shape (nodes, 3)."""
-        return self._carry(turns, self._solve(forces), back=True)
+        return self._carry(turns, self._solve(forces, np.zeros_like(forces)), back=True)
 
-    def _carry(self, turns: Floats, nodal: Floats, *, back: bool) -> Floats:
+    def _carry(self, turns: Singles, nodal: Floats, *, back: bool) -> Floats:
         carried = np.zeros_like(nodal)
         for patch in self.patches:
             carry_gradients(
@@ -124,28 +141,29 @@ class Transport:
         return carried
 
     def moved(
-        self, displacement: Floats, deformation: Floats, step: Floats, turns: Floats | None = None
+        self, displacement: Floats, deformation: Singles, step: Floats, turns: Singles | None = None
     ) -> Floats:
         """Move by a linear step, its spin taken as a finite rotation.
 
         Args:
             displacement: Displacement before [m], shape (nodes, 3).
-            deformation: Its deformation gradient, shape (points, 3, 3).
+            deformation: Its deformation gradient.
             step: Linear step [m], shape (nodes, 3).
-            turns: Rotations since the configuration that it is a step of, along which it is carried, shape
-                (points, 3, 3); none when left out.
+            turns: Rotations since the configuration that it is a step of, along which it is carried; none
+                when left out.
 
         Returns:
             The displacement after [m], shape (nodes, 3).
         """
-        turns = np.tile(np.eye(3), (self.points, 1, 1)) if turns is None else turns
+        if turns is None:
+            turns = self.gradient(np.zeros_like(step), 1.0)
         divergence = np.zeros_like(step)
         for patch in self.patches:
             wind_gradients(
                 step, patch.connectivity, patch.gradients, patch.weights, turns[patch.span],
                 deformation[patch.span], divergence,
             )  # fmt: skip
-        return displacement + self._solve(divergence)
+        return self._solve(divergence, displacement)
 
 
 def build_transport(
@@ -158,11 +176,10 @@ def build_transport(
         places, parent_weights = quadrature(block.kind)
         slopes = shape_functions(block.kind, places)[1]
         jacobian = np.einsum("eni,qnk->eqik", points[block.connectivity], slopes)
-        gradients = np.ascontiguousarray(np.einsum("qnk,eqkj->eqnj", slopes, np.linalg.inv(jacobian)))
+        gradients = np.einsum("qnk,eqkj->eqnj", slopes, np.linalg.inv(jacobian))
         weights = np.linalg.det(jacobian) * parent_weights
-        end = start + weights.size
-        patches.append(Patch(np.array(block.connectivity), gradients, weights, slice(start, end)))
-        start = end
+        patches.append(_patch(block.connectivity, gradients, weights, start))
+        start = patches[-1].span.stop
         local = np.einsum("eq,eqaj,eqbj->eab", weights, gradients, gradients)
         slots = pattern.locate(block.connectivity)
         np.add.at(values[:, 0, 0], slots[slots >= 0], local[slots >= 0])
@@ -173,3 +190,24 @@ def build_transport(
     if factor is None:
         raise ValueError("the Poisson matrix of a clamped body is positive definite")
     return Transport(tuple(patches), start, pattern, factor.compact())
+
+
+def _patch(connectivity: Indices, gradients: Floats, weights: Floats, start: int) -> Patch:
+    """Group elements by lanes, the groups of their points standing from ``start`` on."""
+    count = len(connectivity)
+    element = np.minimum(np.arange(-(-count // SINGLE_LANES) * SINGLE_LANES), count - 1)
+    padding = np.arange(len(element)) >= count
+    nodes = np.where(padding[:, None], -1 - connectivity[element], connectivity[element]).astype(np.int64)
+
+    def grouped(values: Floats) -> Singles:
+        """Move the lanes last, shape (elements, ...) to (batches, ..., lanes)."""
+        lanes_second = values[element].reshape(-1, SINGLE_LANES, *values.shape[1:])
+        return np.ascontiguousarray(np.moveaxis(lanes_second, 1, -1), dtype=np.float32)
+
+    batches = len(element) // SINGLE_LANES
+    return Patch(
+        connectivity=np.ascontiguousarray(nodes.reshape(batches, SINGLE_LANES, -1)),
+        gradients=grouped(gradients),
+        weights=grouped(weights),
+        span=slice(start, start + batches * weights.shape[1]),
+    )

@@ -1,145 +1,239 @@
-"""Kernels of the transport of displacements between configurations."""
+"""Kernels of the transport of displacements between configurations.
+
+Eight elements go through together, one per lane, in single precision: what that leaves out of a step is out
+of balance at the next residual. Nodal values enter less those of the element's first node, so that a small
+strain does not drown in the motion of the whole. Matrices stand at addresses, nine rows of lanes each.
+"""
+
+from typing import Any
 
 import numpy as np
 
 from estimator.fem.compiled import compiled
-from estimator.mesh import Floats, Indices
+from estimator.fem.lanes import (
+    SINGLE_LANES,
+    add_singles,
+    divide_singles,
+    fma_singles,
+    load_singles,
+    multiply_singles,
+    spread_single,
+    store_singles,
+    subtract_singles,
+    zero_singles,
+)
+from estimator.mesh import Floats, Indices, Singles
 
-SWEEPS = 8
-SETTLED = 1e-12
-
-
-@compiled
-def _multiply(a: Floats, b: Floats, out: Floats) -> None:
-    for i in range(3):
-        for k in range(3):
-            out[i, k] = a[i, 0] * b[0, k] + a[i, 1] * b[1, k] + a[i, 2] * b[2, k]
-
-
-@compiled
-def _cofactors(m: Floats, out: Floats) -> float:
-    """Fill det(m) m^-T; return the determinant."""
-    for i in range(3):
-        a, b = (i + 1) % 3, (i + 2) % 3
-        for k in range(3):
-            c, d = (k + 1) % 3, (k + 2) % 3
-            out[i, k] = m[a, c] * m[b, d] - m[a, d] * m[b, c]
-    return float(m[0, 0] * out[0, 0] + m[0, 1] * out[0, 1] + m[0, 2] * out[0, 2])
+STEP = 4 * SINGLE_LANES
+MATRIX = 9 * STEP
+SWEEPS = 4
 
 
 @compiled
-def _turn(turn: Floats, field: Floats, back: bool, out: Floats) -> None:
-    """Fill T A, or T^T A when ``back``."""
-    for i in range(3):
-        if back:
-            t0, t1, t2 = turn[0, i], turn[1, i], turn[2, i]
-        else:
-            t0, t1, t2 = turn[i, 0], turn[i, 1], turn[i, 2]
-        for k in range(3):
-            out[i, k] = t0 * field[0, k] + t1 * field[1, k] + t2 * field[2, k]
+def _number(value: float) -> Any:
+    return spread_single(np.float32(value))
 
 
 @compiled
-def _wind(f: Floats, change: Floats, work: Floats) -> None:
-    """Replace a change H of the deformation F by exp(spin) (1 + strain) F - F, spin + strain = H F^-1."""
-    inverse, h, stretch, rotation = work[0], work[1], work[2], work[3]
-    share = 1.0 / _cofactors(f, inverse)
-    for i in range(3):
-        for k in range(3):
-            product = change[i, 0] * inverse[k, 0] + change[i, 1] * inverse[k, 1]
-            h[i, k] = share * (product + change[i, 2] * inverse[k, 2])
-    x, y, z = 0.5 * (h[2, 1] - h[1, 2]), 0.5 * (h[0, 2] - h[2, 0]), 0.5 * (h[1, 0] - h[0, 1])
-    square = x * x + y * y + z * z
-    angle = np.sqrt(square)
-    sine = 1.0 - square / 6.0 if angle < 1e-3 else np.sin(angle) / angle
-    rest = 0.5 - square / 24.0 if angle < 1e-3 else (1.0 - np.cos(angle)) / square
-    rotation[0, 0] = 1.0 - rest * (y * y + z * z)
-    rotation[1, 1] = 1.0 - rest * (x * x + z * z)
-    rotation[2, 2] = 1.0 - rest * (x * x + y * y)
-    rotation[0, 1], rotation[1, 0] = rest * x * y - sine * z, rest * x * y + sine * z
-    rotation[0, 2], rotation[2, 0] = rest * x * z + sine * y, rest * x * z - sine * y
-    rotation[1, 2], rotation[2, 1] = rest * y * z - sine * x, rest * y * z + sine * x
-    for i in range(3):
-        for k in range(3):
-            stretch[i, k] = 0.5 * (h[i, k] + h[k, i]) + (1.0 if i == k else 0.0)
-    _multiply(rotation, stretch, h)
-    _multiply(h, f, change)
-    for i in range(3):
-        for k in range(3):
-            change[i, k] -= f[i, k]
+def _dot(a: int, b: int, far: int, near: int) -> Any:
+    """Give the sum over three vectors ``far`` apart at a with those ``near`` apart at b."""
+    rest = fma_singles(
+        load_singles(a + far),
+        load_singles(b + near),
+        multiply_singles(load_singles(a + 2 * far), load_singles(b + 2 * near)),
+    )
+    return fma_singles(load_singles(a), load_singles(b), rest)
 
 
 @compiled
-def _gradient(corners: Floats, slopes: Floats, field: Floats) -> None:
-    """Fill d v_i / d X_j at a point from the nodes' values and slopes, both of shape (nodes, 3)."""
-    f00, f01, f02, f10, f11, f12, f20, f21, f22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for n in range(corners.shape[0]):
-        x, y, z = corners[n, 0], corners[n, 1], corners[n, 2]
-        g0, g1, g2 = slopes[n, 0], slopes[n, 1], slopes[n, 2]
-        f00 += x * g0
-        f01 += x * g1
-        f02 += x * g2
-        f10 += y * g0
-        f11 += y * g1
-        f12 += y * g2
-        f20 += z * g0
-        f21 += z * g1
-        f22 += z * g2
-    field[0, 0], field[0, 1], field[0, 2] = f00, f01, f02
-    field[1, 0], field[1, 1], field[1, 2] = f10, f11, f12
-    field[2, 0], field[2, 1], field[2, 2] = f20, f21, f22
+def _product(a: int, b: int, out: int) -> None:
+    """Fill A B."""
+    for i in range(3):
+        for k in range(3):
+            store_singles(out + (3 * i + k) * STEP, _dot(a + 3 * i * STEP, b + k * STEP, STEP, 3 * STEP))
 
 
 @compiled
-def _spread(field: Floats, weight: float, slopes: Floats, forces: Floats) -> None:
+def _product_turned(a: int, b: int, out: int) -> None:
+    """Fill A^T B."""
+    for i in range(3):
+        for k in range(3):
+            store_singles(out + (3 * i + k) * STEP, _dot(a + i * STEP, b + k * STEP, 3 * STEP, 3 * STEP))
+
+
+@compiled
+def _times_cofactors(a: int, cofactors: int, share: int, out: int) -> None:
+    """Fill A C^T times the factor at ``share``."""
+    factor = load_singles(share)
+    for i in range(3):
+        for k in range(3):
+            row = _dot(a + 3 * i * STEP, cofactors + 3 * k * STEP, STEP, STEP)
+            store_singles(out + (3 * i + k) * STEP, multiply_singles(factor, row))
+
+
+@compiled
+def _cofactors(m: int, out: int, share: int) -> None:
+    """Fill det(M) M^-T, and 1 / det(M) at ``share``."""
+    for i in range(3):
+        a, b = m + 3 * ((i + 1) % 3) * STEP, m + 3 * ((i + 2) % 3) * STEP
+        for k in range(3):
+            c, d = ((k + 1) % 3) * STEP, ((k + 2) % 3) * STEP
+            second = multiply_singles(load_singles(a + d), load_singles(b + c))
+            first = multiply_singles(load_singles(a + c), load_singles(b + d))
+            store_singles(out + (3 * i + k) * STEP, subtract_singles(first, second))
+    store_singles(share, divide_singles(_number(1.0), _dot(m, out, STEP, STEP)))
+
+
+@compiled
+def _collect(nodal: Floats, nodes: Indices, corners: Singles) -> None:
+    """Fill the nodal values of eight elements less those of their first nodes, shape (nodes, 3, lanes)."""
+    for lane in range(SINGLE_LANES):
+        first = nodes[lane, 0] if nodes[lane, 0] >= 0 else -1 - nodes[lane, 0]
+        for n in range(nodes.shape[1]):
+            node = nodes[lane, n] if nodes[lane, n] >= 0 else -1 - nodes[lane, n]
+            for i in range(3):
+                corners[n, i, lane] = nodal[node, i] - nodal[first, i]
+
+
+@compiled
+def _add(forces: Singles, nodes: Indices, nodal: Floats) -> None:
+    """Add the values of eight elements to the nodes, padding left out."""
+    for lane in range(SINGLE_LANES):
+        for n in range(nodes.shape[1]):
+            if nodes[lane, n] >= 0:
+                for i in range(3):
+                    nodal[nodes[lane, n], i] += forces[n, i, lane]
+
+
+@compiled
+def _gradient(corners: int, slopes: int, nodes: int, out: int) -> None:
+    """Fill d v_i / d X_j at a point from the nodes' values and slopes, both of shape (nodes, 3, lanes)."""
+    f00, f01, f02 = zero_singles(), zero_singles(), zero_singles()
+    f10, f11, f12 = zero_singles(), zero_singles(), zero_singles()
+    f20, f21, f22 = zero_singles(), zero_singles(), zero_singles()
+    for n in range(nodes):
+        v, g = corners + 3 * n * STEP, slopes + 3 * n * STEP
+        x, y, z = load_singles(v), load_singles(v + STEP), load_singles(v + 2 * STEP)
+        g0, g1, g2 = load_singles(g), load_singles(g + STEP), load_singles(g + 2 * STEP)
+        f00, f01, f02 = fma_singles(x, g0, f00), fma_singles(x, g1, f01), fma_singles(x, g2, f02)
+        f10, f11, f12 = fma_singles(y, g0, f10), fma_singles(y, g1, f11), fma_singles(y, g2, f12)
+        f20, f21, f22 = fma_singles(z, g0, f20), fma_singles(z, g1, f21), fma_singles(z, g2, f22)
+    store_singles(out, f00)
+    store_singles(out + STEP, f01)
+    store_singles(out + 2 * STEP, f02)
+    store_singles(out + 3 * STEP, f10)
+    store_singles(out + 4 * STEP, f11)
+    store_singles(out + 5 * STEP, f12)
+    store_singles(out + 6 * STEP, f20)
+    store_singles(out + 7 * STEP, f21)
+    store_singles(out + 8 * STEP, f22)
+
+
+@compiled
+def _spread(field: int, weight: int, slopes: int, nodes: int, forces: int) -> None:
     """Add w A_ij G_nj to every node n, the adjoint of ``_gradient``."""
-    w, a = weight, field
-    a00, a01, a02 = w * a[0, 0], w * a[0, 1], w * a[0, 2]
-    a10, a11, a12 = w * a[1, 0], w * a[1, 1], w * a[1, 2]
-    a20, a21, a22 = w * a[2, 0], w * a[2, 1], w * a[2, 2]
-    for n in range(forces.shape[0]):
-        g0, g1, g2 = slopes[n, 0], slopes[n, 1], slopes[n, 2]
-        forces[n, 0] += a00 * g0 + a01 * g1 + a02 * g2
-        forces[n, 1] += a10 * g0 + a11 * g1 + a12 * g2
-        forces[n, 2] += a20 * g0 + a21 * g1 + a22 * g2
+    w = load_singles(weight)
+    a00, a01 = multiply_singles(w, load_singles(field)), multiply_singles(w, load_singles(field + STEP))
+    a02 = multiply_singles(w, load_singles(field + 2 * STEP))
+    a10 = multiply_singles(w, load_singles(field + 3 * STEP))
+    a11 = multiply_singles(w, load_singles(field + 4 * STEP))
+    a12 = multiply_singles(w, load_singles(field + 5 * STEP))
+    a20 = multiply_singles(w, load_singles(field + 6 * STEP))
+    a21 = multiply_singles(w, load_singles(field + 7 * STEP))
+    a22 = multiply_singles(w, load_singles(field + 8 * STEP))
+    for n in range(nodes):
+        g, f = slopes + 3 * n * STEP, forces + 3 * n * STEP
+        g0, g1, g2 = load_singles(g), load_singles(g + STEP), load_singles(g + 2 * STEP)
+        x = fma_singles(a00, g0, fma_singles(a01, g1, fma_singles(a02, g2, load_singles(f))))
+        y = fma_singles(a10, g0, fma_singles(a11, g1, fma_singles(a12, g2, load_singles(f + STEP))))
+        z = fma_singles(a20, g0, fma_singles(a21, g1, fma_singles(a22, g2, load_singles(f + 2 * STEP))))
+        store_singles(f, x)
+        store_singles(f + STEP, y)
+        store_singles(f + 2 * STEP, z)
 
 
 @compiled
-def _collect(nodal: Floats, nodes: Indices, corners: Floats) -> None:
-    for n in range(nodes.shape[0]):
-        for i in range(3):
-            corners[n, i] = nodal[nodes[n], i]
+def _rotation(h: int, out: int) -> None:
+    """Fill R - 1 for the rotation R by the skew part of H.
+
+    By Cayley's map, which is a rotation for any argument, of tan(angle / 2) by its series.
+    """
+    x = subtract_singles(load_singles(h + 7 * STEP), load_singles(h + 5 * STEP))
+    y = subtract_singles(load_singles(h + 2 * STEP), load_singles(h + 6 * STEP))
+    z = subtract_singles(load_singles(h + 3 * STEP), load_singles(h + STEP))
+    # The skew part of H has the spin w = (x, y, z) / 2; q = tan(|w| / 2) w / |w| = w / 2 (1 + ...).
+    square = multiply_singles(_number(0.25), fma_singles(x, x, fma_singles(y, y, multiply_singles(z, z))))
+    series = fma_singles(square, _number(1.0 / 120.0), _number(1.0 / 12.0))
+    half = multiply_singles(_number(0.25), fma_singles(square, series, _number(1.0)))
+    x, y, z = multiply_singles(half, x), multiply_singles(half, y), multiply_singles(half, z)
+    xx, yy, zz = multiply_singles(x, x), multiply_singles(y, y), multiply_singles(z, z)
+    whole = add_singles(_number(1.0), add_singles(xx, add_singles(yy, zz)))
+    twice = divide_singles(_number(2.0), whole)
+    less = multiply_singles(_number(-1.0), twice)
+    store_singles(out, multiply_singles(less, add_singles(yy, zz)))
+    store_singles(out + 4 * STEP, multiply_singles(less, add_singles(xx, zz)))
+    store_singles(out + 8 * STEP, multiply_singles(less, add_singles(xx, yy)))
+    xy, xz, yz = multiply_singles(x, y), multiply_singles(x, z), multiply_singles(y, z)
+    store_singles(out + STEP, multiply_singles(twice, subtract_singles(xy, z)))
+    store_singles(out + 3 * STEP, multiply_singles(twice, add_singles(xy, z)))
+    store_singles(out + 2 * STEP, multiply_singles(twice, add_singles(xz, y)))
+    store_singles(out + 6 * STEP, multiply_singles(twice, subtract_singles(xz, y)))
+    store_singles(out + 5 * STEP, multiply_singles(twice, subtract_singles(yz, x)))
+    store_singles(out + 7 * STEP, multiply_singles(twice, add_singles(yz, x)))
 
 
 @compiled
-def _add(forces: Floats, nodes: Indices, nodal: Floats) -> None:
-    for n in range(nodes.shape[0]):
-        for i in range(3):
-            nodal[nodes[n], i] += forces[n, i]
+def _wind(f: int, change: int, work: int) -> None:
+    """Replace a change H of the deformation F by exp(spin) (1 + strain) F - F, spin + strain = H F^-1.
+
+    Sums of small matrices alone, so that no digits cancel. ``work`` is five matrices.
+    """
+    cofactors, h, turn, strain = work, work + MATRIX, work + 2 * MATRIX, work + 3 * MATRIX
+    share = work + 4 * MATRIX
+    _cofactors(f, cofactors, share)
+    _times_cofactors(change, cofactors, share, h)
+    _rotation(h, turn)
+    for i in range(3):
+        for k in range(3):
+            both = add_singles(load_singles(h + (3 * i + k) * STEP), load_singles(h + (3 * k + i) * STEP))
+            store_singles(strain + (3 * i + k) * STEP, multiply_singles(_number(0.5), both))
+    _product(turn, strain, h)
+    for m in range(9):
+        at = m * STEP
+        straight = add_singles(load_singles(turn + at), load_singles(strain + at))
+        store_singles(h + at, add_singles(load_singles(h + at), straight))
+    _product(h, f, change)
 
 
 @compiled
-def point_gradients(nodal: Floats, connectivity: Indices, gradients: Floats, fields: Floats) -> None:
-    """Fill d v_i / d X_j at every point of a block, shape (elements points, 3, 3)."""
-    points = gradients.shape[1]
-    corners = np.empty((connectivity.shape[1], 3))
+def point_gradients(
+    nodal: Floats, connectivity: Indices, gradients: Singles, diagonal: float, fields: Singles
+) -> None:
+    """Fill d v_i / d X_j plus a multiple of the identity, shape (groups, 9, lanes)."""
+    points, nodes = gradients.shape[1], gradients.shape[2]
+    corners = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
     for e in range(connectivity.shape[0]):
         _collect(nodal, connectivity[e], corners)
         for p in range(points):
-            _gradient(corners, gradients[e, p], fields[e * points + p])
+            out = fields[e * points + p].ctypes.data
+            _gradient(corners.ctypes.data, gradients[e, p].ctypes.data, nodes, out)
+            for m in (0, 4, 8):
+                at = out + m * STEP
+                store_singles(at, add_singles(load_singles(at), _number(diagonal)))
 
 
 @compiled
 def point_divergence(
-    fields: Floats, connectivity: Indices, gradients: Floats, weights: Floats, nodal: Floats
+    fields: Singles, connectivity: Indices, gradients: Singles, weights: Singles, nodal: Floats
 ) -> None:
     """Add sum_q w_q A_ij G_nj to every node n, the adjoint of ``point_gradients``."""
-    points = gradients.shape[1]
-    forces = np.empty((connectivity.shape[1], 3))
+    points, nodes = gradients.shape[1], gradients.shape[2]
+    forces = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
     for e in range(connectivity.shape[0]):
         forces[:] = 0.0
         for p in range(points):
-            _spread(fields[e * points + p], weights[e, p], gradients[e, p], forces)
+            slopes, weight = gradients[e, p].ctypes.data, weights[e, p].ctypes.data
+            _spread(fields[e * points + p].ctypes.data, weight, slopes, nodes, forces.ctypes.data)
         _add(forces, connectivity[e], nodal)
 
 
@@ -147,23 +241,30 @@ def point_divergence(
 def carry_gradients(
     source: Floats,
     connectivity: Indices,
-    gradients: Floats,
-    weights: Floats,
-    turns: Floats,
+    gradients: Singles,
+    weights: Singles,
+    turns: Singles,
     back: bool,
     nodal: Floats,
 ) -> None:
     """Add the divergence of T A, or of T^T A when ``back``, with A the gradient of ``source``."""
-    points = gradients.shape[1]
-    corners, forces = np.empty((connectivity.shape[1], 3)), np.empty((connectivity.shape[1], 3))
-    field, turned = np.empty((3, 3)), np.empty((3, 3))
+    points, nodes = gradients.shape[1], gradients.shape[2]
+    corners = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
+    forces = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
+    work = np.empty((2, 9, SINGLE_LANES), dtype=np.float32)
+    field = work.ctypes.data
+    turned = field + MATRIX
     for e in range(connectivity.shape[0]):
         _collect(source, connectivity[e], corners)
         forces[:] = 0.0
         for p in range(points):
-            _gradient(corners, gradients[e, p], field)
-            _turn(turns[e * points + p], field, back, turned)
-            _spread(turned, weights[e, p], gradients[e, p], forces)
+            slopes, turn = gradients[e, p].ctypes.data, turns[e * points + p].ctypes.data
+            _gradient(corners.ctypes.data, slopes, nodes, field)
+            if back:
+                _product_turned(turn, field, turned)
+            else:
+                _product(turn, field, turned)
+            _spread(turned, weights[e, p].ctypes.data, slopes, nodes, forces.ctypes.data)
         _add(forces, connectivity[e], nodal)
 
 
@@ -171,41 +272,59 @@ def carry_gradients(
 def wind_gradients(
     source: Floats,
     connectivity: Indices,
-    gradients: Floats,
-    weights: Floats,
-    turns: Floats,
-    deformation: Floats,
+    gradients: Singles,
+    weights: Singles,
+    turns: Singles,
+    deformation: Singles,
     nodal: Floats,
 ) -> None:
     """Add the divergence of ``_wind``'s change for H = T A, with A the gradient of ``source``."""
-    points = gradients.shape[1]
-    corners, forces = np.empty((connectivity.shape[1], 3)), np.empty((connectivity.shape[1], 3))
-    field, turned, work = np.empty((3, 3)), np.empty((3, 3)), np.empty((4, 3, 3))
+    points, nodes = gradients.shape[1], gradients.shape[2]
+    corners = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
+    forces = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
+    work = np.empty((7, 9, SINGLE_LANES), dtype=np.float32)
+    field = work.ctypes.data
+    turned, rest = field + MATRIX, field + 2 * MATRIX
     for e in range(connectivity.shape[0]):
         _collect(source, connectivity[e], corners)
         forces[:] = 0.0
         for p in range(points):
-            _gradient(corners, gradients[e, p], field)
-            _turn(turns[e * points + p], field, False, turned)
-            _wind(deformation[e * points + p], turned, work)
-            _spread(turned, weights[e, p], gradients[e, p], forces)
+            slopes, at = gradients[e, p].ctypes.data, e * points + p
+            _gradient(corners.ctypes.data, slopes, nodes, field)
+            _product(turns[at].ctypes.data, field, turned)
+            _wind(deformation[at].ctypes.data, turned, rest)
+            _spread(turned, weights[e, p].ctypes.data, slopes, nodes, forces.ctypes.data)
         _add(forces, connectivity[e], nodal)
 
 
 @compiled
-def turns_between(inverse_before: Floats, after: Floats, turns: Floats) -> None:
+def invert_fields(fields: Singles, inverse: Singles) -> None:
+    """Fill the inverse of every matrix, both of shape (groups, 9, lanes)."""
+    work = np.empty((2, 9, SINGLE_LANES), dtype=np.float32)
+    cofactors = work.ctypes.data
+    share = cofactors + MATRIX
+    for p in range(fields.shape[0]):
+        _cofactors(fields[p].ctypes.data, cofactors, share)
+        out, factor = inverse[p].ctypes.data, load_singles(share)
+        for i in range(3):
+            for k in range(3):
+                entry = load_singles(cofactors + (3 * k + i) * STEP)
+                store_singles(out + (3 * i + k) * STEP, multiply_singles(factor, entry))
+
+
+@compiled
+def turns_between(inverse_before: Singles, after: Singles, turns: Singles) -> None:
     """Fill the rotation of F_after F_before^-1 at every point, by Newton's iteration (Higham 1986)."""
-    work, matrix = np.empty((3, 3)), np.empty((3, 3))
+    work = np.empty((2, 9, SINGLE_LANES), dtype=np.float32)
+    cofactors = work.ctypes.data
+    share = cofactors + MATRIX
     for p in range(after.shape[0]):
-        _multiply(after[p], inverse_before[p], matrix)
+        matrix = turns[p].ctypes.data
+        _product(after[p].ctypes.data, inverse_before[p].ctypes.data, matrix)
         for _ in range(SWEEPS):
-            share = 1.0 / _cofactors(matrix, work)
-            change = 0.0
-            for i in range(3):
-                for k in range(3):
-                    step = 0.5 * (share * work[i, k] - matrix[i, k])
-                    matrix[i, k] += step
-                    change = max(change, abs(step))
-            if not change * change > SETTLED:
-                break
-        turns[p] = matrix
+            _cofactors(matrix, cofactors, share)
+            factor = load_singles(share)
+            for m in range(9):
+                at = matrix + m * STEP
+                other = fma_singles(factor, load_singles(cofactors + m * STEP), load_singles(at))
+                store_singles(at, multiply_singles(_number(0.5), other))

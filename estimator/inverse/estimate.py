@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.inverse.limits import Limits
-from estimator.inverse.minimise import Minimum, Status
+from estimator.inverse.minimise import Linearised, Minimum, Status
 from estimator.inverse.objectives import Rows
 from estimator.inverse.observability import Observability, analyse
 from estimator.inverse.unknowns import Unknowns
@@ -37,8 +37,9 @@ class Estimate(Generic[State]):
         limits: The bounds.
         residuals: Measured minus estimated by sensor, NaN where absent.
         status: ``converged``, ``iterations_exhausted`` or ``diverged``.
-        iterations: Number of linearisations.
+        iterations: Number of new linearisations.
         residual_norm: Relative out-of-balance force of the last linearised state.
+        last: That state with its linearisation, for the search that follows.
     """
 
     unknowns: Unknowns
@@ -53,6 +54,7 @@ class Estimate(Generic[State]):
     status: Status
     iterations: int
     residual_norm: float
+    last: Linearised[State]
 
     @property
     def vector(self) -> Floats:
@@ -185,4 +187,5 @@ def make_estimate(
         status=minimum.status,
         iterations=minimum.iterations,
         residual_norm=minimum.residual_norm,
+        last=minimum.last,
     )

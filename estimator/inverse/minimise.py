@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ class Tolerances:
     Args:
         step: Largest change of an input, in units of its scale.
         residual: Out-of-balance force over the applied forces.
-        iterations: Largest number of linearisations.
+        iterations: Largest number of new linearisations.
         radius: First radius of the trust region, in units of the inputs' scale.
         retreats: Largest number of steps that are taken back, each at the price of a solve of the model.
     """
@@ -37,6 +37,27 @@ class Tolerances:
     iterations: int = 30
     radius: float = 4.0
     retreats: int = 6
+
+
+@dataclass(frozen=True)
+class Linearised(Generic[State]):
+    """Where a search last linearised the model: a later one under the same model can set out from there.
+
+    Args:
+        model: The model.
+        state: State about which it was linearised.
+        inputs: Inputs.
+        step: The linearisation.
+    """
+
+    model: ArmModel[State, Any]
+    state: State
+    inputs: Inputs
+    step: Linearisation
+
+    def serves(self, model: ArmModel[State, Any], gravity: Floats) -> bool:
+        """Tell whether it is a linearisation of a model under a gravitational acceleration."""
+        return self.model is model and np.array_equal(self.inputs.gravity, gravity)
 
 
 @dataclass(frozen=True)
@@ -50,8 +71,9 @@ class Minimum(Generic[State]):
         motion: Derivative of the section twists by the inputs, shape (6 sections, inputs).
         rows: Rows of the objectives there.
         status: Whether it converged.
-        iterations: Number of linearisations.
+        iterations: Number of new linearisations.
         residual_norm: Relative out-of-balance force of the last linearised state.
+        last: That state with its linearisation.
     """
 
     state: State
@@ -62,6 +84,7 @@ class Minimum(Generic[State]):
     status: Status
     iterations: int
     residual_norm: float
+    last: Linearised[State]
 
 
 def minimise(
@@ -71,6 +94,7 @@ def minimise(
     limits: Limits,
     start: tuple[State, Inputs],
     tolerances: Tolerances | None = None,
+    begun: Linearised[State] | None = None,
 ) -> Minimum[State]:
     """Minimise the objectives over the inputs, the state in equilibrium with them.
 
@@ -85,10 +109,14 @@ def minimise(
         limits: Bounds and held inputs.
         start: A state and inputs to begin with.
         tolerances: When to stop.
+        begun: Where an earlier search linearised the model; used in place of ``start`` where it serves.
     """
     tolerances = tolerances or Tolerances()
     search = _Search(model, unknowns, tuple(objectives), limits, tolerances)
-    return search.run(*start)
+    state, inputs = start
+    if begun is not None and begun.serves(model, inputs.gravity):
+        return search.run(search.resumed(begun), inputs.gravity, 0)
+    return search.run(search.linearised(state, inputs), inputs.gravity, 1)
 
 
 @dataclass(frozen=True)
@@ -111,25 +139,32 @@ class _Search(Generic[State, Step]):
     limits: Limits
     tolerances: Tolerances
 
-    def run(self, state: State, inputs: Inputs) -> Minimum[State]:
-        gravity = inputs.gravity
-        point = self._linearise(state, self.unknowns.vector(inputs), gravity)
-        radius, last, iterations, retreats = self.tolerances.radius, np.inf, 1, 0
+    def linearised(self, state: State, inputs: Inputs) -> _Point[State, Step]:
+        """Begin anew."""
+        return self._linearise(state, self.unknowns.vector(inputs), inputs.gravity)
+
+    def resumed(self, begun: Linearised[State]) -> _Point[State, Step]:
+        """Begin where the model is linearised already."""
+        return self._point(begun.state, self.unknowns.vector(begun.inputs), cast("Step", begun.step))
+
+    def run(self, point: _Point[State, Step], gravity: Floats, iterations: int) -> Minimum[State]:
+        """Search from a point that took a number of linearisations."""
+        radius, last, retreats = self.tolerances.radius, np.inf, 0
         while True:
             change, size = self._change(point, radius)
             rate = min(size / last, 1.0) if np.isfinite(last) else 1.0
             settled = point.residual_norm * rate < self.tolerances.residual
             if size * rate < self.tolerances.step and settled:
-                return self._end(point, change, "converged", iterations)
+                return self._end(point, change, "converged", iterations, gravity)
             if iterations >= self.tolerances.iterations or radius < 1e-8:
-                return self._end(point, change, "iterations_exhausted", iterations)
+                return self._end(point, change, "iterations_exhausted", iterations, gravity)
             candidate = self._linearise(
                 self.model.advance(point.step, change), point.at.vector + change, gravity
             )
             iterations += 1
             if not self._improves(point, candidate):
                 if iterations >= self.tolerances.iterations or retreats >= self.tolerances.retreats:
-                    return self._end(point, 0.0 * change, "diverged", iterations)
+                    return self._end(point, 0.0 * change, "diverged", iterations, gravity)
                 retreats += 1
                 radius, last = 0.25 * min(radius, size), np.inf
                 candidate = self._settled(point, radius, gravity)
@@ -139,7 +174,9 @@ class _Search(Generic[State, Step]):
             point = candidate
 
     def _linearise(self, state: State, vector: Floats, gravity: Floats) -> _Point[State, Step]:
-        step = self.model.linearise(state, self.unknowns.inputs(vector, gravity))
+        return self._point(state, vector, self.model.linearise(state, self.unknowns.inputs(vector, gravity)))
+
+    def _point(self, state: State, vector: Floats, step: Step) -> _Point[State, Step]:
         at = Iterate(step.frames, vector, self.unknowns.chambers, step.response)
         rows = tuple(objective.rows(at) for objective in self.objectives)
         return _Point(state, step, at, rows, sum(row.cost for row in rows), step.residual_norm)
@@ -168,7 +205,7 @@ class _Search(Generic[State, Step]):
         return candidate if found and candidate.cost <= point.cost * (1.0 + 1e-6) + 1e-9 else point
 
     def _end(
-        self, point: _Point[State, Step], change: Floats, status: Status, iterations: int
+        self, point: _Point[State, Step], change: Floats, status: Status, iterations: int, gravity: Floats
     ) -> Minimum[State]:
         """Move everything by the last, negligible step without linearising again."""
         drift, motion = point.step.response(np.eye(6 * len(self.model.sections)))
@@ -181,6 +218,9 @@ class _Search(Generic[State, Step]):
             status=status,
             iterations=iterations,
             residual_norm=point.residual_norm,
+            last=Linearised(
+                self.model, point.state, self.unknowns.inputs(point.at.vector, gravity), point.step
+            ),
         )
 
 

@@ -123,11 +123,15 @@ class PressureReadings:
 
     def rows(self, at: Iterate) -> Rows:
         """Linearise at an iterate."""
+        seen, measured, information = self._seen
+        jacobian = np.eye(len(at.vector))[seen]
+        return Rows(self.name, self.data, measured - at.vector[seen], jacobian, information, seen)
+
+    @cached_property
+    def _seen(self) -> tuple[NDArray[np.int64], Floats, Floats]:
+        """Chambers that were measured, their pressures, and the information of these."""
         seen = np.flatnonzero(np.isfinite(self.pressures))
-        jacobian = np.zeros((len(seen), len(at.vector)))
-        jacobian[np.arange(len(seen)), seen] = 1.0
-        information: Floats = np.diag(1.0 / self.sigma[seen] ** 2)
-        return Rows(self.name, self.data, self.pressures[seen] - at.vector[seen], jacobian, information, seen)
+        return seen, self.pressures[seen], np.diag(1.0 / self.sigma[seen] ** 2)
 
 
 @dataclass(frozen=True)

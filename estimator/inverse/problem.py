@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from estimator.inverse.estimate import Estimate, make_estimate
 from estimator.inverse.limits import Limits
-from estimator.inverse.minimise import Tolerances, minimise
+from estimator.inverse.minimise import Linearised, Tolerances, minimise
 from estimator.inverse.objectives import Objective, PressureReadings, Prior, SensorObjective
 from estimator.inverse.unknowns import Unknowns
 from estimator.model import ArmModel, Inputs, Linearisation
@@ -42,11 +42,13 @@ class Problem:
         model: ArmModel[State, Step],
         start: tuple[State, Inputs],
         tolerances: Tolerances | None = None,
+        begun: Linearised[State] | None = None,
     ) -> Estimate[State]:
-        """Search from a state and inputs."""
+        """Search from a state and inputs, or from where an earlier search left off if that serves."""
         state, inputs = start
         inputs = Inputs(inputs.pressures, inputs.loads, self.gravity)
-        found = minimise(model, self.unknowns, self.objectives, self.limits, (state, inputs), tolerances)
+        start = (state, inputs)
+        found = minimise(model, self.unknowns, self.objectives, self.limits, start, tolerances, begun)
         return make_estimate(found, self.unknowns, self.limits, self.gravity, self.suite)
 
 

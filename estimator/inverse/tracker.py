@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from estimator.inverse.estimate import Estimate
 from estimator.inverse.limits import Limits
-from estimator.inverse.minimise import Tolerances
+from estimator.inverse.minimise import Linearised, Tolerances
 from estimator.inverse.objectives import Objective, PressureReadings, Prior, SensorObjective
 from estimator.inverse.problem import Problem
 from estimator.inverse.process import LoadProcess
@@ -51,6 +51,7 @@ class _Memory(Generic[State]):
     state: State
     inputs: Inputs
     covariance: Floats
+    last: Linearised[State]
 
 
 class Estimator(Generic[State, Step]):
@@ -112,10 +113,13 @@ class Estimator(Generic[State, Step]):
         acting = self._settings.actuation.to_chamber(pressures)
         prior, guess = self._predict(time, acting, gravity)
         problem = self._problem(readings, acting, prior, gravity)
-        estimate = problem.solve(self._model, self._start(problem, guess), self._settings.tolerances)
+        begun = None if self._memory is None or self._fresh else self._memory.last
+        start = self._start(problem, guess)
+        estimate = problem.solve(self._model, start, self._settings.tolerances, begun)
         self._fresh = estimate.status == "diverged" or not np.isfinite(estimate.vector).all()
         if not self._fresh:
-            self._memory = _Memory(time, estimate.state, estimate.inputs, estimate.covariance)
+            covariance, last = estimate.covariance, estimate.last
+            self._memory = _Memory(time, estimate.state, estimate.inputs, covariance, last)
         return estimate
 
     def _predict(self, time: float, acting: Floats, gravity: Floats) -> tuple[Prior, Inputs]:
