@@ -148,4 +148,5 @@ def _supports(mesh: Mesh, load: DistributedLoad) -> list[tuple[str, Indices]]:
 
 def superpose(factors: Floats, fields: Floats) -> Floats:
     """Sum nodal fields, shape (fields, nodes, 3), each times its factor."""
-    return np.asarray((factors @ fields.reshape(len(factors), -1)).reshape(fields.shape[1:]))
+    flat = fields.reshape(len(factors), fields.shape[1] * fields.shape[2])
+    return np.asarray((factors @ flat).reshape(fields.shape[1:]))
