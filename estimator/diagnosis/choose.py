@@ -25,6 +25,10 @@ FINALISTS = 10
 TRIED = 4
 """Best of them that may be accepted."""
 LEAST_BIC = 10.0
+CERTAIN = 40.0
+"""Gain in the criterion that decides even where the gain on single folds scatters: four times the least."""
+ALIKE = 4.0
+"""Difference in the criterion within which the plainer of two is taken."""
 MOST_SURPRISE = 12.0
 """Largest cost of a size that nobody expects."""
 CLOSE = 0.8
@@ -79,6 +83,7 @@ class Judgement:
         change: Root mean square of its change over the scatter.
         spread: Spread of its size between recordings beyond their own uncertainty, over the size.
         search_p: Chance of as much in the whole search where nothing is missing.
+        delta_bic: Of the candidate.
     """
 
     before: float
@@ -88,12 +93,14 @@ class Judgement:
     change: float
     spread: float
     search_p: float
+    delta_bic: float
 
     @property
     def accepted(self) -> bool:
         """Whether all of it holds."""
+        told = self.gain_ci95[0] > 0.0 or (self.delta_bic >= CERTAIN and self.after < self.before)
         return (
-            self.gain_ci95[0] > 0.0
+            told
             and (self.share >= MATERIAL or self.change >= REPEATABLE)
             and self.spread <= HETEROGENEITY
             and self.search_p <= FALSE_ALARM
@@ -296,7 +303,7 @@ class Search:
         """Put the one with the fewest and likeliest numbers first among those as good as the best."""
         if not field:
             return field
-        alike = [one for one in field if one.delta_bic > field[0].delta_bic - LEAST_BIC]
+        alike = [one for one in field if one.delta_bic > field[0].delta_bic - ALIKE]
         hypotheses = self.evidence.library.hypotheses
 
         def plain(one: Candidate) -> tuple[int, float]:
@@ -361,6 +368,7 @@ class Search:
             float(np.sqrt(changed)),
             _heterogeneity(np.array(sizes), np.array(precisions)),
             float((null >= candidate.delta_bic).mean()),
+            candidate.delta_bic,
         )
 
     def extended(self, candidate: Candidate, fit: Fit | None) -> list[Products]:

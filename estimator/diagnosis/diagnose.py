@@ -41,6 +41,7 @@ from estimator.diagnosis.words import EXCITATION
 from estimator.effects import EFFECTS
 from estimator.effects.augmented import PlacedEffect
 from estimator.errors import InputError
+from estimator.simulation.inertia import Masses
 from estimator.specimen.physics import EffectName, Place
 
 Floats = NDArray[np.float64]
@@ -107,10 +108,11 @@ def diagnose(
         without_stuck(stage, tuple(one for one in stuck if one.recording == stage.session.name))
         for stage in stages
     )
-    swing = fit_swing([stage for stage in stages if stage.session.nominal] or stages)
+    masses = Masses.of(model.specimen, model.sections, stages[0].world.segments)
+    swing = fit_swing([stage for stage in stages if stage.session.nominal] or stages, masses)
     if swing is not None:
-        stages = tuple(swinging(stage, swing) for stage in stages)
-        notes = (*notes, f"Motion matters: the model swings at {1.0 / (2.0 * np.pi * swing[0]):.1f} Hz.")
+        stages = tuple(swinging(stage, swing, masses) for stage in stages)
+        notes = (*notes, swing.tell())
     library = build_library(
         _common_world(stages).world, np.concatenate([s.pressures for s in split]), effects
     )

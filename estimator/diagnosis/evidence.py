@@ -20,8 +20,12 @@ Singles = NDArray[np.float32]
 
 FULLEST = 5.0
 """Spread, in typical sizes, of all effects at once in the fullest model, which tells the noise."""
-INADEQUACY = 0.015
+QUIET = 25.0
+"""Percentile of the recordings' noise that counts as the sensor's: where an arm swings it seems larger."""
+INADEQUACY = 0.004
 """Share of the motion that no model of an arm gets right, however much is fitted."""
+NOVELTY = 2.0
+"""Largest scatter of the recordings in question over that of nominal ones."""
 BACKGROUND = 0.3
 """Spread of what every arm may have of an effect, in typical sizes: the belief before nominal recordings."""
 
@@ -125,13 +129,26 @@ class Evidence:
         )
 
     def weigh(self, rounds: int = 2) -> Weights:
-        """Learn the noise model from what the fullest model leaves outside the held-out stretches."""
-        weights = weights_of(self.names, self._seen(self.residuals), self._sigmas)
+        """Learn the noise model from what the fullest model leaves outside the held-out stretches.
+
+        What something missing leaves in the recordings in question must not count as their noise: where
+        there are nominal ones, it is at most ``NOVELTY`` times the noise of these.
+        """
+        weights = self._weights(self.residuals, range(len(self.stages)))
         for _ in range(rounds):
             each = [self._fullest(weights, self.residuals, nominal=nominal) for nominal in (True, False)]
             left = [each[0 if s.session.nominal else 1][k] for k, s in enumerate(self.stages)]
-            weights = weights_of(self.names, self._seen(self._calmed(left, weights)), self._sigmas)
+            calmed = self._calmed(left, weights)
+            weights = self._weights(calmed, range(len(self.stages)))
+            nominal = [k for k, stage in enumerate(self.stages) if stage.session.nominal]
+            if nominal:
+                weights = weights.bounded(self._weights(calmed, nominal), NOVELTY)
         return weights
+
+    def _weights(self, residuals: Sequence[Floats], chosen: Sequence[int]) -> Weights:
+        seen = self._seen(residuals)
+        names, sigmas = self.names, self._sigmas
+        return weights_of([names[k] for k in chosen], [seen[k] for k in chosen], [sigmas[k] for k in chosen])
 
     def _calmed(self, residuals: Sequence[Floats], weights: Weights) -> list[Floats]:
         """Shrink residuals by what unrest adds to their scatter."""
@@ -168,12 +185,12 @@ class Evidence:
 
     @cached_property
     def floors(self) -> dict[str, float]:
-        """Noise of each channel in quiet stretches, the largest of all recordings [m, rad]."""
-        found: dict[str, float] = {}
+        """Noise of each channel, as the quieter recordings show it [m, rad]."""
+        found: dict[str, list[float]] = {}
         for stage, names in zip(self.stages, self.names, strict=True):
             for name, sigma in zip(names, stage.session.sigma.tolist(), strict=True):
-                found[name] = max(found.get(name, 0.0), sigma)
-        return found
+                found.setdefault(name, []).append(sigma)
+        return {name: float(np.percentile(sigmas, QUIET)) for name, sigmas in found.items()}
 
     @cached_property
     def _sigmas(self) -> list[Floats]:
@@ -189,9 +206,9 @@ class Evidence:
         for group, parts in squares.items():
             moved = max(float(part.mean()) if len(part) else 0.0 for part in parts)
             form[group] = INADEQUACY * float(np.sqrt(moved))
+        noise = [np.array([self.floors[name] for name in own]) for own in self.names]
         return [
-            np.hypot(stage.session.sigma, [form[group] for group in own])
-            for stage, own in zip(self.stages, groups, strict=True)
+            np.hypot(floor, [form[group] for group in own]) for floor, own in zip(noise, groups, strict=True)
         ]
 
     def _seen(self, residuals: Sequence[Floats]) -> list[Floats]:

@@ -24,6 +24,8 @@ TAUT = 0.02
 """A gauge that pulls harder [N] counts as a load."""
 RINGING = 0.11
 """Windows longer than this [s] are there to average a ring away."""
+QUIETEST, QUIET_SIZE = 10.0, 0.1257
+"""Percentile of the changes between windows at rest that tells the noise, and that of a standard normal."""
 RESTING = 500.0
 """Pressures that change by less within a window rest [Pa]."""
 
@@ -311,7 +313,7 @@ def _wander(session: Session) -> Floats:
         change = np.abs(np.diff(column))
         quiet = change[still & np.isfinite(change)]
         if len(quiet) > 10:
-            sigma[index] = np.percentile(quiet, 25.0) / 0.3186 / np.sqrt(2.0)
+            sigma[index] = np.percentile(quiet, QUIETEST) / QUIET_SIZE / np.sqrt(2.0)
     return sigma
 
 

@@ -9,8 +9,8 @@ from estimator.diagnosis.session import Session
 from estimator.effects import EFFECTS
 from estimator.effects.excitation import inventory
 
-SHARE = 0.25
-"""Share of the recordings in question that is held out."""
+SHARE = 0.15
+"""Share of the recordings in question that are held out whole."""
 LEAST = 4
 """Recordings from which whole ones are held out."""
 
@@ -18,8 +18,8 @@ LEAST = 4
 def hold_out(sessions: Sequence[Session], limits: np.ndarray) -> tuple[tuple[Session, ...], str]:
     """Mark what is held out.
 
-    Of four or more recordings in question, whole ones are held out whose excitation the others have as well;
-    of fewer, every fourth stretch of time, and the samples next to it are kept from fits too.
+    Of four or more recordings in question, whole ones are held out whose excitation the others have as well,
+    and of the others every fifth stretch of time; of fewer recordings, every fourth stretch.
 
     Args:
         sessions: All sessions, nominal ones among them.
@@ -34,10 +34,12 @@ def hold_out(sessions: Sequence[Session], limits: np.ndarray) -> tuple[tuple[Ses
         if chosen:
             names = ", ".join(sessions[k].name for k in chosen)
             marked = tuple(
-                replace(s, heldout=np.ones(s.samples, dtype=bool)) if k in chosen else s
+                s
+                if s.nominal
+                else replace(s, heldout=np.ones(s.samples, dtype=bool) if k in chosen else s.blocks % 5 == 3)
                 for k, s in enumerate(sessions)
             )
-            return marked, f"whole recordings held out: {names}"
+            return marked, f"whole recordings held out ({names}), and every fifth stretch of the others"
     marked = tuple(s if s.nominal else _stretches(s) for s in sessions)
     return marked, "every fourth stretch of time held out, from one and the same kind of run"
 

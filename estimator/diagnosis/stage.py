@@ -64,6 +64,7 @@ class Stage:
         drive: The calibrated drive.
         by_stiffness: Derivative of the predictions by the logarithm of each segment's stiffness, then by each
             segment's torsion, where the model was solved for it, shape (samples, rows, 2 segments).
+        doubtful: What the model of the swing may get wrong, where there is one, shape (samples, rows).
     """
 
     session: Session
@@ -74,6 +75,7 @@ class Stage:
     suite: SensorSuite
     drive: Drive
     by_stiffness: Floats | None = None
+    doubtful: Floats | None = None
 
     @cached_property
     def base(self) -> Floats:
@@ -123,11 +125,14 @@ class Stage:
 
     @cached_property
     def unrest(self) -> Floats:
-        """What swings after fast changes may add, which a quasi-static arm leaves out, shape (samples, rows).
+        """What swings after fast changes may add to what the model gives, shape (samples, rows).
 
-        A change of bend within ``SUDDEN`` seconds rings down with the time constant ``RINGDOWN``; the share
-        ``RINGING`` of it counts as uncertain, on a lever of ``LEVER`` for positions.
+        Where the model does not swing, a change of bend within ``SUDDEN`` seconds rings down with the time
+        constant ``RINGDOWN``; the share ``RINGING`` of it counts as uncertain, on a lever of ``LEVER`` for
+        positions.
         """
+        if self.doubtful is not None:
+            return self.doubtful
         bends = self.arm.baseline.strains[..., :2].reshape(self.session.samples, -1)
         back = max(1, round(SUDDEN / self.session.step))
         left = np.zeros(self.session.samples)

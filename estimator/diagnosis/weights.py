@@ -21,6 +21,14 @@ class Weights:
     scale: Mapping[str, float]
     share: float
 
+    def bounded(self, known: "Weights", factor: float) -> "Weights":
+        """Keep within a factor of the noise of recordings in which nothing is missing."""
+        scale = {
+            name: min(value, factor * known.scale[name]) if name in known.scale else value
+            for name, value in self.scale.items()
+        }
+        return Weights(scale, max(self.share, known.share / factor))
+
 
 def weights_of(
     names: Sequence[Sequence[str]],

@@ -51,7 +51,7 @@ CASES = [
     ("chamber_gain", [0.15], {"chamber": 1}),
     ("distributed_mass", [0.4], {}),
     ("base_tilt", [0.06, -0.04], {}),
-    ("viscoelastic_creep", [0.2, 0.7], {}),
+    ("viscoelastic_creep", [0.2, 0.7, 0.0], {}),
     ("sensor_bias", [0.03, -0.02], {"sensor": "orientation_tip"}),
     ("line_lag", [0.4], {}),
 ]

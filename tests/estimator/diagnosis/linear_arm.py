@@ -79,7 +79,7 @@ def session(
     pressures = holds(seed)
     time = np.arange(len(pressures)) * STEP + 100.0 * seed
     gravity = np.zeros((len(time), 3))
-    background = [("viscoelastic_creep", Place(), (0.02, 5.0))]
+    background = [("viscoelastic_creep", Place(), (0.02, 5.0, 0.0))]
     placed = [
         PlacedEffect(EFFECTS[effect], Spot(world(("bend_intermediate", "bend_tip")), place), np.array(theta))
         for effect, place, theta in [*background, *effects]
@@ -112,6 +112,7 @@ def trial(effects: Sequence[tuple[str, Place, Sequence[float]]]) -> list[Session
     return [*known, *(session(f"run_{k}", 10 + k, effects) for k in range(4))]
 
 
-def scrambled(one: Session) -> Session:
-    """Give a session whose readings are nonsense."""
-    return replace(one, readings=np.random.default_rng(0).normal(0.0, 0.3, one.readings.shape))
+def scrambled(one: Session, samples: np.ndarray) -> Session:
+    """Give a session whose readings of some samples, shape (samples,), are nonsense."""
+    nonsense = np.random.default_rng(0).normal(0.0, 0.3, one.readings.shape)
+    return replace(one, readings=np.where(samples[:, None], nonsense, one.readings))

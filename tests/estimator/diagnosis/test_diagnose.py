@@ -72,9 +72,9 @@ def test_held_out_recordings_can_only_take_a_finding_back(weak: Outcome) -> None
     """No fit and no choice sees them: the same effect is found, and then not proven."""
     sessions = trial([WEAK])
     split, _ = hold_out(sessions, np.array(model().specimen.pressure_limits))
-    held = {s.name for s in split if s.heldout.any()}
+    held = {s.name: s.heldout for s in split if s.heldout.any()}
     assert held
-    spoilt = [scrambled(s) if s.name in held else s for s in sessions]
+    spoilt = [scrambled(s, held[s.name]) if s.name in held else s for s in sessions]
     again = _diagnose(spoilt)
     (found,) = weak.accepted
     assert not again.accepted

@@ -21,14 +21,14 @@ def sopra_with(*entries: Physics):
 
 
 def creep(**changes) -> Physics:
-    entry = physics_entry(placed("viscoelastic_creep", [0.1, 20.0], segment="upper"), (0.01, 2.0))
+    entry = physics_entry(placed("viscoelastic_creep", [0.1, 20.0, 0.0], segment="upper"), (0.01, 2.0, 0.01))
     return entry.model_copy(update=changes)
 
 
 def test_what_is_written_down_is_read_back():
     (effect,) = accepted_physics(sopra_with(creep()), WORLD)
     assert effect.effect is EFFECTS["viscoelastic_creep"]
-    assert effect.theta.tolist() == [0.1, 20.0]
+    assert effect.theta.tolist() == [0.1, 20.0, 0.0]
     assert effect.spot.place == Place(segment="upper")
 
 

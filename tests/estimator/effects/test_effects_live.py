@@ -21,7 +21,7 @@ def instant(drive: Drive, k: int) -> Drive:
 
 def test_stepping_in_time_follows_the_whole_run():
     drive = step_drive(dt=0.05)
-    effects = [placed("viscoelastic_creep", [0.3, 2.0]), placed("line_lag", [0.2])]
+    effects = [placed("viscoelastic_creep", [0.3, 2.0, 0.0]), placed("line_lag", [0.2])]
     whole = run(drive, *effects)
     arm, memories = straight_arm(drive.time[:1]), None
     response, couples, strains = arm.respond(instant(drive, 0)), np.zeros((1, 2, 4)), []

@@ -26,7 +26,7 @@ def ramps(period: float, amplitude: float = 3e4, cycles: int = 2, samples: int =
 
 def test_creep_grows_after_a_step_by_its_law():
     drive = step_drive()
-    ratio = bends(drive, placed("viscoelastic_creep", [0.2, 10.0]))[:, 0, 1] / bends(drive)[-1, 0, 1]
+    ratio = bends(drive, placed("viscoelastic_creep", [0.2, 10.0, 0.0]))[:, 0, 1] / bends(drive)[-1, 0, 1]
     since = drive.time - drive.time[20]
     expected = 1.0 + 0.2 * (1.0 - np.exp(-since / 10.0))
     assert np.allclose(ratio[21:], expected[21:], atol=5e-3)
@@ -34,7 +34,7 @@ def test_creep_grows_after_a_step_by_its_law():
 
 def test_creep_of_one_segment_leaves_the_other():
     drive = drive_of(np.arange(100.0), np.full((100, 6), [2e4, 0, 0, 2e4, 0, 0]), WEIGHTLESS)
-    gain = bends(drive, placed("viscoelastic_creep", [0.2, 10.0], segment="lower")) - bends(drive)
+    gain = bends(drive, placed("viscoelastic_creep", [0.2, 10.0, 0.0], segment="lower")) - bends(drive)
     assert np.abs(gain[:, 0]).max() < 1e-12
     assert gain[-1, 1, 1] > 0.01
 
@@ -48,7 +48,7 @@ def test_what_knows_no_rate_is_the_same_at_every_rate(name: str):
 
 @pytest.mark.parametrize("name", ["viscoelastic_creep", "line_lag", "inertia_damping"])
 def test_what_knows_a_rate_is_not(name: str):
-    theta = {"viscoelastic_creep": [0.3, 5.0], "line_lag": [0.3], "inertia_damping": [0.0, 0.3]}[name]
+    theta = {"viscoelastic_creep": [0.3, 5.0, 0.0], "line_lag": [0.3], "inertia_damping": [0.0, 0.3]}[name]
     slow, fast = ramps(100.0), ramps(1.0)
     assert np.abs(bends(slow, placed(name, theta)) - bends(fast, placed(name, theta))).max() > 0.01
 

@@ -28,7 +28,7 @@ class StraightArm:
 SUBJECT = Subject(StraightArm(), SEGMENTS, WORLD, SUITE, np.array([0.0, 0.0, 9.81]))
 WEIGHT = placed("tip_payload", [0.02], section="tip")
 SPREAD = placed("distributed_mass", [0.15])
-CREEP = placed("viscoelastic_creep", [0.2, 8.0])
+CREEP = placed("viscoelastic_creep", [0.2, 8.0, 0.0])
 LAG = placed("line_lag", [0.3])
 DAMPED = placed("inertia_damping", [0.0, 0.3])
 
@@ -41,7 +41,7 @@ def test_nothing_separates_an_effect_from_itself():
 
 def test_a_rival_of_another_size_is_fitted_to_the_effect():
     trial = SUBJECT.trial(MENU["holds"])
-    other = placed("viscoelastic_creep", [0.1, 12.0])
+    other = placed("viscoelastic_creep", [0.1, 12.0, 0.0])
     assert trial.separation(CREEP, other) < 0.02 * float(np.sum(trial.readings(CREEP) ** 2))
 
 

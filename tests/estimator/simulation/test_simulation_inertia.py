@@ -1,0 +1,61 @@
+import numpy as np
+import pytest
+
+from estimator.simulation.inertia import Masses, Swaying
+from tests.estimator.simulation.straight_arm import HEIGHTS, SEGMENTS, STIFFNESS, straight_arm
+
+TIP = Masses(np.array([0.0, 0.08]), np.zeros(2))
+TIME = np.arange(0.0, 4.0, 0.01)
+
+
+def swaying(masses, samples=1):
+    return Swaying.of(straight_arm(np.zeros(samples)).baseline, SEGMENTS, masses)
+
+
+def oscillator(frequency, samples):
+    """One strain that swings at a frequency [Hz]."""
+    return Swaying(np.full((samples, 1, 1), (2 * np.pi * frequency) ** 2), np.ones((samples, 1, 1)))
+
+
+def test_a_tip_mass_swings_at_its_frequency():
+    levers = HEIGHTS[1] - np.array([0.065, 0.20])
+    compliance = (levers**2 / STIFFNESS[:, 0]).sum()
+    expected = 1.0 / (2 * np.pi * np.sqrt(TIP.sections[1] * compliance))
+    found = swaying(TIP).frequencies()
+    assert found[:2] == pytest.approx([expected, expected], rel=0.01)  # its gyration counts a little
+
+
+def test_heavier_masses_swing_slower():
+    heavy = Masses(4.0 * TIP.sections, TIP.segments)
+    assert swaying(heavy).frequencies()[0] == pytest.approx(swaying(TIP).frequencies()[0] / 2)
+
+
+def test_a_segment_bent_to_an_arc_has_the_energy_of_a_uniform_arc():
+    # T = 1/2 m L^2 theta'^2 / 20 for a clamped arc of small curvature, by integration.
+    mass = swaying(Masses(np.zeros(2), np.array([1.0, 0.0]))).mass[0]
+    assert mass[0, 0] == pytest.approx(0.13**2 / 20, rel=0.06)
+
+
+def test_a_step_rings_down_as_a_damped_oscillator():
+    frequency, decay = 2.0, 1.5
+    found = oscillator(frequency, len(TIME)).strains(
+        TIME, np.where(TIME < 0.5, 0.0, 1.0)[:, None], (2 * decay, 0.0), 1.0
+    )[:, 0]
+    after = TIME - 0.495  # the step runs straight over one window
+    omega = np.sqrt((2 * np.pi * frequency) ** 2 - decay**2)
+    exact = 1 - np.exp(-decay * after) * (np.cos(omega * after) + decay / omega * np.sin(omega * after))
+    assert np.abs(found - exact)[TIME > 0.52].max() < 0.02
+
+
+def test_without_damping_the_swing_goes_on():
+    found = oscillator(2.0, len(TIME)).strains(TIME, np.where(TIME < 0.5, 0.0, 1.0)[:, None], (0.0, 0.0), 1.0)
+    assert np.ptp(found[TIME > 3.0]) == pytest.approx(2.0, rel=0.02)
+
+
+def test_what_rests_stays_at_rest_and_a_pause_ends_a_swing():
+    still = np.full((len(TIME), 1), 0.3)
+    assert oscillator(2.0, len(TIME)).strains(TIME, still, (1.0, 0.0), 1.0) == pytest.approx(still)
+    clock = np.where(TIME < 2.0, TIME, TIME + 5.0)
+    stepped = np.where(TIME < 1.9, 0.0, 1.0)[:, None]
+    found = oscillator(2.0, len(TIME)).strains(clock, stepped, (0.0, 0.0), 1.0)
+    assert found[TIME > 2.02] == pytest.approx(1.0)
