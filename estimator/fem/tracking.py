@@ -18,8 +18,6 @@ NEGLIGIBLE = 1.0
 """Residual over the tolerance below which nothing is corrected."""
 CORRECTING = 1e-3
 """Change of the inputs, over the largest of their kind, up to which a step counts as a correction."""
-SLOWING = 0.05
-"""Contraction from which on a fresh factor is asked for in the background."""
 
 
 @dataclass(frozen=True)
@@ -141,11 +139,13 @@ class TrackingModel:
         background: Who factors in the background, started and stopped by the caller; None for nobody.
         contraction: Residual after a step over the forces it was to balance, from which on the factor is
             renewed.
+        slowing: Likewise, from which on a fresh factor is asked for in the background.
     """
 
     model: FiniteElementModel
     background: Refactoriser | None = None
     contraction: float = 0.25
+    slowing: float = 0.1
 
     @property
     def sections(self) -> tuple[str, ...]:
@@ -182,7 +182,7 @@ class TrackingModel:
         slow = not calm and left >= self.contraction * state.forces
         nearest = held
         if self.background is not None:
-            if arrived or moved_on or (not calm and left >= SLOWING * state.forces):
+            if held is None or moved_on or (not calm and left >= self.slowing * state.forces):
                 self.background.offer(state.displacement, inputs)
             # Another factor has other sensitivities and so another optimum: none is swapped near the end.
             if held is None or arrived or slow:

@@ -18,6 +18,8 @@ Floats = NDArray[np.float64]
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 Status = Literal["converged", "iterations_exhausted", "diverged"]
+INSIGNIFICANT = 1e-4
+"""Rise of the cost out of equilibrium, over it and over one, that no measurement could tell."""
 
 
 @dataclass(frozen=True)
@@ -193,7 +195,8 @@ class _Search(Generic[State, Step]):
         if candidate.residual_norm > max(1.0, 2.0 * point.residual_norm):
             return False
         # Out of equilibrium the cost is a forecast, so only a clear rise counts.
-        slack = 1e-6 + 10.0 * max(point.residual_norm, candidate.residual_norm)
+        off = max(point.residual_norm, candidate.residual_norm)
+        slack = 1e-6 + 10.0 * off + min(50.0 * off, INSIGNIFICANT)
         return candidate.cost <= point.cost * (1.0 + slack) + slack
 
     def _settled(self, point: _Point[State, Step], radius: float, gravity: Floats) -> _Point[State, Step]:

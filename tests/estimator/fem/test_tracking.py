@@ -46,7 +46,7 @@ def test_reused_factors_reach_the_same_equilibria(arm_of: ArmOf) -> None:
 def test_background_factors_are_taken_over(arm_of: ArmOf) -> None:
     arm = arm_of("hex8")
     with Refactoriser(arm) as background:
-        tracking = TrackingModel(arm, background)
+        tracking = TrackingModel(arm, background, slowing=0.0)
         state, _ = tracking.solve(_inputs(0.0), tracking.rest())
         counts = []
         for time in np.linspace(0.05, 1.0, 6):
