@@ -11,10 +11,12 @@ from estimator.calibration.fit import Fit, fit
 from estimator.calibration.forward import Evaluation, Forward
 from estimator.calibration.identifiability import KEPT, MANOEUVRES, identify, kept
 from estimator.calibration.nodes import BLOCK, Nodes, choose_nodes, training_blocks
-from estimator.calibration.outcome import Calibrated, Check, by_quantity
+from estimator.calibration.outcome import Calibrated, Check
 from estimator.calibration.parameters import Layout, build_layout
+from estimator.calibration.pulled_first import FEWEST_PULLS, told_by_pulls
 from estimator.calibration.pulls import LEAST_PULL
 from estimator.calibration.regression import estimate_lag, fit_line
+from estimator.calibration.scatter import rms, scatter_by_condition
 from estimator.calibration.search import AxesFit, search_axes
 from estimator.calibration.solver import Solver
 from estimator.errors import InputError
@@ -28,7 +30,8 @@ Flags = NDArray[np.bool_]
 NODES = 240
 LEAST_PRESSURE_SPREAD = 1.0e3  # Pa; a chamber that moved less tells nothing of its gain
 LEAST_SOLVED = 0.5
-FEWEST_PULLS = 5  # nodes at which a known force must act before it counts as telling the moduli
+PULLED_WORTH = 1.5
+UNSETTLED = 1.0  # standard deviations that an unknown may still move at the end
 STIFFER = (1.0, 1.4, 2.0, 2.8)
 PROBES = 6
 WORSE = 1.3  # times the old error: an old fit that has seen the blocks is allowed to know them better
@@ -90,19 +93,28 @@ def calibrate(
         gains = search_axes(nodes[0].run.suite, _parts(nodes, solved), _frames(before, solved))
         nodes = tuple(replace(own, run=_with_axes(own.run, gains)) for own in nodes)
         forward = _forward(solver, specimen, nodes)
-    start = _start(specimen, forward.layout, first, gains)
-    trained, layout = _fit_determined(forward, start, before, train, options)
+    known_before = forward.layout
+    told = told_by_pulls(forward, _start(specimen, known_before, first, gains), train)
+    start = told.values
+    forward = replace(forward, layout=told.near(known_before))
+    trained, layout = _fit_determined(forward, known_before, start, before, train, options)
     _require_excitation(layout)
     everything = replace(forward, layout=layout)
     held_out = _part(everything, unseen).evaluate(trained.values, _subset(before, unseen))
     old = before if np.array_equal(first, known) else ()
     check = _check(old, trained.evaluations, held_out, nodes, train)
     _require_improvement(check)
-    final = fit(everything, trained.values, iterations=options.iterations, evaluations=before)
+    near = _joined(before, trained.evaluations, held_out, train)
+    final = fit(everything, trained.values, iterations=options.iterations, evaluations=near)
+    _require_convergence(final)
+    covariance = told.widened(layout, final.covariance)
     dropped = [p for p in forward.layout.parameters if p.name not in layout.names]
     return Calibrated(
-        identified=(*identify(layout, final.values, final.covariance), *map(kept, dropped)),
-        covariance=final.covariance,
+        identified=(
+            *identify(_known_of(known_before, layout), final.values, covariance),
+            *map(kept, dropped),
+        ),
+        covariance=covariance,
         mirrored=_handedness(nodes),
         check=check,
         lags=lags,
@@ -110,7 +122,7 @@ def calibrate(
         nodes=sum(len(own.time) for own in nodes),
         unsolved=sum(int((~evaluation.converged).sum()) for evaluation in final.evaluations),
         recordings=tuple(run.name for run in runs),
-        scatter=_free_scatter(held_out, trained.evaluations, nodes, train),
+        scatter=scatter_by_condition(*_judged(held_out, trained.evaluations, nodes, train)),
     )
 
 
@@ -123,38 +135,22 @@ def training_flags(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
     return tuple(np.ones(len(own.time), dtype=bool) for own in nodes)
 
 
-def rms(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> dict[str, float]:
-    """Give the root mean square of the innovations by component of each sensor, over all runs."""
-    squares: dict[str, list[Floats]] = {}
-    for evaluation, own in zip(evaluations, nodes, strict=True):
-        for name, rows in own.run.suite.slices.items():
-            for number, column in enumerate(evaluation.innovation[:, rows].T):
-                squares.setdefault(f"{name}.{number}", []).append(column[np.isfinite(column)] ** 2)
-    joined = {name: np.concatenate(parts) for name, parts in squares.items()}
-    return {name: float(np.sqrt(values.mean())) for name, values in joined.items() if len(values)}
-
-
-def _free_scatter(
+def _judged(
     held_out: Sequence[Evaluation],
     trained: Sequence[Evaluation],
     nodes: Sequence[Nodes],
     train: Sequence[Flags],
-) -> dict[str, float]:
-    """Give the scatter of each sensor by quantity on unseen nodes, without known forces if there are such.
-
-    An arm that hangs vented, drawn by a gauge, stays near rest and scatters less than one under pressure.
-    """
+) -> tuple[Sequence[Evaluation], Sequence[Nodes]]:
+    """Give the nodes that no fit has seen and what was predicted for them; all where every one was seen."""
     unseen = [~flags for flags in train]
-    split = any(flags.any() for flags in unseen)
-    parts = _parts(nodes, unseen if split else train)
-    pairs = list(zip(held_out if split else trained, parts, strict=True))
-    free = [pair for pair in pairs if not pair[1].run.pulled and len(pair[1].time)] or pairs
-    return by_quantity(rms([evaluation for evaluation, _ in free], [own for _, own in free]))
+    if any(flags.any() for flags in unseen):
+        return held_out, _parts(nodes, unseen)
+    return trained, _parts(nodes, train)
 
 
 def _choose(runs: Sequence[Run], lags: Sequence[float | None], count: int) -> tuple[Nodes, ...]:
     aligned = [run.delayed(lag) if lag else run for run, lag in zip(runs, lags, strict=True)]
-    durations = [max(float(run.time[-1] - run.time[0]), 1e-3) for run in aligned]
+    durations = [max(float(run.time[-1] - run.time[0]), 1e-3) * _worth(run) for run in aligned]
     shares = [max(8, round(count * duration / sum(durations))) for duration in durations]
     chosen = tuple(choose_nodes(run, share) for run, share in zip(aligned, shares, strict=True))
     if not sum(len(own.time) for own in chosen):
@@ -164,6 +160,11 @@ def _choose(runs: Sequence[Run], lags: Sequence[float | None], count: int) -> tu
             "record both at once",
         )
     return tuple(own for own in chosen if len(own.time))
+
+
+def _worth(run: Run) -> float:
+    """Look more often where a gauge pulls: its readings are coarse, and they tell the stiffness itself."""
+    return PULLED_WORTH if run.pulled else 1.0
 
 
 def _forward(solver: Solver, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Forward:
@@ -200,7 +201,8 @@ def _solvable(forward: Forward, known: Floats) -> Floats:
     A model that is too soft has none: its chambers would have run away at pressures that the arm was seen
     to bear.
     """
-    probes = tuple(own.keep(_highest(own.pressures)) for own in forward.nodes)
+    probes = _parts(forward.nodes, _highest(forward.nodes))
+    probes = tuple(own for own in probes if len(own.time))
     modulus = np.array([parameter.kind == "modulus" for parameter in forward.layout.parameters])
     values = known
     for factor in STIFFER:
@@ -211,12 +213,13 @@ def _solvable(forward: Forward, known: Floats) -> Floats:
     return values
 
 
-def _highest(pressures: Floats) -> Flags:
-    """Tell which nodes have the highest sums of pressures, in order of time, shape (nodes,)."""
-    order = np.argsort(-pressures.sum(axis=1), kind="stable")[:PROBES]
-    flags = np.zeros(len(pressures), dtype=bool)
-    flags[order] = True
-    return flags
+def _highest(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
+    """Tell which nodes have the highest sums of pressures over all runs."""
+    sums = [own.pressures.sum(axis=1) for own in nodes]
+    every = np.concatenate(sums)
+    chosen = np.zeros(len(every), dtype=bool)
+    chosen[np.argsort(-every, kind="stable")[:PROBES]] = True
+    return tuple(np.split(chosen, np.cumsum([len(own) for own in sums])[:-1]))
 
 
 def _start(specimen: Specimen, layout: Layout, first: Floats, found: Mapping[str, AxesFit]) -> Floats:
@@ -244,8 +247,14 @@ def _section_below(specimen: Specimen, segment: str, sections: Sequence[str]) ->
     return min(below, key=lambda name: specimen.section(name).from_m, default="")
 
 
+def _known_of(known: Layout, layout: Layout) -> Layout:
+    """Give what was known before any data, of the unknowns of a layout."""
+    return known.without(set(known.names) - set(layout.names))
+
+
 def _fit_determined(
     forward: Forward,
+    known: Layout,
     start: Floats,
     before: Sequence[Evaluation],
     train: Sequence[Flags],
@@ -254,7 +263,7 @@ def _fit_determined(
     """Fit on the training nodes, settle what they do not determine, and fit the rest again."""
     part = _part(forward, train)
     found = fit(part, start, iterations=options.iterations, evaluations=_subset(before, train))
-    verdicts = identify(part.layout, found.values, found.covariance)
+    verdicts = identify(known, found.values, found.covariance)
     lost = {entry.parameter.name for entry in verdicts if entry.share > KEPT}
     layout = part.layout.without(lost)
     if not lost or not layout.parameters:
@@ -319,6 +328,23 @@ def _subset(evaluations: Sequence[Evaluation], flags: Sequence[Flags]) -> tuple[
     return tuple(part.keep(chosen) for part, chosen in zip(evaluations, flags, strict=True))
 
 
+def _joined(
+    whole: Sequence[Evaluation],
+    trained: Sequence[Evaluation],
+    held_out: Sequence[Evaluation],
+    train: Sequence[Flags],
+) -> tuple[Evaluation, ...]:
+    """Give evaluations of all nodes with the model's states of the last evaluations of both parts."""
+    found = []
+    for every, seen, unseen, flags in zip(whole, trained, held_out, train, strict=True):
+        parts = {True: iter(seen.response.memory), False: iter(unseen.response.memory)}
+        converged = np.empty(len(flags), dtype=bool)
+        converged[flags], converged[~flags] = seen.converged, unseen.converged
+        memory = tuple(next(parts[bool(flag)]) for flag in flags)
+        found.append(replace(every, response=replace(every.response, memory=memory, converged=converged)))
+    return tuple(found)
+
+
 def _handedness(nodes: Sequence[Nodes]) -> dict[str, bool]:
     bends = [m for own in nodes for m in own.run.suite.measurements if isinstance(m, Bend)]
     return {bend.name.removeprefix("bend_"): bend.mirrored for bend in bends}
@@ -340,6 +366,16 @@ def _require_excitation(layout: Layout) -> None:
     raise CalibrationRefusedError(
         "calibration", "the recordings determine neither a modulus nor a gain", f"{MANOEUVRES['modulus']}"
     )
+
+
+def _require_convergence(found: Fit) -> None:
+    if found.unsettled > UNSETTLED:
+        raise CalibrationRefusedError(
+            "calibration",
+            f"the fit does not converge: after {found.iterations} iterations an unknown would still move by "
+            f"{found.unsettled:.1f} of its standard deviations",
+            f"{MANOEUVRES['gain']}, and random poses; the old calibration stays",
+        )
 
 
 def _require_improvement(check: Check) -> None:

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
 from estimator.calibration.arrange import Run
-from estimator.calibration.calibrate import rms
 from estimator.calibration.forward import Forward
 from estimator.calibration.nodes import Nodes, choose_nodes
 from estimator.calibration.outcome import quantity_of
 from estimator.calibration.parameters import build_layout
 from estimator.calibration.regression import estimate_lag
+from estimator.calibration.scatter import rms
 from estimator.calibration.solver import Solver
 from estimator.errors import InputError
 from estimator.sensing import SensorSuite

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from estimator.calibration.forward import Evaluation, Forward
 from estimator.calibration.nodes import Nodes
+from estimator.calibration.scatter import vented
 from estimator.sensing import Measurement, SectionPose
 
 Floats = NDArray[np.float64]
@@ -23,6 +24,10 @@ HUBER = 1.5  # in units of the scatter
 NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
 PULLED = ", pulled"
 """Runs with known forces have a scatter of their own: the arm hangs near rest, where a model is truer."""
+HELD = ", held"
+"""Under pressure and drawn by a gauge at once."""
+HELD_WORTH = 9.0
+"""Weight of a known force under pressure: where a model that is not exact must err, not in the forces."""
 PULL_TRUST = 1.0 / 3.0
 """A known force tells the stiffness itself, pressures only through gravity and the area that they push on.
 
@@ -71,6 +76,7 @@ class Fit:
         correlated: Number of nodes that say the same thing.
         status: ``converged`` or ``iterations_exhausted``.
         iterations: Number of evaluations of the model at all nodes.
+        unsettled: Largest step that is left, over the unknown's standard deviation.
     """
 
     values: Floats
@@ -80,6 +86,7 @@ class Fit:
     correlated: float
     status: str
     iterations: int
+    unsettled: float = 0.0
 
 
 def fit(
@@ -109,7 +116,8 @@ def fit(
             scatter = _scatter(rows)
             correlated = correlation_length(current, forward.nodes)
         normal, gradient, cost = _normal_equations(forward, rows, values, scatter, correlated)
-        step, settled = _step(normal, gradient, damping, tolerance)
+        step, unsettled = _step(normal, gradient, damping)
+        settled = unsettled < tolerance
         if settled or count >= iterations:
             break
         candidate = forward.evaluate(values + step, current)
@@ -125,7 +133,7 @@ def fit(
     covariance = _covariance(forward, rows, scatter, correlated, normal)
     covariance += _registration_covariance(forward, rows, scatter, correlated, normal)
     status = "converged" if settled else "iterations_exhausted"
-    return Fit(values, covariance, current, scatter, correlated, status, count)
+    return Fit(values, covariance, current, scatter, correlated, status, count, unsettled)
 
 
 def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
@@ -135,22 +143,25 @@ def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
     for number, (evaluation, own) in enumerate(zip(evaluations, nodes, strict=True)):
         suite = own.run.suite
         kind = np.empty(suite.size, dtype="U64")
+        held = own.run.pulled & ~vented(own.pressures)
         noise, registered = np.empty(suite.size), np.zeros(suite.size)
         for measurement in suite.measurements:
             rows = suite.slices[measurement.name]
-            kind[rows] = [name + (PULLED if own.run.pulled else "") for name in _kinds(measurement)]
+            kind[rows] = _kinds(measurement)
             registered[rows] = measurement.registration is not None
             noise[rows] = np.sqrt(np.diag(measurement.covariance(np.zeros(measurement.reading_size))))
         seen = np.isfinite(evaluation.innovation)
         shape = evaluation.innovation.shape
+        suffix = np.where(held, HELD, PULLED if own.run.pulled else "")
+        weight = own.weights * np.where(held, HELD_WORTH, 1.0)
         parts.append(
             Rows(
                 evaluation.innovation[seen],
                 evaluation.jacobian[seen],
                 (evaluation.rigid * registered[:, None])[seen],
                 np.broadcast_to(number, shape)[seen],
-                np.broadcast_to(kind, shape)[seen],
-                np.broadcast_to(own.weights[:, None], shape)[seen],
+                np.char.add(kind[None, :], suffix[:, None])[seen],
+                np.broadcast_to(weight[:, None], shape)[seen],
                 np.broadcast_to(noise, shape)[seen],
                 np.broadcast_to(own.blocks[:, None] + first_block, shape)[seen],
             )
@@ -235,11 +246,13 @@ def _normal_equations(
     return normal, gradient, float((rows.weight * loss).sum() / correlated + known @ known)
 
 
-def _step(normal: Floats, gradient: Floats, damping: float, tolerance: float) -> tuple[Floats, bool]:
+def _step(normal: Floats, gradient: Floats, damping: float) -> tuple[Floats, float]:
+    """Give the damped step, and the largest share of its deviation that an undamped one would move."""
     damped = normal + damping * np.diag(np.diag(normal))
     step: Floats = np.linalg.solve(damped, gradient).astype(np.float64)
     deviations = np.sqrt(np.diag(np.linalg.inv(normal)))
-    return step, bool((np.abs(np.linalg.solve(normal, gradient)) < tolerance * deviations).all())
+    shares = np.abs(np.linalg.solve(normal, gradient)) / deviations
+    return step, float(shares.max(initial=0.0))
 
 
 def _covariance(

@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from estimator.calibration.arrange import Floats, Run
 
@@ -13,6 +15,10 @@ Indices = NDArray[np.int64]
 
 BLOCK = 10.0  # s
 WINDOW = 0.1  # s over which a node's readings are averaged
+PULLED_WINDOW = 0.4  # s; a gauge reads seldom and in coarse steps
+REST_MARGIN = 0.3  # s of rest on either side of a node while a gauge pulls
+SIGNAL = 20.0  # times its noise that a column must spread to tell of motion
+NORMAL_MEAN = 1.2533  # standard deviation over mean size of a normal distribution
 QUIET_SPEED = 0.5  # 1/s; motion of half its own spread per second halves a node's weight
 LEAST_WEIGHT = 0.05
 
@@ -52,18 +58,24 @@ class Nodes:
         )
 
 
-def choose_nodes(run: Run, count: int, window: float = WINDOW) -> Nodes:
-    """Choose evenly spaced windows of a run and average each.
+def choose_nodes(run: Run, count: int, window: float | None = None) -> Nodes:
+    """Choose windows of a run and average each.
+
+    They are evenly spaced; while a gauge pulls, each is moved to where hook and arm rest the most around it:
+    the tension of a moving cord is not that of an equilibrium.
 
     Args:
         run: The run.
         count: Largest number of nodes.
-        window: Length of a window [s].
+        window: Length of a window [s]; ``WINDOW``, or ``PULLED_WINDOW`` where a gauge pulls.
     """
+    window = window or (PULLED_WINDOW if run.pulled else WINDOW)
     duration = run.time[-1] - run.time[0]
     number = max(1, min(count, int(duration / window)))
-    centres = run.time[0] + (np.arange(number) + 0.5) * duration / number
     speeds = _speed(run)
+    centres = run.time[0] + (np.arange(number) + 0.5) * duration / number
+    if run.pulled:
+        centres = _resting(run, speeds, number, 0.5 * window + REST_MARGIN)
     rows, weights, kept = [], [], []
     for centre in centres:
         inside = np.abs(run.time - centre) <= window / 2
@@ -98,6 +110,19 @@ def training_blocks(blocks: Sequence[int] | Indices) -> Flags:
     return training
 
 
+def _resting(run: Run, speeds: Floats, number: int, margin: float) -> Floats:
+    """Find the moment of each of ``number`` even stretches around which the fastest motion is the slowest."""
+    step = float(np.median(np.diff(run.time))) if len(run.time) > 1 else 1.0
+    busiest = maximum_filter1d(speeds, 2 * max(1, round(margin / step)) + 1, mode="nearest")
+    edges = run.time[0] + np.arange(number + 1) * (run.time[-1] - run.time[0]) / number
+    moments = []
+    for begin, end in pairwise(edges):
+        inside = np.flatnonzero((run.time >= begin) & (run.time <= end))
+        if len(inside):
+            moments.append(run.time[inside[np.argmin(busiest[inside])]])
+    return np.array(moments)
+
+
 def _mean(readings: Floats) -> Floats:
     seen = np.isfinite(readings)
     total = np.where(seen, readings, 0.0).sum(axis=0)
@@ -105,16 +130,28 @@ def _mean(readings: Floats) -> Floats:
 
 
 def _speed(run: Run) -> Floats:
-    """Give how fast readings and pressures move, in their own spreads per second, shape (samples,)."""
+    """Give how fast readings and pressures move, in their own spreads per second, shape (samples,).
+
+    Columns that hold little but noise are left out: in their own spreads, noise is fast.
+    """
     columns = np.column_stack([run.readings, run.pressures])
     spread = np.nanstd(columns, axis=0)
-    moving = spread > 0
+    moving = spread > SIGNAL * _noise(columns)
     if len(run.time) < 3 or not moving.any():
         return np.zeros(len(run.time))
     smooth = _smoothed(run.time, np.nan_to_num(columns[:, moving] / spread[moving]))
     rates = np.gradient(smooth, run.time, axis=0)
     speed: Floats = np.sqrt((rates**2).mean(axis=1))
     return speed
+
+
+def _noise(columns: Floats) -> Floats:
+    """Give each column's standard deviation from sample to sample, by its mean second difference."""
+    turns = np.abs(np.diff(columns, n=2, axis=0))
+    seen = np.isfinite(turns)
+    sizes: Floats = np.where(seen, turns, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
+    noise: Floats = sizes * (NORMAL_MEAN / np.sqrt(6.0))
+    return noise
 
 
 def _smoothed(time: Floats, values: Floats) -> Floats:

@@ -236,6 +236,7 @@ def build_layout(
             pressures push on need not be known.
     """
     calibration = specimen.calibration
+    gain_spread = float(np.hypot(GAIN_SPREAD, AREA_SPREAD)) if pulled else GAIN_SPREAD
     parameters = [
         Parameter(
             f"modulus.{s.name}",
@@ -251,7 +252,7 @@ def build_layout(
     for k in moved_chambers:
         found = calibration.chamber(k)
         spread = BIAS_SPREAD if pressure_sources[k] == "measured" else NOMINAL_BIAS_SPREAD
-        parameters.append(Parameter(f"gain.{k}", "gain", str(k), "-", found.gain.value, GAIN_SPREAD))
+        parameters.append(Parameter(f"gain.{k}", "gain", str(k), "-", found.gain.value, gain_spread))
         parameters.append(Parameter(f"bias.{k}", "bias", str(k), "Pa", found.bias_pa.value, spread))
     parameters += _curves(specimen, moved_chambers)
     parameters += _alignment(suite)

@@ -51,7 +51,7 @@ class _Memory(Generic[State]):
     state: State
     inputs: Inputs
     covariance: Floats
-    last: Linearised[State]
+    last: Linearised[State] | None = None
 
 
 class Estimator(Generic[State, Step]):
@@ -100,6 +100,18 @@ class Estimator(Generic[State, Step]):
         """Forget the past."""
         self._memory = None
         self._fresh = True
+
+    def begin_at(self, state: State, inputs: Inputs) -> None:
+        """Begin the next search at an equilibrium that is known from elsewhere, such as from other sensors.
+
+        Args:
+            state: State of the model.
+            inputs: The inputs that it is in equilibrium with.
+        """
+        variance = np.concatenate([self._settings.pressure_limits**2, self._settings.process.sigma**2])
+        time = -np.inf if self._memory is None else self._memory.time
+        self._memory = _Memory(time, state, inputs, np.diag(variance))
+        self._fresh = False
 
     def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> Estimate[State]:
         """Estimate at an instant.

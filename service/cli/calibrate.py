@@ -75,6 +75,7 @@ def command(
         check_drift,
         section_forces,
     )
+    from estimator.calibration.complaints import complaints
     from estimator.specimen import save_specimen
     from service.offline.inputs import load_recordings, specimen_of
     from service.recordings.files import refuse_existing
@@ -88,7 +89,9 @@ def command(
     loads = section_forces(robot)
     model = build_arm(robot, loads=loads)
     runs = [arrange(recording, robot, model.sections, loads) for recording in loaded]
-    for run in runs:
+    for recording, run in zip(loaded, runs, strict=True):
+        for complaint in complaints(recording, run):
+            say(complaint)
         if run.ignored_markers:
             say(f"{run.name}: the specimen does not name markers {', '.join(run.ignored_markers)}")
     if out is None:

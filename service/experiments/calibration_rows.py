@@ -4,17 +4,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from estimator.calibration import Calibrated, Run, check_drift
+from estimator.calibration import Calibrated, Run, Solver, check_drift
 from estimator.specimen import Specimen
 from service.experiments.figures import Cells
 from service.experiments.holds import Holds
-from service.experiments.models import known_force_solver
 from service.experiments.paper_calibration import calibrate_as_paper
 from service.experiments.validation import pose_errors
 from service.experiments.whole_runs import sampled
 
 Runs = Callable[[str, Specimen], Run]
-SAMPLES = 12
+Solvers = Callable[[Specimen], Solver]
+SAMPLES = 8
 
 
 def unknown_rows(found: Calibrated) -> list[Cells]:
@@ -33,9 +33,9 @@ def unknown_rows(found: Calibrated) -> list[Cells]:
     ]
 
 
-def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs) -> list[Cells]:
+def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs, solvers: Solvers) -> list[Cells]:
     """Predict poses and pulls that no fit has seen with the paper's two calibrations and the joint one."""
-    solver = known_force_solver(nominal)
+    solver = solvers(nominal)
     paper = calibrate_as_paper(solver, nominal, runs("sweep", nominal), runs("pulls", nominal))
     cases = (
         ("paper's first (pressures)", paper.shape, paper.alpha_shape.value),
@@ -44,7 +44,7 @@ def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs) -> list[Cell
     )
     rows: list[Cells] = []
     for name, specimen, alpha in cases:
-        own = known_force_solver(specimen)
+        own = solvers(specimen)
         row: Cells = {"calibration": name, "alpha": alpha}
         for what, run in (("random poses", "validation"), ("pulls", "force_still")):
             holds: Holds = sampled(runs(run, specimen), SAMPLES, pulled=run == "force_still")
@@ -56,10 +56,9 @@ def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs) -> list[Cell
     return rows
 
 
-def drift_rows(specimen: Specimen, runs: Runs) -> list[Cells]:
+def drift_rows(specimen: Specimen, runs: Runs, solvers: Solvers) -> list[Cells]:
     """Check the calibration against later recordings of the same arm."""
-    solver = known_force_solver(specimen)
-    found = check_drift(solver, specimen, [runs("validation", specimen)], nodes=24)
+    found = check_drift(solvers(specimen), specimen, [runs("validation", specimen)], nodes=24)
     return [
         {
             "quantity": drift.quantity,

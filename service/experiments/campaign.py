@@ -41,7 +41,12 @@ NOTES = {
     "force": (
         "Not pressurised: the gauge moves away in a dozen steps in three directions, estimates while it "
         "rests. Pressurised: pressures ramp up and down in 8 s against the cord, all estimates.",
-        "Errors are of the lateral part along the cord; range is that of the gauge in the run.",
+        "Errors are of the lateral part along the cord; range is that of the gauge in the run. The gauge is "
+        "averaged over the same window as the readings, and each pull is tared by the rest just before it.",
+    ),
+    "beyond": (
+        "The calibration has seen pulls at the tip only. Four unknown loads: two lateral forces on either "
+        "section, the pull on the tip alone.",
     ),
     "teach": ("Errors are of the tip against the pose while the hand held it.",),
     "comparison": (

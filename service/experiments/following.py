@@ -10,12 +10,18 @@ from estimator.inverse import Estimate, Estimator
 from estimator.model import ArmModel
 from estimator.specimen import Specimen
 from service.errors import WorkFailedError
-from service.offline.track import settings
+from service.offline.track import Waypoints, begin_near, settings
 
 Floats = NDArray[np.float64]
 
 
-def follow(model: ArmModel[Any, Any], specimen: Specimen, run: Run, moments: Floats) -> list[Estimate[Any]]:
+def follow(
+    model: ArmModel[Any, Any],
+    specimen: Specimen,
+    run: Run,
+    moments: Floats,
+    waypoints: Waypoints[Any] | None = None,
+) -> list[Estimate[Any]]:
     """Follow a run and keep the estimates at some moments.
 
     Args:
@@ -23,6 +29,7 @@ def follow(model: ArmModel[Any, Any], specimen: Specimen, run: Run, moments: Flo
         specimen: The calibrated robot.
         run: What was recorded, at the rate of the estimates.
         moments: [s], shape (moments,).
+        waypoints: States of the samples; with them, only the moments are estimated.
 
     Raises:
         WorkFailedError: An estimate at one of them did not converge.
@@ -34,6 +41,10 @@ def follow(model: ArmModel[Any, Any], specimen: Specimen, run: Run, moments: Flo
     for index, (time, readings, pressures) in enumerate(
         zip(run.time, run.readings, run.pressures, strict=True)
     ):
+        if waypoints is not None:
+            if index not in wanted:
+                continue
+            begin_near(estimator, waypoints, index, model.loads)
         estimate = estimator.update(float(time), readings, pressures, gravity)
         if index in wanted:
             if estimate.status == "diverged":

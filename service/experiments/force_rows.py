@@ -1,13 +1,14 @@
 """Rows of the force experiment: along the cord, by sensors, along the arm's axis, and where it acts."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.calibration import Run, arrange, section_forces
+from estimator.calibration.scatter import scatter_in
 from estimator.fem import FiniteElementState
 from estimator.inverse import ContactProfile
 from estimator.model import Load
@@ -28,7 +29,7 @@ from service.experiments.pulls import (
 )
 from service.experiments.subsets import subset
 from service.offline.resample import resample
-from service.offline.track import Track, track
+from service.offline.track import Track, Waypoints, track
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -69,11 +70,13 @@ class PullCase:
         condition: Its name.
         recording: What was recorded.
         specimen: The calibrated robot.
+        waypoints: States of its samples, once they have been estimated on some sensors.
     """
 
     condition: str
     recording: Recording
     specimen: Specimen
+    waypoints: Waypoints[Any] = field(default_factory=Waypoints)
 
     @property
     def run(self) -> Run:
@@ -101,13 +104,13 @@ def follow_pull(
     """
     run = case.run
     sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, rate)
-    slow = subset(sampled, sensors, dict(case.specimen.calibration.scatter))
-    pull = pull_of(case.recording, case.specimen, run, slow.time)
+    slow = subset(sampled, sensors, scatter_in(case.specimen, sampled))
+    pull = pull_of(case.recording, case.specimen, slow)
     model = tracking_model(case.specimen, lateral_loads(pull.section) if loads is None else loads)
-    found = track(model, case.specimen, slow, advance)
+    found = track(model, case.specimen, slow, advance, waypoints=case.waypoints)
     tied = pull.tied
     vented = np.nan_to_num(slow.pressures).max(axis=1) < VENTED_PA
-    free = ~tied & vented & (slow.time < _first(slow.time, tied))
+    free = ~tied & vented
     return PullTrack(case.condition, sensors, pull, found, force_errors(found, pull, free).keep(tied), tied)
 
 
@@ -149,10 +152,10 @@ def axial_rows(case: PullCase, *, at_rest: bool = False, advance: Advance = lamb
     """Estimate force along the arm's axis and torque about it from poses; the cord gives no torque."""
     run = case.run
     sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, 1.0)
-    slow = subset(sampled, "poses", dict(case.specimen.calibration.scatter))
-    pull = pull_of(case.recording, case.specimen, run, slow.time)
+    slow = subset(sampled, "poses", scatter_in(case.specimen, sampled))
+    pull = pull_of(case.recording, case.specimen, slow)
     model = tracking_model(case.specimen, wrench_loads(pull.section))
-    found = track(model, case.specimen, slow, advance)
+    found = track(model, case.specimen, slow, advance, waypoints=case.waypoints)
     tied = pull.tied
     free = ~tied & (slow.time < _first(slow.time, tied))
     names = [load.name for load in found.loads]
@@ -182,10 +185,9 @@ def axial_rows(case: PullCase, *, at_rest: bool = False, advance: Advance = lamb
 def location_rows(case: PullCase, looks: int = 6, advance: Advance = lambda _: None) -> list[Cells]:
     """Find where along the arm the cord pulls, from poses, at the strongest steady pulls."""
     run = case.run
-    slow = subset(
-        at_looks(run, look_windows(case.recording)), "fused", dict(case.specimen.calibration.scatter)
-    )
-    pull = pull_of(case.recording, case.specimen, run, slow.time)
+    sampled = at_looks(run, look_windows(case.recording))
+    slow = subset(sampled, "fused", scatter_in(case.specimen, sampled))
+    pull = pull_of(case.recording, case.specimen, slow)
     strength = np.linalg.norm(pull.force, axis=1) * pull.tied
     strength[~np.isfinite(slow.readings).all(axis=1)] = 0.0
     chosen = [index for index in _strongest(strength, slow.time, looks) if strength[index] > TAUT_N]
@@ -198,7 +200,7 @@ def location_rows(case: PullCase, looks: int = 6, advance: Advance = lambda _: N
     moments = slow.time[sorted({0, *chosen})]
     errors: list[float] = []
     deviations: list[float] = []
-    for estimate in follow(model, case.specimen, slow, moments)[1:]:
+    for estimate in follow(model, case.specimen, slow, moments, case.waypoints)[1:]:
         acting = np.concatenate([estimate.inputs.loads, np.zeros(len(profile.loads))])
         inputs = replace(estimate.inputs, loads=acting)
         index = len(errors)

@@ -19,7 +19,7 @@ from service.experiments.session import connect, recorded, wait_ready
 from service.network.client import SoftarmClient
 from service.network.session import DEFAULT_ENDPOINT
 from service.recordings import load_recording
-from service.rig import FakeRig, RigSettings
+from service.rig import FakeRig, RigSettings, free_endpoint
 
 Floats = NDArray[np.float64]
 
@@ -175,7 +175,7 @@ def live_bench(
             settings = RigSettings(
                 EXAMPLES / "scenarios" / "demo.toml",
                 specimen=chosen,
-                endpoint=endpoint or DEFAULT_ENDPOINT,
+                endpoint=endpoint or free_endpoint(),
                 sensors=sensors,
             )
             rig = stack.enter_context(FakeRig(settings, out / "rig"))

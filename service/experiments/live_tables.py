@@ -25,7 +25,7 @@ from service.experiments.validation import pose_errors, rows
 from service.recordings import save_recording
 
 LOOK_S = 0.5
-NODES = 80
+NODES = 48
 WAY = "Live over zenoh; figures are of the service's recording, by the service's own estimator."
 
 
@@ -75,7 +75,7 @@ def _calibrated(specimen: Specimen, recordings: tuple[Recording, ...], out: Path
     for recording in recordings:
         save_recording(recording, out / f"{recording.name}_with_hook", force=True)
     runs = [arrange(recording, nominal, None, loads) for recording in recordings]
-    found = calibrate(known_force_solver(nominal), nominal, runs, Options(nodes=NODES))
+    found = calibrate(known_force_solver(nominal), nominal, runs, Options(nodes=NODES, iterations=8))
     told = f"softarm experiment calibrate, {', '.join(run.name for run in runs)}"
     save_specimen(calibrated_specimen(nominal, found, told), out / "specimen.toml")
     return calibration_tables(found)

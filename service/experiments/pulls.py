@@ -21,6 +21,8 @@ TAUT_N = 0.03
 STILL_M_S = 1e-3
 SETTLED_S = 0.6
 LOOK_S = 0.5
+LEAVE_S = 0.2
+"""End of a rest that is left out: a hook has moved for a while before it is seen to move."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class Pull:
 
     Args:
         section: Section that the cord is tied to.
-        force: Force on it in the base frame [N], NaN between readings, shape (samples, 3).
+        force: Mean force on it in the base frame [N], NaN without readings, shape (samples, 3).
         direction: Unit vector along the cord, zero while it is off, shape (samples, 3).
         still: Whether hook and pressures have rested for a while, shape (samples,).
     """
@@ -53,14 +55,14 @@ class Pull:
         return np.where(size > 0.1, across / np.maximum(size, 1e-9), 0.0)
 
 
-def pull_of(recording: Recording, specimen: Specimen, run: Run, times: Floats) -> Pull:
+def pull_of(recording: Recording, specimen: Specimen, run: Run) -> Pull:
     """Find the pull in a recording.
 
     Args:
         recording: What was recorded.
         specimen: The robot.
-        run: The recording, arranged for ``section_forces``.
-        times: When it is wanted [s], shape (samples,).
+        run: The recording, arranged for ``section_forces`` and averaged over the looks or windows in which
+            the pull is wanted.
 
     Raises:
         InputError: There is no gauge, its cord was slack throughout, or it reads nothing.
@@ -87,10 +89,8 @@ def pull_of(recording: Recording, specimen: Specimen, run: Run, times: Floats) -
             recording.name, "does not say where the cord leads", "add marker_hook_* or gauge_direction"
         )
     loads = run.loads.reshape(len(run.time), -1, 3)[:, sections[::3].index(section)]
-    nearest = np.clip(np.searchsorted(recording.time, times), 0, len(recording.time) - 1)
-    told = np.isfinite(loads).all(axis=1)
-    force = np.column_stack([np.interp(times, run.time[told], column[told]) for column in loads.T])
-    return Pull(section, force, direction[nearest], rested(recording, times))
+    nearest = np.clip(np.searchsorted(recording.time, run.time), 0, len(recording.time) - 1)
+    return Pull(section, loads, direction[nearest], rested(recording, run.time))
 
 
 def rested(recording: Recording, times: Floats) -> Flags:
@@ -113,11 +113,14 @@ def rested(recording: Recording, times: Floats) -> Flags:
 
 
 def look_windows(recording: Recording, look: float = LOOK_S) -> Floats:
-    """Find the end of each rest of hook and pressures, beginning and end of a look [s], shape (looks, 2)."""
+    """Find the end of each rest of hook and pressures, beginning and end of a look [s], shape (looks, 2).
+
+    Looks end ``LEAVE_S`` before the rest does.
+    """
     times = np.arange(recording.time[0], recording.time[-1], 0.1)
     still = rested(recording, times)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
-    ends = np.array([times[end - 1] for end in edges[1::2]])
+    ends = np.array([times[end - 1] for end in edges[1::2]]) - LEAVE_S
     return np.column_stack([ends - look, ends])
 
 
@@ -169,13 +172,14 @@ def force_errors(track: Track[State], pull: Pull, free: Flags | None = None) -> 
     Args:
         track: Estimates with lateral loads on the pulled section.
         pull: What the gauge says at the same times.
-        free: Samples whose mean estimate is taken as zero (the tare); none leaves the estimate as it is.
+        free: Samples at which no force acts; each pull is tared by those just before it. None leaves the
+            estimates as they are.
     """
     members = [index for index, load in enumerate(track.loads) if load.section == pull.section]
     axes = np.array([track.loads[index].direction for index in members])
     forces = track.forces[:, members] @ axes
-    if free is not None and free.any():
-        forces = forces - np.nanmean(forces[free], axis=0)
+    if free is not None:
+        forces = forces - tare(forces, free)
     along = pull.lateral
     covariance = track.force_covariance[:, members][:, :, members]
     rows = np.einsum("si,li->sl", along, axes)
@@ -187,6 +191,24 @@ def force_errors(track: Track[State], pull: Pull, free: Flags | None = None) -> 
         np.sqrt(np.maximum(variance, 0.0)),
         pull.still,
     )
+
+
+def tare(forces: Floats, free: Flags) -> Floats:
+    """Give the mean force over the last stretch without force before each sample, shape (samples, axes).
+
+    Args:
+        forces: Estimates, shape (samples, axes).
+        free: Samples at which no force acts, shape (samples,).
+    """
+    zero = np.zeros_like(forces)
+    start, now = 0, np.zeros(forces.shape[1])
+    for index in range(len(forces)):
+        if free[index]:
+            start = index if not (index and free[index - 1]) else start
+            seen = forces[start : index + 1]
+            now = np.nanmean(seen, axis=0) if np.isfinite(seen).all(axis=1).any() else now
+        zero[index] = now
+    return zero
 
 
 Advance = Callable[[float], None]

@@ -10,7 +10,15 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from estimator.arm import default_loads
-from estimator.calibration import Calibrated, Options, Run, arrange, calibrate, calibrated_specimen
+from estimator.calibration import (
+    Calibrated,
+    Options,
+    Run,
+    Solver,
+    arrange,
+    calibrate,
+    calibrated_specimen,
+)
 from estimator.calibration.pulls import section_forces
 from estimator.errors import InputError
 from estimator.recording import Recording
@@ -29,7 +37,7 @@ from service.experiments.force_rows import (
 )
 from service.experiments.holds import hold_windows, means
 from service.experiments.leave_one_out import leave_one_out_errors
-from service.experiments.models import known_force_solver
+from service.experiments.models import Answers, WarmSolver, known_force_solver
 from service.experiments.recorded import FakeRun, perform
 from service.experiments.subsets import SUBSETS
 from service.experiments.teaching import teach_recorded
@@ -40,13 +48,13 @@ CALIBRATION_RUNS = {
     "sweep": ("each_alone",),
     "poses": ("random_holds",),
     "pulls": ("pulled_steps",),
-    "pulls_intermediate": ("pulled_steps_intermediate",),
+    "pulls_pressurised": ("pulled_taut_steps",),
 }
 RUNS: Mapping[str, tuple[str, ...]] = {
     **CALIBRATION_RUNS,
     "validation": ("random_holds", "random_holds"),
     "force_still": ("pulled_small_steps",),
-    "force_pressurised": ("pulled_taut",),
+    "force_pressurised": ("rest", "pulled_taut"),
     "force_moving": ("pulled_ramps",),
     "force_intermediate": ("pulled_small_steps_intermediate",),
     "taught": ("taught", "taught", "taught"),
@@ -116,6 +124,11 @@ class SeedBench:
     def __init__(self, plan: SeedPlan) -> None:
         self.plan = plan
         self.nominal = load_specimen(plan.specimen)
+        self._answers = Answers()
+
+    def solver(self, specimen: Specimen) -> Solver:
+        """Give a model of the arm that begins at what others have answered."""
+        return WarmSolver(known_force_solver(specimen), self._answers)
 
     def recording(self, name: str) -> Recording:
         """Give a recording by the name of its run."""
@@ -132,7 +145,7 @@ class SeedBench:
         """The joint calibration."""
         runs = [self.run(name, self.nominal) for name in CALIBRATION_RUNS]
         options = Options(nodes=self.plan.nodes, iterations=6)
-        return calibrate(known_force_solver(self.nominal), self.nominal, runs, options)
+        return calibrate(self.solver(self.nominal), self.nominal, runs, options)
 
     @cached_property
     def specimen(self) -> Specimen:
@@ -181,15 +194,15 @@ def run_seed(plan: SeedPlan) -> SeedResult:
 def _calibrate(bench: SeedBench, result: SeedResult) -> None:
     found = bench.found
     result.add("unknowns", unknown_rows(found))
-    result.add("comparison", comparison_rows(bench.nominal, bench.specimen, bench.run))
-    result.add("drift", drift_rows(bench.specimen, bench.run))
+    result.add("comparison", comparison_rows(bench.nominal, bench.specimen, bench.run, bench.solver))
+    result.add("drift", drift_rows(bench.specimen, bench.run, bench.solver))
 
 
 def _validate(bench: SeedBench, result: SeedResult) -> None:
     specimen = bench.specimen
     recording = bench.recording("validation")
     holds = means(bench.run("validation", specimen), hold_windows(recording))
-    solver = known_force_solver(specimen)
+    solver = bench.solver(specimen)
     errors = pose_errors(solver, specimen, holds)
     result.add("validation", rows(errors, "held out"))
     result.add("validation", rows(leave_one_out_errors(solver, specimen, holds), "leave one out"))
@@ -208,20 +221,17 @@ def _force(bench: SeedBench, result: SeedResult) -> None:
             by = done if kind == "orientations" else follow_pull(case, kind, at_rest=resting)
             result.add("sensors", [along_cord_row(by)])
         result.add("axial", axial_rows(case, at_rest=resting))
-    _beyond(bench, result)
-
-
-def _beyond(bench: SeedBench, result: SeedResult) -> None:
-    still = PullCase("not pressurised", bench.recording("force_still"), bench.specimen)
+        if resting:
+            every = default_loads(bench.specimen)
+            for kind in ("orientations", "poses"):
+                by = follow_pull(case, kind, loads=every, at_rest=True)
+                result.add("beyond", [along_cord_row(by)])
+            result.add("location", location_rows(case))
     moving = PullCase("moving", bench.recording("force_moving"), bench.specimen)
-    above = PullCase("not pressurised", bench.recording("force_intermediate"), bench.specimen)
     result.add("beyond", [along_cord_row(follow_pull(moving))])
+    above = PullCase("not pressurised", bench.recording("force_intermediate"), bench.specimen)
     result.add("beyond", [along_cord_row(follow_pull(above, at_rest=True))])
-    every = default_loads(bench.specimen)
-    for kind in ("orientations", "poses"):
-        result.add("beyond", [along_cord_row(follow_pull(still, kind, loads=every, at_rest=True))])
-    for case in (still, above):
-        result.add("location", location_rows(case))
+    result.add("location", location_rows(above))
 
 
 def series_of(done: PullTrack) -> Series:

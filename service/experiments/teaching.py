@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.calibration import Run, arrange
+from estimator.calibration.scatter import scatter_in
 from estimator.errors import InputError
 from estimator.inverse import approach, replace_loads
 from estimator.recording import Recording
@@ -169,8 +170,8 @@ def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, numbe
 
 
 def _slow(recording: Recording, specimen: Specimen) -> Run:
-    run = subset(arrange(recording, specimen), "poses", dict(specimen.calibration.scatter))
-    return resample(run, RATE_HZ)
+    run = arrange(recording, specimen)
+    return resample(subset(run, "poses", scatter_in(specimen, run)), RATE_HZ)
 
 
 def _held(recording: Recording, specimen: Specimen, count: int) -> tuple[Floats, Floats]:

@@ -1,7 +1,7 @@
 """Pose and external force over a recording, sample by sample, with their uncertainty."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from estimator.augmented import Follower, estimator_of
 from estimator.calibration import Run
 from estimator.errors import InputError
-from estimator.inverse import Estimate, LoadProcess, TrackerSettings
-from estimator.model import ArmModel, Frames, Linearisation, Load
+from estimator.fem import FiniteElementState
+from estimator.inverse import Estimate, Estimator, LoadProcess, TrackerSettings
+from estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
 from estimator.sensing import ActuationMap, Registration, SensorSuite
 from estimator.sensors import SpecimenSensors
 from estimator.simulation import section_loads
@@ -25,6 +26,32 @@ FORCE_SIGMA = 1.0  # N; long-run spread of an unknown force, the range of the pa
 MOMENT_SIGMA = 0.1  # N m
 STATUSES = ("converged", "iterations_exhausted", "diverged")
 SHOWN = 6
+
+
+@dataclass
+class Waypoints(Generic[State]):
+    """States along a run, from which estimates at the same samples on other sensors begin.
+
+    Args:
+        loads: Names of the loads of the model that found them.
+        found: State and inputs of each sample, ``None`` where the search diverged; empty until a run was
+            followed.
+    """
+
+    loads: tuple[str, ...] = ()
+    found: list[tuple[State, Inputs] | None] = field(default_factory=list)
+
+    def at(self, index: int, loads: Sequence[Load]) -> tuple[State, Inputs] | None:
+        """Give a sample's state with the inputs of a model that has other unknown loads as well."""
+        if index >= len(self.found) or (known := self.found[index]) is None:
+            return None
+        state, inputs = known
+        values = dict(zip(self.loads, inputs.loads.tolist(), strict=True))
+        amplitudes = np.array([values.get(load.name, 0.0) for load in loads])
+        given = Inputs(inputs.pressures, amplitudes, inputs.gravity)
+        if isinstance(state, FiniteElementState):
+            state = replace(state, inputs=given)
+        return state, given
 
 
 @dataclass(frozen=True)
@@ -76,6 +103,7 @@ def track(
     run: Run,
     advance: Callable[[float], None] = lambda _: None,
     guide: ArmModel[Any, Any] | None = None,
+    waypoints: Waypoints[State] | None = None,
 ) -> Track[State]:
     """Estimate loads and frames at every sample of a run, each on its own.
 
@@ -88,6 +116,7 @@ def track(
         run: What was recorded, arranged for the model's sections.
         advance: Called with 1 after each sample.
         guide: A fast model with the same loads, at whose answer a search begins that has nothing to go on.
+        waypoints: States of the same samples to begin at; filled where it is empty.
     """
     estimator = _estimator(model, specimen, run, guide)
     gravity = np.array(specimen.gravity_m_s2)
@@ -95,17 +124,33 @@ def track(
     shown: list[tuple[int, State]] = []
     samples = _Samples.sized(len(run.time), model, run.suite)
     statement = ""
+    waypoints = waypoints or Waypoints()
+    known = bool(waypoints.found)
+    waypoints.loads = waypoints.loads or tuple(load.name for load in model.loads)
     for index, (time, readings, pressures) in enumerate(
         zip(run.time, run.readings, run.pressures, strict=True)
     ):
+        begin_near(estimator, waypoints, index, model.loads)
         estimate = estimator.update(float(time), readings, pressures, gravity)
         samples.put(index, estimate)
+        if not known:
+            lost = estimate.status == "diverged"
+            waypoints.found.append(None if lost else (estimate.state, estimate.inputs))
         if index in chosen and estimate.status != "diverged":
             shown.append((index, estimate.state))
         if not statement and estimate.converged:
             statement = estimate.observability.statement
         advance(1)
     return samples.track(model, run, tuple(shown), statement)
+
+
+def begin_near(
+    estimator: Follower[State], waypoints: Waypoints[State], index: int, loads: Sequence[Load]
+) -> None:
+    """Let an estimator without physics begin at a waypoint, where there is one."""
+    start = waypoints.at(index, loads)
+    if start is not None and isinstance(estimator, Estimator):
+        estimator.begin_at(*start)
 
 
 def _estimator(

@@ -236,6 +236,23 @@ def pulled_taut(rng: Random, section: str = "tip", seconds: float = 8.0, highest
     return chain("pulled_taut", *parts)
 
 
+def pulled_taut_steps(
+    rng: Random, section: str = "tip", levels: int = 4, hold: float = 2.0, highest: float = 45e3
+) -> Manoeuvre:
+    """Fill the chambers that bend the arm away from the gauge in steps, each held, from each side in turn."""
+    parts = []
+    stairs = np.repeat(np.linspace(0.0, 1.0, levels + 1)[1:], samples(hold))
+    ramp = np.concatenate([np.zeros(samples(1.0)), stairs, np.zeros(samples(3.0))])
+    for chamber in range(3):
+        level = np.zeros(CHAMBERS)
+        level[[chamber, 3 + chamber]] = highest * rng.uniform(0.8, 1.0, 2)
+        side = -2.0 * np.pi * chamber / 3.0  # the hanging mount turns the base frame about x
+        direction = (float(np.cos(side)), float(np.sin(side)), 0.0)
+        pull = Pull(section, 0, direction, np.zeros(samples(1.0) + len(stairs)), slack=0.002)
+        parts.append(Manoeuvre("", np.outer(ramp, level), (pull,)))
+    return chain("pulled_taut_steps", *parts)
+
+
 def taught(
     rng: Random, count: int = 5, reach: float = 0.06, hold: float = 4.0, section: str = "tip"
 ) -> Manoeuvre:
@@ -270,6 +287,7 @@ LIBRARY: dict[str, Callable[[Random], Manoeuvre]] = {
     "pulled_steps_intermediate": lambda rng: pulled_steps("intermediate"),  # noqa: ARG005
     "against_the_cord": against_the_cord,
     "pulled_taut": pulled_taut,
+    "pulled_taut_steps": pulled_taut_steps,
     "taught": taught,
     "taught_intermediate": partial(taught, section="intermediate"),
 }

@@ -95,7 +95,7 @@ def test_a_pull_points_from_the_knot_to_the_hook() -> None:
     count = int(20.0 * RATE)
     told = posed(gauge_cord_n=np.linspace(0.0, 0.5, count), **hook((0.6, 0.8, 0.0)))
     run = arrange(told, specimen, None, section_forces(specimen))
-    pull = pull_of(told, specimen, run, np.array([10.0, 19.0]))
+    pull = pull_of(told, specimen, run.window(np.isin(run.time, run.time[[500, 950]])))
     assert pull.section == "tip"
     np.testing.assert_allclose(pull.lateral, [[0.6, 0.8, 0.0]] * 2, atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(pull.force, axis=1), [0.25, 0.475], atol=1e-3)
@@ -115,7 +115,7 @@ def test_a_sick_gauge_is_named_with_its_cure(name: str) -> None:
     tension, message = SICK[name]
     told = posed(gauge_cord_n=tension, **hook((1.0, 0.0, 0.0)))
     with pytest.raises(InputError, match=message):
-        pull_of(told, specimen, arrange(told, specimen, None, section_forces(specimen)), told.time)
+        pull_of(told, specimen, arrange(told, specimen, None, section_forces(specimen)))
 
 
 def test_a_marker_that_the_specimen_does_not_name_is_left_out_and_told() -> None:

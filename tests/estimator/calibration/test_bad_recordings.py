@@ -1,0 +1,95 @@
+"""Recordings that cannot carry a calibration: each is named, with the manoeuvre that is missing."""
+
+import re
+
+import numpy as np
+import pytest
+from synthetic import record
+from toy import toy
+
+from estimator.calibration import CalibrationRefusedError, NodeSolver, Options, arrange, calibrate
+from estimator.calibration.complaints import complaints
+from estimator.calibration.nodes import choose_nodes
+from estimator.calibration.scatter import PRESSURISED_PULLS, VENTED_PULLS, scatter_in
+from estimator.errors import InputError
+from estimator.model import Load
+from estimator.recording import Recording
+from estimator.specimen import Specimen, load_specimen
+
+SECTIONS = ("base", "intermediate", "tip")
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+LOADS = tuple(Load(f"tip_{name}", "force", axis, section="tip") for name, axis in AXES.items())
+
+
+@pytest.fixture(scope="module")
+def sopra() -> Specimen:
+    return load_specimen("sopra")
+
+
+def gauged(tension: np.ndarray) -> Recording:
+    base = record(duration=20.0, kinds=("bend", "frame"))
+    columns = {**base.columns, "gauge_cord_n": np.resize(tension, len(base.time))}
+    return Recording("run", base.time, columns, {"gauge_section": "tip", "gauge_direction": [1.0, 0.0, 0.0]})
+
+
+def test_a_fit_that_does_not_converge_is_refused(sopra: Specimen) -> None:
+    run = arrange(record(), sopra, SECTIONS)
+    with pytest.raises(CalibrationRefusedError, match=r"does not converge.*held for 5 s.*the old"):
+        calibrate(NodeSolver(toy()), sopra, [run], Options(nodes=40, iterations=1))
+
+
+def test_a_saturated_gauge_is_refused(sopra: Specimen) -> None:
+    ramp = np.minimum(np.linspace(0.0, 3.0, 400), 1.5)
+    with pytest.raises(InputError, match="the end of its range; pull less, or with a larger gauge"):
+        arrange(gauged(ramp), sopra, SECTIONS, LOADS)
+
+
+@pytest.mark.parametrize(
+    ("tension", "message"),
+    [(0.01, "its cord was slack throughout, .*; move the gauge away"), (np.nan, "never answered; check its")],
+)
+def test_a_gauge_that_tells_nothing_is_named(sopra: Specimen, tension: float, message: str) -> None:
+    recording = gauged(np.full(400, tension))
+    (told,) = complaints(recording, arrange(recording, sopra, SECTIONS, LOADS))
+    assert told.startswith("run, gauge cord: ")
+    assert re.search(message, told)
+
+
+def test_a_disconnected_sensor_is_named_with_what_to_record(sopra: Specimen) -> None:
+    base = record(duration=20.0)
+    lost = {name: np.full_like(column, np.nan) for name, column in base.columns.items() if "bend_tip" in name}
+    recording = Recording("run", base.time, {**base.columns, **lost})
+    (told,) = complaints(recording, arrange(recording, sopra, SECTIONS))
+    assert told == (
+        "run, bend_tip: never answered; connect it or bring its markers into view, "
+        "and record poses of more than 10 degrees"
+    )
+
+
+def test_a_recording_without_fault_is_not_complained_of(sopra: Specimen) -> None:
+    recording = gauged(np.linspace(0.0, 1.0, 400))
+    assert complaints(recording, arrange(recording, sopra, SECTIONS, LOADS)) == ()
+
+
+def test_nodes_of_a_pulled_run_are_chosen_where_it_rests(sopra: Specimen) -> None:
+    base = record(duration=20.0, kinds=("bend", "frame"))
+    phase = base.time % 4.0
+    stairs = base.time // 4.0 + np.clip(phase - 3.0, 0.0, 1.0)
+    moved = {**base.columns, "frame_tip_x_m": 0.01 * stairs, "gauge_cord_n": 0.1 * stairs}
+    still = {n: np.full_like(v, v[0]) for n, v in moved.items() if n.startswith(("bend", "pressure"))}
+    told = {"gauge_section": "tip", "gauge_direction": [1.0, 0.0, 0.0]}
+    run = arrange(Recording("run", base.time, {**moved, **still}, told), sopra, SECTIONS, LOADS)
+    nodes = choose_nodes(run, 5)
+    assert (nodes.time % 4.0 < 3.0).all()
+    np.testing.assert_allclose(nodes.loads[:, 0], 0.1 * (nodes.time // 4.0), atol=1e-9)
+
+
+def test_scatter_is_that_of_the_condition(sopra: Specimen) -> None:
+    known = {"bend_tip": 0.02, f"bend_tip{VENTED_PULLS}": 0.005, f"bend_tip{PRESSURISED_PULLS}": 0.01}
+    calibration = sopra.calibration.model_copy(update={"scatter": known})
+    specimen = sopra.model_copy(update={"calibration": calibration})
+    free = arrange(record(duration=4.0), sopra, SECTIONS)
+    pulled = arrange(gauged(np.full(400, 0.5)), sopra, SECTIONS, LOADS)
+    vented = pulled.window(np.zeros(len(pulled.time), dtype=bool))
+    found = [scatter_in(specimen, run)["bend_tip"] for run in (free, pulled, vented)]
+    assert found == [0.02, 0.01, 0.005]
