@@ -17,6 +17,8 @@ CONTACT_ENDS = 2.5
 """Normalised force (Mahalanobis distance) at which a contact begins and ends."""
 CONTACT_FLOOR_N = 0.02
 """Added to the estimate's own deviation: rubber that creeps and remembers seems pushed by so much."""
+RECENT_S = 0.5
+"""A command may use what was known of the pose so long before: one search that fails says nothing of it."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,7 @@ class Knowledge:
         self.failures = 0
         self.contact_since_unix_ns: int | None = None
         self.contact: Contact | None = None
+        self._held: tuple[float, HoldAnswer, PoseTarget] | None = None
         self._names = section_names
         self._align = align
 
@@ -91,6 +94,9 @@ class Knowledge:
         """
         self.failures = 0 if result.converged else self.failures + 1
         self.result = result
+        if self.hold is not None:
+            pose = PoseTarget(result.positions, result.quaternions)
+            self._held = (result.request.time_s, self.hold, pose)
         if result.converged:
             self._follow_contact(result, unix_ns)
         if self.contact_since_unix_ns is None:
@@ -110,9 +116,12 @@ class Knowledge:
         return None if self.result is None else self.result.hold
 
     @property
-    def pose(self) -> PoseTarget | None:
-        """The pose of the newest estimate."""
-        return None if self.result is None else PoseTarget(self.result.positions, self.result.quaternions)
+    def held(self) -> tuple[HoldAnswer, PoseTarget] | None:
+        """Pressures known to hold the pose a moment ago, with that pose; ``None`` when there are none."""
+        if self._held is None or self.result is None or self.hold_answer is None:
+            return None
+        time_s, answer, pose = self._held
+        return (answer, pose) if self.result.request.time_s - time_s <= RECENT_S else None
 
     @property
     def sections(self) -> tuple[SectionPose, ...]:

@@ -30,7 +30,7 @@ from service.control.hold import HoldGoal
 from service.control.knowledge import Knowledge
 from service.control.poses import PoseStore, SavedPose
 from service.control.recorder import Recorder, RecorderError
-from service.estimation.messages import HoldAnswer
+from service.estimation.messages import HoldAnswer, PoseTarget
 from service.safety.findings import Finding
 from service.safety.lease import LeaseError
 from service.safety.modes import Event, Mode, TransitionRefusedError
@@ -206,8 +206,8 @@ class Verbs:
 
     def _teach_hold(self, request: TeachHold) -> Answer:
         self._refuse_blocked(Mode.HOLDING)
-        hold = self._known_hold()
-        goal = HoldGoal(hold.pressures, self._context.knowledge.pose)
+        hold, pose = self._known_hold()
+        goal = HoldGoal(hold.pressures, pose)
         self._begin_hold(goal, request.ramp_s, f"{request.client} holds")
         return {
             "pressures_pa": hold.pressures.tolist(),
@@ -216,11 +216,11 @@ class Verbs:
             "note": hold.note,
         }
 
-    def _known_hold(self) -> HoldAnswer:
-        """Give the pressures that hold the pose, or say why there are none."""
+    def _known_hold(self) -> tuple[HoldAnswer, PoseTarget]:
+        """Give the pressures that hold the pose, and the pose, or say why there are none."""
         knowledge = self._context.knowledge
-        if knowledge.hold is not None:
-            return knowledge.hold
+        if knowledge.held is not None:
+            return knowledge.held
         if knowledge.hold_answer is not None:
             hint = "bring the arm into another pose: these pressures would mean nothing"
             raise RefusalError("not_available", knowledge.hold_answer.note, hint)
@@ -230,7 +230,7 @@ class Verbs:
         self._context.controller.begin_hold(goal, ramp_s, self._context.clock_ns(), cause)
 
     def _teach_save(self, request: TeachSave) -> Answer:
-        hold, sections = self._known_hold(), self._context.knowledge.sections
+        hold, sections = self._known_hold()[0], self._context.knowledge.sections
         controller = self._context.controller
         held = controller.modes.mode is Mode.HOLDING
         pressures = controller.asked if held else hold.pressures

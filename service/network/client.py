@@ -96,21 +96,21 @@ class SoftarmClient:
         Raises:
             CommandRefusedError: The service refused, or there was no answer in time.
         """
+        # Numbered and sent in one go: of two threads' commands the later one must not come first.
         with self._lock:
             self._sequence += 1
-            sequence = self._sequence
-        request = VERBS[verb].model_validate(
-            {
-                "deadline_unix_ns": time.time_ns() + round(timeout_s * 1e9),
-                "sequence": sequence,
-                "client": self.name,
-            }
-            | ({"lease": self._lease} if "lease" in VERBS[verb].model_fields and self._lease else {})
-            | fields
-        )
-        replies = self._session.get(
-            self.keys.command(verb), payload=request.model_dump_json().encode(), timeout=timeout_s
-        )
+            request = VERBS[verb].model_validate(
+                {
+                    "deadline_unix_ns": time.time_ns() + round(timeout_s * 1e9),
+                    "sequence": self._sequence,
+                    "client": self.name,
+                }
+                | ({"lease": self._lease} if "lease" in VERBS[verb].model_fields and self._lease else {})
+                | fields
+            )
+            replies = self._session.get(
+                self.keys.command(verb), payload=request.model_dump_json().encode(), timeout=timeout_s
+            )
         for reply in replies:
             if reply.ok is not None:
                 return Applied.model_validate_json(bytes(reply.ok.payload))

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from estimator.model import Load
 from service.api.commands import VERBS, Applied, Refused
 from service.config import ControlSettings, SafetySettings
 from service.control.controller import Controller
-from service.control.knowledge import Knowledge
+from service.control.knowledge import RECENT_S, Knowledge
 from service.control.poses import PoseStore
 from service.control.recorder import Recorder
 from service.control.verbs import Context, Verbs
@@ -66,6 +67,13 @@ def result(hold=None, loads=(0.0, 0.0, 0.0, 0.0)):
         degrees_of_freedom=1.0,
         hold=hold,
     )
+
+
+def failed(time_s):
+    """A search for the hold that did not converge."""
+    unknown = HoldAnswer(np.zeros(6), reachable=False, note="nothing is known", known=False)
+    found = result(unknown)
+    return replace(found, converged=False, request=replace(found.request, time_s=time_s))
 
 
 class Bench:
@@ -222,6 +230,19 @@ async def test_teach_hold_ramps_without_a_bump_then_saves_and_returns(bench):
     assert set((await bench.send("teach/list")).applied) == {"a"}
     assert (await bench.send("teach/goto", name="a")).mode == Mode.HOLDING
     assert code(await bench.send("teach/goto", name="b")) == "not_available"
+
+
+@pytest.mark.parametrize(("later_s", "mode"), [(0.1, Mode.HOLDING), (RECENT_S + 0.1, Mode.TEACH)])
+async def test_one_search_that_fails_does_not_keep_a_pose_from_being_held(bench, later_s, mode):
+    await bench.armed()
+    await bench.send("teach/start")
+    bench.knowledge.take(failed(later_s), 0)
+    answer = await bench.send("teach/hold")
+    assert bench.mode is mode
+    if mode is Mode.HOLDING:
+        assert bench.controller.hold.goal.pressures[0] == 20e3
+    else:
+        assert code(answer) == "not_available"
 
 
 async def test_set_points_are_refused_while_holding(bench):
