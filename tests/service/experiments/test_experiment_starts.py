@@ -1,0 +1,68 @@
+"""What experiments begin at, and what they take for zero."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from estimator.calibration.solver import Response
+from estimator.model import Inputs, Load
+from service.experiments.models import NEAR_N, NEAR_PA, Answers, WarmSolver
+from service.experiments.pulls import tare
+from service.offline.track import Waypoints
+
+
+def test_each_pull_is_tared_by_the_rest_before_it() -> None:
+    forces = np.array([[0.1, 0.0], [0.3, 0.0], [5.0, 1.0], [np.nan, np.nan], [0.5, 0.2], [6.0, 1.0]])
+    free = np.array([True, True, False, False, True, False])
+    zero = tare(forces, free)
+    np.testing.assert_allclose(zero[[2, 3, 5], 0], [0.2, 0.2, 0.5])
+    np.testing.assert_allclose(zero[[2, 5], 1], [0.0, 0.2])
+
+
+def test_without_a_rest_before_it_a_pull_is_left_as_it_is() -> None:
+    np.testing.assert_allclose(tare(np.ones((3, 2)), np.zeros(3, dtype=bool)), 0.0)
+
+
+class Recorder:
+    """A solver that tells what it was given to begin at."""
+
+    sections, factors, loads = ("tip",), ("upper",), ()
+
+    def __init__(self) -> None:
+        self.memories: list[object] = []
+
+    def respond(self, *args: Any) -> Response:
+        self.memories.append(args[-1])
+        return cast(Response, SimpleNamespace(number=len(self.memories)))
+
+
+def test_a_solver_begins_at_the_newest_answer_to_nearly_the_same_nodes() -> None:
+    inner = Recorder()
+    solver = WarmSolver(cast(Any, inner), Answers())
+    pressures, loads = np.full((2, 6), 2e4), np.zeros((2, 3))
+    first = solver.respond({}, pressures, loads, np.zeros(3), None)
+    second = solver.respond({}, pressures + 0.5 * NEAR_PA, loads, np.zeros(3), None)
+    assert inner.memories == [None, first]
+    assert solver.respond({}, pressures, loads, np.zeros(3), None) is not None
+    assert inner.memories[2] is second
+    for other in ((pressures[:1], loads[:1]), (pressures, loads + 2 * NEAR_N), (10 * pressures, loads)):
+        solver.respond({}, *other, np.zeros(3), None)
+        assert inner.memories[-1] is None
+    solver.respond({}, pressures, loads, np.zeros(3), first)
+    assert inner.memories[-1] is first
+
+
+@pytest.mark.parametrize("names", [("tip_x", "tip_y"), ("tip_y", "intermediate_x", "tip_x")])
+def test_a_waypoint_serves_models_with_other_loads(names: tuple[str, ...]) -> None:
+    known = Inputs(np.full(6, 1e4), np.array([0.3, -0.2]), np.array([0.0, 0.0, 9.81]))
+    waypoints = Waypoints(("tip_x", "tip_y"), [None, ("state", known)])
+    assert waypoints.at(0, ()) is None
+    assert waypoints.at(2, ()) is None
+    found = waypoints.at(1, [Load(name, "force", (1.0, 0.0, 0.0), section="tip") for name in names])
+    assert found is not None
+    wanted = {"tip_x": 0.3, "tip_y": -0.2}
+    np.testing.assert_allclose(found[1].loads, [wanted.get(name, 0.0) for name in names])
+    np.testing.assert_allclose(found[1].pressures, 1e4)
+    assert found[0] == "state"
