@@ -1,7 +1,7 @@
 """Teach mode: pressures for a wanted pose, and whether the arm can take it."""
 
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from estimator.inverse.estimate import Estimate
 from estimator.inverse.minimise import Tolerances
 from estimator.inverse.observability import join
-from estimator.inverse.problem import pose_problem
+from estimator.inverse.problem import Problem, pose_problem
 from estimator.inverse.unknowns import Unknowns
 from estimator.model import ArmModel, Inputs, Linearisation
 from estimator.sensing import SensorSuite
@@ -17,6 +17,11 @@ from estimator.sensing import SensorSuite
 Floats = NDArray[np.float64]
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
+
+
+CAUTIOUS_RADIUS = 0.3
+"""Trust region of the search that is tried when one with long steps fails, in units of the inputs' scale."""
+CAUTIOUS_STEPS, CAUTIOUS_RETREATS = 60, 10
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,7 @@ def reach_pose(
     start: tuple[State, Inputs],
     tolerances: Tolerances | None = None,
     preferred: Floats | None = None,
+    guide: ArmModel[Any, Any] | None = None,
 ) -> Reach[State]:
     """Find the pressures within [0, limit] that bring the unloaded arm nearest to a pose.
 
@@ -59,6 +65,7 @@ def reach_pose(
         tolerances: When to stop.
         preferred: Pressures to prefer where the pose leaves a choice [Pa], shape (chambers,); those of
             ``start`` when left out.
+        guide: A fast model with the same chambers and loads, at whose answer the search begins.
     """
     state, inputs = start
     unknowns = Unknowns.of(model.chambers, model.loads)
@@ -69,10 +76,39 @@ def reach_pose(
     )
     wish = unloaded.pressures if preferred is None else preferred
     problem = pose_problem(unknowns, suite, target, pressure_limits, wish, inputs.gravity)
-    estimate = problem.solve(model, (_unloaded(model, state, unloaded), unloaded), tolerances)
+    tolerances = tolerances or Tolerances()
+    begin = None if guide is None else _guided(model, guide, problem, unloaded, tolerances)
+    if begin is None:
+        begin = (_unloaded(model, state, unloaded), unloaded)
+    estimate = problem.solve(model, begin, tolerances)
+    if not estimate.converged:
+        estimate = problem.solve(model, begin, _cautious(tolerances))
     misses = _misses(suite, target, estimate)
     reachable = estimate.converged and not misses
     return Reach(estimate, reachable, _statement(estimate, reachable, misses))
+
+
+def _cautious(tolerances: Tolerances) -> Tolerances:
+    """Go by short steps: a pose far away leads a search with long ones to where the arm has none."""
+    return replace(tolerances, radius=CAUTIOUS_RADIUS, iterations=CAUTIOUS_STEPS, retreats=CAUTIOUS_RETREATS)
+
+
+def _guided(
+    model: ArmModel[State, Step],
+    guide: ArmModel[Any, Any],
+    problem: Problem,
+    unloaded: Inputs,
+    tolerances: Tolerances,
+) -> tuple[State, Inputs] | None:
+    """Give the model's state under the pressures that a guide finds, None where one of the two finds none."""
+    begun, found = guide.solve(unloaded, guide.rest())
+    if not found:
+        return None
+    answer = problem.solve(guide, (begun, unloaded), _cautious(tolerances))
+    if answer.status == "diverged":
+        return None
+    state, found = model.solve(answer.inputs, model.rest())
+    return (state, answer.inputs) if found else None
 
 
 def _unloaded(model: ArmModel[State, Step], state: State, inputs: Inputs) -> State:

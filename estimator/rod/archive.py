@@ -21,7 +21,7 @@ from estimator.rod.model import CalibratedRod
 from estimator.specimen import MeshFile, Specimen
 
 FORMAT = "softarm.rod/1"
-MODEL_VERSION = 3
+MODEL_VERSION = 4
 """Raised whenever the elements or the link laws change what a fit gives."""
 STRAINS = 6
 CHAIN_ARRAYS = (

@@ -68,7 +68,7 @@ class Work(NamedTuple):
         middles: R_mid of each link, shape (links, 3, 3).
         points: Places of the actions [m], shape (actions, 3).
         motions: Motion by each strain, as of ``link_motion``, shape (links, 6, 12).
-        slopes: Derivatives of the laws by their variables, shape (links, 7 + width, 8).
+        slopes: Derivatives of the laws by their variables, shape (links, 8 + width, 8).
         tangent: Derivative of strain - law by the strains, shape (6 links, 6 links).
     """
 
@@ -93,6 +93,6 @@ def new_work(links: int, actions: int, width: int) -> Work:
         middles=np.zeros((links, 3, 3)),
         points=np.zeros((actions, 3)),
         motions=np.zeros((links, 6, 12)),
-        slopes=np.zeros((links, 7 + width, 8)),
+        slopes=np.zeros((links, 8 + width, 8)),
         tangent=np.zeros((6 * links, 6 * links)),
     )

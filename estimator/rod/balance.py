@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from estimator.rod.arrays import Actions, Drive, Laws, Work
 from estimator.rod.laws import evaluate_laws
 from estimator.rod.statics import action_points, place, wrenches
-from estimator.rod.tangent import inner_moments, link_motion, turn_parts, unit_wrenches, wrench_jacobian
+from estimator.rod.tangent import inner_moments, link_motion, turned_parts, unit_wrenches, wrench_jacobian
 from estimator.rod.vectors import rotate
 
 Floats = NDArray[np.float64]
@@ -30,7 +30,7 @@ def linearise_chain(
     """
     links = len(length)
     wrench, beyond = np.empty((links, 6)), np.empty((links, 15))
-    value, inner = np.empty((links, 8)), np.empty((links, 6, 3))
+    value, inner, parts = np.empty((links, 8)), np.empty((links, 6, 3)), np.empty((links, 6, 3))
     by_strain, chord = np.empty((6 * links, 6 * links)), np.empty(3)
     strain, positions, middles = work.strain, work.positions, work.middles
     place(strain, length, work.rotations, positions, middles)
@@ -43,8 +43,8 @@ def linearise_chain(
         for k in range(6):
             gap[6 * i + k] = value[i, k] - strain[i, k]
     inner_moments(strain, work.rotations, positions, actions, work.points, drive.force, inner)
-    wrench_jacobian(positions, middles, beyond, work.motions, inner, by_strain)
-    turn_parts(middles, actions, drive, work.motions, by_strain)
+    turned_parts(middles, actions, drive, parts)
+    wrench_jacobian(positions, middles, beyond, work.motions, inner, parts, by_strain)
     _through_laws(laws, work.slopes, by_strain, work.tangent)
 
 
@@ -70,10 +70,11 @@ def settle(
     laws: Laws,
     drive: Drive,
     work: Work,
+    gap: Floats,
     tolerance: float,
     iterations: int,
 ) -> tuple[int, float]:
-    """Bring the strains to equilibrium by Newton's iteration.
+    """Bring the strains so near to equilibrium that one more Newton step ends there.
 
     Args:
         length: Rest lengths of the links [m], shape (links,).
@@ -81,6 +82,7 @@ def settle(
         laws: Link laws.
         drive: Pressures and loads.
         work: Strains to begin with and clamp are given; all is brought to the last iterate.
+        gap: Filled with law - strain at the last iterate, shape (6 links,).
         tolerance: Largest gap of a strain [rad, or share of its link's length] to stop at.
         iterations: Largest number of linearisations.
 
@@ -88,7 +90,6 @@ def settle(
         Number of linearisations, negative when it failed, and the last gap.
     """
     links = len(length)
-    gap = np.empty(6 * links)
     size = np.inf
     for count in range(1, iterations + 1):
         linearise_chain(length, actions, laws, drive, work, gap)
@@ -146,13 +147,15 @@ def input_gaps(
 def stiffness_gaps(laws: Laws, wrench: Floats, pressures: Floats, slopes: Floats, right: Floats) -> None:
     """Fill the change of each link's own strains per unit of its stiffness factor, shape (6 links, links).
 
-    A strain depends on wrench / E and pressure / E alone, so d law / dE = -sum law' x / E.
+    A strain depends on x, the wrench / E and pressures / E, and on 1 / E - 1: its derivative by E is
+    -(law' x + law' by the last) / E^2 with x before it is over E.
     """
     right[:] = 0.0
+    last = 7 + laws.chambers.shape[1]
     for i in range(len(wrench)):
         factor = laws.stiffness[i]
         for k in range(6):
-            total = 0.0
+            total = slopes[i, last, k]
             for m in range(6):
                 total += slopes[i, 1 + m, k] * wrench[i, m] / laws.scale[i, m]
             for n in range(laws.chambers.shape[1]):
@@ -241,22 +244,30 @@ def respond(
         Number of linearisations, negative when it failed, and the last gap.
     """
     links = len(length)
-    count, gap = settle(length, actions, laws, drive, work, tolerance, iterations)
+    gap, every = np.empty(6 * links), change.shape[1]
+    count, size = settle(length, actions, laws, drive, work, gap, tolerance, iterations)
+    right = np.zeros((6 * links, every + 1))
+    right[:, every] = gap
+    input_gaps(actions, laws, work, units, owner, right[:, :columns])
+    if every > columns:
+        wrench, beyond = np.empty((links, 6)), np.empty((links, 15))
+        wrenches(work.positions, work.middles, actions, work.points, drive, wrench, beyond)
+        stiffness_gaps(laws, wrench, drive.pressures, work.slopes, right[:, columns:every])
+    if count > 0:
+        # The last Newton step, so small that the linearisation holds at its end as well.
+        moves = np.linalg.solve(work.tangent, right)
+        change[:] = moves[:, :every]
+        for i in range(links):
+            work.strain[i] += moves[6 * i : 6 * i + 6, every]
+        place(work.strain, length, work.rotations, work.positions, work.middles)
     before, moved = np.empty(len(stations), np.int64), np.empty(3)
     for n in range(len(stations)):
         before[n] = stations[n] - 1
         rotate(work.rotations[stations[n]], offsets[n], moved)
         places[n] = work.positions[stations[n]] + moved
-    right = np.zeros((6 * links, change.shape[1]))
-    input_gaps(actions, laws, work, units, owner, right[:, :columns])
-    if change.shape[1] > columns:
-        wrench, beyond = np.empty((links, 6)), np.empty((links, 15))
-        wrenches(work.positions, work.middles, actions, work.points, drive, wrench, beyond)
-        stiffness_gaps(laws, wrench, drive.pressures, work.slopes, right[:, columns:])
     if count > 0:
-        change[:] = np.linalg.solve(work.tangent, right)
         station_twists(work.motions, change, before, places, twists)
-    return count, gap
+    return count, size
 
 
 @njit(cache=True, nogil=True)

@@ -30,8 +30,10 @@ class Recipe:
         links_per_segment: Links in each soft segment.
     """
 
-    plan: Plan = field(default_factory=lambda: Plan(rays=48))
-    check: Plan = field(default_factory=lambda: Plan(rays=12, seed=101, pressure=1.0))
+    plan: Plan = field(default_factory=lambda: Plan(rays=96, stretch=1.7))
+    check: Plan = field(
+        default_factory=lambda: Plan(rays=16, seed=101, pressure=1.0, soft=1.25, bend=np.radians(100.0))
+    )
     form: Form = field(default_factory=Form)
     links_per_segment: int = 4
 
@@ -103,9 +105,10 @@ def fit_rod(
     samples = draw_samples(specimen, model, stations, plan, sampled, executor)
     chain, loads = stations.chain, model.loads
     symmetries = verified(candidates(specimen), loads, rest_twists(model, stations), model.chambers)
-    size = np.concatenate([np.array(specimen.pressure_limits), load_scale(model, stations, plan.rotation)])
+    scale = load_scale(specimen, model, stations, plan.rotation)
+    size = np.concatenate([np.array(specimen.pressure_limits), scale])
     states = local_states(chain, loads, samples)
-    laws, reach = fit_laws(chain, samples.pressures, states, size, symmetries, recipe.form)
+    laws, reach = fit_laws(chain, samples, states, size, symmetries, recipe.form)
     rod = CalibratedRod(chain, laws, loads, reach)
     report = check_rod(rod, specimen, model, stations, recipe.check, checked, executor)
     return FittedRod(rod.with_loads(default_loads(specimen)), report, len(samples), len(symmetries))

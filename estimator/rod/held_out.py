@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 UNTRAINED = (0.35, 0.6, 0.9)
 """Where between the ends of a soft segment loads act that no fit has seen."""
 SEARCH_STEPS = 12
+CONTACTS = ((True, 3.0), (True, 1.0))
+"""Rays of lateral forces between sections: one contact at a time."""
 
 
 @dataclass(frozen=True)
@@ -84,16 +86,20 @@ def check_rod(
         executor: Threads that solve the model.
     """
     found = []
-    kinds = (lateral_loads(specimen), untrained_loads(specimen))
-    for turn, loads in enumerate(kinds):
+    kinds = (
+        (lateral_loads(specimen), plan),
+        (untrained_loads(specimen), replace(plan, kinds=CONTACTS)),
+    )
+    for turn, (loads, rays) in enumerate(kinds):
 
         def tell(done: int, every: int, turn: int = turn) -> None:
             if progress is not None:
                 progress(turn * every + done, len(kinds) * every)
 
         loaded = model.with_loads(loads)
-        samples = draw_samples(specimen, loaded, stations, plan, tell, executor)
-        found.append(compare(rod.with_loads(loads), samples, load_scale(loaded, stations, plan.rotation)))
+        samples = draw_samples(specimen, loaded, stations, rays, tell, executor)
+        scale = load_scale(specimen, loaded, stations, plan.rotation)
+        found.append(compare(rod.with_loads(loads), samples, scale))
     return Report(*found)
 
 

@@ -1,7 +1,8 @@
 """Link laws: polynomials that give a link's strain from its wrench and the pressures around it.
 
-With x = (wrench / (scale E), pressures / (scale E)), E the link's stiffness factor, the six strains are
-y = sum_k c_k x_a x_b x_c x_d over a table of variables per term, variable 0 standing for the constant 1.
+With x = (wrench / (scale E), pressures / (scale E), 1 / E - 1), E the link's stiffness factor, the six
+strains are y = sum_k c_k x_a x_b x_c x_d over a table of variables per term, variable 0 standing for the
+constant 1. The last variable stands for what does not scale with E: winding and rigid sections.
 """
 
 from itertools import combinations_with_replacement
@@ -26,7 +27,8 @@ def term_table(
     pressures: int,
     total: int = 3,
     pressure_total: int = 4,
-    mixed: tuple[int, int] | None = (1, 3),
+    mixed: tuple[tuple[int, int], ...] = ((1, 3),),
+    scaled: bool = False,
 ) -> Indices:
     """List the monomials of a link law.
 
@@ -35,20 +37,26 @@ def term_table(
         pressures: Number of pressures.
         total: Largest total degree of a general monomial.
         pressure_total: Largest degree of a monomial of pressures alone.
-        mixed: Degrees in the wrench and in the pressures of one more family of monomials.
+        mixed: Degrees in the wrench and in the pressures of more families of monomials.
+        scaled: Whether monomials up to the second degree change with the stiffness factor.
 
     Returns:
-        Variables of each term, the constant 0, wrench 1 to 6, then pressures; shape (terms, 4).
+        Variables of each term, the constant 0, wrench 1 to 6, then pressures and what tells the stiffness
+        factor; shape (terms, 4).
     """
     forces, pushes = range(1, wrench + 1), range(wrench + 1, wrench + pressures + 1)
     terms = {c for k in range(1, total + 1) for c in combinations_with_replacement([*forces, *pushes], k)}
     terms |= {c for k in range(1, pressure_total + 1) for c in combinations_with_replacement(pushes, k)}
-    if mixed is not None:
+    for by_wrench, by_pressure in mixed:
         terms |= {
             (*first, *second)
-            for first in combinations_with_replacement(forces, mixed[0])
-            for second in combinations_with_replacement(pushes, mixed[1])
+            for first in combinations_with_replacement(forces, by_wrench)
+            for second in combinations_with_replacement(pushes, by_pressure)
         }
+    if scaled:
+        factor, every = wrench + pressures + 1, [*forces, *pushes]
+        terms |= {(*c, factor) for k in (1, 2) for c in combinations_with_replacement(every, k)}
+        terms |= {(c, factor, factor) for c in every}
     rows = [(*(0,) * (DEGREE - len(term)), *term) for term in terms]
     return np.array(sorted(rows, key=lambda row: (sum(v > 0 for v in row), row)), dtype=np.int64)
 
@@ -103,10 +111,10 @@ def evaluate_laws(laws: Laws, wrench: Floats, pressures: Floats, value: Floats, 
         wrench: Shape (links, 6).
         pressures: [Pa], shape (chambers,).
         value: Filled with the strains, shape (links, 8).
-        slopes: Filled with the derivative by the variables, shape (links, 7 + width, 8).
+        slopes: Filled with the derivative by the variables, shape (links, 8 + width, 8).
     """
     width = laws.chambers.shape[1]
-    variables = np.empty(7 + width)
+    variables = np.empty(8 + width)
     variables[0] = 1.0
     for i in range(len(wrench)):
         for k in range(6):
@@ -114,4 +122,5 @@ def evaluate_laws(laws: Laws, wrench: Floats, pressures: Floats, value: Floats, 
         for n in range(width):
             k = laws.chambers[i, n]
             variables[7 + n] = 0.0 if k < 0 else pressures[k] / (laws.scale[i, 6 + n] * laws.stiffness[i])
+        variables[7 + width] = 1.0 / laws.stiffness[i] - 1.0
         law_slopes(laws.table, laws.coefficients[i], variables, value[i], slopes[i])

@@ -10,12 +10,15 @@ from estimator.rod.arrays import Laws
 from estimator.rod.chain import Chain
 from estimator.rod.laws import OUTPUTS, feature_slopes, features, term_table
 from estimator.rod.local import LocalStates
+from estimator.rod.samples import Samples
 from estimator.rod.symmetry import Symmetry, feature_map, variable_map
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
+FAR = 1.5
+"""Sum of the links' bends [rad] at which a sample counts half."""
 LONGEST = 0.3
 """Change of a law's variables, over their range, that counts most in the fit of derivatives."""
 
@@ -27,21 +30,23 @@ class Form:
     Args:
         total: Largest degree of a general term.
         pressure_total: Largest degree of a term of pressures alone.
-        mixed: Degrees in the wrench and in the pressures of one more family of terms.
+        mixed: Degrees in the wrench and in the pressures of more families of terms.
+        scaled: Whether terms up to the second degree change with the stiffness factor.
         slope_weight: Weight of a derivative against a value, both over their typical size.
         ridge: Share of the mean curvature that is added against terms that the samples do not tell apart.
     """
 
     total: int = 3
-    pressure_total: int = 3
-    mixed: tuple[int, int] | None = None
+    pressure_total: int = 4
+    mixed: tuple[tuple[int, int], ...] = ((1, 3),)
+    scaled: bool = True
     slope_weight: float = 0.5
     ridge: float = 1e-9
 
 
 def fit_laws(
     chain: Chain,
-    pressures: Floats,
+    samples: Samples,
     states: LocalStates,
     input_size: Floats,
     symmetries: Sequence[Symmetry],
@@ -51,7 +56,7 @@ def fit_laws(
 
     Args:
         chain: The links.
-        pressures: Pressures of the samples [Pa], shape (samples, chambers).
+        samples: States of the finite-element model.
         states: Their strains and wrenches.
         input_size: Typical change of each input, shape (inputs,).
         symmetries: Symmetries of the arm.
@@ -62,36 +67,55 @@ def fit_laws(
         (links, 6 + width).
     """
     width = chain.chambers.shape[1]
-    table = term_table(6, width, form.total, form.pressure_total, form.mixed if width else None)
+    known: dict[bytes, Floats] = {}
+    trust = _trust(samples, states)
+    table = term_table(6, width, form.total, form.pressure_total, form.mixed, form.scaled)
     coefficients = np.zeros((chain.links, len(table), OUTPUTS))
     scale, reach = np.ones((chain.links, 6 + width)), np.zeros((chain.links, 6 + width))
     for link in range(chain.links):
         near = chain.chambers[link][chain.chambers[link] >= 0]
-        variables, slopes = _variables(pressures, states, near, link, width)
-        scale[link] = _isotropic(np.abs(variables).max(axis=0), len(near))
-        reach[link] = np.abs(variables).max(axis=0)
+        variables, slopes = _variables(samples, states, near, link, width)
+        reach[link] = np.abs(variables[:, :-1]).max(axis=0)
+        scale[link] = _isotropic(reach[link], len(near))
+        unit = np.append(scale[link], 1.0)
         coefficients[link, :, :6] = _fit_link(
             table,
-            variables / scale[link],
-            slopes / scale[link][:, None] * input_size,
+            variables / unit,
+            slopes / unit[:, None] * input_size,
             states.strains[:, link],
             states.strain_slopes[:, link] * input_size,
             [variable_map(symmetry, near, scale[link][: 6 + len(near)]) for symmetry in symmetries],
             form,
+            trust,
+            known,
         )
     return Laws(table, coefficients, chain.chambers, scale, np.ones(chain.links)), reach
 
 
+def _trust(samples: Samples, states: LocalStates) -> Floats:
+    """Give the samples' weights: the softer the arm, the less force an error of strain stands for.
+
+    Where the arm bends far beyond ``FAR`` the laws need not be as near.
+    """
+    bend = np.linalg.norm(states.strains[..., :3], axis=-1).sum(axis=1)
+    trust: Floats = 1.0 / (samples.softness * (1.0 + (bend / FAR) ** 2))
+    return trust
+
+
 def _variables(
-    pressures: Floats, states: LocalStates, near: Indices, link: int, width: int
+    samples: Samples, states: LocalStates, near: Indices, link: int, width: int
 ) -> tuple[Floats, Floats]:
-    """Give a link's wrench and pressures, padded with zeros, and their derivatives by the inputs."""
-    samples, inputs = len(pressures), states.wrench_slopes.shape[-1]
-    variables = np.zeros((samples, 6 + width))
-    slopes = np.zeros((samples, 6 + width, inputs))
+    """Give a law's variables before scaling, padded with zeros, and their derivatives by the inputs."""
+    inputs = states.wrench_slopes.shape[-1]
+    variables = np.zeros((len(samples), 7 + width))
+    slopes = np.zeros((len(samples), 7 + width, inputs))
     variables[:, :6], slopes[:, :6] = states.wrenches[:, link], states.wrench_slopes[:, link]
-    variables[:, 6 : 6 + len(near)] = pressures[:, near]
+    variables[:, 6 : 6 + len(near)] = samples.pressures[:, near]
     slopes[:, 6 + np.arange(len(near)), near] = 1.0
+    factor = samples.factors[:, link, None]
+    variables[:, :-1] /= factor
+    slopes /= factor[..., None]
+    variables[:, -1] = 1.0 / factor[:, 0] - 1.0
     return variables, slopes
 
 
@@ -123,12 +147,17 @@ def _fit_link(
     strain_slopes: Floats,
     maps: Sequence[Floats | None],
     form: Form,
+    trust: Floats,
+    known: dict[bytes, Floats],
 ) -> Floats:
-    """Fit one law, shape (terms, 6); every symmetry adds the moved samples to the normal equations."""
+    """Fit one law, shape (terms, 6); every symmetry adds the moved samples to the normal equations.
+
+    Samples have weights ``trust``, shape (samples,).
+    """
     width = variables.shape[1]
-    rows = features(table, variables)
-    normal, right = rows.T @ rows, rows.T @ strains
-    weights = form.slope_weight * _moderated(slopes)
+    rows = trust[:, None] * features(table, variables)
+    normal, right = rows.T @ rows, rows.T @ (trust[:, None] * strains)
+    weights = form.slope_weight * _moderated(slopes) * trust[:, None]
     for column in range(slopes.shape[-1]):
         weight = weights[:, column, None]
         rows = weight * feature_slopes(table, variables, slopes[..., column])
@@ -140,7 +169,9 @@ def _fit_link(
             continue
         whole = np.eye(width)
         whole[: len(moved), : len(moved)] = moved
-        matrix = feature_map(table, whole)
+        matrix = known.get(whole.tobytes())
+        if matrix is None:
+            matrix = known[whole.tobytes()] = feature_map(table, whole)
         outputs = np.zeros((6, 6))
         # A strain is (rotation, translation), a wrench (force, moment): their maps are swapped. Scaling
         # leaves both blocks as they are, since x and y share a unit.

@@ -1,6 +1,6 @@
 """Equilibria of the finite-element model, with their derivatives: what the link laws are fitted to."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields
 
@@ -15,6 +15,7 @@ from estimator.fem.factor import StiffnessFactor
 from estimator.model import Inputs, Load
 from estimator.rod.load_stiffness import exact_moves
 from estimator.rod.stations import NEAR, Stations
+from estimator.rotations import log
 from estimator.specimen import Specimen
 
 Floats = NDArray[np.float64]
@@ -27,9 +28,6 @@ TOLERANCE = 1e-8
 NEWTON_STEPS = 9
 FIRST = 0.25
 """First step along a ray, over the largest: at rest the arm is at its softest."""
-SMALL, LARGE = 0.3, 3.0
-SOFT = 1.8
-"""Rotation per load, over that at rest, at which a ray ends: beyond it the arm is about to buckle."""
 FAILURES = 5
 """Steps that may fail before a ray is left."""
 
@@ -45,6 +43,8 @@ class Samples:
         positions: Origins of the stations' frames [m], shape (samples, stations, 3).
         rotations: Shape (samples, stations, 3, 3).
         twists: Their twists per unit of each pressure, then each load, shape (samples, stations, 6, inputs).
+        factors: Stiffness factor of each link, shape (samples, links).
+        softness: Rotation per load over that at rest, shape (samples,).
         ray: Ray that each sample lies on, shape (samples,).
     """
 
@@ -54,6 +54,8 @@ class Samples:
     positions: Floats
     rotations: Floats
     twists: Floats
+    factors: Floats
+    softness: Floats
     ray: Indices
 
     def __len__(self) -> int:
@@ -77,13 +79,22 @@ class Plan:
         pressure: Largest pressure over the specimen's limit.
         rotation: Rotation [rad] that each load alone would cause at most, were the arm linear.
         step: Largest step along a ray; halved where the model does not follow.
+        stretch: Largest stiffness factor of a soft segment, and one over the smallest; 1 for none.
+        soft: Rotation per load, over that at rest, at which a ray ends: beyond it the arm is about to buckle.
+        bend: Sum of the turns from station to station [rad] at which a ray ends.
+        kinds: Loads of the rays in turn: whether the lateral forces on one place act alone, and how large
+            they are over their scale.
     """
 
     rays: int = 32
     seed: int = 7
     pressure: float = 1.1
     rotation: float = 0.25
-    step: float = 0.1
+    step: float = 0.125
+    stretch: float = 1.0
+    soft: float = 1.5
+    bend: float = np.inf
+    kinds: tuple[tuple[bool, float], ...] = ((False, 0.3), (True, 4.0), (False, 0.7), (True, 2.0))
 
 
 def sampling_loads(specimen: Specimen) -> tuple[Load, ...]:
@@ -126,17 +137,20 @@ def draw_samples(
     Returns:
         The states that were found; a ray ends where the arm is about to lose its stability.
     """
-    scale = load_scale(model, stations, plan.rotation)
-    ends = list(_ends(specimen, model, scale, plan))
+    scale = load_scale(specimen, model, stations, plan.rotation)
+    rays = list(_rays(specimen, model, scale, plan))
 
-    def walk(end: Inputs) -> list[tuple[Floats, ...]]:
-        return list(_follow(model, stations, end, plan, scale))
+    own = dict(zip(model.parameters, model.scales.tolist(), strict=True))
+
+    def walk(ray: Ray) -> list[tuple[Floats, ...]]:
+        scales = own | {name: factor * own[name] for name, factor in ray.factors.items()}
+        return list(_follow(model.with_scales(scales), stations, ray, plan, scales))
 
     found: list[tuple[Floats, ...]] = []
-    for index, states in enumerate(map(walk, ends) if executor is None else executor.map(walk, ends)):
+    for index, states in enumerate(map(walk, rays) if executor is None else executor.map(walk, rays)):
         found += [(*state, np.array(index)) for state in states]
         if progress is not None:
-            progress(index + 1, plan.rays)
+            progress(index + 1, len(rays))
     return Samples(*(np.array(column) for column in zip(*found, strict=True)))
 
 
@@ -145,84 +159,124 @@ def rest_twists(model: FiniteElementModel, stations: Stations) -> Floats:
     rest = np.zeros_like(model.body.points)
     balance = model.balance(rest, model.no_inputs())
     factor, pattern = _factor(model, balance), model.body.pattern
-    moves = pattern.scatter(factor.solve(pattern.gather(_input_forces(balance))))
+    moves = pattern.scatter(factor.solve(_gathered(model, balance)))
     return stations.poses(model.body.points, moves)[2]
 
 
-def load_scale(model: FiniteElementModel, stations: Stations, rotation: float) -> Floats:
+def load_scale(specimen: Specimen, model: FiniteElementModel, stations: Stations, rotation: float) -> Floats:
     """Give the size of each load that would turn some station by a rotation [rad], were the arm linear.
 
-    An axial force gets the size of the lateral ones of its section.
+    An axial force gets the size of the lateral ones of its section. Near the clamp it takes a large force to
+    turn the arm at all: no force is larger than the largest of those on the sections.
     """
-    twists = rest_twists(model, stations)
+    scale = _turning_loads(rest_twists(model, stations), model, rotation)
+    forces = [load.kind == "force" for load in model.loads]
+    on_sections = model.with_loads(sampling_loads(specimen))
+    whole = _turning_loads(rest_twists(on_sections, stations), on_sections, rotation)
+    top = max(s for s, load in zip(whole, on_sections.loads, strict=True) if load.kind == "force")
+    return np.where(forces, np.minimum(scale, top), scale)
+
+
+def _turning_loads(twists: Floats, model: FiniteElementModel, rotation: float) -> Floats:
+    """Give the size of each load that turns some station by a rotation, for twists per unit of the inputs."""
     turning = np.linalg.norm(twists[:, 3:, model.chambers :], axis=1).max(axis=0)
     for k, load in enumerate(model.loads):
         if load.kind == "force" and load.direction[2] == 1.0:
             turning[k] = turning[k - 1]
-    scale: Floats = rotation / turning
-    return scale
+    size: Floats = rotation / turning
+    return size
 
 
-def _ends(specimen: Specimen, model: FiniteElementModel, scale: Floats, plan: Plan) -> Iterator[Inputs]:
-    """Give the ends of the rays; on three of six the arm hangs, on the rest gravity has any direction."""
-    chambers, loads = model.chambers, len(model.loads)
-    sequence = qmc.Sobol(chambers + loads + 2, rng=plan.seed).random_base2(int(np.ceil(np.log2(plan.rays))))
-    limits = np.array(specimen.pressure_limits)
-    for index, row in enumerate(sequence[: plan.rays]):
-        rise, turn = 2.0 * row[-2] - 1.0, 2.0 * np.pi * row[-1]
+@dataclass(frozen=True)
+class Ray:
+    """Where a ray leads.
+
+    Args:
+        end: Inputs at its end.
+        factors: Stiffness factors of the soft segments.
+    """
+
+    end: Inputs
+    factors: dict[str, float]
+
+
+def _rays(specimen: Specimen, model: FiniteElementModel, scale: Floats, plan: Plan) -> Iterator[Ray]:
+    """Give the rays; on half of them the arm hangs, on the rest gravity has any direction."""
+    chambers, loads, segments = model.chambers, len(model.loads), len(specimen.segments)
+    sequence = qmc.Sobol(chambers + loads + segments + 2, rng=plan.seed)
+    rows = sequence.random_base2(int(np.ceil(np.log2(plan.rays))))[: plan.rays]
+    limits, kinds = np.array(specimen.pressure_limits), len(plan.kinds)
+    owner = [[part.name for part in specimen.segments].index(c.segment) for c in specimen.chambers]
+    for index, row in enumerate(rows):
+        pushes, pulls, stretches, (rise, turn) = np.split(row, np.cumsum([chambers, loads, segments]))
+        factors = plan.stretch ** (2.0 * stretches - 1.0)
+        rise, turn = 2.0 * rise - 1.0, 2.0 * np.pi * turn
         flat = np.sqrt(1.0 - rise**2)
         anyhow = np.array([flat * np.cos(turn), flat * np.sin(turn), rise])
-        yield Inputs(
-            plan.pressure * limits * row[:chambers],
-            scale * _share(model.loads, index) * (2.0 * row[chambers : chambers + loads] - 1.0),
-            STANDARD_GRAVITY * (anyhow if index // 3 % 2 else np.array([0.0, 0.0, 1.0])),
+        end = Inputs(
+            plan.pressure * limits * factors[owner] * pushes,
+            scale * np.exp(np.log(factors).mean()) * _share(model.loads, index, plan) * (2.0 * pulls - 1.0),
+            STANDARD_GRAVITY * (anyhow if index // (2 * kinds) % 2 else np.array([0.0, 0.0, 1.0])),
         )
+        named = zip(specimen.segments, factors.tolist(), strict=True)
+        yield Ray(end, {part.name: factor for part, factor in named})
 
 
-def _share(loads: Sequence[Load], index: int) -> Floats:
-    """Give the size of each load on a ray over its scale.
-
-    In turn: all small, as the arm is mostly used; all; the lateral forces at one place alone, large.
-    """
-    if index % 3 < 2:
-        return np.full(len(loads), (SMALL, 1.0)[index % 3])
+def _share(loads: Sequence[Load], index: int, plan: Plan) -> Floats:
+    """Give the size of each load on a ray over its scale."""
+    turn, kind = divmod(index, len(plan.kinds))
+    alone, size = plan.kinds[kind]
+    if not alone:
+        return np.full(len(loads), size)
     places = list(dict.fromkeys((load.section, load.height) for load in loads))
-    chosen = places[index // 6 % len(places)] if places else None
+    chosen = places[turn % len(places)] if places else None
     lateral = [
         load.kind == "force" and load.direction[2] == 0.0 and (load.section, load.height) == chosen
         for load in loads
     ]
-    return LARGE * np.array(lateral, dtype=np.float64)
+    return size * np.array(lateral, dtype=np.float64)
 
 
 def _follow(
-    model: FiniteElementModel, stations: Stations, end: Inputs, plan: Plan, scale: Floats
+    model: FiniteElementModel, stations: Stations, ray: Ray, plan: Plan, scales: Mapping[str, float]
 ) -> Iterator[tuple[Floats, ...]]:
-    """Walk along a ray until its end or until the arm grows soft."""
+    """Walk along a ray from rest until its end or until the arm grows soft."""
     settings = Settings(tolerance=TOLERANCE, iterations=NEWTON_STEPS)
     body, none, rest = model.body, model.no_inputs(), np.zeros_like(model.body.points)
+    factors = np.array([scales.get(region, 1.0) for region in stations.chain.regions])
     before: Waypoint | None = None
     balance = model.balance(rest, none)
-    here = Waypoint(0.0, rest, _velocity(model, balance, _factor(model, balance), end))
+    factor = _factor(model, balance)
+    frames = stations.poses(body.points, body.pattern.scatter(factor.solve(_gathered(model, balance))))
+    scale = _turning_loads(frames[2], model, 1.0)
+    yield none.pressures, none.loads, none.gravity, *frames, factors, np.array(1.0)
+    here = Waypoint(0.0, rest, _velocity(model, balance, factor, ray.end))
     step, failures = FIRST * plan.step, 0
     while here.fraction < 1.0 - 1e-9 and failures < FAILURES:
         target = min(here.fraction + step, 1.0)
-        inputs = between(none, end, target)
+        inputs = between(none, ray.end, target)
         found = correct(body, model.balance, extrapolate(body, here, before, target), inputs, settings)
         if not found.solution.converged or found.factor is None:
             step, failures = 0.5 * step, failures + 1
             continue
         step = min(plan.step, (1.5 if found.solution.iterations <= 4 else 1.0) * step)
         place = found.solution.value
-        before, here = here, Waypoint(target, place, _velocity(model, found.balance, found.factor, end))
+        before, here = here, Waypoint(target, place, _velocity(model, found.balance, found.factor, ray.end))
         moves = exact_moves(model, found.factor, place, inputs.loads, _input_forces(found.balance))
         if moves is None:
             return
-        origins, turns, twists = stations.poses(body.points + place, moves)
-        turned = np.linalg.norm(twists[:, 3:, model.chambers :], axis=1) * scale
-        if turned.max(initial=0.0) > SOFT * plan.rotation:
+        frames = stations.poses(body.points + place, moves)
+        turned = np.linalg.norm(frames[2][:, 3:, model.chambers :], axis=1) * scale
+        softness = turned.max(initial=0.0)
+        if softness > plan.soft or _bend(frames[1]) > plan.bend:
             return
-        yield inputs.pressures, inputs.loads, inputs.gravity, origins, turns, twists
+        yield inputs.pressures, inputs.loads, inputs.gravity, *frames, factors, np.array(softness)
+
+
+def _bend(rotations: Floats) -> float:
+    """Sum the turns from station to station [rad], from the clamp on; rotations of shape (stations, 3, 3)."""
+    before = np.concatenate([np.eye(3)[None], rotations[:-1]])
+    return float(np.linalg.norm(log(np.swapaxes(before, -1, -2) @ rotations), axis=-1).sum())
 
 
 def _velocity(model: FiniteElementModel, balance: Balance, factor: StiffnessFactor, end: Inputs) -> Floats:
@@ -242,3 +296,7 @@ def _factor(model: FiniteElementModel, balance: Balance) -> StiffnessFactor:
 def _input_forces(balance: Balance) -> Floats:
     """Give the nodal forces per unit of each pressure, then each load, shape (inputs, nodes, 3)."""
     return np.concatenate([balance.evaluation.gradients, balance.load_vectors])
+
+
+def _gathered(model: FiniteElementModel, balance: Balance) -> Floats:
+    return model.body.pattern.gather(_input_forces(balance))

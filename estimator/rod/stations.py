@@ -8,16 +8,21 @@ from numpy.typing import NDArray
 
 from estimator.arm import region_materials
 from estimator.fem import FiniteElementModel
-from estimator.fem.interpolation import PointMap
-from estimator.fem.sections import SectionFrame, build_slice
+from estimator.fem.interpolation import PointMap, cross_section, locate
+from estimator.fem.sections import SectionFrame
 from estimator.fem.shapes import quadrature, shape_functions
 from estimator.mesh import Mesh
 from estimator.rod.chain import Chain, point_weights
+from estimator.rod.symmetry import candidates
 from estimator.specimen import Section, Specimen
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+RASTER = 24
+"""Points across a station, before their images."""
+OUTSIDE = 1e-3
+"""Distance from an element, in its own coordinates, from which an image of a point is off the body."""
 NEAR = 1e-6
 """Heights closer than this are one station [m]."""
 
@@ -78,13 +83,27 @@ def cut(specimen: Specimen, model: FiniteElementModel, links_per_segment: int = 
     for segment in specimen.segments:
         low, high = max(segment.from_m, clamp), segment.to_m
         for height in np.linspace(low, high, links_per_segment + 1)[1:-1]:
-            # The points of a slice lie unevenly: their mean is not on the axis.
-            on_axis = np.array([0.0, 0.0, float(height)])
-            places[float(height)] = replace(build_slice(model.mesh, float(height)), origin=on_axis)
+            places[float(height)] = _slice(specimen, model.mesh, float(height))
     heights = np.array([clamp, *sorted(places)])
     frames = tuple(places[height] for height in heights[1:].tolist())
     chain = _chain(specimen, model, heights)
     return Stations(chain, frames, tuple(frame.points for frame in frames))
+
+
+def _slice(specimen: Specimen, mesh: Mesh, height: float) -> SectionFrame:
+    """Give the frame of a cross-section, of points that lie as evenly about the axis as the arm does.
+
+    A raster alone would make a symmetric arm seem lopsided.
+    """
+    raster = cross_section(mesh, height, RASTER).apply(mesh.points)
+    images = [locate(mesh, raster @ symmetry.vectors.T) for symmetry in candidates(specimen)]
+    kept = [found for found, violation in images if violation.max() < OUTSIDE]
+    points = PointMap(
+        np.concatenate([found.nodes for found in kept]), np.concatenate([found.weights for found in kept])
+    )
+    rest = points.apply(mesh.points)
+    mean, axis = rest.mean(axis=0), np.array([0.0, 0.0, height])
+    return SectionFrame(points, (rest - mean) / len(rest), mean, axis, np.eye(3))
 
 
 def _chain(specimen: Specimen, model: FiniteElementModel, heights: Floats) -> Chain:

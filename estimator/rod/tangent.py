@@ -133,9 +133,10 @@ def wrench_jacobian(
     beyond: Floats,
     motions: Floats,
     inner: Floats,
+    parts: Floats,
     jacobian: Floats,
 ) -> None:
-    """Fill the derivative of all wrenches by all strains, but for turned actions inside links.
+    """Fill the derivative of all wrenches by all strains.
 
     A strain of link j moves all beyond it as a rigid body. Nearer links feel the change of the moment of the
     moved actions, the same for all; farther ones turn with their actions; the link itself does both in part.
@@ -146,18 +147,24 @@ def wrench_jacobian(
         beyond: Sums over the actions beyond each link, shape (links, 15).
         motions: Motion by each strain, as of ``link_motion``, shape (links, 6, 12).
         inner: Change of moment by actions inside each link, shape (links, 6, 3).
+        parts: Change of wrench by turning those actions, as of ``turned_parts``, shape (links, 6, 3).
         jacobian: Filled, shape (6 links, 6 links).
     """
     links = len(middles)
     change, local = np.empty(3), np.empty(3)
+    turned = np.empty((links, 6, 3))
     jacobian[:] = 0.0
+    for i in range(1, links):
+        _turned_whole(positions, middles, beyond, i, turned[i])
+        turned[i] += parts[i]
     for j in range(links):
         for c in range(6):
             column = 6 * j + c
             rigid_moment(motions[j, c], beyond[j], change)
             _own_link(positions, middles, beyond, motions[j, c], change, j, column, jacobian)
+            _add_turn(parts[j], motions[j, c, 6:9], j, column, jacobian)
             for i in range(j + 1, links):
-                _farther_link(motions[j, c], positions, middles, beyond, i, column, jacobian)
+                _add_turn(turned[i], motions[j, c, 0:3], i, column, jacobian)
             for k in range(3):
                 change[k] += inner[j, c, k]
             for i in range(j):
@@ -202,52 +209,55 @@ def _own_link(
 
 
 @njit(cache=True, nogil=True)
-def _farther_link(
-    motion: Floats,
-    positions: Floats,
-    middles: Floats,
-    beyond: Floats,
-    i: int,
-    column: int,
-    jacobian: Floats,
-) -> None:
-    """Fill the derivative of the wrench of a link that turns as a whole: sum (w x r) x F - w x M."""
-    arm, moment, local, turned = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    total, spin = beyond[i, 0:3], motion[0:3]
-    cross(total, spin, turned)
-    rotate_back(middles[i], turned, local)
-    jacobian[6 * i : 6 * i + 3, column] = local
-    _moment_about_middle(positions, beyond, i, arm, moment)
-    cross(moment, spin, turned)
-    trace = along = 0.0
-    for k in range(3):
-        trace += beyond[i, 6 + 4 * k] - arm[k] * total[k]
-        along += total[k] * spin[k]
-    for k in range(3):
-        turned[k] -= trace * spin[k] + arm[k] * along
-        for m in range(3):
-            turned[k] += beyond[i, 6 + 3 * k + m] * spin[m]
-    rotate_back(middles[i], turned, local)
-    jacobian[6 * i + 3 : 6 * i + 6, column] = local
+def _add_turn(turned: Floats, spin: Floats, i: int, column: int, jacobian: Floats) -> None:
+    """Add the change of link i's wrench by a turn, shape (3,), to a column of the jacobian."""
+    for r in range(6):
+        change = turned[r, 0] * spin[0] + turned[r, 1] * spin[1] + turned[r, 2] * spin[2]
+        jacobian[6 * i + r, column] += change
 
 
 @njit(cache=True, nogil=True)
-def turn_parts(middles: Floats, actions: Actions, drive: Drive, motions: Floats, jacobian: Floats) -> None:
-    """Add what turning a link does to the contribution of actions inside it."""
-    force, couple, column = np.empty(3), np.empty(3), np.empty(6)
+def _turned_whole(positions: Floats, middles: Floats, beyond: Floats, i: int, turned: Floats) -> None:
+    """Fill the change of a link's wrench per unit turn w of it and all beyond: sum (w x r) x F - w x M."""
+    arm, moment, local = np.empty(3), np.empty(3), np.empty(3)
+    spin, change = np.empty(3), np.empty(3)
+    total = beyond[i, 0:3]
+    _moment_about_middle(positions, beyond, i, arm, moment)
+    trace = 0.0
+    for k in range(3):
+        trace += beyond[i, 6 + 4 * k] - arm[k] * total[k]
+    for axis in range(3):
+        spin[:] = 0.0
+        spin[axis] = 1.0
+        cross(total, spin, change)
+        rotate_back(middles[i], change, local)
+        turned[0:3, axis] = local
+        cross(moment, spin, change)
+        change[axis] -= trace
+        for k in range(3):
+            change[k] += beyond[i, 6 + 3 * k + axis] - arm[k] * total[axis]
+        rotate_back(middles[i], change, local)
+        turned[3:6, axis] = local
+
+
+@njit(cache=True, nogil=True)
+def turned_parts(middles: Floats, actions: Actions, drive: Drive, parts: Floats) -> None:
+    """Fill what a unit turn changes of the wrench that actions inside each link add, shape (links, 6, 3)."""
+    force, couple, column, spin = np.empty(3), np.empty(3), np.empty(6), np.empty(3)
+    parts[:] = 0.0
     for a in range(len(actions.link)):
         i = actions.link[a]
         if actions.share[a] >= 1.0:
             continue
-        for j in range(i + 1):
-            for c in range(6):
-                spin = motions[j, c, 6:9] if j == i else motions[j, c, 0:3]
-                cross(drive.force[a], spin, force)
-                cross(drive.couple[a], spin, couple)
-                column[:] = 0.0
-                add_part(actions.beta[a], middles[i], force, couple, column)
-                for k in range(6):
-                    jacobian[6 * i + k, 6 * j + c] += column[k]
+        for axis in range(3):
+            spin[:] = 0.0
+            spin[axis] = 1.0
+            cross(drive.force[a], spin, force)
+            cross(drive.couple[a], spin, couple)
+            column[:] = 0.0
+            add_part(actions.beta[a], middles[i], force, couple, column)
+            for k in range(6):
+                parts[i, k, axis] += column[k]
 
 
 @njit(cache=True, nogil=True)

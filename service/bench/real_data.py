@@ -11,6 +11,7 @@ import numpy as np
 
 from estimator.arm import build_arm
 from estimator.calibration import (
+    BatchSolver,
     Calibrated,
     NodeSolver,
     Options,
@@ -27,11 +28,12 @@ from estimator.model import Inputs
 from estimator.recording import Floats, Recording
 from estimator.sensing import Registration, Scene
 from estimator.sensors import SpecimenSensors
-from estimator.specimen import Specimen, load_specimen
-from service.cli.output import Cell, Table, as_markdown, json_option, progress, quick_option, show
+from estimator.specimen import Calibration, Specimen, load_specimen
+from service.cli.output import Cell, Table, as_markdown, json_option, progress, quick_option, say, show
 from service.offline.inputs import cut, load_recordings
 from service.offline.resample import resample
 from service.offline.track import track
+from service.rods import known_trusted_rod
 
 BESIDE = Path(__file__).parents[3] / "shared" / "recordings"
 ARM = "sopra_2021-07-09"
@@ -43,17 +45,16 @@ RATE = 10.0  # Hz of the predictions
 """Recordings and the parts of them that count."""
 PAGE = """# Real recordings
 
-Printed by `softarm bench real-data --markdown`: what calibration makes of silicone robots that other groups
-recorded, beside regression that knows no mechanics. The recordings are not part of the project.
-
+Written by `softarm bench real-data --write docs/real-data.md`: what calibration makes of silicone robots that
+other groups recorded, beside regression that knows no mechanics. The recordings are not part of the project.
 """
 
 
 @click.command()
 @json_option
 @quick_option
-@click.option("--markdown", is_flag=True, help="Print the tables for a page of the documentation.")
-def command(as_json: bool, quick: bool, markdown: bool) -> None:
+@click.option("--write", type=click.Path(path_type=Path), help="Write the tables to a page.")
+def command(as_json: bool, quick: bool, write: Path | None) -> None:
     """Calibrate on real recordings and predict what was held out: two arms and a silicone beam.
 
     Reads the development recordings beside the checkout, or those that SOFTARM_RECORDINGS names.
@@ -67,10 +68,11 @@ def command(as_json: bool, quick: bool, markdown: bool) -> None:
         arm = arm_tables(folder, 30 if quick else 70, advance)
     with progress("the segment") as advance:
         segment = segment_tables(folder, advance)
-    if markdown:
-        click.echo(PAGE + as_markdown(*arm, *segment, *beam))
-    else:
-        show(*arm, *segment, *beam, as_json=as_json)
+    tables = (*arm, *segment, *beam)
+    show(*tables, as_json=as_json)
+    if write is not None:
+        write.write_text(f"{PAGE}\n{as_markdown(*tables)}\n", encoding="utf-8")
+        say(f"wrote {write}")
 
 
 def recordings_folder() -> Path:
@@ -85,6 +87,19 @@ def recordings_folder() -> Path:
             str(folder), f"holds no {ARM}", "set SOFTARM_RECORDINGS to the folder of the recordings"
         )
     return folder
+
+
+def described(name: str) -> Specimen:
+    """Give a shipped specimen without what any recording has told of it."""
+    return load_specimen(name).model_copy(update={"calibration": Calibration()})
+
+
+def quick_solver(specimen: Specimen, advance: Callable[[float], None]) -> tuple[Solver, str]:
+    """Give what a calibration runs on, and its name: the rod where it is known and near the mesh."""
+    rod = known_trusted_rod(specimen)
+    if rod is None:
+        return NodeSolver(build_arm(specimen, loads=()), advance), "finite elements"
+    return BatchSolver(rod.with_loads(())), "the calibrated rod"
 
 
 @dataclass(frozen=True)
@@ -108,16 +123,17 @@ class ArmErrors:
 
 def arm_tables(folder: Path, nodes: int, advance: Callable[[float], None]) -> tuple[Table, ...]:
     """Calibrate the SoPrA arm on alternate blocks of ten seconds, predict the others, and the other way."""
-    specimen = load_specimen("sopra")
+    specimen = described("sopra")
     (recording,) = load_recordings([folder / ARM])
-    solver = NodeSolver(build_arm(specimen, loads=()), advance)
+    mesh = NodeSolver(build_arm(specimen, loads=()), advance)
+    solver, name = quick_solver(specimen, advance)
     run = arrange(recording, specimen, solver.sections)
     even = training_blocks(block_of(run, run.time))
     folds, founds = [], []
     for train in (even, ~even):
         found = calibrate(solver, specimen, [run.window(train)], Options(nodes=nodes))
         founds.append(found)
-        folds.append(arm_errors(solver, recording, run, calibrated_specimen(specimen, found), train))
+        folds.append(arm_errors(mesh, recording, run, calibrated_specimen(specimen, found), train))
     errors = joined(folds)
     rows: list[dict[str, Cell]] = []
     for index, name in enumerate(errors.names):
@@ -131,8 +147,8 @@ def arm_tables(folder: Path, nodes: int, advance: Callable[[float], None]) -> tu
                 "Cross-validated: fitted on the even blocks of ten seconds and judged on the odd ones, then "
                 f"the other way, at {RATE:g} samples per second.",
                 f"Line: ordinary linear regression of six pressures (and an offset) to four angles, "
-                f"{7 * len(errors.names)} numbers. Model: finite elements, {founds[0].fitted} and "
-                f"{founds[1].fitted} numbers.",
+                f"{7 * len(errors.names)} numbers. Model: {founds[0].fitted} and {founds[1].fitted} numbers, "
+                f"fitted on {name}; its errors are those of the finite elements.",
             ),
         ),
         Table(f"{ARM}: what the model was fitted with", unknown_rows(founds)),
@@ -187,8 +203,8 @@ def joined(folds: Sequence[ArmErrors]) -> ArmErrors:
 
 def segment_tables(folder: Path, advance: Callable[[float], None]) -> tuple[Table, ...]:
     """Predict each step of the single segment from a calibration on the others."""
-    specimen = load_specimen("single_segment")
-    solver = NodeSolver(build_arm(specimen, loads=()), advance)
+    specimen = described("single_segment")
+    solver, solved_by = quick_solver(specimen, advance)
     recordings = load_recordings([folder / f"{SEGMENT}_{size}" for size in STEPS])
     ends = [cut(recording, settled(recording, SETTLED_STEP)) for recording in recordings]
     pressures = np.array([float(np.nanmean(end.pressure(0)[0])) for end in ends])
@@ -221,7 +237,7 @@ def segment_tables(folder: Path, advance: Callable[[float], None]) -> tuple[Tabl
                 "Leave one step out. Root mean square over the three tip markers of measured minus "
                 "predicted; moved: the same of measured minus rest.",
                 "Line and cubic: polynomials of the nominal pressure for each of nine coordinates, 18 and 36 "
-                "numbers. Pressures were not logged: they are nominal.",
+                f"numbers. Pressures were not logged: they are nominal. Model: {solved_by}.",
             ),
         ),
     )
@@ -246,7 +262,7 @@ def predict(solver: Solver, calibrated: Specimen, run: Run) -> Floats:
 
 def beam_tables(folder: Path, advance: Callable[[float], None]) -> tuple[Table, ...]:
     """Find the bare beam's modulus from its sag and predict the loaded beam with it."""
-    specimen = load_specimen("beam")
+    specimen = described("beam")
     (bare,) = load_recordings([folder / BARE])
     model = build_arm(specimen)
     options = Options(fit_lag=False)

@@ -80,11 +80,13 @@ def command(
     Each instant is solved on its own to the nonlinear optimum on the finite-element mesh, or on the rod:
     pressures as recorded, two lateral forces unknown at every rigid section. A search on the mesh begins at
     the rod's answer where that is known, and one that does not settle within bounds counts as diverged.
+    A specimen without calibration that does not predict a long recording's bends is fitted to it first.
     Prints a summary, writes plots and, with --out, every estimate.
 
     Example: softarm estimate ../shared/recordings/sopra_2021-07-09 --specimen sopra
     """
     from estimator.calibration import arrange
+    from service.offline.alignment import aligned
     from service.offline.inputs import in_its_mount, load_recordings, specimen_of
     from service.offline.resample import resample
     from service.offline.result import as_recording
@@ -96,6 +98,10 @@ def command(
         refuse_existing(out, force=force or out.is_dir())
     (loaded,) = load_recordings([recording], window)
     robot = in_its_mount(specimen_of(specimen, [recording], [loaded]), loaded)
+    with progress(f"holding {robot.name} against {loaded.name}") as advance:
+        robot, told = aligned(robot, loaded, advance)
+    if told:
+        say(told)
     run = resample(arrange(loaded, robot, tuple(section.name for section in robot.sections)), rate)
     kind = _chosen(robot) if kind == "auto" else kind
     found, surface = _on_rod(robot, run) if kind == "rod" else _on_mesh(robot, run)

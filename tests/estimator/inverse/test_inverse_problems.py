@@ -162,6 +162,18 @@ def test_a_wanted_pose_within_the_limits_is_reached_by_pressures_within_them(arm
     np.testing.assert_allclose(readings_of(arm, suite, inputs, found), target, atol=1e-4)
 
 
+def test_a_wanted_pose_is_reached_from_one_under_load_and_at_the_answer_of_a_guide(arm) -> None:
+    suite = SensorSuite((Bend("upper", 0, 1e-4), Bend("lower", 1, 1e-4, reference=0)))
+    inputs, state = truth(arm, loads=np.zeros(4))
+    target = readings_of(arm, suite, inputs, state)
+    loaded, pulled = truth(arm, pressures=np.full(6, 20e3), loads=np.array([0.2, -0.1, 0.15, 0.1]))
+    for guide in (None, arm):
+        reach = reach_pose(arm, suite, target, LIMITS, (pulled, loaded), guide=guide)
+        assert reach.reachable
+        found = arm.solve(Inputs(reach.pressures, np.zeros(4), GRAVITY), arm.rest())[0]
+        np.testing.assert_allclose(readings_of(arm, suite, inputs, found), target, atol=1e-4)
+
+
 def test_a_pose_beyond_the_limits_names_what_limits_it(arm) -> None:
     suite = SensorSuite((Bend("upper", 0, 1e-3), Bend("lower", 1, 1e-3, reference=0)))
     inputs, state = truth(arm, pressures=np.array([140e3, 0, 0, 10e3, 0, 0]), loads=np.zeros(4))

@@ -12,18 +12,21 @@ LENGTH, BENDING, TORSION, STRETCH, SHEAR = 0.27, 0.03, 0.02, 60.0, 40.0
 LINEAR_DENSITY = 0.8  # kg/m
 
 
-def linear_rod(links: int = 8, curl: float = 0.0, quadratic: float = 0.0) -> CalibratedRod:
+def linear_rod(
+    links: int = 8, curl: float = 0.0, quadratic: float = 0.0, scaled: bool = False
+) -> CalibratedRod:
     """Give a rod of two segments with three pressures each.
 
     Args:
         links: Number of links, even.
         curl: Bend of each link per 30 kPa [rad].
         quadratic: Size of random quadratic terms, for checks of derivatives.
+        scaled: Whether some of them change with the stiffness factor.
     """
     heights = np.linspace(0.0, LENGTH, links + 1)
     step = LENGTH / links
     half = links // 2
-    table = term_table(6, 3)
+    table = term_table(6, 3, scaled=scaled)
     coefficients = np.random.default_rng(4).normal(size=(links, len(table), 8)) * quadratic
     linear = [int(np.flatnonzero((table == [0, 0, 0, v]).all(axis=1))[0]) for v in range(1, 10)]
     coefficients[:, linear] = 0.0

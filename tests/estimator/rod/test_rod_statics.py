@@ -100,7 +100,7 @@ def test_motion_is_the_derivative_by_pressures_and_loads() -> None:
 
 
 def test_a_batch_gives_single_answers_and_derivatives_by_gravity_and_stiffness() -> None:
-    rod = linear_rod(8, curl=0.05, quadratic=1e-3)
+    rod = linear_rod(8, curl=0.05, quadratic=1e-3, scaled=True).with_scales({"upper": 1.3, "lower": 0.8})
     pressures, loads = RANDOM.uniform(0.0, 5e4, (5, 6)), RANDOM.normal(size=(5, 4)) * 0.1
     gravity = RANDOM.normal(size=(5, 3)) * 5.0
     batch = rod.evaluate(pressures, loads, gravity)
@@ -117,7 +117,7 @@ def test_a_batch_gives_single_answers_and_derivatives_by_gravity_and_stiffness()
         turned = log(frames.rotations[0] @ np.swapaxes(batch.frames.rotations[0], -1, -2))
         return np.concatenate([frames.positions[0], turned], axis=1).ravel()
 
-    point = np.concatenate([gravity[0], np.ones(len(rod.regions))])
+    point = np.concatenate([gravity[0], [1.3, 0.8]])
     assert derivative_error(twists, batch.motion[0][:, 10:], point, 1e-3) < 1e-5
 
 
