@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from estimator.augmented.model import ShapedModel, ShapedStep, Spread
 from estimator.effects.accepted import accepted_physics
-from estimator.effects.augmented import PlacedEffect, advance_with, signals_of
+from estimator.effects.augmented import PlacedEffect, advance_with, signals_of, standing_pressures
 from estimator.effects.effect import Memory
 from estimator.effects.readings import QUATERNION, turns
 from estimator.effects.world import World
@@ -28,6 +28,8 @@ Floats = NDArray[np.float64]
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 
+UNSHAPING = 8
+"""Passes of the search for the pressures behind those that act: enough where an effect halves them."""
 SPREAD = 8.0
 """Factor by which a segment's stiffness may differ between poses; more means that the model is lost."""
 
@@ -37,6 +39,10 @@ class Follower(Protocol[State]):
 
     def reset(self) -> None:
         """Forget the past."""
+
+    @property
+    def model(self) -> Any:
+        """The model it runs on, with the unknown loads."""
 
     def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> Estimate[State]:
         """Estimate at an instant; see ``estimator.inverse.Estimator.update``."""
@@ -135,6 +141,27 @@ class AugmentedEstimator(Generic[State, Step]):
             self._last = self._response(estimate.frames)
             self._bend(shaped, estimate)
         return estimate
+
+    @property
+    def model(self) -> ArmModel[State, ShapedStep[State, Step]]:
+        """The model under what the effects did at the last instant; its loads are the unknown ones."""
+        return self._estimator.model
+
+    def unshaped(self, pressures: Floats) -> Floats:
+        """Give the pressures that the effects turn into given ones once they stand still.
+
+        Args:
+            pressures: As they act in the chambers [Pa], shape (chambers,).
+
+        Returns:
+            As they are measured, but for the sensors' gains [Pa]; none is below zero.
+        """
+        found = np.maximum(pressures, 0.0)
+        for _ in range(UNSHAPING):
+            drive = self._drive(0.0, found, np.zeros(3))
+            acting = standing_pressures(self._effects, self._world, drive)[0]
+            found = np.maximum(found + pressures - acting, 0.0)
+        return found
 
     def _bend(self, drive: Drive, estimate: Estimate[State]) -> None:
         """Take the stiffness of the segments in the pose of an estimate; the couples keep their strains."""

@@ -150,6 +150,12 @@ def advance_with(
     return _loaded(base, effects, shares, world), tuple(after)
 
 
+def standing_pressures(effects: Sequence[PlacedEffect], world: World, drive: Drive) -> Floats:
+    """Give what effects make of pressures that have long stood still, shape (samples, chambers)."""
+    none: tuple[Memory, ...] = ((),) * len(effects)
+    return _shape_drive(effects, world, drive, none, list(none)).pressures
+
+
 def _answers(placed: PlacedEffect) -> bool:
     return placed.effect.hook in FIRST_STEP
 

@@ -1,6 +1,6 @@
 """From readings to loads, pressures and frames: objectives and limits, one program, one search."""
 
-from estimator.inverse.compensation import Compensation, approach, replace_loads
+from estimator.inverse.compensation import Compensation, approach, replace_loads, settle
 from estimator.inverse.contact import ContactLocation, ContactSearch, locate_force
 from estimator.inverse.contact_profile import ContactPlace, ContactProfile
 from estimator.inverse.estimate import Estimate
@@ -68,5 +68,6 @@ __all__ = [
     "reach_pose",
     "rectify",
     "replace_loads",
+    "settle",
     "solve_program",
 ]

@@ -1,4 +1,4 @@
-"""Pressures in place of loads, or towards a pose: one bounded least-squares step about an estimate."""
+"""Pressures in place of loads, or towards a pose: a bounded least-squares step, and the search beyond it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,12 +9,17 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from estimator.inverse.estimate import Estimate
+from estimator.inverse.limits import Limits
+from estimator.inverse.minimise import Tolerances
+from estimator.inverse.objectives import PressureReadings, SensorObjective
 from estimator.inverse.observability import join
-from estimator.model import Frames
+from estimator.inverse.problem import Problem
+from estimator.model import ArmModel, Frames, Inputs, Linearisation
 from estimator.sensing import Scene, SensorSuite
 
 Floats = NDArray[np.float64]
 State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
 
 TOLERANCE = 3.0
 """A pose is met when every reading is within so many standard deviations of what it would be there."""
@@ -61,6 +66,58 @@ def replace_loads(
     jacobian = suite.sensitivity(scene, readings).twists @ estimate.motion
     wanted = jacobian[:, estimate.unknowns.chambers :] @ (estimate.inputs.loads - tare)
     return _solve(estimate, suite, limits, (readings, jacobian, wanted))
+
+
+def settle(
+    model: ArmModel[State, Step],
+    estimate: Estimate[State],
+    suite: SensorSuite,
+    limits: Floats,
+    tare: Floats,
+    first: Compensation,
+    start: tuple[State, Inputs] | None = None,
+    tolerances: Tolerances | None = None,
+) -> tuple[Compensation, Estimate[State] | None]:
+    """Search on from what ``replace_loads`` found to the optimum of the nonlinear arm, its loads gone.
+
+    Args:
+        model: Model of the arm.
+        estimate: The estimate; its pose is to be held.
+        suite: Sensors whose standard deviations are the tolerances.
+        limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
+        tare: Load amplitudes that count as zero, shape (loads,).
+        first: What ``replace_loads`` found.
+        start: Where a search for a pose nearby ended; the estimate's state with the first answer when left
+            out.
+        tolerances: When the search stops.
+
+    Returns:
+        The better answer with the arm in it, or the first one and None where the search did not converge.
+    """
+    unknowns, inputs, chambers = estimate.unknowns, estimate.inputs, estimate.unknowns.chambers
+    scene = Scene(estimate.frames, inputs.loads)
+    readings = suite.predict(scene)
+    bounds = Limits.free(unknowns.size).bound(slice(0, chambers), 0.0, limits)
+    problem = Problem(
+        unknowns,
+        suite,
+        (
+            SensorObjective(suite, readings),
+            PressureReadings(inputs.pressures, limits / RELUCTANCE, "reluctance", data=False),
+        ),
+        bounds.hold(slice(chambers, unknowns.size), tare),
+        inputs.gravity,
+    )
+    begin = start or (estimate.state, Inputs(inputs.pressures + first.change, tare, inputs.gravity))
+    found = problem.solve(model, begin, tolerances)
+    if not found.converged:
+        return first, None
+    left = np.concatenate([found.residuals[name] for name in suite.slices])
+    sigma = np.sqrt(np.diag(suite.own_noise(readings)))
+    misses = _misses(suite.slices, left, sigma)
+    change = found.inputs.pressures - inputs.pressures
+    statement = _statement(misses, list(found.limits_reached))
+    return Compensation(change, not misses, statement), found
 
 
 def approach(estimate: Estimate[State], suite: SensorSuite, limits: Floats, target: Frames) -> Compensation:

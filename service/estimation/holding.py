@@ -1,46 +1,94 @@
-"""The pressures that hold the pose, from the estimate at hand."""
+"""The pressures that hold the pose: from the estimate at hand, and a search on from there."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.inverse import Estimate, approach, replace_loads
+from estimator.inverse import Compensation, Estimate, Tolerances, approach, replace_loads, settle
 from estimator.model import Frames
 from estimator.rotations import from_quaternions
 from estimator.sensing import ActuationMap, SensorSuite
 from service.estimation.messages import HoldAnswer, PoseTarget
 
 Floats = NDArray[np.float64]
+SEARCH = Tolerances(step=1e-3, residual=1e-4, iterations=6, retreats=0)
+"""A search that takes longer goes on at the next instant; until it ends, the linear answer stands."""
 
 
-def hold_pose(
-    estimate: Estimate[Any],
-    suite: SensorSuite,
-    actuation: ActuationMap,
-    limits: Floats,
-    tare: Floats,
-    target: PoseTarget | None,
-) -> HoldAnswer:
-    """Find the pressures that would hold the estimated pose without a hand, and those towards a target.
+@dataclass(frozen=True)
+class Arm:
+    """What commands act on.
 
     Args:
-        estimate: The newest estimate.
         suite: The sensors.
         actuation: From measured to chamber pressures.
         limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
-        tare: Load amplitudes that count as zero, shape (loads,).
-        target: A pose that is being held, or ``None``.
+        unshaped: From the pressures that act in the chambers to those before the specimen's physics.
     """
-    if not estimate.converged or not np.isfinite(estimate.motion).all():
-        note = "the estimate did not converge, so nothing is known of the pose"
-        return HoldAnswer(np.zeros(len(limits)), reachable=False, note=note, known=False)
-    pressures = estimate.inputs.pressures
-    held = replace_loads(estimate, suite, limits, tare)
-    wanted = np.clip(actuation.to_measured(pressures + held.change), 0.0, limits)
-    if target is None:
-        return HoldAnswer(wanted, held.reachable, held.statement)
-    frames = Frames(target.positions, from_quaternions(target.quaternions))
-    nearer = approach(estimate, suite, limits, frames)
-    towards = actuation.to_measured(pressures + nearer.change) - actuation.to_measured(pressures)
-    return HoldAnswer(wanted, nearer.reachable, nearer.statement, towards=towards)
+
+    suite: SensorSuite
+    actuation: ActuationMap
+    limits: Floats
+    unshaped: Callable[[Floats], Floats]
+
+    def commanded(self, acting: Floats) -> Floats:
+        """Give the pressures to command for pressures that are to act in the chambers [Pa]."""
+        return self.actuation.to_measured(self.unshaped(acting))
+
+
+class Holding:
+    """Finds the pressures that hold the estimated pose without a hand.
+
+    Args:
+        arm: What commands act on.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        self._arm = arm
+        self._last: Estimate[Any] | None = None
+
+    def forget(self) -> None:
+        """Begin the next search anew."""
+        self._last = None
+
+    def answer(
+        self, model: Any, estimate: Estimate[Any], tare: Floats, target: PoseTarget | None
+    ) -> HoldAnswer:
+        """Find the pressures that would hold the estimated pose, and those towards a target.
+
+        Args:
+            model: The model of the estimate.
+            estimate: The newest estimate.
+            tare: Load amplitudes that count as zero, shape (loads,).
+            target: A pose that is being held, or ``None``.
+        """
+        arm, pressures = self._arm, estimate.inputs.pressures
+        if not estimate.converged or not np.isfinite(estimate.motion).all():
+            self.forget()
+            note = "the estimate did not converge, so nothing is known of the pose"
+            return HoldAnswer(np.zeros(len(arm.limits)), reachable=False, note=note, known=False)
+        held = replace_loads(estimate, arm.suite, arm.limits, tare)
+        if target is None:
+            held = self._settled(model, estimate, tare, held)
+            return HoldAnswer(self._wanted(pressures + held.change), held.reachable, held.statement)
+        self.forget()
+        frames = Frames(target.positions, from_quaternions(target.quaternions))
+        nearer = approach(estimate, arm.suite, arm.limits, frames)
+        towards = arm.commanded(pressures + nearer.change) - arm.commanded(pressures)
+        wanted = self._wanted(pressures + held.change)
+        return HoldAnswer(wanted, nearer.reachable, nearer.statement, towards=towards)
+
+    def _wanted(self, acting: Floats) -> Floats:
+        return np.clip(self._arm.commanded(acting), 0.0, self._arm.limits)
+
+    def _settled(
+        self, model: Any, estimate: Estimate[Any], tare: Floats, first: Compensation
+    ) -> Compensation:
+        """Search from where the last search ended; a search that fails begins anew at the next instant."""
+        arm, last = self._arm, self._last
+        start = None if last is None else (last.state, last.inputs)
+        answer, self._last = settle(model, estimate, arm.suite, arm.limits, tare, first, start, SEARCH)
+        return answer

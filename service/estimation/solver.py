@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from estimator.arm import build_arm, default_loads
-from estimator.augmented import Follower, estimator_of
+from estimator.augmented import AugmentedEstimator, Follower, estimator_of
 from estimator.fem import FiniteElementModel, FiniteElementState, Refactoriser, TrackingModel
 from estimator.inverse import (
     ContactPlace,
@@ -28,7 +28,7 @@ from estimator.sensors import SpecimenSensors, mounted_base
 from estimator.simulation import section_loads
 from estimator.specimen import Specimen
 from service.config import ControlSettings, SensorSettings
-from service.estimation.holding import hold_pose
+from service.estimation.holding import Arm, Holding
 from service.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
 from service.estimation.rod_check import RodCheck
 from service.rods import trusted_rod
@@ -101,6 +101,9 @@ class Solver:
         self._estimator: Follower[Any] = estimator_of(
             specimen, following, self._model.loads, self._suite, tracker, pressures_measured=True
         )
+        follower = self._estimator
+        unshaped = follower.unshaped if isinstance(follower, AugmentedEstimator) else np.asarray
+        self._holding = Holding(Arm(self._suite, self._actuation, self._limits, unshaped))
         self._profile = ContactProfile(_heights(specimen), passes=1)
         every = (*self._model.loads, *self._profile.loads)
         self._pushed: Any = (self._rod or self._model).with_loads(every)
@@ -166,9 +169,10 @@ class Solver:
     def _held(self, request: EstimationRequest, estimate: Estimate[Any]) -> HoldAnswer | None:
         """Find the pressures that hold the pose while they are asked for."""
         if not request.want_hold:
+            self._holding.forget()
             return None
         tare = np.zeros(len(self._model.loads)) if request.tare is None else request.tare
-        return hold_pose(estimate, self._suite, self._actuation, self._limits, tare, request.target)
+        return self._holding.answer(self._estimator.model, estimate, tare, request.target)
 
     def _contact(self, request: EstimationRequest, estimate: Estimate[Any]) -> ContactPlace | None:
         """Place the push that the estimate's loads stand for."""

@@ -4,9 +4,12 @@ from collections.abc import Iterator
 
 from service.safety.checks.inputs import FOLLOWING_THE_POSE
 from service.safety.findings import Finding, Severity
+from service.safety.modes import Mode
 from service.safety.observation import Observation
 
 FAILURES_ALLOWED = 20
+STEERING_BY_THE_ESTIMATE = frozenset({Mode.TEACH, Mode.HOLDING})
+"""Modes whose pressures come from the estimate; an experiment plays its own and may swing the arm."""
 
 
 def check_estimator(observation: Observation) -> Iterator[Finding]:
@@ -20,6 +23,7 @@ def check_estimator(observation: Observation) -> Iterator[Finding]:
     elif estimator.failures > FAILURES_ALLOWED:
         message = f"{estimator.failures} estimates in a row did not converge"
         hint = "the model does not fit the arm: calibrate, or run softarm diagnose on a recording"
+        severity = "fault" if observation.mode in STEERING_BY_THE_ESTIMATE else "warning"
     else:
         return
     yield Finding("estimator_failed", "estimator", severity, message, hint)

@@ -1,7 +1,15 @@
 import numpy as np
 import pytest
 
-from estimator.inverse import Unknowns, approach, forces_problem, independent_prior, replace_loads
+from estimator.inverse import (
+    Tolerances,
+    Unknowns,
+    approach,
+    forces_problem,
+    independent_prior,
+    replace_loads,
+    settle,
+)
 from estimator.model import Inputs
 from estimator.sensing import Orientation, Scene, SensorSuite
 
@@ -46,6 +54,31 @@ def test_pressures_hold_the_pose_that_a_hand_held(arm, loads):
     left = tilts(pose, frames(arm, PRESSURES + held.change, NONE)).max()
     assert without > 0.05
     assert left < 0.15 * without  # the rest is left to the feedback
+
+
+@pytest.mark.parametrize("loads", [(0.0, 0.0, 0.03, -0.02), (0.05, 0.02, -0.03, 0.01)])
+def test_the_search_from_there_comes_nearer_and_goes_on_from_its_end(arm, loads):
+    estimate = estimated(arm, loads)
+    first = replace_loads(estimate, SUITE, LIMITS, NONE)
+    held, found = settle(arm, estimate, SUITE, LIMITS, NONE, first)
+    assert found is not None
+    np.testing.assert_array_equal(found.inputs.loads, NONE)
+    pose = frames(arm, PRESSURES, loads)
+    misses = [tilts(pose, frames(arm, PRESSURES + c.change, NONE)).max() for c in (first, held)]
+    assert misses[1] <= misses[0]
+    again, more = settle(arm, estimate, SUITE, LIMITS, NONE, first, (found.state, found.inputs))
+    assert more.iterations <= found.iterations
+    np.testing.assert_allclose(again.change, held.change, atol=10.0)
+
+
+def test_a_search_that_fails_leaves_the_first_answer(arm):
+    estimate = estimated(arm, (0.0, 0.0, 0.03, -0.02))
+    first = replace_loads(estimate, SUITE, LIMITS, NONE)
+    held, found = settle(
+        arm, estimate, SUITE, LIMITS, NONE, first, None, Tolerances(1e-14, 1e-14, iterations=1)
+    )
+    assert held is first
+    assert found is None
 
 
 def test_what_the_tare_took_as_zero_is_not_held(arm):
