@@ -61,7 +61,7 @@ class ValveConfig(DriverConfig):
     slew_pa_per_s: Positive = 200_000.0
     max_lifetime_s: Seconds = 1.0
     rate_hz: Annotated[float, Field(gt=0, le=500)] = 100.0
-    watchdog_ms: Annotated[int, Field(ge=WATCHDOG_MIN_MS, le=65535)] = 300
+    watchdog_ms: Annotated[int, Field(ge=WATCHDOG_MIN_MS, le=65535)] = 180
     response_timeout_s: Annotated[float, Field(gt=0, le=0.1)] = 0.1
     lost_after_misses: Annotated[int, Field(ge=1)] = 3
     verify_every: Annotated[int, Field(ge=1)] = 1

@@ -366,12 +366,12 @@ def test_a_terminal_without_valves_there_is_a_configuration_error(virtual):
 
 
 @pytest.mark.parametrize(
-    ("kept", "fact"), [(0, "vents after 300 ms"), (None, "host side only"), (300, "300 ms")]
+    ("kept", "fact"), [(0, "vents after 180 ms"), (None, "host side only"), (180, "180 ms")]
 )
 def test_the_watchdog_is_set_and_read_back(virtual, kept, fact):
     async def body(bank, terminal, readings):
         assert fact in bank.health.facts["watchdog"]
-        assert terminal.watchdog_ms == (300 if kept is not None else None)
+        assert terminal.watchdog_ms == (180 if kept is not None else None)
 
     session(virtual, body, terminal=lambda clock: MemoryTerminal(clock, watchdog_ms=kept))
 
@@ -386,7 +386,7 @@ def test_a_watchdog_that_stays_longer_is_a_configuration_error(virtual):
         bank = build(virtual, Stubborn(virtual.clock, watchdog_ms=5000))
         with pytest.raises(DeviceErrors, match="not connected") as caught:
             await bank.connect()
-        assert "value 5000 ms, limit 300 ms" in caught.value.lines()[0]
+        assert "value 5000 ms, limit 180 ms" in caught.value.lines()[0]
         await bank.close()
 
     virtual.run(main)

@@ -8,7 +8,7 @@ import pytest
 from estimator.augmented import AugmentedEstimator, ShapedModel, Spread, bent_world
 from estimator.augmented.estimator import bounded_inverse, undo
 from estimator.effects import EFFECTS, Spot, World
-from estimator.effects.augmented import PlacedEffect, simulate_with
+from estimator.effects.augmented import PlacedEffect, simulate_with, standing_pressures
 from estimator.errors import InputError
 from estimator.inverse import Estimator, LoadProcess, TrackerSettings
 from estimator.model import Inputs, Load
@@ -150,3 +150,17 @@ def test_stiffness_is_the_inverse_of_compliance_within_bounds():
 def test_loads_must_act_on_sections():
     with pytest.raises(InputError, match="acts on no section"):
         Spread((Load("push", "force", (1.0, 0.0, 0.0), height=0.1),), SECTIONS)
+
+
+@pytest.mark.parametrize(
+    ("name", "theta", "where"),
+    [("chamber_gain", [0.15], {"chamber": 1}), ("pressure_bias", [800.0], {"chamber": 2})],
+)
+def test_pressures_that_are_to_act_are_taken_back_through_the_physics(name, theta, where) -> None:
+    effect = placed(name, theta, where)
+    estimator = AugmentedEstimator(ARM, LOADS, WORLD, (effect,), SUITE, SETTINGS)
+    wanted = np.linspace(5e3, 20e3, 6)
+    given = estimator.unshaped(wanted)
+    assert np.abs(given - wanted).max() > 100.0
+    drive = Drive.of(np.zeros(1), given[None], GRAVITY, 2, 2)
+    np.testing.assert_allclose(standing_pressures((effect,), WORLD, drive)[0], wanted, atol=1.0)
