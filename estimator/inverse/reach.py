@@ -19,6 +19,11 @@ State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 
 
+STEP = 5e-3
+"""Change of a pressure, in units of its scale, at which a search ends.
+
+Where pressures are free it creeps to the preferred ones long after the pose is reached.
+"""
 CAUTIOUS_RADIUS = 0.3
 """Trust region of the search that is tried when one with long steps fails, in units of the inputs' scale."""
 CAUTIOUS_STEPS, CAUTIOUS_RETREATS = 60, 10
@@ -62,7 +67,7 @@ def reach_pose(
         target: Readings that they would give in the pose, NaN where it does not matter, shape (readings,).
         pressure_limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
         start: A state and inputs to begin with.
-        tolerances: When to stop.
+        tolerances: When to stop; by default once pressures change by less than 100 Pa.
         preferred: Pressures to prefer where the pose leaves a choice [Pa], shape (chambers,); those of
             ``start`` when left out.
         guide: A fast model with the same chambers and loads, at whose answer the search begins.
@@ -76,7 +81,7 @@ def reach_pose(
     )
     wish = unloaded.pressures if preferred is None else preferred
     problem = pose_problem(unknowns, suite, target, pressure_limits, wish, inputs.gravity)
-    tolerances = tolerances or Tolerances()
+    tolerances = tolerances or Tolerances(step=STEP)
     begin = None if guide is None else _guided(model, guide, problem, unloaded, tolerances)
     if begin is None:
         begin = (_unloaded(model, state, unloaded), unloaded)

@@ -16,7 +16,7 @@ from estimator.rod.chain import Chain
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-TOLERANCE = 3e-6
+TOLERANCE = 1e-6
 """Gap of a strain [rad, share of a link's length] that one more Newton step closes to about its square."""
 ITERATIONS = 25
 CONTINUATION = (1, 4, 16, 64)

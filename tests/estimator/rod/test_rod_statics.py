@@ -109,7 +109,7 @@ def test_a_batch_gives_single_answers_and_derivatives_by_gravity_and_stiffness()
         state, _ = rod.solve(Inputs(pressures[k], loads[k], gravity[k]), rod.rest())
         step = rod.linearise(state, Inputs(pressures[k], loads[k], gravity[k]))
         assert np.allclose(batch.frames.positions[k], step.frames.positions, atol=1e-9)
-        assert np.allclose(batch.motion[k][:, :10], step.motion, rtol=1e-6, atol=1e-9)
+        assert np.allclose(batch.motion[k][:, :10], step.motion, rtol=1e-4, atol=1e-7)
 
     def twists(values):
         scaled = rod.with_scales(dict(zip(rod.regions, values[3:], strict=True)))
