@@ -19,6 +19,7 @@ from estimator.calibration.regression import estimate_lag, fit_line
 from estimator.calibration.scatter import rms, scatter_by_condition
 from estimator.calibration.search import AxesFit, search_axes
 from estimator.calibration.solver import Solver
+from estimator.calibration.start import sized_by_bends, solvable, with_bends_kept
 from estimator.errors import InputError
 from estimator.model import Frames
 from estimator.sensing import Bend, SensorSuite
@@ -32,8 +33,6 @@ LEAST_PRESSURE_SPREAD = 1.0e3  # Pa; a chamber that moved less tells nothing of 
 LEAST_SOLVED = 0.5
 PULLED_WORTH = 1.5
 UNSETTLED = 1.0  # standard deviations that an unknown may still move at the end
-STIFFER = (1.0, 1.4, 2.0, 2.8)
-PROBES = 6
 WORSE = 1.3  # times the old error: an old fit that has seen the blocks is allowed to know them better
 
 
@@ -84,7 +83,7 @@ def calibrate(
     unseen = tuple(~flags for flags in train)
     forward = _forward(solver, specimen, nodes)
     known = forward.layout.means
-    first = _solvable(forward, known)
+    first = solvable(forward, known)
     before = forward.evaluate(first)
     _require_solutions(before, nodes)
     gains: dict[str, AxesFit] = {}
@@ -94,8 +93,9 @@ def calibrate(
         nodes = tuple(replace(own, run=_with_axes(own.run, gains)) for own in nodes)
         forward = _forward(solver, specimen, nodes)
     known_before = forward.layout
-    told = told_by_pulls(forward, _start(specimen, known_before, first, gains), train)
-    start = told.values
+    sized = sized_by_bends(specimen, known_before, first, gains)
+    told = told_by_pulls(forward, sized, before, train)
+    start = with_bends_kept(specimen, known_before, sized, told.values)
     forward = replace(forward, layout=told.near(known_before))
     trained, layout = _fit_determined(forward, known_before, start, before, train, options)
     _require_excitation(layout)
@@ -193,58 +193,6 @@ def _with_axes(run: Run, found: Mapping[str, AxesFit]) -> Run:
         for m in run.suite.measurements
     )
     return replace(run, suite=SensorSuite(measurements))
-
-
-def _solvable(forward: Forward, known: Floats) -> Floats:
-    """Stiffen the segments until the model has an equilibrium at the highest pressures.
-
-    A model that is too soft has none: its chambers would have run away at pressures that the arm was seen
-    to bear.
-    """
-    probes = _parts(forward.nodes, _highest(forward.nodes))
-    probes = tuple(own for own in probes if len(own.time))
-    modulus = np.array([parameter.kind == "modulus" for parameter in forward.layout.parameters])
-    values = known
-    for factor in STIFFER:
-        values = known + np.log(factor) * modulus
-        found = replace(forward, nodes=probes).evaluate(values)
-        if all(evaluation.converged.all() for evaluation in found):
-            break
-    return values
-
-
-def _highest(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
-    """Tell which nodes have the highest sums of pressures over all runs."""
-    sums = [own.pressures.sum(axis=1) for own in nodes]
-    every = np.concatenate(sums)
-    chosen = np.zeros(len(every), dtype=bool)
-    chosen[np.argsort(-every, kind="stable")[:PROBES]] = True
-    return tuple(np.split(chosen, np.cumsum([len(own) for own in sums])[:-1]))
-
-
-def _start(specimen: Specimen, layout: Layout, first: Floats, found: Mapping[str, AxesFit]) -> Floats:
-    """Begin with moduli that give the bends their recorded size, and with the biases that remain."""
-    values = layout.means.copy()
-    for index, parameter in enumerate(layout.parameters):
-        if parameter.kind == "modulus":
-            values[index] = first[index]
-    sections = [section.name for section in specimen.sections]
-    for index, parameter in enumerate(layout.parameters):
-        if parameter.kind == "modulus":
-            name = f"bend_{_section_below(specimen, parameter.target, sections)}"
-            if name in found:
-                values[index] -= float(np.clip(np.log(max(found[name].gain, 1e-3)), -1.0, 1.0))
-        for axis, letter in enumerate("xy"):
-            sensor = parameter.target.removesuffix(f".bias_{letter}")
-            if sensor != parameter.target and sensor in found:
-                values[index] = found[sensor].bias[axis]
-    return values
-
-
-def _section_below(specimen: Specimen, segment: str, sections: Sequence[str]) -> str:
-    end = specimen.segment(segment).to_m
-    below = [name for name in sections if specimen.section(name).from_m >= end - 1e-9]
-    return min(below, key=lambda name: specimen.section(name).from_m, default="")
 
 
 def _known_of(known: Layout, layout: Layout) -> Layout:

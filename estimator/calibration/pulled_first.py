@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.calibration.fit import fit
-from estimator.calibration.forward import Forward
+from estimator.calibration.forward import Evaluation, Forward
 from estimator.calibration.nodes import Nodes
 from estimator.calibration.parameters import Layout
 from estimator.calibration.pulls import LEAST_PULL
@@ -58,24 +58,27 @@ class Told:
         return np.asarray(covariance * np.outer(ratio, ratio))
 
 
-def told_by_pulls(forward: Forward, start: Floats, train: Sequence[Flags]) -> Told:
+def told_by_pulls(
+    forward: Forward, start: Floats, before: Sequence[Evaluation], train: Sequence[Flags]
+) -> Told:
     """Fit everything but what belongs to the pressures to the pulls on the vented arm.
 
     Args:
         forward: Model, unknowns and all nodes.
         start: Values to begin with, shape (unknowns,).
+        before: An evaluation of all nodes, whose states the solves start from.
         train: Which nodes of each run it may see.
     """
-    pairs = zip(forward.nodes, train, strict=True)
-    pulled = tuple(own.keep(flags & _vented_pulls(own)) for own, flags in pairs)
-    part = tuple(nodes for nodes in pulled if len(nodes.time))
+    pulled = [flags & _vented_pulls(own) for own, flags in zip(forward.nodes, train, strict=True)]
+    part = tuple(own.keep(f) for own, f in zip(forward.nodes, pulled, strict=True) if f.any())
+    near = tuple(own.keep(f) for own, f in zip(before, pulled, strict=True) if f.any())
     if sum(len(nodes.time) for nodes in part) <= FEWEST_PULLS:
         return Told(start, {})
     out = {p.name for p in forward.layout.parameters if p.kind in OF_PRESSURES}
     layout = forward.layout.without(out)
     inside = np.array([name not in out for name in forward.layout.names])
     pulls = Forward(forward.solver, layout, part, forward.gravity)
-    found = fit(pulls, start[inside], iterations=ITERATIONS)
+    found = fit(pulls, start[inside], iterations=ITERATIONS, evaluations=near)
     values = start.copy()
     values[inside] = found.values
     deviations = np.sqrt(np.diag(found.covariance)).tolist()

@@ -14,7 +14,7 @@ from service.experiments.whole_runs import sampled
 
 Runs = Callable[[str, Specimen], Run]
 Solvers = Callable[[Specimen], Solver]
-SAMPLES = 8
+SAMPLES = 6
 
 
 def unknown_rows(found: Calibrated) -> list[Cells]:
@@ -58,7 +58,7 @@ def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs, solvers: Sol
 
 def drift_rows(specimen: Specimen, runs: Runs, solvers: Solvers) -> list[Cells]:
     """Check the calibration against later recordings of the same arm."""
-    found = check_drift(solvers(specimen), specimen, [runs("validation", specimen)], nodes=24)
+    found = check_drift(solvers(specimen), specimen, [runs("validation", specimen)], nodes=16)
     return [
         {
             "quantity": drift.quantity,

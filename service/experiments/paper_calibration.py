@@ -43,7 +43,7 @@ class PaperCalibration:
 
 
 def calibrate_as_paper(
-    solver: Solver, specimen: Specimen, sweep: Run, pulls: Run, nodes: int = 14
+    solver: Solver, specimen: Specimen, sweep: Run, pulls: Run, nodes: int = 10
 ) -> PaperCalibration:
     """Calibrate twice, as the paper does.
 
