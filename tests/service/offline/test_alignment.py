@@ -43,9 +43,7 @@ def test_turned_axes_are_found(mirrored: bool) -> None:
         assert scale.value == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_specimen_that_predicts_the_recording_or_was_calibrated_stays() -> (
-    None
-):
+def test_a_specimen_that_predicts_the_recording_or_was_calibrated_stays() -> None:
     plain = bare()
     assert aligned(plain, record(0.0, mirrored=False)) == (plain, "")
     turned = record(TURN, mirrored=False)
