@@ -32,7 +32,7 @@ from service.estimation.messages import EstimationRequest, EstimationResult, Hol
 from service.rig import RigSettings, service_config
 from service.safety.checks import ALL_CHECKS
 from service.safety.findings import FindingBook
-from service.safety.modes import Event, Mode
+from service.safety.modes import PRESSURISED, Event, Mode
 from service.safety.observation import Estimator
 
 VALVE_MAP = (3, 2, 1, 0, 4, 5)
@@ -149,7 +149,6 @@ class SafetyArm:
 
     async def run(self) -> None:
         """Tick, renew the lease and the set-point, for ever."""
-        self.controller.fire(Event.READY, "bench")
         ticks = 0
         while True:
             now_ns = clock_ns()
@@ -182,10 +181,14 @@ class SafetyArm:
             AssertionError: A command on the way was refused.
         """
         await self._renew()
-        if self.mode is Mode.FAULTED and mode is not Mode.FAULTED:
+        if self.mode is Mode.STARTING and mode is not Mode.STARTING:
+            self.controller.fire(Event.READY, "bench")
+        elif self.mode is Mode.FAULTED and mode is not Mode.FAULTED:
             await self.demand("clear")
-        elif self.mode is not Mode.IDLE and self.mode is not Mode.FAULTED:
+        elif self.mode in PRESSURISED:
             await self.demand("disarm")
+        if mode is Mode.STOPPING and self.mode is not Mode.STOPPING:
+            self.controller.fire(Event.SHUT_DOWN, "bench")
         played = {"pressures_pa": self._played(), "lifetime_s": 1.0}
         fields: Mapping[str, Mapping[str, object]] = {
             "set_pressures": played,
@@ -193,7 +196,7 @@ class SafetyArm:
         }
         for verb in ENTER[mode]:
             await self.demand(verb, **fields.get(verb, {}))
-        await asyncio.sleep(ENTER_S if mode not in (Mode.IDLE, Mode.FAULTED) else 0.1)
+        await asyncio.sleep(ENTER_S if mode in PRESSURISED else 0.1)
 
     async def demand(self, verb: str, **fields: object) -> None:
         """Send a command that must be accepted."""
@@ -216,6 +219,8 @@ class SafetyArm:
 ENTER_S = 0.6
 RAMP_S = 0.3
 ENTER: Mapping[Mode, Sequence[str]] = {
+    Mode.STARTING: (),
+    Mode.STOPPING: (),
     Mode.IDLE: (),
     Mode.FAULTED: ("stop",),
     Mode.ARMED: ("arm", "set_pressures"),
@@ -223,7 +228,7 @@ ENTER: Mapping[Mode, Sequence[str]] = {
     Mode.HOLDING: ("arm", "set_pressures", "teach/start", "teach/hold"),
     Mode.EXPERIMENT: ("arm", "experiment/begin", "set_pressures"),
 }
-"""Commands that lead from IDLE into a mode."""
+"""Commands that lead from IDLE into a mode; the service itself begins and ends."""
 
 
 def _setup(rig: Any) -> Setup:

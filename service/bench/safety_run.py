@@ -13,11 +13,24 @@ from service.bench.safety_cases import SLOW_S, STRIKE, Outcome, expected
 from service.cli import fakes
 from service.safety.modes import PRESSURISED, Mode
 
-MODES = (Mode.IDLE, Mode.ARMED, Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT, Mode.FAULTED)
+MODES = (
+    Mode.STARTING,
+    Mode.IDLE,
+    Mode.ARMED,
+    Mode.TEACH,
+    Mode.HOLDING,
+    Mode.EXPERIMENT,
+    Mode.FAULTED,
+    Mode.STOPPING,
+)
+"""In the order in which one arm can be led through all of them."""
 BENCHES: tuple[Mapping[str, str], ...] = (
     {"valves": "festo_mpa", "qtm": "qualisys", "gauge": "lutron", "bend": "bendlabs", "imu": "xbus"},
+    {"valves": "festo_vtem", "qtm": "qualisys", "gauge": "mark10", "imu": "bno08x_rvc"},
+    {"valves": "festo_mpa", "qtm": "qualisys", "gauge": "sauter", "imu": "witmotion"},
+    {"valves": "festo_mpa", "qtm": "qualisys", "gauge": "line_gauge", "imu": "quaternion_line"},
 )
-"""The kinds of the devices by name; one is a valve terminal."""
+"""The kinds of the devices by name; one is a valve terminal. Each kind is struck on the first that has it."""
 
 LASTS_S = 0.6
 LOOK_S = 0.004
@@ -75,42 +88,57 @@ def run(
         speed: Virtual seconds per second of waiting.
     """
     cases = []
-    for kinds in benches:
+    for kinds, struck in _struck(benches):
         with asyncio.Runner(loop_factory=lambda: fakes.accelerated(speed)) as runner:
-            cases += runner.run(_bench(kinds, choose, advance))
+            cases += runner.run(_bench(kinds, struck, choose, advance))
     return cases
 
 
 def count(benches: Sequence[Mapping[str, str]], choose: Callable[[str, str, Mode], bool]) -> int:
     """Count the cases of a run without running it."""
     with asyncio.Runner() as runner:
-        return sum(runner.run(_count(kinds, choose)) for kinds in benches)
+        return sum(runner.run(_count(kinds, struck, choose)) for kinds, struck in _struck(benches))
 
 
-async def _count(kinds: Mapping[str, str], choose: Callable[[str, str, Mode], bool]) -> int:
+def _struck(
+    benches: Sequence[Mapping[str, str]],
+) -> Iterator[tuple[Mapping[str, str], Mapping[str, str]]]:
+    """Give each bench with those of its devices whose kind none before it has."""
+    known: set[str] = set()
+    for kinds in benches:
+        yield kinds, {name: kind for name, kind in kinds.items() if kind not in known}
+        known |= set(kinds.values())
+
+
+async def _count(
+    kinds: Mapping[str, str], struck: Mapping[str, str], choose: Callable[[str, str, Mode], bool]
+) -> int:
     with tempfile.TemporaryDirectory(prefix="softarm-safety-") as folder:
         async with safety_arm(kinds, Path(folder)) as arm:
-            return sum(1 for _ in _plan(arm, kinds, choose))
+            return sum(1 for _ in _plan(arm, struck, choose))
 
 
 def _plan(
-    arm: SafetyArm, kinds: Mapping[str, str], choose: Callable[[str, str, Mode], bool]
+    arm: SafetyArm, struck: Mapping[str, str], choose: Callable[[str, str, Mode], bool]
 ) -> Iterator[tuple[str, Any, Mode]]:
     for mode in MODES:
-        for name, kind in kinds.items():
+        for name, kind in struck.items():
             for fault in arm.rig.boards[name].catalogue.values():
                 if choose(kind, fault.name, mode):
                     yield name, fault, mode
 
 
 async def _bench(
-    kinds: Mapping[str, str], choose: Callable[[str, str, Mode], bool], advance: Callable[[], None]
+    kinds: Mapping[str, str],
+    struck: Mapping[str, str],
+    choose: Callable[[str, str, Mode], bool],
+    advance: Callable[[], None],
 ) -> list[Case]:
     cases = []
     with tempfile.TemporaryDirectory(prefix="softarm-safety-") as folder:
         async with safety_arm(kinds, Path(folder)) as arm:
             await arm.until_well()
-            for name, fault, mode in _plan(arm, kinds, choose):
+            for name, fault, mode in _plan(arm, struck, choose):
                 cases.append(await _strike(arm, name, kinds[name], fault, mode))
                 advance()
     return cases
