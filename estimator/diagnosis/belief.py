@@ -76,6 +76,14 @@ class Belief:
         inverse: Floats = np.linalg.inv(scaled) / np.outer(size, size)
         return inverse
 
+    def beside(self, mean: float, variance: float) -> "Belief":
+        """Add a coefficient about which something else is known."""
+        size = len(self.mean)
+        covariance = np.zeros((size + 1, size + 1))
+        covariance[:size, :size] = self.covariance
+        covariance[size, size] = variance
+        return Belief(np.append(self.mean, mean), covariance)
+
     def wider(self, spreads: Floats) -> "Belief":
         """Add independent variation of each coefficient with standard deviations, shape (columns,)."""
         return Belief(self.mean, self.covariance + np.diag(spreads**2))
@@ -119,6 +127,14 @@ class Marginal:
         vector = right - gram @ solved[:, -1]
         cost = share * float(power) - float(right @ solved[:, -1])
         return cls(_symmetric(matrix), vector, cost, share * seen.count)
+
+    @staticmethod
+    def cost_of(belief: Belief, seen: Total, share: float) -> float:
+        """Give the cost alone."""
+        right = share * (seen.vector - seen.matrix @ belief.mean)
+        power = seen.power - 2.0 * belief.mean @ seen.vector + belief.mean @ seen.matrix @ belief.mean
+        factor = Factor.of(share * seen.matrix + belief.precision)
+        return share * float(power) - float(right @ factor.solve(right))
 
     def gain(self, columns: Sequence[int]) -> tuple[float, Floats]:
         """Give how much some extra coefficients lower the cost, and their values."""

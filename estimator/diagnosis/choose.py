@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from estimator.diagnosis.fit import Fit, Ground, View, fit_effects
 from estimator.diagnosis.gram import Products, Total, total, with_column
 from estimator.diagnosis.library import Direction, Hypothesis
 from estimator.diagnosis.ring import Ring
+from estimator.diagnosis.stage import ANSWERING, Stage
 from estimator.diagnosis.weights import Weights
 from estimator.effects import Parameter
 
@@ -27,12 +28,16 @@ TRIED = 4
 LEAST_BIC = 10.0
 CERTAIN = 40.0
 """Gain in the criterion that decides even where the gain on single folds scatters: four times the least."""
+ANY_SIZE = 100.0
+"""Variance of a candidate's size, in units of its fit, that leaves it to the data."""
 ALIKE = 4.0
 """Difference in the criterion within which the plainer of two is taken."""
 MOST_SURPRISE = 12.0
 """Largest cost of a size that nobody expects."""
 CLOSE = 0.8
 """Share of the best gain in the criterion below which a hypothesis is no candidate."""
+MOVING = 0.5
+"""The same for one at rest against one that only shows in motion."""
 MATERIAL = 0.10
 """Share of the explainable mismatch that an effect must remove."""
 EXPLAINABLE = 0.25
@@ -43,13 +48,11 @@ DRAWS = 400
 INVISIBLE = 1e-3
 """Gain in cost of a typical effect below which it leaves no trace at all."""
 FALSE_ALARM = 0.01
-HETEROGENEITY = 0.5
+HETEROGENEITY = 1.0
 """Largest spread between recordings of an effect's size, over the size."""
 TOLD = 3.0
 """Size of an amplitude over its standard deviation from which it is told from none."""
-EXACT_STEPS = 2
-DIRECT = ("command", "pressure", "gravity", "load")
-"""Where effects enter the model that need few of its answers."""
+EXACT_STEPS = 3
 TIED = 0.97
 """Share of the gain from which a rival is as good."""
 
@@ -98,11 +101,10 @@ class Judgement:
     @property
     def accepted(self) -> bool:
         """Whether all of it holds."""
-        told = self.gain_ci95[0] > 0.0 or (self.delta_bic >= CERTAIN and self.after < self.before)
+        certain = self.delta_bic >= CERTAIN and self.after < self.before and self.spread <= HETEROGENEITY
         return (
-            told
+            (self.gain_ci95[0] > 0.0 or certain)
             and (self.share >= MATERIAL or self.change >= REPEATABLE)
-            and self.spread <= HETEROGENEITY
             and self.search_p <= FALSE_ALARM
         )
 
@@ -149,9 +151,10 @@ class Search:
         belief: What nominal recordings, or priors, say of the common coefficients.
         executor: Runs fits.
         rng: Of bootstraps.
-        exact: Whether the winners are fitted again on the model itself: where it has few different inputs.
+        solve: Effects that are fitted again on the model itself once accepted, by where they enter it.
         ring: Frequencies of the swing, where arms were released.
         advance: Called with 1 after each step.
+        kept: Residuals under fits that were asked for.
     """
 
     evidence: Evidence
@@ -159,9 +162,10 @@ class Search:
     belief: Belief
     executor: Executor
     rng: np.random.Generator
-    exact: bool = False
+    solve: frozenset[str] = frozenset()
     ring: Ring | None = None
     advance: Callable[[float], None] = lambda _: None
+    kept: dict[tuple[object, ...], list[Floats]] = field(default_factory=dict, compare=False)
 
     def run(self) -> Choice:
         """Add effects while they hold."""
@@ -189,13 +193,10 @@ class Search:
             if found is None:
                 break
             accepted.append(found)
-            fit = self.refit(found.candidate.fit)
+            fit = self.refit(fit.joined(found.candidate.fit) if fit else found.candidate.fit)
             self.advance(1.0)
             accepted, fit, dropped = self.pruned(accepted, fit)
             refused |= dropped
-        if fit is not None and self.exact and all(h.effect.hook in DIRECT for h in fit.hypotheses):
-            again = fit_effects(self.ground(), fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
-            fit = self.heard(again)
         return Choice(tuple(accepted), fit, alarm_p, turned_down)
 
     def parts(self, fit: Fit | None) -> list[Products]:
@@ -207,18 +208,25 @@ class Search:
         """Give the residuals that accepted effects leave; nominal recordings have none of them."""
         if fit is None:
             return list(self.evidence.residuals)
-        found = []
-        for stage, residual in zip(self.evidence.stages, self.evidence.residuals, strict=True):
-            if stage.session.nominal:
-                found.append(residual)
-                continue
-            placed = [
-                h.placed(stage.world, theta)
-                for h, theta in zip(fit.hypotheses, fit.thetas, strict=True)
-                if h.place.sensor in (None, *stage.world.sensors)
+        key = (
+            fit.exact,
+            *((h.name, str(h.place), *t) for h, t in zip(fit.hypotheses, fit.thetas, strict=True)),
+        )
+        if key not in self.kept:
+            self.kept[key] = [
+                residual if stage.session.nominal else residual - self.change(stage, fit)
+                for stage, residual in zip(self.evidence.stages, self.evidence.residuals, strict=True)
             ]
-            found.append(residual - stage.change(placed, exact=fit.exact))
-        return found
+        return self.kept[key]
+
+    def change(self, stage: Stage, fit: Fit) -> Floats:
+        """Give what the effects of a fit change in a session, shape (samples, rows)."""
+        placed = [
+            h.placed(stage.world, theta)
+            for h, theta in zip(fit.hypotheses, fit.thetas, strict=True)
+            if h.place.sensor in (None, *stage.world.sensors)
+        ]
+        return stage.change(placed, exact=fit.exact)
 
     def screen(self, marginal: Marginal, taken: frozenset[int]) -> list[tuple[int, float, Floats]]:
         """Rank hypotheses by their linear gain less the price of their parameters, with a start each."""
@@ -259,38 +267,36 @@ class Search:
             best = np.maximum(best, gains - price * parameters)
         return best
 
-    def ground(self) -> Ground:
-        """Prepare nonlinear fits on the searched stretches of the recordings in question."""
+    def ground(self, fit: Fit | None = None) -> Ground:
+        """Prepare nonlinear fits, to what a fit leaves, on the searched stretches of the recordings."""
         views = []
+        residuals = self.residuals(fit)
         for number, stage in enumerate(self.evidence.stages):
             session = stage.session
             if session.nominal or session.heldout.all():
                 continue
-            residual = self.evidence.residuals[number]
+            residual = residuals[number]
             used = np.isfinite(residual) & ~session.heldout[:, None]
             weight = used / self.evidence.scale(self.weights, number)
             common = self.evidence.columns[number] * weight[..., None].astype(np.float32)
             left = np.nan_to_num(residual) * weight
             views.append(View(stage, left, weight, common.reshape(-1, self.evidence.size)))
-        seen = total(_searched(self.parts(None)), self.evidence.size)
+        seen = total(_searched(self.parts(fit)), self.evidence.size)
         return Ground.of(views, self.belief, self.weights.share, seen)
 
     def finalists(self, fit: Fit | None, ranked: Sequence[tuple[int, float, Floats]]) -> list[Candidate]:
-        """Fit hypotheses together with what is accepted already, the best first."""
-        ground = self.ground()
-        before = fit.gain if fit is not None else 0.0
+        """Fit hypotheses to what is left by those accepted already, the best first."""
+        ground = self.ground(fit)
         price = np.log(max(self.count(), 2.0))
         hypotheses = self.evidence.library.hypotheses
-        known = fit.hypotheses if fit is not None else ()
-        thetas = fit.thetas if fit is not None else ()
         found = []
         for number, _, theta in ranked:
             try:
-                own = fit_effects(ground, (*known, hypotheses[number]), (*thetas, theta), free=len(known))
-                own = self.heard(own)
+                own = fit_effects(ground, (hypotheses[number],), (theta,))
+                own = own if fit else self.heard(own)
             except np.linalg.LinAlgError:
                 continue
-            gain = own.gain - before
+            gain = own.gain
             if not np.isfinite(gain):
                 continue
             bic = gain - price * len(theta) - _surprise(hypotheses[number], own.thetas[-1])
@@ -323,36 +329,50 @@ class Search:
     def best(
         self, field: Sequence[Candidate], fit: Fit | None, null: Floats
     ) -> tuple[Accepted | None, tuple[Candidate, Judgement] | None]:
-        """Judge the best candidates and take the first that holds."""
+        """Judge the best candidates and take the first that holds.
+
+        What changes the arm at rest comes before what only changes how it moves, unless it explains far less:
+        an arm of another stiffness swings otherwise too.
+        """
         turned_down = None
-        least = max(LEAST_BIC, CLOSE * max((one.delta_bic for one in field), default=0.0))
-        for candidate in field[:TRIED]:
-            if candidate.delta_bic < least or candidate.fit.at_bound:
-                continue
-            judgement = self.judge(candidate, fit, null)
-            if judgement.accepted:
-                return Accepted(candidate, judgement, tuple(field)), None
-            turned_down = turned_down or (candidate, judgement)
+        highest = max((one.delta_bic for one in field), default=0.0)
+        for moving, share in ((False, MOVING), (True, CLOSE)):
+            own = [one for one in field if self.only_moves(one) == moving]
+            least = max(LEAST_BIC, share * highest, CLOSE * max((one.delta_bic for one in own), default=0.0))
+            for candidate in own[:TRIED]:
+                if candidate.delta_bic < least or candidate.fit.at_bound:
+                    continue
+                judgement = self.judge(candidate, fit, null)
+                if judgement.accepted:
+                    return Accepted(candidate, judgement, tuple(field)), None
+                turned_down = turned_down or (candidate, judgement)
         return None, turned_down
 
+    def only_moves(self, candidate: Candidate) -> bool:
+        """Tell whether a candidate leaves the arm at rest as it is."""
+        return "delay" in self.evidence.library.hypotheses[candidate.number].effect.equivalence
+
     def judge(self, candidate: Candidate, fit: Fit | None, null: Floats) -> Judgement:
-        """Predict each recording, or stretch, from the others with and without a candidate."""
+        """Predict each recording, or stretch, with the size of a candidate that the others show, and without.
+
+        What is common to all recordings is believed as before any of those in question was seen: calibration
+        that has followed the change would hide it.
+        """
         parts = _searched(self.extended(candidate, fit))
         folds = _folds(parts)
         size = self.evidence.size
-        extended = _extended(self.belief, self.belief.mean)
+        extended = self.belief.beside(0.0, ANY_SIZE)
         share = self.weights.share
         before, after, counts, sizes, precisions = [], [], [], [], []
         for fold in folds:
             rest = [part for part in parts if part not in fold]
             if not rest:
                 continue
-            known = extended.updated(total(rest, size + 1), share)
+            learnt = extended.updated(total(rest, size + 1), share)
+            known = self.belief.beside(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
             seen = total(fold, size + 1)
-            # Without the candidate its coefficient is zero for certain.
-            plain = self.belief.updated(_cut(total(rest, size + 1), size), share)
-            before.append(Marginal.of(plain, _cut(seen, size), share).cost)
-            after.append(Marginal.of(known, seen, share).cost)
+            before.append(Marginal.cost_of(self.belief, _cut(seen, size), share))
+            after.append(Marginal.cost_of(known, seen, share))
             counts.append(share * seen.count)
             own = Marginal.of(extended, seen, share)
             sizes.append(own.vector[-1] / max(own.matrix[-1, -1], 1e-12))
@@ -374,7 +394,6 @@ class Search:
     def extended(self, candidate: Candidate, fit: Fit | None) -> list[Products]:
         """Give the products with the candidate's change as one more column."""
         before = self.residuals(fit)
-        after = self.residuals(candidate.fit)
         plain = self.evidence.products(self.weights, before)
         found = []
         for number, stage in enumerate(self.evidence.stages):
@@ -384,7 +403,7 @@ class Search:
                 [part for part in plain if part.session == number],
                 before[number],
                 self.evidence.columns[number],
-                before[number] - after[number],
+                self.change(stage, candidate.fit),
                 self.evidence.scale(self.weights, number),
                 stage.session.blocks,
             )
@@ -418,8 +437,13 @@ class Search:
         )
 
     def refit(self, fit: Fit) -> Fit:
-        """Fit all accepted effects together."""
-        return self.heard(fit_effects(self.ground(), fit.hypotheses, fit.thetas))
+        """Fit all accepted effects together, on the model itself where that is affordable."""
+        ground = self.ground()
+        found = fit_effects(ground, fit.hypotheses, fit.thetas)
+        kinds = {h.effect.hook for h in fit.hypotheses}
+        if kinds <= self.solve and not any(h.name in ANSWERING for h in fit.hypotheses):
+            found = fit_effects(ground, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
+        return self.heard(found)
 
     def heard(self, fit: Fit) -> Fit:
         """Let a fit take note of the frequency of the swing, where one was heard."""
@@ -483,15 +507,6 @@ def _folds(parts: Sequence[Products]) -> list[list[Products]]:
     return [[ordered[k] for k in cut] for cut in cuts]
 
 
-def _extended(belief: Belief, mean: Floats) -> Belief:
-    """Add a coefficient about which nothing is known but that it is 1, give or take ten."""
-    size = len(mean)
-    covariance = np.zeros((size + 1, size + 1))
-    covariance[:size, :size] = belief.covariance
-    covariance[size, size] = 100.0
-    return Belief(np.append(mean, 0.0), covariance)
-
-
 def bootstrap(
     rng: np.random.Generator, before: Floats, after: Floats, draws: int = 500
 ) -> tuple[float, float]:
@@ -504,14 +519,17 @@ def bootstrap(
 
 
 def _heterogeneity(sizes: Floats, precisions: Floats) -> float:
-    """Give the spread between folds beyond their own uncertainty, over the mean (DerSimonian and Laird)."""
+    """Give the spread between folds beyond their own uncertainty (DerSimonian and Laird).
+
+    Sizes are over the size that all folds together show, so 1 is agreement.
+    """
     if len(sizes) < 2 or precisions.sum() <= 0.0:
         return 0.0
     mean = float((precisions * sizes).sum() / precisions.sum())
     excess = float((precisions * (sizes - mean) ** 2).sum()) - (len(sizes) - 1)
     weight = precisions.sum() - (precisions**2).sum() / precisions.sum()
     between = max(excess, 0.0) / max(weight, 1e-12)
-    return float(np.sqrt(between) / max(abs(mean), 1e-12))
+    return float(np.sqrt(between))
 
 
 __all__ = ["Accepted", "Candidate", "Choice", "Hypothesis", "Judgement", "Search"]

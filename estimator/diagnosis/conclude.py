@@ -1,13 +1,15 @@
 """From a search to findings in words: evidence on held-out data, rivals, what is left and where."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.diagnosis.belief import Marginal
 from estimator.diagnosis.choose import TIED, Accepted, Candidate, Choice, Search, bootstrap
 from estimator.diagnosis.fit import Fit
-from estimator.diagnosis.gram import total
+from estimator.diagnosis.gram import Products, total
 from estimator.diagnosis.result import (
     Evidence,
     Exposure,
@@ -29,10 +31,9 @@ Floats = NDArray[np.float64]
 TRACES = 4
 TRACE_CHANNELS = 3
 POINTS = 600
-ACTIVE = 0.2
-"""Root mean square of an effect's change over the scatter from which a held-out stretch tells of it."""
-CAP = 4.0
-DRAWS = 400
+DRAWS = 40
+SURE = 10.0
+"""Resamplings of held-out stretches, and the percentile of the gain over them that must be above zero."""
 
 
 @dataclass(frozen=True)
@@ -58,37 +59,45 @@ class Predictions:
         )
 
 
-def held_out(search: Search, before: Fit | None, after: Fit | None) -> Predictions:
-    """Predict held-out stretches with common coefficients from the others, without and with effects.
+def held_out(search: Search, before: Fit | None, after: Fit | None, *, known: bool = False) -> Predictions:
+    """Predict held-out stretches without and with effects.
 
-    Squares are over the noise of quiet stretches; where the arm swings after fast changes they count less.
+    Common coefficients are those of the model with the effects, learnt outside these stretches. Squares are
+    over the noise of quiet stretches; where the arm swings after fast changes they count less.
 
     Args:
         search: The search.
         before: Effects without those that are judged.
         after: Effects with them.
+        known: Whether the model without effects is the one that was known before any of the recordings in
+            question was seen.
     """
-    counts: list[float] = []
-    found: list[list[float]] = [[], []]
+    seen = total([part for part in search.parts(after) if not part.heldout], search.evidence.size)
+    learnt = search.belief.updated(seen, search.weights.share).mean
+    first, counts = _squares(search, before, search.belief.mean if known else learnt)
+    last, _ = _squares(search, after, learnt)
+    return Predictions(first, last, counts)
+
+
+def _squares(search: Search, fit: Fit | None, common: Floats) -> tuple[Floats, Floats]:
+    """Give the squares over the noise, and their number, of each held-out stretch."""
     floors = search.evidence.floors
-    for kept, fit in zip(found, (before, after), strict=True):
-        seen = total([part for part in search.parts(fit) if not part.heldout], search.evidence.size)
-        common = search.belief.updated(seen, search.weights.share).mean
-        counts = []
-        for number, left in enumerate(search.residuals(fit)):
-            stage = search.evidence.stages[number]
-            session = stage.session
-            if session.nominal or not session.heldout.any():
-                continue
-            names = channels(stage.suite)
-            row = np.array([search.weights.scale[name] for name in names])
-            calm = row / search.evidence.scale(search.weights, number) / [floors[name] for name in names]
-            squares = ((left - search.evidence.columns[number] @ common) * calm) ** 2
-            for block in np.unique(session.blocks[session.heldout]):
-                own = squares[(session.blocks == block) & session.heldout]
-                kept.append(float(np.nansum(own)))
-                counts.append(float(np.isfinite(own).sum()))
-    return Predictions(np.array(found[0]), np.array(found[1]), np.array(counts))
+    squares: list[float] = []
+    counts: list[float] = []
+    for number, left in enumerate(search.residuals(fit)):
+        stage = search.evidence.stages[number]
+        session = stage.session
+        if session.nominal or not session.heldout.any():
+            continue
+        names = channels(stage.suite)
+        row = np.array([search.weights.scale[name] for name in names])
+        calm = row / search.evidence.scale(search.weights, number) / [floors[name] for name in names]
+        own = ((left - search.evidence.columns[number] @ common) * calm) ** 2
+        for block in np.unique(session.blocks[session.heldout]):
+            chosen = own[(session.blocks == block) & session.heldout]
+            squares.append(float(np.nansum(chosen)))
+            counts.append(float(np.isfinite(chosen).sum()))
+    return np.array(squares), np.array(counts)
 
 
 def heldout_result(search: Search, predictions: Predictions, how: str) -> Heldout:
@@ -101,53 +110,44 @@ def heldout_result(search: Search, predictions: Predictions, how: str) -> Heldou
 
 
 def unproven(search: Search, choice: Choice) -> list[int]:
-    """List accepted effects that do not improve the held-out stretches in which they act."""
+    """List accepted effects without which held-out data are predicted as well.
+
+    Judged like folds in ``Search.judge``: calibration is believed as before the recordings in question.
+    """
     fit = choice.fit
     if fit is None:
         return []
+    after = [part for part in search.parts(fit) if part.heldout]
     found = []
     for index in range(len(choice.accepted)):
-        others = [k for k in range(len(fit.hypotheses)) if k != index]
-        gained = _gained(search, search.subset(fit, others), fit)
-        if len(gained) and (gained.sum() <= 0.0 or _doubtful(search.rng, gained)):
+        others = search.subset(fit, [k for k in range(len(fit.hypotheses)) if k != index])
+        before = [part for part in search.parts(others) if part.heldout]
+        drawn = [_gain(search, before, after, chosen) for chosen in _draws(search.rng, len(after))]
+        if after and (_gain(search, before, after, range(len(after))) <= 0.0 or _low(drawn) <= 0.0):
             found.append(index)
     return found
 
 
-def _doubtful(rng: np.random.Generator, gained: Floats) -> bool:
-    """Tell whether the mean gain of the stretches may be nothing."""
-    drawn = rng.choice(gained, (DRAWS, len(gained))).mean(axis=1)
-    return bool(np.percentile(drawn, 2.5) <= 0.0)
+def _draws(rng: np.random.Generator, count: int) -> list[list[int]]:
+    """Draw stretches with replacement."""
+    return [rng.integers(0, count, count).tolist() for _ in range(DRAWS)]
 
 
-def _gained(search: Search, before: Fit | None, after: Fit) -> Floats:
-    """Give what effects gain in squares over their scatter in each held-out stretch that they change."""
-    evidence, weights = search.evidence, search.weights
-    left = []
-    for fit in (before, after):
-        seen = total([part for part in search.parts(fit) if not part.heldout], evidence.size)
-        common = search.belief.updated(seen, weights.share).mean
-        left.append([r - c @ common for r, c in zip(search.residuals(fit), evidence.columns, strict=True)])
-    gained = []
-    for number, stage in enumerate(evidence.stages):
-        session = stage.session
-        if session.nominal or not session.heldout.any():
-            continue
-        scale = evidence.scale(weights, number)
-        first, last = (np.nan_to_num(own[number] / scale) for own in left)
-        for block in np.unique(session.blocks[session.heldout]):
-            own = (session.blocks == block) & session.heldout
-            if np.mean((first[own] - last[own]) ** 2) > ACTIVE**2:
-                # Beyond a few deviations a residual tells of something else.
-                gained.append(float((_capped(first[own]) - _capped(last[own])).sum()))
-    return np.array(gained)
+def _low(drawn: Sequence[float]) -> float:
+    return float(np.percentile(drawn, SURE))
 
 
-def _capped(left: Floats) -> Floats:
-    """Square residuals over their scatter, those beyond ``CAP`` linearly (Huber)."""
-    size = np.abs(left)
-    capped: Floats = np.where(size < CAP, size**2, 2.0 * CAP * size - CAP**2)
-    return capped
+def _gain(
+    search: Search, before: Sequence[Products], after: Sequence[Products], chosen: Sequence[int]
+) -> float:
+    """Give by how much effects lower the cost of some held-out stretches."""
+    costs = [
+        Marginal.cost_of(
+            search.belief, total([parts[k] for k in chosen], search.evidence.size), search.weights.share
+        )
+        for parts in (before, after)
+    ]
+    return costs[0] - costs[1]
 
 
 def findings_of(search: Search, choice: Choice) -> tuple[Finding, ...]:

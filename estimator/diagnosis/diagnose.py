@@ -51,6 +51,9 @@ DETECTABLE = 25.0
 STRUCTURE = 1.6
 """Root mean square of what is left, over that in nominal recordings, from which something is missing."""
 SIGNIFICANT = 0.01
+DIRECT = frozenset({"command", "pressure", "gravity", "load"})
+SOLVED = DIRECT | {"couple", "support", "sensing"}
+"""Where effects enter the model that need few of its answers, and all where answers are fast."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,7 @@ def diagnose(
         belief,
         executor,
         rng,
-        exact=not model.fast,
+        solve=SOLVED if model.fast else DIRECT,
         ring=ring_of(stages),
         advance=lambda _: advance("fitting"),
     )
@@ -186,7 +189,7 @@ def _outcome(
         names = ", ".join(choice.accepted[k].candidate.fit.hypotheses[-1].name for k in dropped)
         notes = (*notes, f"Fitted but not proven on held-out data, and so not reported: {names}.")
         choice = search.without(choice, dropped)
-    predictions = held_out(search, None, choice.fit)
+    predictions = held_out(search, None, choice.fit, known=True)
     findings = (*findings_of(search, choice), *stuck_findings(stuck))
     remainder = _remainder(search, choice, predictions.rms()[1])
     first_map = _map(search, None)

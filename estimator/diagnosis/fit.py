@@ -1,7 +1,7 @@
 """Nonlinear fit of effects, with all that is common to the recordings marginalised."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -113,6 +113,12 @@ class Fit:
     at_bound: bool
     exact: bool = False
 
+    def joined(self, other: "Fit") -> "Fit":
+        """Put another's effects behind these, to begin a joint fit."""
+        return replace(
+            self, hypotheses=(*self.hypotheses, *other.hypotheses), thetas=(*self.thetas, *other.thetas)
+        )
+
     @property
     def parameters(self) -> int:
         """Number of parameters."""
@@ -142,7 +148,7 @@ def fit_effects(
         hypotheses: The effects.
         starts: Parameters to begin with.
         free: First effect whose parameters move; those before it stay.
-        exact: Solve the model itself, not its linearisation.
+        exact: Solve the model itself; derivatives are still those of its linearisation.
         iterations: Largest number of steps.
     """
     chart = _Chart.of(hypotheses[free:])
@@ -153,7 +159,7 @@ def fit_effects(
     gain = _gain(ground, change)
     matrix = np.eye(len(values))
     for _ in range(iterations):
-        slopes = _slopes(ground, hypotheses, fixed, chart, values, change, exact=exact)
+        slopes = _slopes(ground, hypotheses, fixed, chart, values)
         both = [np.column_stack([s, c]) for s, c in zip(slopes, change, strict=True)]
         product, vector = ground.projected(both)
         matrix = product[:-1, :-1] + np.diag(1.0 / chart.spreads**2)
@@ -215,16 +221,15 @@ def _slopes(
     fixed: list[Floats],
     chart: "_Chart",
     values: Floats,
-    change: Sequence[Floats],
-    *,
-    exact: bool,
 ) -> list[Floats]:
+    """Differentiate what effects change by the parameters in units of the fit, to first order."""
     columns: list[list[Floats]] = [[] for _ in ground.views]
+    change = _whitened(ground, hypotheses, [*fixed, *chart.split(values)], exact=False)
     for index in range(len(values)):
         moved = values.copy()
         step = STEP * (-1.0 if values[index] + STEP > chart.upper[index] else 1.0) * chart.typical[index]
         moved[index] += step
-        there = _whitened(ground, hypotheses, [*fixed, *chart.split(moved)], exact=exact)
+        there = _whitened(ground, hypotheses, [*fixed, *chart.split(moved)], exact=False)
         for own, ahead, here in zip(columns, there, change, strict=True):
             own.append((ahead - here) / step)
     return [np.concatenate(own, axis=1) for own in columns]

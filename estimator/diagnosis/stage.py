@@ -149,20 +149,57 @@ class Stage:
     def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> Floats:
         """Give by how much effects change the predictions, shape (samples, rows).
 
-        One effect alone that does not answer to the response needs no search for a fixed point.
+        To first order effects add up; those that answer to the response need a search for a fixed point.
 
         Args:
             effects: The effects.
             exact: Solve the model again instead of using its linearisation.
         """
-        if len(effects) == 1 and not exact and effects[0].effect.name not in ANSWERING:
-            return self.first_order(effects[0])
-        arm = self.exact if exact else self.arm
-        found = simulate_with(effects, arm, self.world, self.drive, self.suite)
+        if not exact:
+            answering = [placed for placed in effects if placed.effect.name in ANSWERING]
+            plain = [self.first_order(placed) for placed in effects if placed.effect.name not in ANSWERING]
+            return sum(plain, self._simulated(answering) if answering else np.zeros(self.residual.shape))
+        return self._solved(effects) - self._solved_plain
+
+    def _simulated(self, effects: Sequence[PlacedEffect]) -> Floats:
+        found = simulate_with(effects, self.arm, self.world, self.drive, self.suite)
         readings = np.concatenate([found.readings[m.name] for m in self.suite.measurements], axis=-1)
-        if exact:
-            readings = np.where(found.response.converged[:, None], readings, np.nan)
         return self.innovation(readings)
+
+    @cached_property
+    def _solved_plain(self) -> Floats:
+        """What the model itself gives without effects, against its linearisation, shape (samples, rows)."""
+        return self._solved(())
+
+    def _solved(self, effects: Sequence[PlacedEffect]) -> Floats:
+        """Solve the model under what effects do in the response without them, shape (samples, rows)."""
+        drive = self.drive
+        for placed in effects:
+            drive = self._under(placed, drive)
+        response = self.exact.respond(drive, self.arm.baseline)
+        readings = self.suite.predict(Scene(response.frames, self.scene.loads))
+        for placed in effects:
+            if placed.effect.hook == "sensing":
+                readings = self._misread(placed, readings)
+        return self.innovation(np.where(response.converged[:, None], readings, np.nan))
+
+    def _under(self, placed: PlacedEffect, drive: Drive) -> Drive:
+        """Add what an effect does to a drive."""
+        hook = placed.effect.hook
+        if hook == "sensing":
+            return drive
+        signals = signals_of(drive, self.world, self.arm.baseline)
+        value, _ = placed.act(signals, ())
+        if hook in ("pressure", "command"):
+            return replace(drive, pressures=value)
+        if hook == "gravity":
+            return replace(drive, gravity=drive.gravity + value)
+        if hook == "load":
+            return drive.plus(value.reshape(drive.wrenches.shape), np.zeros_like(drive.couples))
+        if hook == "couple":
+            couples = self.world.couples(value - signals.strains)
+            return drive.plus(np.zeros_like(drive.wrenches), couples)
+        return replace(drive, base_rotation=drive.base_rotation + value.reshape(drive.samples, 3))
 
     def first_order(self, placed: PlacedEffect) -> Floats:
         """Give by how much an effect changes the predictions to first order, shape (samples, rows).
@@ -173,7 +210,7 @@ class Stage:
         hook = placed.effect.hook
         response, drive = self.arm.baseline, self.drive
         if hook == "sensing":
-            return self._misread(placed)
+            return self.innovation(self._misread(placed, self.base))
         signals = signals_of(drive, self.world, response)
         value, _ = placed.act(signals, ())
         chambers = drive.pressures.shape[1]
@@ -189,16 +226,17 @@ class Stage:
         turned = replace(drive, base_rotation=drive.base_rotation + value.reshape(drive.samples, 3))
         return _applied(self.by_twist, self.arm.twists(turned) - self.arm.twists(drive))
 
-    def _misread(self, placed: PlacedEffect) -> Floats:
+    def _misread(self, placed: PlacedEffect, truth: Floats) -> Floats:
+        """Give stacked readings as an effect of sensing turns them, shape (samples, readings)."""
         sensor, start = placed.spot.place.sensor, 0
-        readings = self.base.copy()
+        readings = truth.copy()
         for measurement in self.suite.measurements:
             own = slice(start, start + measurement.reading_size)
             start = own.stop
             if measurement.name == sensor:
                 signals = signals_of(self.drive, self.world, self.arm.baseline)
-                readings[:, own], _ = placed.act(replace(signals, reading=self.base[:, own]), ())
-        return self.innovation(readings)
+                readings[:, own], _ = placed.act(replace(signals, reading=truth[:, own]), ())
+        return readings
 
     @cached_property
     def by_twist(self) -> Floats:

@@ -1,23 +1,32 @@
-"""A sensor that shows too much or too little in proportion: y -> (1 + s) y."""
+"""A sensor that shows too much or too little in proportion: y -> (1 + s) y.
+
+A frame shows too much of its way and of its turn from where it was first seen.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.effects.effect import Effect, Memory, Parameter, Signals
-from estimator.effects.readings import from_vector, to_vector
+from estimator.effects.readings import QUATERNION, turns
 from estimator.effects.world import (
     Spot,
     sensors,
 )
+from estimator.rotations import exp, from_quaternions, log, to_quaternions
 
 Floats = NDArray[np.float64]
 
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
     """Scale the reading."""
-    (scale,) = theta
-    vector = to_vector(signals.reading)
-    return from_vector((1.0 + scale) * vector, signals.reading, np.zeros(vector.shape[-1])), memory
+    factor, reading = 1.0 + theta[0], signals.reading
+    if not turns(reading):
+        return factor * reading, memory
+    (first,) = memory or (reading[0],)
+    rest = from_quaternions(first[-QUATERNION:])
+    turned = log(rest.T @ from_quaternions(reading[:, -QUATERNION:]))
+    place = first[:-QUATERNION] + factor * (reading[:, :-QUATERNION] - first[:-QUATERNION])
+    return np.concatenate([place, to_quaternions(rest @ exp(factor * turned))], axis=-1), (first,)
 
 
 EFFECT = Effect(
