@@ -26,7 +26,7 @@ Where pressures are free it creeps to the preferred ones long after the pose is 
 """
 CAUTIOUS_RADIUS = 0.3
 """Trust region of the search that is tried when one with long steps fails, in units of the inputs' scale."""
-CAUTIOUS_STEPS, CAUTIOUS_RETREATS = 60, 10
+CAUTIOUS_STEPS, CAUTIOUS_RETREATS = 40, 4
 
 
 @dataclass(frozen=True)
