@@ -155,8 +155,8 @@ def arm_tables(folder: Path, nodes: int, advance: Callable[[float], None]) -> tu
                 f"Line: ordinary linear regression of six pressures (and an offset) to four angles, "
                 f"{7 * len(errors.names)} numbers. Model: {founds[0].fitted} and {founds[1].fitted} numbers, "
                 f"fitted and judged on {solved_by}.",
-                f"The finite elements with the same numbers leave {checked:.3g} degrees of all held-out angles, "
-                f"at {CHECK_RATE:g} samples per second.",
+                f"The finite elements with the same numbers leave {checked:.3g} degrees of all held-out "
+                f"angles, at {CHECK_RATE:g} samples per second.",
             ),
         ),
         Table(f"{ARM}: what the model was fitted with", unknown_rows(founds)),
