@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from estimator.calibration import Run, arrange
 from estimator.calibration.scatter import scatter_in
 from estimator.errors import InputError
-from estimator.inverse import approach, replace_loads
+from estimator.inverse import approach, replace_loads, settle
 from estimator.recording import Recording
 from estimator.rotations import from_quaternions, log
 from estimator.sensing import Registration, SectionPose, SensorSuite
@@ -29,7 +29,7 @@ from service.recordings import load_recording
 Floats = NDArray[np.float64]
 
 CORRECTIONS = 2
-RATE_HZ = 2.0
+RATE_HZ = 1.0
 HOLD_S, RAMP_S = 4.0, 1.0
 STILL_M_S = 0.01
 SHORTEST_S = 2.0
@@ -141,7 +141,11 @@ def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, numbe
     mapping, limits = actuation(specimen, arrange(recording, specimen)), np.array(specimen.pressure_limits)
     shown = follow(model, specimen, _slow(recording, specimen), poses.time)
     tips = SensorSuite((SpecimenSensors(specimen, tuple(model.sections), Registration()).pose("tip"),))
-    steps = [replace_loads(estimate, tips, limits, np.zeros(len(model.loads))) for estimate in shown]
+    tare = np.zeros(len(model.loads))
+    steps = [
+        settle(model, estimate, tips, limits, tare, replace_loads(estimate, tips, limits, tare))[0]
+        for estimate in shown
+    ]
     held = [
         mapping.to_measured(e.inputs.pressures + step.change) for e, step in zip(shown, steps, strict=True)
     ]
