@@ -10,7 +10,8 @@ from estimator.recording import Recording
 
 Floats = NDArray[np.float64]
 
-STEADY_PA = 50.0
+STEADY_PA = 1.0
+"""Change from sample to sample from which a command counts as moving: small steps are led slowly."""
 LOOK_S = 0.5
 
 

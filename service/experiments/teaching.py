@@ -15,6 +15,7 @@ from estimator.rotations import from_quaternions, log
 from estimator.sensing import Registration, SectionPose, SensorSuite
 from estimator.sensors import SpecimenSensors
 from estimator.specimen import Specimen
+from service.errors import WorkFailedError
 from service.experiments.figures import Cells, beside, error_figures, without_unit
 from service.experiments.following import follow
 from service.experiments.holds import hold_windows, means
@@ -182,7 +183,10 @@ def _held(recording: Recording, specimen: Specimen, count: int) -> tuple[Floats,
     """Give the poses at the ends of the holds, the vented one left out, shape (poses, 7), and when."""
     run = arrange(recording, specimen)
     sensor, readings = pose_of(run, "tip")
-    windows = hold_windows(recording, shortest=0.5 * HOLD_S)[-count:]
+    windows = hold_windows(recording, shortest=0.5 * HOLD_S)
+    if len(windows) not in (count, count + 1):  # the vented hold before them may be there or not
+        raise WorkFailedError(f"{recording.name}: {len(windows)} holds for {count} poses")
+    windows = windows[-count:]
     seen = means(replace(run, suite=SensorSuite((sensor,)), readings=readings), windows)
     return seen.readings, seen.time
 

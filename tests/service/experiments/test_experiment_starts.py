@@ -8,6 +8,8 @@ import pytest
 
 from estimator.calibration.solver import Response
 from estimator.model import Inputs, Load
+from estimator.recording import Recording
+from service.experiments.holds import hold_windows
 from service.experiments.models import NEAR_N, NEAR_PA, Answers, WarmSolver
 from service.experiments.pulls import tare
 from service.offline.track import Waypoints
@@ -23,6 +25,13 @@ def test_each_pull_is_tared_by_the_rest_before_it() -> None:
 
 def test_without_a_rest_before_it_a_pull_is_left_as_it_is() -> None:
     np.testing.assert_allclose(tare(np.ones((3, 2)), np.zeros(3, dtype=bool)), 0.0)
+
+
+def test_a_small_step_between_two_holds_parts_them() -> None:
+    time = np.arange(0.0, 11.0, 0.01)
+    level = np.interp(time, [0, 5, 6, 11], [2e4, 2e4, 2.3e4, 2.3e4])
+    windows = hold_windows(Recording("run", time, {"pressure_cmd_0_pa": level}))
+    np.testing.assert_allclose(windows[:, 1], [5.0, 10.99], atol=0.05)
 
 
 class Recorder:
