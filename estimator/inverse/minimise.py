@@ -31,8 +31,7 @@ class Tolerances:
         residual: Out-of-balance force over the applied forces.
         iterations: Largest number of new linearisations.
         radius: First radius of the trust region, in units of the inputs' scale.
-        retreats: Largest number of steps that are taken back, each at the price of a solve of the model; with
-            none, a step that is taken back is tried again shorter, from a state that may be out of balance.
+        retreats: Largest number of steps that are taken back, each at the price of a solve of the model.
     """
 
     step: float = 1e-6
@@ -166,15 +165,12 @@ class _Search(Generic[State, Step]):
             )
             iterations += 1
             if not self._improves(point, candidate):
-                radius, last = 0.25 * min(radius, size), np.inf
-                if not self.tolerances.retreats:
-                    candidate = point
-                elif iterations >= self.tolerances.iterations or retreats >= self.tolerances.retreats:
+                if iterations >= self.tolerances.iterations or retreats >= self.tolerances.retreats:
                     return self._end(point, 0.0 * change, "diverged", iterations, gravity)
-                else:
-                    retreats += 1
-                    candidate = self._settled(point, radius, gravity)
-                    iterations += 1
+                retreats += 1
+                radius, last = 0.25 * min(radius, size), np.inf
+                candidate = self._settled(point, radius, gravity)
+                iterations += 1
             else:
                 radius, last = min(2.0 * radius, self.tolerances.radius), size
             point = candidate

@@ -21,12 +21,6 @@ State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 
 
-PATIENCE = 20
-"""Searches in a row that end without convergence, after which the next one starts afresh."""
-STRETCHES = 5
-"""Solves in a row that go on from one another before a fresh start begins at rest again."""
-
-
 @dataclass(frozen=True)
 class TrackerSettings:
     """What the tracking estimator assumes.
@@ -87,8 +81,6 @@ class Estimator(Generic[State, Step]):
         self._unknowns = Unknowns.of(model.chambers, model.loads)
         self._memory: _Memory[State] | None = None
         self._fresh = True
-        self._unfinished: tuple[State, ...] = ()
-        self._failures = 0
 
     @property
     def model(self) -> ArmModel[State, Step]:
@@ -108,7 +100,6 @@ class Estimator(Generic[State, Step]):
         """Forget the past."""
         self._memory = None
         self._fresh = True
-        self._unfinished, self._failures = (), 0
 
     def begin_at(self, state: State, inputs: Inputs) -> None:
         """Begin the next search at an equilibrium that is known from elsewhere, such as from other sensors.
@@ -137,14 +128,7 @@ class Estimator(Generic[State, Step]):
         begun = None if self._memory is None or self._fresh else self._memory.last
         start = self._start(problem, guess)
         estimate = problem.solve(self._model, start, self._settings.tolerances, begun)
-        self._failures = 0 if estimate.converged else self._failures + 1
-        finite = bool(np.isfinite(estimate.vector).all())
-        lost = estimate.status == "diverged" or not finite or self._failures > PATIENCE
-        self._fresh = lost or bool(self._unfinished and not estimate.converged)
-        if self._fresh:
-            self._failures = 0
-        else:
-            self._unfinished = ()
+        self._fresh = estimate.status == "diverged" or not np.isfinite(estimate.vector).all()
         if not self._fresh:
             covariance, last = estimate.covariance, estimate.last
             self._memory = _Memory(time, estimate.state, estimate.inputs, covariance, last)
@@ -202,11 +186,7 @@ class Estimator(Generic[State, Step]):
             state, found = self._model.solve(guided, self._model.rest())
             if found:
                 return state, guided
-        # A model whose solves are bounded goes on from where the last one had to end, a few times.
-        begin = self._unfinished[-1] if self._unfinished else self._model.rest()
-        state, found = self._model.solve(guess, begin)
-        again = not found and len(self._unfinished) < STRETCHES
-        self._unfinished = (*self._unfinished, state) if again else ()
+        state, _ = self._model.solve(guess, self._model.rest())
         return state, guess
 
     def _guided(self, problem: Problem, guess: Inputs) -> Inputs | None:
