@@ -26,7 +26,7 @@ MODES = (
 """In the order in which one arm can be led through all of them."""
 BENCHES: tuple[Mapping[str, str], ...] = (
     {"valves": "festo_mpa", "qtm": "qualisys", "gauge": "lutron", "bend": "bendlabs", "imu": "xbus"},
-    {"valves": "festo_vtem", "qtm": "qualisys", "gauge": "mark10", "imu": "bno08x_rvc"},
+    {"valves": "festo_mpa", "qtm": "qualisys", "gauge": "mark10", "imu": "bno08x_rvc"},
     {"valves": "festo_mpa", "qtm": "qualisys", "gauge": "sauter", "imu": "witmotion"},
     {"valves": "festo_mpa", "qtm": "qualisys", "gauge": "line_gauge", "imu": "quaternion_line"},
 )

@@ -1,7 +1,7 @@
 """The pressures that hold the pose: from the estimate at hand, and a search on from there."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,9 @@ from service.estimation.messages import HoldAnswer, PoseTarget
 
 Floats = NDArray[np.float64]
 SEARCH = Tolerances(step=1e-3, residual=1e-4, iterations=6, retreats=0)
-"""A search that takes longer goes on at the next instant; until it ends, the linear answer stands."""
+"""A search that takes longer is given up; until one ends, the linear answer stands."""
+SEARCH_EVERY = 5
+"""Instants from one search to the next; between them the linear answer moves by what the last one added."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +51,12 @@ class Holding:
     def __init__(self, arm: Arm) -> None:
         self._arm = arm
         self._last: Estimate[Any] | None = None
+        self._beyond: Compensation | None = None
+        self._instants = 0
 
     def forget(self) -> None:
-        """Begin the next search anew."""
-        self._last = None
+        """Begin the next search anew, at once."""
+        self._last, self._beyond, self._instants = None, None, 0
 
     def answer(
         self, model: Any, estimate: Estimate[Any], tare: Floats, target: PoseTarget | None
@@ -87,8 +91,16 @@ class Holding:
     def _settled(
         self, model: Any, estimate: Estimate[Any], tare: Floats, first: Compensation
     ) -> Compensation:
-        """Search from where the last search ended; a search that fails begins anew at the next instant."""
+        """Search now and then, from where the last search ended; after one that fails begin anew."""
         arm, last = self._arm, self._last
-        start = None if last is None else (last.state, last.inputs)
-        answer, self._last = settle(model, estimate, arm.suite, arm.limits, tare, first, start, SEARCH)
-        return answer
+        if self._instants % SEARCH_EVERY == 0:
+            start = None if last is None else (last.state, last.inputs)
+            answer, self._last = settle(model, estimate, arm.suite, arm.limits, tare, first, start, SEARCH)
+            found = self._last is not None
+            self._beyond = replace(answer, change=answer.change - first.change) if found else None
+        self._instants += 1
+        return (
+            first
+            if self._beyond is None
+            else replace(self._beyond, change=first.change + self._beyond.change)
+        )
