@@ -55,7 +55,7 @@ Written by `softarm bench real-data --write docs/real-data.md`: what calibration
 other groups recorded, beside regression that knows no mechanics. The recordings are not part of the project.
 
 The line has a number for the effect of each pressure on each angle, cross-talk between the segments included;
-the model has none for that, nor for what rubber remembers. Where the line is nearer, it is for those.
+the model has none for that, nor for what rubber remembers, which may be why the line is nearer where it is.
 """
 
 
