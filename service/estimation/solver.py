@@ -169,10 +169,9 @@ class Solver:
     def _held(self, request: EstimationRequest, estimate: Estimate[Any]) -> HoldAnswer | None:
         """Find the pressures that hold the pose while they are asked for."""
         if not request.want_hold:
-            self._holding.forget()
             return None
         tare = np.zeros(len(self._model.loads)) if request.tare is None else request.tare
-        return self._holding.answer(self._estimator.model, estimate, tare, request.target)
+        return self._holding.answer(estimate, tare, request.target)
 
     def _contact(self, request: EstimationRequest, estimate: Estimate[Any]) -> ContactPlace | None:
         """Place the push that the estimate's loads stand for."""
