@@ -89,17 +89,23 @@ class Stage:
         return Scene(self.arm.baseline.frames, np.zeros((self.session.samples, 0)))
 
     @cached_property
+    def by_couple(self) -> Floats:
+        """Derivative of the predictions by the segments' couples, shape (samples, rows, 4 segments)."""
+        response = self.arm.baseline
+        samples, sections = response.frames.positions.shape[:2]
+        first = response.motion.shape[-1] - 3 - 6 * sections
+        by_wrench = self.by_twist @ response.motion[..., first : first + 6 * sections]
+        strains = self.arm.segments.rows(response.frames).reshape(samples, -1, 6 * sections)
+        by_couple: Floats = by_wrench @ np.swapaxes(strains, 1, 2)
+        return by_couple
+
+    @cached_property
     def by_strain(self) -> Floats:
         """Derivative of the predictions by free strains, shape (samples, rows, 4 segments)."""
-        response, segments = self.arm.baseline, self.arm.segments
-        samples, sections = response.frames.positions.shape[:2]
-        rows = np.nan_to_num(self.suite.sensitivity(self.scene, self.base).twists)
-        first = response.motion.shape[-1] - 3 - 6 * sections
-        by_wrench = rows @ response.motion[..., first : first + 6 * sections]
-        strains = segments.rows(response.frames)
-        loads = np.einsum("tgij,tgik->tgkj", strains, self.world.stiffness)
-        by_strain: Floats = by_wrench @ np.moveaxis(loads.reshape(samples, -1, 6 * sections), 1, 2)
-        return by_strain
+        samples, rows = self.by_couple.shape[:2]
+        each = self.by_couple.reshape(samples, rows, -1, 4)
+        by_strain: Floats = np.einsum("trgi,tgij->trgj", each, self.world.stiffness)
+        return by_strain.reshape(samples, rows, -1)
 
     def innovation(self, readings: Floats) -> Floats:
         """Compare stacked readings with the prediction without effects, shape (samples, rows)."""
@@ -324,11 +330,12 @@ def build_stage(
     arm = model.arm(setting.scales, torsion)
     drive = session.drive(setting.actuation, arm.segments.count)
     response = arm.respond(drive)
+    # What is free to strain is resisted by the material alone; weight and loads resist once it does.
+    weightless = replace(drive, gravity=np.zeros_like(drive.gravity), wrenches=np.zeros_like(drive.wrenches))
+    alone = arm.respond(weightless, response) if model.fast else response
     suite = setting.aligned(session.suite)
     sensors = tuple(m.name for m in suite.measurements)
-    world = World.of(
-        model.specimen, arm.segments, model.sections, _stiffness(arm.segments, response), sensors
-    )
+    world = World.of(model.specimen, arm.segments, model.sections, _stiffness(arm.segments, alone), sensors)
     stage = Stage(session, setting, LinearisedArm(arm.segments, drive, response), arm, world, suite, drive)
     return (
         replace(stage, by_stiffness=_by_stiffness(model, stage, torsion)) if slopes and model.fast else stage

@@ -77,7 +77,7 @@ def fit_swing(stages: Sequence[Stage], masses: Masses) -> Swing | None:
     def left(theta: Floats) -> Floats:
         return np.concatenate(
             [
-                _fast(stage, stage.residual - _seen(stage, _lag(stage, swaying, theta)))
+                _fast(stage, stage.residual - _seen(stage, swaying, _lag(stage, swaying, theta)))
                 for stage, swaying in zip(quick, matrices, strict=True)
             ]
         )
@@ -99,17 +99,19 @@ def swinging(stage: Stage, swing: Swing, masses: Masses) -> Stage:
     swaying = _swaying(stage, masses)
     theta = np.array([np.log(swing.mass), *swing.damping, swing.delay])
     lag = _lag(stage, swaying, theta)
-    couples = np.einsum("tij,tj->ti", swaying.stiffness, lag).reshape(stage.drive.couples.shape)
+    couples = _couples(swaying, lag).reshape(stage.drive.couples.shape)
     drive = stage.drive.plus(np.zeros_like(stage.drive.wrenches), couples)
     arm = LinearisedArm(stage.arm.segments, drive, stage.arm.respond(drive))
-    doubtful = np.where(_held(stage)[:, None], stage.unrest, swing.doubt * _envelope(stage, lag))
+    doubtful = np.where(
+        _held(stage)[:, None], stage.unrest, swing.doubt * _envelope(stage, _seen(stage, swaying, lag))
+    )
     return replace(stage, arm=arm, drive=drive, doubtful=doubtful)
 
 
-def _envelope(stage: Stage, lag: Floats) -> Floats:
+def _envelope(stage: Stage, swung: Floats) -> Floats:
     """Give how far the arm has swung of late, for each row of the predictions, shape (samples, rows)."""
     angles = np.array([unit == "rad" for unit in units(stage.suite)])
-    seen, kept = np.abs(_seen(stage, lag)), np.exp(-np.diff(stage.session.clock) / DECAY)
+    seen, kept = np.abs(swung), np.exp(-np.diff(stage.session.clock) / DECAY)
     size = np.stack([seen[:, angles].max(axis=1, initial=0.0), seen[:, ~angles].max(axis=1, initial=0.0)])
     for k in range(1, size.shape[1]):
         size[:, k] = np.maximum(size[:, k], size[:, k - 1] * kept[k - 1])
@@ -140,9 +142,15 @@ def _held(stage: Stage) -> NDArray[np.bool_]:
     return held
 
 
-def _seen(stage: Stage, lag: Floats) -> Floats:
+def _couples(swaying: Swaying, lag: Floats) -> Floats:
+    """Give the couples that strain the arm so, shape (samples, strains)."""
+    couples: Floats = np.einsum("tij,tj->ti", swaying.stiffness, lag)
+    return couples
+
+
+def _seen(stage: Stage, swaying: Swaying, lag: Floats) -> Floats:
     """Give what strains change of the predictions, shape (samples, rows)."""
-    change: Floats = np.einsum("trk,tk->tr", stage.by_strain, lag)
+    change: Floats = np.einsum("trk,tk->tr", stage.by_couple, _couples(swaying, lag))
     return change
 
 
