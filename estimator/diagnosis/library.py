@@ -24,6 +24,7 @@ SHAPES: dict[str, tuple[tuple[float, ...], ...]] = {
     "hysteresis": ((0.03,), (0.1,), (0.3,)),
     "mullins_softening": ((0.15,), (0.5,)),
     "line_leak": ((0.3,), (3.0,), (30.0,)),
+    "thermal_drift": ((150.0,), (600.0,), (3000.0,)),
     "tether_stiffness": ((0.002,), (0.01,), (0.02,), (0.04,)),
     "local_stiffness_defect": ((-1.05,), (0.0,), (1.05,)),
     "contact_obstacle": tuple(

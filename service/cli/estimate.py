@@ -106,6 +106,11 @@ def command(
     kind = _chosen(robot) if kind == "auto" else kind
     found, surface = _on_rod(robot, run) if kind == "rod" else _on_mesh(robot, run)
     say(f"estimated with {NAMES[kind]}")
+    if found.given_up:
+        say(
+            f"the last {found.given_up} of {len(run.time)} were given up after a long search in vain: "
+            "calibrate the specimen's moduli and gains first"
+        )
     show(*tables(found, loaded.name), as_json=as_json)
     folder = plots or Path("plots") / loaded.name
     for path in plot_track(found, loaded.name, folder, surface):

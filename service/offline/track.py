@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from time import monotonic
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -26,6 +27,8 @@ FORCE_SIGMA = 1.0  # N; long-run spread of an unknown force, the range of the pa
 MOMENT_SIGMA = 0.1  # N m
 STATUSES = ("converged", "iterations_exhausted", "diverged")
 SHOWN = 6
+PATIENCE_S = 40.0
+"""Seconds of searches in vain, one after the other, after which the rest of a run is given up."""
 
 
 @dataclass
@@ -74,6 +77,7 @@ class Track(Generic[State]):
         status: Index into ``STATUSES``, shape (samples,).
         shown: Index and state of a few samples, for pictures.
         statement: What was estimated from what, and what cannot be seen.
+        given_up: Number of samples at the end that were not tried, after too long a search in vain.
     """
 
     run: Run
@@ -90,6 +94,7 @@ class Track(Generic[State]):
     status: NDArray[np.int64]
     shown: tuple[tuple[int, State], ...]
     statement: str
+    given_up: int = 0
 
     @property
     def force_std(self) -> Floats:
@@ -127,11 +132,19 @@ def track(
     waypoints = waypoints or Waypoints()
     known = bool(waypoints.found)
     waypoints.loads = waypoints.loads or tuple(load.name for load in model.loads)
+    in_vain_s, given_up = 0.0, 0
     for index, (time, readings, pressures) in enumerate(
         zip(run.time, run.readings, run.pressures, strict=True)
     ):
+        if in_vain_s > PATIENCE_S:
+            given_up = len(run.time) - index
+            waypoints.found += [] if known else [None] * given_up
+            advance(given_up)
+            break
         begin_near(estimator, waypoints, index, model.loads)
+        began = monotonic()
         estimate = estimator.update(float(time), readings, pressures, gravity)
+        in_vain_s = in_vain_s + monotonic() - began if estimate.status == "diverged" else 0.0
         samples.put(index, estimate)
         if not known:
             lost = estimate.status == "diverged"
@@ -141,7 +154,7 @@ def track(
         if not statement and estimate.converged:
             statement = estimate.observability.statement
         advance(1)
-    return samples.track(model, run, tuple(shown), statement)
+    return replace(samples.track(model, run, tuple(shown), statement), given_up=given_up)
 
 
 def begin_near(
@@ -227,7 +240,7 @@ class _Samples:
             empty(suite.size),
             empty(),
             empty(),
-            np.zeros(count, dtype=np.int64),
+            np.full(count, STATUSES.index("diverged")),
         )
 
     def put(self, index: int, estimate: Estimate[State]) -> None:

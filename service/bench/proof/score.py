@@ -21,6 +21,7 @@ SAME = {
     "segment_stiffness": ("change", "change"),
     "sensor_latency": ("delay", "delay"),
     "sensor_scale": ("change", "scale"),
+    "thermal_drift": ("change", "change"),
     "tip_payload": ("mass", "mass"),
     "valve_deadband": ("width", "band"),
     "viscoelastic_creep": ("strength", "strength"),
