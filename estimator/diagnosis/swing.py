@@ -94,7 +94,7 @@ def fit_swing(stages: Sequence[Stage], masses: Masses) -> Swing | None:
 
 def swinging(stage: Stage, swing: Swing, masses: Masses) -> Stage:
     """Give a stage whose model swings; the couples that make it do so become part of its drive."""
-    if stage.session.step > LONGEST_STEP:
+    if stage.session.step > LONGEST_STEP or not stage.arm.baseline.converged.any():
         return stage
     swaying = _swaying(stage, masses)
     theta = np.array([np.log(swing.mass), *swing.damping, swing.delay])
@@ -125,12 +125,12 @@ def _swaying(stage: Stage, masses: Masses) -> Swaying:
 
 def _lag(stage: Stage, swaying: Swaying, theta: Floats) -> Floats:
     """Give by how much the strains swing about the quasi-static ones, shape (samples, strains)."""
-    clock = stage.session.clock
+    clock, found = stage.session.clock, stage.arm.baseline.converged
     still = stage.arm.baseline.strains.reshape(len(clock), -1)
-    late = np.stack([np.interp(clock - theta[3], clock, column) for column in still.T], axis=-1)
+    late = np.stack([np.interp(clock - theta[3], clock[found], column[found]) for column in still.T], axis=-1)
     damping = (float(theta[1]), float(theta[2]))
     lag = swaying.strains(clock, late, damping, float(np.exp(theta[0]))) - still
-    return np.where(_held(stage)[:, None], 0.0, lag)
+    return np.where((_held(stage) | ~found)[:, None], 0.0, lag)
 
 
 def _held(stage: Stage) -> NDArray[np.bool_]:
@@ -155,7 +155,10 @@ def _seen(stage: Stage, swaying: Swaying, lag: Floats) -> Floats:
 
 
 def _driven(stage: Stage) -> bool:
-    return bool(np.ptp(stage.session.pressures, axis=0).max(initial=0.0) > 1000.0)
+    return bool(
+        stage.arm.baseline.converged.any()
+        and np.ptp(stage.session.pressures, axis=0).max(initial=0.0) > 1000.0
+    )
 
 
 def _fast(stage: Stage, left: Floats) -> Floats:

@@ -74,7 +74,7 @@ class Swaying:
         frames = response.frames
         samples, sections = frames.positions.shape[:2]
         first = response.motion.shape[-1] - 3 - 6 * sections
-        by_wrench = response.motion[..., first : first + 6 * sections]
+        by_wrench = _filled(response.motion[..., first : first + 6 * sections], response.converged)
         rows = segments.rows(frames).reshape(samples, -1, 6 * sections)
         turned = by_wrench @ np.swapaxes(rows, 1, 2)
         compliance = rows @ turned
@@ -104,6 +104,13 @@ class Swaying:
         resisting = damping[0] * heavy + damping[1] * self.stiffness
         found: Floats = _newmark(clock, np.ascontiguousarray(still), self.stiffness, heavy, resisting)
         return found
+
+
+def _filled(by_wrench: Floats, converged: NDArray[np.bool_]) -> Floats:
+    """Take the typical compliance where the model found no equilibrium."""
+    if converged.all() or not converged.any():
+        return by_wrench
+    return np.where(converged[:, None, None], by_wrench, np.median(by_wrench[converged], axis=0))
 
 
 def _mass(frames: Frames, segments: Segments, masses: Masses, by_strain: Floats) -> Floats:
