@@ -189,7 +189,7 @@ def _outcome(
         names = ", ".join(choice.accepted[k].candidate.fit.hypotheses[-1].name for k in dropped)
         notes = (*notes, f"Fitted but not proven on held-out data, and so not reported: {names}.")
         choice = search.without(choice, dropped)
-    predictions = held_out(search, None, choice.fit, known=True)
+    predictions = held_out(search, None, choice.fit, known=choice.fit is not None)
     findings = (*findings_of(search, choice), *stuck_findings(stuck))
     remainder = _remainder(search, choice, predictions.rms()[1])
     first_map = _map(search, None)
