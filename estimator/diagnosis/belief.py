@@ -120,21 +120,19 @@ class Marginal:
     @classmethod
     def of(cls, belief: Belief, seen: Total, share: float) -> "Marginal":
         """Marginalise the common coefficients over what was seen."""
-        gram, right = share * seen.matrix, share * (seen.vector - seen.matrix @ belief.mean)
-        power = seen.power - 2.0 * belief.mean @ seen.vector + belief.mean @ seen.matrix @ belief.mean
+        gram, (right, power) = share * seen.matrix, _surprise(belief, seen, share)
         solved = Factor.of(gram + belief.precision).solve(np.column_stack([gram, right]))
         matrix = gram - gram @ solved[:, :-1]
         vector = right - gram @ solved[:, -1]
-        cost = share * float(power) - float(right @ solved[:, -1])
+        cost = power - float(right @ solved[:, -1])
         return cls(_symmetric(matrix), vector, cost, share * seen.count)
 
     @staticmethod
     def cost_of(belief: Belief, seen: Total, share: float) -> float:
         """Give the cost alone."""
-        right = share * (seen.vector - seen.matrix @ belief.mean)
-        power = seen.power - 2.0 * belief.mean @ seen.vector + belief.mean @ seen.matrix @ belief.mean
+        right, power = _surprise(belief, seen, share)
         factor = Factor.of(share * seen.matrix + belief.precision)
-        return share * float(power) - float(right @ factor.solve(right))
+        return power - float(right @ factor.solve(right))
 
     def gain(self, columns: Sequence[int]) -> tuple[float, Floats]:
         """Give how much some extra coefficients lower the cost, and their values."""
@@ -165,6 +163,13 @@ class Marginal:
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         drawn: Floats = (rng.normal(size=(draws, len(size))) @ root.T) * size
         return drawn
+
+
+def _surprise(belief: Belief, seen: Total, share: float) -> tuple[Floats, float]:
+    """Give the products of the columns with what the belief's mean leaves, and its weighted squares."""
+    right = share * (seen.vector - seen.matrix @ belief.mean)
+    power = seen.power - 2.0 * belief.mean @ seen.vector + belief.mean @ seen.matrix @ belief.mean
+    return right, share * float(power)
 
 
 def _symmetric(matrix: Floats) -> Floats:

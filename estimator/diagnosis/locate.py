@@ -159,7 +159,7 @@ def spotted(stage: Stage) -> list[Spotted]:
     sections = response.frames.positions.shape[1]
     rows = np.nan_to_num(stage.suite.sensitivity(stage.scene, stage.base).twists)
     by_pressure = rows @ response.motion[..., :chambers]
-    by_wrench = rows @ response.motion[..., chambers : chambers + 6 * sections]
+    by_wrench = rows @ response.by_wrench
     by_couple = by_wrench @ np.swapaxes(
         stage.arm.segments.rows(response.frames).reshape(stage.session.samples, -1, 6 * sections), -1, -2
     )

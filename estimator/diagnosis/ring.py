@@ -110,7 +110,6 @@ def _compliance(stage: Stage) -> float:
     """Give the largest compliance of the tip against a force across the arm [m/N]."""
     response = stage.arm.baseline
     sections = response.frames.positions.shape[1]
-    first = response.motion.shape[-1] - 3 - 6 * sections
     tip = 6 * (sections - 1)
-    block = response.motion[0, tip : tip + 2, first + tip : first + tip + 2]
+    block = response.by_wrench[0, tip : tip + 2, tip : tip + 2]
     return float(np.linalg.eigvalsh(0.5 * (block + block.T))[-1])

@@ -93,8 +93,7 @@ class Stage:
         """Derivative of the predictions by the segments' couples, shape (samples, rows, 4 segments)."""
         response = self.arm.baseline
         samples, sections = response.frames.positions.shape[:2]
-        first = response.motion.shape[-1] - 3 - 6 * sections
-        by_wrench = self.by_twist @ response.motion[..., first : first + 6 * sections]
+        by_wrench = self.by_twist @ response.by_wrench
         strains = self.arm.segments.rows(response.frames).reshape(samples, -1, 6 * sections)
         by_couple: Floats = by_wrench @ np.swapaxes(strains, 1, 2)
         return by_couple
@@ -145,9 +144,7 @@ class Stage:
         if back * self.session.step < RINGDOWN and self.session.samples > back:
             change = np.abs(bends[back:] - bends[:-back]).max(axis=1)
             left[back:] = change
-            kept = np.exp(-np.diff(self.session.clock) / RINGDOWN)
-            for k in range(1, len(left)):
-                left[k] = max(left[k], left[k - 1] * kept[k - 1])
+            left = fading(self.session.clock, left)
         lever = np.array([LEVER if unit == "m" else 1.0 for unit in units(self.suite)])
         uncertain: Floats = RINGING * left[:, None] * lever
         return uncertain
@@ -367,11 +364,8 @@ def _stiffness(segments: Segments, response: Response) -> Floats:
 
     It is the inverse of the tangent compliance, kept within ``SPREAD`` of the typical one.
     """
-    sections = response.frames.positions.shape[1]
     rows = segments.rows(response.frames)
-    first = response.motion.shape[-1] - 3 - 6 * sections
-    by_wrench = response.motion[..., first : first + 6 * sections]
-    compliance = np.einsum("tgai,tij,tgbj->tgab", rows, by_wrench, rows)
+    compliance = np.einsum("tgai,tij,tgbj->tgab", rows, response.by_wrench, rows)
     compliance = 0.5 * (compliance + np.swapaxes(compliance, -1, -2))
     typical = np.sqrt(np.abs(np.median(np.diagonal(compliance, axis1=2, axis2=3), axis=0)))
     size = np.maximum(typical, 1e-12)
@@ -381,6 +375,14 @@ def _stiffness(segments: Segments, response: Response) -> Floats:
     whole = (vectors * inverse[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     stiffness: Floats = whole / (size[..., :, None] * size[..., None, :])
     return stiffness
+
+
+def fading(clock: Floats, sizes: Floats) -> Floats:
+    """Give the largest of late of some sizes, forgotten with ``RINGDOWN``, shape (samples, ...)."""
+    left, kept = sizes.copy(), np.exp(-np.diff(clock) / RINGDOWN)
+    for k in range(1, len(left)):
+        left[k] = np.maximum(left[k], left[k - 1] * kept[k - 1])
+    return left
 
 
 def thinned(session: Session, count: int) -> Session:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from estimator.diagnosis.session import units
-from estimator.diagnosis.stage import Stage
+from estimator.diagnosis.stage import Stage, fading
 from estimator.simulation import LinearisedArm
 from estimator.simulation.inertia import Masses, Swaying
 
@@ -32,8 +32,6 @@ BUSIEST = 4
 """Recordings that tell of the swing."""
 UNHELD = 1e-3
 """Largest load [N, N m] of a section that swings freely."""
-DECAY = 0.7
-"""Time constant [s] with which a swing is forgotten."""
 AFTER = 1.0
 """Time [s] for which a section that was held counts as held."""
 
@@ -111,11 +109,10 @@ def swinging(stage: Stage, swing: Swing, masses: Masses) -> Stage:
 def _envelope(stage: Stage, swung: Floats) -> Floats:
     """Give how far the arm has swung of late, for each row of the predictions, shape (samples, rows)."""
     angles = np.array([unit == "rad" for unit in units(stage.suite)])
-    seen, kept = np.abs(swung), np.exp(-np.diff(stage.session.clock) / DECAY)
-    size = np.stack([seen[:, angles].max(axis=1, initial=0.0), seen[:, ~angles].max(axis=1, initial=0.0)])
-    for k in range(1, size.shape[1]):
-        size[:, k] = np.maximum(size[:, k], size[:, k - 1] * kept[k - 1])
-    envelope: Floats = np.where(angles, size[0][:, None], size[1][:, None])
+    seen = np.abs(swung)
+    size = [seen[:, angles].max(axis=1, initial=0.0), seen[:, ~angles].max(axis=1, initial=0.0)]
+    left = fading(stage.session.clock, np.stack(size, axis=-1))
+    envelope: Floats = np.where(angles, left[:, :1], left[:, 1:])
     return envelope
 
 

@@ -73,3 +73,10 @@ class Response:
     strains: Floats
     motion: Floats
     converged: Flags
+
+    @property
+    def by_wrench(self) -> Floats:
+        """Section twists per unit of the sections' wrenches, shape (samples, 6 sections, 6 sections)."""
+        size = self.motion.shape[-2]
+        first = self.motion.shape[-1] - 3 - size
+        return self.motion[..., first : first + size]

@@ -73,8 +73,7 @@ class Swaying:
         """Reduce the arm to its strains in every pose."""
         frames = response.frames
         samples, sections = frames.positions.shape[:2]
-        first = response.motion.shape[-1] - 3 - 6 * sections
-        by_wrench = _filled(response.motion[..., first : first + 6 * sections], response.converged)
+        by_wrench = _filled(response.by_wrench, response.converged)
         rows = segments.rows(frames).reshape(samples, -1, 6 * sections)
         turned = by_wrench @ np.swapaxes(rows, 1, 2)
         compliance = rows @ turned

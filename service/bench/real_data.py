@@ -33,10 +33,10 @@ from estimator.sensing import Registration, Scene
 from estimator.sensors import SpecimenSensors
 from estimator.specimen import Calibration, Specimen, Value, load_specimen
 from service.cli.output import Cell, Table, as_markdown, json_option, progress, quick_option, say, show
+from service.offline.alignment import quick_solver
 from service.offline.inputs import cut, load_recordings
 from service.offline.resample import resample
 from service.offline.track import track
-from service.rods import known_trusted_rod
 
 BESIDE = Path(__file__).parents[3] / "shared" / "recordings"
 ARM = "sopra_2021-07-09"
@@ -103,12 +103,10 @@ def described(name: str) -> Specimen:
     return load_specimen(name).model_copy(update={"calibration": Calibration()})
 
 
-def quick_solver(specimen: Specimen, advance: Callable[[float], None]) -> tuple[Solver, str]:
-    """Give what a calibration runs on, and its name: the rod where it is known and near the mesh."""
-    rod = known_trusted_rod(specimen)
-    if rod is None:
-        return NodeSolver(build_arm(specimen, loads=()), advance), "finite elements"
-    return BatchSolver(rod.with_loads(())), "the calibrated rod"
+def named_solver(specimen: Specimen, advance: Callable[[float], None]) -> tuple[Solver, str]:
+    """Give what a calibration runs on, and its name."""
+    solver = quick_solver(specimen, advance)
+    return solver, "the calibrated rod" if isinstance(solver, BatchSolver) else "finite elements"
 
 
 @dataclass(frozen=True)
@@ -135,7 +133,7 @@ def arm_tables(folder: Path, nodes: int, advance: Callable[[float], None]) -> tu
     specimen = described("sopra")
     (recording,) = load_recordings([folder / ARM])
     mesh = NodeSolver(build_arm(specimen, loads=()), advance)
-    solver, solved_by = quick_solver(specimen, advance)
+    solver, solved_by = named_solver(specimen, advance)
     run = arrange(recording, specimen, solver.sections)
     even = training_blocks(block_of(run, run.time))
     folds, founds, checks = [], [], []

@@ -53,7 +53,7 @@ def aligned(
     lasts = float(recording.time[-1] - recording.time[0])
     if not recording.bends or specimen.calibration.recordings or lasts < LEAST_DURATION:
         return specimen, ""
-    solver = _solver(specimen, advance)
+    solver = quick_solver(specimen, advance)
     run = arrange(recording, specimen, solver.sections)
     foreign = _foreign(solver, specimen, run)
     if not foreign:
@@ -69,7 +69,7 @@ def aligned(
     )
 
 
-def _solver(specimen: Specimen, advance: Callable[[float], None]) -> Solver:
+def quick_solver(specimen: Specimen, advance: Callable[[float], None]) -> Solver:
     """Give the rod where it is known and near the finite elements, else these."""
     rod = known_trusted_rod(specimen)
     if rod is not None:
