@@ -60,8 +60,7 @@ class RecordedStreams:
         topic, fields = place
         if len(fields) != len(sample.values):
             fields = POSE_SUFFIXES[-len(sample.values) :]
-        measured_ns = max(sample.measured_ns, self._last_ns.get(topic, 0) + APART_NS)
-        self._last_ns[topic] = measured_ns
+        measured_ns = self._after_last(topic, sample.measured_ns)
         stamp = Stamp(
             (measured_ns - self._start_ns) * 1e-9,
             sample.arrival_ns,
@@ -77,7 +76,7 @@ class RecordedStreams:
     def estimated(self, values: Mapping[str, float], time_s: float) -> None:
         """Record an estimate."""
         stream = Stream("estimate", tuple(values), "service")
-        self._put(stream, tuple(values.values()), round(time_s * 1e9))
+        self._put(stream, tuple(values.values()), self._after_last(stream.topic, round(time_s * 1e9)))
 
     def document(self, topic: str, content: Mapping[str, object]) -> None:
         """Record a change of mode, a command, a finding."""
@@ -86,6 +85,11 @@ class RecordedStreams:
 
     def _put(self, stream: Stream, values: tuple[float, ...], now_ns: int) -> None:
         self._recorder.put(RecordedSample(stream, values, self._stamp(now_ns)))
+
+    def _after_last(self, topic: str, time_ns: int) -> int:
+        """Give a time, or one just after the last: one set of readings may be estimated twice."""
+        self._last_ns[topic] = max(time_ns, self._last_ns.get(topic, 0) + APART_NS)
+        return self._last_ns[topic]
 
     def _stamp(self, now_ns: int) -> Stamp:
         self._sequence += 1

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from service.control.recorder import PART_SUFFIX, Document, Recorder, RecorderError, Sample
+from service.control.streams import RecordedStreams
 from service.recordings import load_recording
 from service.recordings.mcap_writer import Stamp, Stream
 
@@ -61,3 +62,16 @@ def test_nothing_is_queued_while_idle(tmp_path):
     recorder = Recorder(tmp_path)
     recorder.put(sample(0))
     assert recorder.health().dropped == 0
+
+
+def test_a_set_of_readings_that_is_estimated_twice_can_be_read_again(tmp_path):
+    recorder = Recorder(tmp_path)
+    streams = RecordedStreams(recorder, (), "valves", "", 2, clock_ns=lambda: 0)
+    path = recorder.start("run", {})
+    streams.commanded((0.0, 0.0), 0)
+    for force, time_s in ((0.1, 1.0), (0.2, 1.0), (0.3, 1.5)):
+        streams.estimated({"force_tip_x_n": force}, time_s)
+    recorder.stop()
+    recording = load_recording(path)
+    np.testing.assert_allclose(recording.time, [0.0, 1.0, 1.0, 1.5], atol=2e-6)
+    np.testing.assert_allclose(recording.columns["estimate_force_tip_x_n"][1:], [0.1, 0.2, 0.3])
