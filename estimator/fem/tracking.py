@@ -16,8 +16,8 @@ from estimator.model import Frames, Inputs, Load
 
 NEGLIGIBLE = 1.0
 """Residual over the tolerance below which nothing is corrected."""
-CORRECTING = 1e-3
-"""Change of the inputs, over the largest of their kind, up to which a step counts as a correction."""
+CORRECTING_RAD = 1e-3
+"""Turn of a section through changed inputs up to which a step counts as a correction."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +112,12 @@ class TrackingStep:
         drift, motion = self._twists
         return rows @ drift, rows @ motion
 
+    def turn(self, change: Floats) -> float:
+        """Give the largest angle by which changed inputs turn a section [rad]."""
+        _, motion = self._twists
+        turns = (motion @ change).reshape(-1, 2, 3)[:, 1]
+        return float(np.linalg.norm(turns, axis=-1).max(initial=0.0))
+
     def forces(self, change: Floats) -> float:
         """Give the norm of the forces that the Newton step for changed inputs is to balance [N]."""
         evaluation, chambers = self.balance.evaluation, self.model.chambers
@@ -144,8 +150,8 @@ class TrackingModel:
 
     model: FiniteElementModel
     background: Refactoriser | None = None
-    contraction: float = 0.25
-    slowing: float = 0.1
+    contraction: float = 0.5
+    slowing: float = 0.05
 
     @property
     def sections(self) -> tuple[str, ...]:
@@ -199,10 +205,7 @@ class TrackingModel:
             return replace(step.state, inputs=inputs)
         displacement = step.moved(change)
         # A step for new inputs turns the body; what it leaves out of balance says nothing of the factor.
-        corrects = _small(change[: self.chambers], inputs.pressures) and _small(
-            change[self.chambers :], inputs.loads
-        )
-        forces = step.forces(change) if corrects else np.inf
+        forces = step.forces(change) if step.turn(change) <= CORRECTING_RAD else np.inf
         return TrackingState(displacement, inputs, step.stiffness, forces)
 
     def solve(self, inputs: Inputs, start: TrackingState) -> tuple[TrackingState, bool]:
@@ -217,10 +220,6 @@ def _nearer(displacement: Floats, held: Stiffness | None, other: Stiffness | Non
         return held or other
     away = [np.linalg.norm(displacement - one.displacement) for one in (held, other)]
     return other if away[1] < away[0] else held
-
-
-def _small(change: Floats, values: Floats) -> bool:
-    return bool(np.abs(change).max(initial=0.0) <= CORRECTING * np.abs(values).max(initial=0.0))
 
 
 def predict_state(past: tuple[tuple[float, TrackingState], ...], time: float) -> TrackingState:

@@ -34,7 +34,7 @@ from service.estimation.rod_check import RodCheck
 from service.rods import trusted_rod
 
 WARM_UP_PRESSURE_PA = 1000.0
-LIVE = Tolerances(step=1e-4, residual=1e-4, iterations=8, retreats=0)
+LIVE = Tolerances(step=1e-4, residual=1e-4, iterations=12, retreats=0)
 """No instant waits for a long search: what is left over is the next one's."""
 SOLVES = 12
 """Linear solves in one search for an equilibrium: about a quarter of a second."""
