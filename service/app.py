@@ -269,6 +269,8 @@ class Service:
         unix_ns = time.time_ns()
         before = self._knowledge.contact_since_unix_ns
         self._knowledge.take(result, unix_ns)
+        estimate = self._publisher.estimate(result)
+        self._bus.publish("estimate", estimate)  # before all that can wait
         self._follow_contact(before)
         if result.request.want_contact:
             self._placed_ns = time.monotonic_ns()
@@ -282,8 +284,6 @@ class Service:
             )
         if result.nodes is not None:
             self._bus.publish_shape(result.nodes.astype("<f4").tobytes())
-        estimate = self._publisher.estimate(result)
-        self._bus.publish("estimate", estimate)
         values = {
             f"force_{load.section}_{axis}_n": load.force_n[index]
             for load in estimate.loads

@@ -41,6 +41,8 @@ SOLVES = 12
 PLACES = 12
 """Candidate heights of a push, from the clamp to the tip."""
 INSIDE_M = 1e-3
+OBSERVED_EVERY_S = 0.1
+"""What the readings cannot tell is analysed so often; it changes slowly."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,7 @@ class Solver:
         self._profile = ContactProfile(_heights(specimen), passes=1)
         every = (*self._model.loads, *self._profile.loads)
         self._pushed: Any = (self._rod or self._model).with_loads(every)
+        self._unobservable: tuple[float, tuple[str, ...], tuple[str, ...]] = (-np.inf, (), ())
         self._warm_up(np.array(specimen.gravity_m_s2))
 
     def _followed(self, specimen: Specimen) -> Any:
@@ -147,13 +150,21 @@ class Solver:
             innovation_squared=estimate.normalised_innovation_squared,
             degrees_of_freedom=estimate.degrees_of_freedom,
             sensor_innovations=self._innovations(request, estimate),
-            unobservable=estimate.unobservable_directions,
+            unobservable=self._unseen(request, estimate),
             hold=hold,
             contact=contact,
             nodes=self._nodes(estimate) if request.want_mesh else None,
             solve_s=time.perf_counter() - begin,
             rod_off_rad=None if self._check is None else self._check.departure,
         )
+
+    def _unseen(self, request: EstimationRequest, estimate: Estimate[Any]) -> tuple[str, ...]:
+        """Say what these sensors cannot tell; the answer of a moment ago serves while they are the same."""
+        since_s, sensors, told = self._unobservable
+        if sensors != request.used or not since_s <= request.time_s < since_s + OBSERVED_EVERY_S:
+            told = estimate.unobservable_directions
+            self._unobservable = (request.time_s, request.used, told)
+        return told
 
     def _innovations(self, request: EstimationRequest, estimate: Estimate[Any]) -> dict[str, float]:
         found, start = {}, 0

@@ -5,7 +5,9 @@ the control loop. Requests and results are small, so a pipe carries them.
 """
 
 import asyncio
+import contextlib
 import faulthandler
+import gc
 import logging
 import multiprocessing
 import os
@@ -53,9 +55,12 @@ class WorkerState:
 def _serve(pipe: Connection, factory: SolverFactory) -> None:
     """Run in the child: build the solver, then answer until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(NICER)
+    with contextlib.suppress(PermissionError):  # a sandbox may forbid it
+        os.nice(NICER)
     try:
         solver = factory()
+        gc.collect()
+        gc.freeze()  # a collection of all that the solver is built of takes tens of milliseconds
         pipe.send(None)
         while True:
             request = pipe.recv()

@@ -18,13 +18,15 @@ READY_S = 90.0
 
 
 def wait_ready(client: SoftarmClient) -> State:
-    """Wait until the service is up and publishes estimates.
+    """Wait until the service is up, its valves answer and it publishes estimates.
 
     Raises:
         InputError: It is not ready in time; its findings say why.
     """
     try:
-        state = client.wait_for("state", State, lambda s: s.mode != "STARTING", READY_S)
+        state = client.wait_for(
+            "state", State, lambda s: s.mode != "STARTING" and None not in s.measured_pa, READY_S
+        )
         client.wait_for("estimate", Estimate, lambda e: e.status in ("converged", "degraded"), READY_S)
     except TimeoutError as error:
         raise InputError(client.keys.arm, f"is not ready ({error})", "see the service's log") from error
