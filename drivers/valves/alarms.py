@@ -10,6 +10,13 @@ EXPIRED = "set-point expired"
 BLOCKING = (WATCHDOG_FIRED, FOREIGN_WRITER, UNKNOWN)
 """While one of these stands the bank cannot be armed."""
 
+DIAGNOSIS = " diagnosis"
+
+
+def reports_fault(alarms: Alarms) -> bool:
+    """Tell whether the diagnosis of a valve is not clean."""
+    return any(alarm.key.endswith(DIAGNOSIS) for alarm in alarms.standing)
+
 
 class ValveAlarms:
     """Keeps the alarms of one session up to date.
@@ -67,7 +74,7 @@ class ValveAlarms:
     def diagnosis(self, words: tuple[int, ...]) -> None:
         """A diagnosis word is not zero."""
         for chamber, (valve, word) in enumerate(zip(self._valve_of, words, strict=True)):
-            key = f"chamber {chamber} diagnosis"
+            key = f"chamber {chamber}{DIAGNOSIS}"
             if word:
                 what = f"valve {valve} of chamber {chamber} reports a fault"
                 self._alarms.set(

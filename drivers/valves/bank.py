@@ -9,7 +9,7 @@ from drivers.errors import InterlockError
 from drivers.reading import Reading, Sink, ignore
 from drivers.stream import Stream
 from drivers.supervisor import ALIVE, State, Timing
-from drivers.valves.alarms import BLOCKING
+from drivers.valves.alarms import BLOCKING, reports_fault
 from drivers.valves.limits import PressureLimits
 from drivers.valves.link import RegisterLink
 from drivers.valves.outputs import Outputs
@@ -17,6 +17,7 @@ from drivers.valves.pressures import Applied, BankReading, ChamberMap
 from drivers.valves.registers import Layout
 from drivers.valves.session import BankSession, CycleSettings
 from drivers.valves.terminal import Terminal
+from drivers.valves.vtem import ACKNOWLEDGE_S
 
 OpenLink = Callable[["ValveBank"], Awaitable[RegisterLink]]
 
@@ -106,6 +107,21 @@ class ValveBank(SupervisedDevice):
             reason: Why, for whoever tries to command it.
         """
         self._outputs.vent(reason)
+
+    def acknowledge(self) -> bool:
+        """Have the terminal let go of the errors that its slots keep; nothing else ever does.
+
+        Returns:
+            Whether there are any; the valves regulate again after a second or two. A terminal that keeps
+            no errors has nothing to acknowledge.
+
+        Raises:
+            InterlockError: The bank is armed.
+        """
+        if not (self.layout.keeps_errors and reports_fault(self.health.alarms)):
+            return False
+        self._outputs.acknowledge(ACKNOWLEDGE_S)
+        return True
 
     def command(self, setpoint: Sequence[float], lifetime_s: float) -> None:
         """Put a set-point in force from the next pass on, without waiting for it.

@@ -20,6 +20,7 @@ class Plan:
         counts: Set-point of every valve [counts].
         slewing: Whether the slew limit still holds back more than a count.
         expired: Whether a set-point ran out just now.
+        acknowledge: Whether to have the terminal let go of errors that it keeps.
     """
 
     setpoint: Pressures | None
@@ -27,6 +28,7 @@ class Plan:
     counts: tuple[int, ...]
     slewing: bool = False
     expired: bool = False
+    acknowledge: bool = False
 
 
 class Outputs:
@@ -50,6 +52,7 @@ class Outputs:
         self._clock = clock
         self._setpoint: Pressures | None = None
         self._deadline_ns = 0
+        self._acknowledge_until_ns = clock()
         self._level: Pressures = (0.0,) * len(limits.maximum)
         self._waiting: list[asyncio.Future[Applied]] = []
 
@@ -68,6 +71,16 @@ class Outputs:
             self.armed = False
             self.reason = reason
         self._drop(InterlockError(self._device, f"was vented: {reason}", "clear the cause and arm it again"))
+
+    def acknowledge(self, seconds: float) -> None:
+        """Have the terminal let go of errors that it keeps, in the passes of a time [s].
+
+        Raises:
+            InterlockError: The bank is armed; acknowledging interrupts regulation.
+        """
+        if self.armed:
+            raise InterlockError(self._device, "is armed", "vent before its errors are acknowledged")
+        self._acknowledge_until_ns = self._clock() + round(seconds * NANOSECONDS)
 
     def command(self, setpoint: Sequence[float], lifetime_s: float) -> None:
         """Put a set-point in force.
@@ -106,7 +119,8 @@ class Outputs:
             self._level = limit_step(self._device, self._setpoint, self._level, self.limits, seconds)
         counts = self.chambers.to_counts(self._level, self.limits.maximum)
         applied = self.chambers.to_pressures(counts)
-        return Plan(self._setpoint, applied, counts, self._slewing(), expired)
+        acknowledge = not self.armed and self._clock() < self._acknowledge_until_ns
+        return Plan(self._setpoint, applied, counts, self._slewing(), expired, acknowledge)
 
     def confirm(self, plan: Plan) -> None:
         """Tell those who wait that this plan was written."""

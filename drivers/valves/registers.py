@@ -70,6 +70,13 @@ class Layout(Protocol):
     def echo_of_outputs(self, words: Sequence[int]) -> tuple[int, ...]:
         """Read the set-points back from the output block [counts]."""
 
+    @property
+    def keeps_errors(self) -> bool:
+        """Whether the terminal keeps an error until it is acknowledged."""
+
+    def acknowledge(self, counts: Sequence[int], diagnosis: Sequence[int]) -> list[int]:
+        """Write the output block that acknowledges errors where a valve's diagnosis is not zero."""
+
 
 @dataclass(frozen=True, slots=True)
 class MpaLayout:
@@ -99,6 +106,15 @@ class MpaLayout:
     def echo_of_outputs(self, words: Sequence[int]) -> tuple[int, ...]:
         """Read the set-points back."""
         return signed_all(words)
+
+    @property
+    def keeps_errors(self) -> bool:
+        """Diagnosis words clear themselves."""
+        return False
+
+    def acknowledge(self, counts: Sequence[int], diagnosis: Sequence[int]) -> list[int]:  # noqa: ARG002
+        """Write the set-points: there is nothing to acknowledge."""
+        return self.encode(counts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,9 +156,21 @@ class VtemLayout:
 
     def encode_command(self, app: int, control: int, counts: Sequence[int]) -> list[int]:
         """Write the same command to every slot, with set-points [counts]."""
-        command = app | control << 6
+        return self._encode([app | control << 6] * self.slots, counts)
+
+    @property
+    def keeps_errors(self) -> bool:
+        """A slot keeps its error until it is acknowledged."""
+        return True
+
+    def acknowledge(self, counts: Sequence[int], diagnosis: Sequence[int]) -> list[int]:
+        """Write the set-points; a slot that does not regulate is told to let go of its error."""
+        regulate, let_go = VTEM_PRESSURE_APP | VTEM_BOTH_VALVES << 6, VTEM_ACKNOWLEDGE | 1 << 6
+        return self._encode([let_go if word else regulate for word in diagnosis[0::2]], counts)
+
+    def _encode(self, commands: Sequence[int], counts: Sequence[int]) -> list[int]:
         words: list[int] = []
-        for first, second in zip(counts[0::2], counts[1::2], strict=True):
+        for command, first, second in zip(commands, counts[0::2], counts[1::2], strict=True):
             words += (command, unsigned(first), unsigned(second))
         return words
 

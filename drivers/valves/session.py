@@ -175,7 +175,7 @@ class BankSession:
         self._echo.attempted(plan.counts, self._clock())
         self._unknown = True
         try:
-            sample = await self._terminal.write(plan.counts)
+            sample = await self._terminal.write(plan.counts, plan.acknowledge)
         except Refused:
             self._unknown = False
             raise

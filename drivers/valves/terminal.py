@@ -41,6 +41,7 @@ class Terminal:
         self.exchanges = False
         self.echoes = True
         self._clock = clock
+        self._diagnosis: tuple[int, ...] = (0,) * layout.valves
 
     async def read(self) -> Sample:
         """Read the inputs; where they hold no echo, the output block is read back for it."""
@@ -52,9 +53,15 @@ class Terminal:
         outputs = await self.link.read(OUTPUTS, self.layout.write_count)
         return replace(sample, inputs=replace(sample.inputs, echo=self.layout.echo_of_outputs(outputs)))
 
-    async def write(self, counts: tuple[int, ...]) -> Sample | None:
-        """Write the set-points; gives the inputs too where one request does both."""
-        words = self.layout.encode(counts)
+    async def write(self, counts: tuple[int, ...], acknowledge: bool = False) -> Sample | None:
+        """Write the set-points; gives the inputs too where one request does both.
+
+        Args:
+            counts: Set-point of every valve.
+            acknowledge: Have the terminal let go of errors that it keeps; those valves rest meanwhile.
+        """
+        layout = self.layout
+        words = layout.acknowledge(counts, self._diagnosis) if acknowledge else layout.encode(counts)
         if not self.exchanges:
             await self.link.write(OUTPUTS, words)
             return None
@@ -85,4 +92,6 @@ class Terminal:
 
     def _sample(self, words: tuple[int, ...], began_ns: int) -> Sample:
         arrival_ns = self._clock()
-        return Sample(self.layout.decode(words), (began_ns + arrival_ns) // 2, arrival_ns)
+        inputs = self.layout.decode(words)
+        self._diagnosis = inputs.diagnosis
+        return Sample(inputs, (began_ns + arrival_ns) // 2, arrival_ns)

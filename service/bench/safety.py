@@ -15,7 +15,7 @@ NOTES = (
     "is stood in for. Vented: the terminal holds zeros for every valve.",
     f"Aim: within {FAST_S:g} s of the fault; a pressure that is not reached counts after 1.7 s. "
     "Nothing arms by itself, and every device is well again afterwards.",
-    "Not struck: the terminal festo_vtem, whose slots keep an error until a new connection acknowledges it.",
+    "A slot of festo_vtem keeps an error until the operator's clear acknowledges it.",
 )
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from drivers.registry import load_devices
+from drivers.valves.alarms import reports_fault
 from estimator.arm import default_loads
 from estimator.specimen import load_specimen
 from service.api.commands import VERBS, Applied, Refused
@@ -211,6 +212,19 @@ class SafetyArm:
                 return False
             await asyncio.sleep(0.05)
         return True
+
+    @property
+    def error_kept(self) -> bool:
+        """Whether the terminal keeps an error until it is acknowledged."""
+        bank = self.instruments.valves
+        return bank.layout.keeps_errors and reports_fault(bank.health.alarms)
+
+    async def acknowledge(self) -> None:
+        """Have kept errors acknowledged: by command, or where the mode takes none as the next start would."""
+        if self.mode in (Mode.IDLE, Mode.FAULTED):
+            await self.demand("clear")
+        else:
+            self.controller.acknowledge()
 
     def _can_arm(self) -> bool:
         return not self.instruments.valve_alarms()[0] and not self.instruments.valve_alarms()[1]

@@ -29,11 +29,14 @@ BENCHES: tuple[Mapping[str, str], ...] = (
     {"valves": "festo_mpa", "qtm": "qualisys", "gauge": "mark10", "imu": "bno08x_rvc"},
     {"valves": "festo_mpa", "qtm": "qualisys", "gauge": "sauter", "imu": "witmotion"},
     {"valves": "festo_mpa", "qtm": "qualisys", "gauge": "line_gauge", "imu": "quaternion_line"},
+    {"valves": "festo_vtem", "qtm": "qualisys"},
 )
 """The kinds of the devices by name; one is a valve terminal. Each kind is struck on the first that has it."""
 
 LASTS_S = 0.6
 LOOK_S = 0.004
+KEPT_S = 3.0
+"""An error that still stands after so long is kept; slots that were lost regulate again in two seconds."""
 
 
 @dataclass(frozen=True)
@@ -158,12 +161,22 @@ async def _strike(arm: SafetyArm, name: str, kind: str, fault: Any, mode: Mode) 
     said = arm.controller.modes.fault_cause or ""
     left = arm.mode
     board.clear(fault.name)
-    recovered = await arm.until_well()
+    kept = await _is_kept(arm)
+    recovered = kept or await arm.until_well()
     if slow:
         arm.chamber_pa /= 2.0
     vented = not any(arm.setpoints)
     stayed = arm.mode is left and vented is (left not in PRESSURISED)
+    if kept:
+        await arm.acknowledge()
+        recovered = await arm.until_well()
     return Case(kind, fault.name, mode, wanted, within_s, outcome, vented_s, stayed, recovered, said)
+
+
+async def _is_kept(arm: SafetyArm) -> bool:
+    """Tell whether the valves keep an error that nobody has acknowledged, however long one waits."""
+    await asyncio.sleep(KEPT_S if arm.error_kept else 0.0)
+    return arm.error_kept
 
 
 async def _watch(arm: SafetyArm, seconds: float) -> float | None:

@@ -29,6 +29,9 @@ class ValveOutputs(Protocol):
     def vent(self, reason: str) -> None:
         """Vent every chamber and take no set-point until ``arm``."""
 
+    def acknowledge(self) -> bool:
+        """Have errors that the terminal keeps acknowledged; tell whether there are any."""
+
     def command(self, setpoint: Sequence[float], lifetime_s: float) -> None:
         """Put a set-point in force from the next pass on [Pa]; it is refused when out of range."""
 
@@ -99,6 +102,10 @@ class Controller:
         self._wanted, self._hold = None, None
         self._asked = np.zeros_like(self._limits)
         self._valves.vent(reason)
+
+    def acknowledge(self) -> bool:
+        """Have errors that the valve terminal keeps acknowledged; tell whether there are any."""
+        return self._valves.acknowledge()
 
     def want(self, pressures: Floats, lifetime_s: float, now_ns: int) -> Floats:
         """Put a set-point in force; the valve bank refuses one that is out of range.

@@ -12,7 +12,7 @@ from drivers.device import close_all, connect_all
 from drivers.errors import DeviceErrors
 from drivers.reading import Sink
 from drivers.valves import ValveBank
-from drivers.valves.alarms import FOREIGN_WRITER, WATCHDOG_FIRED
+from drivers.valves.alarms import DIAGNOSIS, FOREIGN_WRITER, WATCHDOG_FIRED
 from estimator.errors import InputError
 from service.config import Setup
 from service.control.controller import ValveOutputs
@@ -129,4 +129,4 @@ class LiveInstruments:
 
 def _fatal(key: str) -> bool:
     """Tell whether an alarm of the valve bank ends every pressurised mode."""
-    return key in (WATCHDOG_FIRED, FOREIGN_WRITER) or key.endswith((" tracking", " diagnosis"))
+    return key in (WATCHDOG_FIRED, FOREIGN_WRITER) or key.endswith((" tracking", DIAGNOSIS))

@@ -35,6 +35,10 @@ class ReplayedValves:
     def vent(self, reason: str) -> None:
         """Do nothing: no pressure is applied."""
 
+    def acknowledge(self) -> bool:
+        """Nothing is kept."""
+        return False
+
     def command(self, setpoint: Sequence[float], lifetime_s: float) -> None:  # noqa: ARG002
         """Refuse.
 

@@ -185,11 +185,14 @@ class Verbs:
         return {"asked_pa": self._context.controller.asked.tolist()}
 
     def _clear(self, request: Request) -> Answer:
-        if self._context.controller.modes.mode is Mode.FAULTED:
+        """Go on after a fault; errors that valves keep until then are acknowledged, and clear themselves."""
+        controller = self._context.controller
+        cause = controller.modes.fault_cause
+        acknowledged = controller.modes.allows(Event.CLEAR) and controller.acknowledge()
+        if controller.modes.mode is Mode.FAULTED and not acknowledged:
             self._refuse_blocked(Mode.ARMED)
-        cause = self._context.controller.modes.fault_cause
-        self._context.controller.fire(Event.CLEAR, f"cleared by {request.client}")
-        return {"cleared": cause}
+        controller.fire(Event.CLEAR, f"cleared by {request.client}")
+        return {"cleared": cause, "acknowledged": acknowledged}
 
     def _set_pressures(self, request: SetPressures) -> Answer:
         controller = self._context.controller

@@ -52,6 +52,7 @@ TRANSITIONS = MappingProxyType(
         (Mode.ARMED, Event.EXPERIMENT_BEGIN): Mode.EXPERIMENT,
         (Mode.EXPERIMENT, Event.EXPERIMENT_END): Mode.ARMED,
         (Mode.FAULTED, Event.CLEAR): Mode.IDLE,
+        (Mode.IDLE, Event.CLEAR): Mode.IDLE,
     }
     | {(mode, Event.DISARM): Mode.IDLE for mode in Mode if mode in PRESSURISED}
     | {(mode, Event.LEASE_LOST): Mode.IDLE for mode in Mode if mode in PRESSURISED}

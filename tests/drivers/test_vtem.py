@@ -20,22 +20,21 @@ class MemoryVtem(MemoryTerminal):
         self.actual = [0.0] * 24
         self.ready_after_s = ready_after_s
         self.reads_outputs = reads_outputs
-        self.failed = set()
-        self._since = None
+        self.failed, self.broken = set(), set()
+        self._since = {}
 
     def clear_outputs(self):
         self.setpoints = [0] * 24
 
     def status(self, slot):
         mode, control = self.setpoints[3 * slot] & 0x3F, self.setpoints[3 * slot] >> 6 & 3
-        if slot in self.failed:
+        if slot in self.failed | self.broken:
             return 3 | 3 << 6
         if mode != 3:
-            self._since = None
+            self._since.pop(slot, None)
             return mode | 1 << 6
-        if self._since is None:
-            self._since = self.clock()
-        running = control == 3 and (self.clock() - self._since) / 1e9 >= self.ready_after_s
+        since = self._since.setdefault(slot, self.clock())
+        running = control == 3 and (self.clock() - since) / 1e9 >= self.ready_after_s
         return 3 | (2 if running else 1) << 6
 
     def read(self, address, count):
@@ -53,6 +52,7 @@ class MemoryVtem(MemoryTerminal):
         self.log.append((self.clock(), address, list(words)))
         if address == 40003:
             self.setpoints = list(words)
+            self.failed -= {slot for slot in range(8) if words[3 * slot] & 0x3F == 62}
         elif address == 46100:
             self.watchdog_ms = words[0]
 
@@ -103,12 +103,12 @@ def test_slots_are_acknowledged_activated_and_put_away(virtual):
 def test_a_slot_that_never_regulates_is_named_and_tried_again(virtual):
     async def main():
         terminal = MemoryVtem(virtual.clock)
-        terminal.failed = {5}
+        terminal.broken = {5}
         bank = build_vtem(virtual, terminal)
         with pytest.raises(DeviceErrors) as caught:
             await bank.connect()
         assert "slot 5 does not regulate (limit 20.0 s)" in caught.value.lines()[0]
-        terminal.failed = set()
+        terminal.broken = set()
         await bank.supervisor.wait_for(State.STREAMING)
         await bank.close()
 
@@ -122,6 +122,31 @@ def test_a_slot_in_error_is_an_alarm_of_its_chambers(virtual):
         named = {alarm.key: alarm.value for alarm in bank.health.alarms.standing}
         assert named == {"chamber 2 diagnosis": "0x00c3", "chamber 3 diagnosis": "0x00c3"}
         assert bank.state is State.DEGRADED
+
+    session(virtual, body)
+
+
+def test_a_slot_keeps_its_error_until_it_is_acknowledged_while_vented(virtual):
+    async def body(bank, terminal, readings):
+        bank.arm()
+        await hold(bank, 0.6)
+        assert not bank.acknowledge()
+        terminal.failed = {0}
+        await asyncio.sleep(0.1)
+        with pytest.raises(InterlockError, match="is armed"):
+            bank.acknowledge()
+        bank.vent()
+        await asyncio.sleep(5.0)
+        assert terminal.failed == {0}
+        written = len(terminal.writes())
+        assert bank.acknowledge()
+        await asyncio.sleep(2.0)
+        assert terminal.failed == set()
+        assert bank.health.alarms.standing == ()
+        assert not bank.armed
+        words = [words for _, words in terminal.writes()][written:]
+        assert {word[0] for word in words} == {62 | 1 << 6, 0xC3}
+        assert {word for line in words for word in line[3::3]} == {0xC3}
 
     session(virtual, body)
 

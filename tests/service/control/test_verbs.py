@@ -41,6 +41,9 @@ class Valves:
         self.armed, self.pressures = False, (0.0,) * 6
         self.vents += 1
 
+    def acknowledge(self):
+        return False
+
     def command(self, setpoint, lifetime_s):
         assert self.armed
         if not all(0.0 <= p <= LIMIT for p in setpoint):
@@ -207,7 +210,7 @@ async def test_fault_that_stands_keeps_from_arming_and_clearing(bench):
     await bench.send("stop")
     assert code(await bench.send("clear")) == "not_available"
     bench.faults = ()
-    assert (await bench.send("clear")).applied == {"cleared": "stopped by test"}
+    assert (await bench.send("clear")).applied == {"cleared": "stopped by test", "acknowledged": False}
     assert bench.mode is Mode.IDLE
 
 

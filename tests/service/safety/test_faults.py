@@ -26,5 +26,14 @@ def test_the_matrix_is_not_empty(cases):
     assert {case.outcome for case in cases} == set(Outcome)
 
 
+def test_a_slot_error_is_kept_until_the_operator_clears_it():
+    (case,) = run(
+        BENCHES[-1:], lambda kind, fault, mode: fault == "valve_fault" and mode is Mode.HOLDING, lambda: None
+    )
+    assert case.kind == "festo_vtem"
+    assert case.right
+    assert case.outcome is Outcome.VENTS
+
+
 def test_what_ends_a_mode_is_said(cases):
     assert all(case.said for case in cases if case.outcome is Outcome.VENTS)
