@@ -1,7 +1,6 @@
 """``softarm serve``: the daemon beside the arm."""
 
 import asyncio
-import contextlib
 import logging
 import os
 import signal
@@ -15,8 +14,6 @@ from service.config import load_config
 from service.notify import Notifier
 from service.recordings import load_recording
 from service.rods import trusted_rod
-
-NICENESS = -10
 
 
 @click.command()
@@ -39,7 +36,6 @@ def command(path: Path, replay: Path | None, speed: float, verbose: bool) -> Non
         format=f"{at}%(levelname)s %(name)s: %(message)s",
     )
     _prepare(path)
-    _come_first()
     asyncio.run(_serve(path, None if replay is None else Replay(load_recording(replay), speed)))
 
 
@@ -53,12 +49,6 @@ def _prepare(path: Path) -> None:
     if setup.config.control.model == "rod":
         with progress(f"fitting the rod of {setup.specimen.name}") as advance:
             trusted_rod(setup.specimen, lambda *_: advance(1))
-
-
-def _come_first() -> None:
-    """Let the service, and behind it its estimator, come before what else computes, where permitted."""
-    with contextlib.suppress(PermissionError):
-        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
 
 
 async def _serve(path: Path, replay: Replay | None) -> None:
