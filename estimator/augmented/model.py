@@ -70,7 +70,7 @@ class ShapedStep(Generic[State, Step]):
 
     def response(self, rows: Floats) -> tuple[Floats, Floats]:
         """Project the motion of the sections on rows; see ``Linearisation.response``."""
-        own = (rows.reshape(len(rows), -1, 3) @ self.model.turn).reshape(rows.shape)
+        own = (rows.reshape(-1, 3) @ self.model.turn).reshape(rows.shape)
         drift, columns = self.step.response(own)
         chambers = self.model.chambers
         return drift, np.concatenate(
