@@ -120,9 +120,12 @@ class SpecimenSensors:
     def actuation(self) -> ActuationMap:
         """From recorded pressures to those in the chambers."""
         found = [self.specimen.calibration.chamber(chamber.index) for chamber in self.specimen.chambers]
+        none = (0.0,) * len(found)
         return ActuationMap(
             np.array([entry.gain.value for entry in found]),
             np.array([entry.bias_pa.value for entry in found]),
             self.specimen.noise.pressure_pa,
             np.array([entry.curve_per_pa.value for entry in found]),
+            np.array([entry.bow_per_pa2.value for entry in found]),
+            np.array([entry.crosstalk or none for entry in found]),
         )

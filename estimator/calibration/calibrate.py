@@ -174,7 +174,7 @@ def _forward(solver: Solver, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Fo
     measurements = {m.name: m for own in nodes for m in own.run.suite.measurements}
     suite = SensorSuite(tuple(measurements.values()))
     pulled = bool(sum((np.abs(own.loads) > LEAST_PULL).any(axis=1).sum() for own in nodes) > FEWEST_PULLS)
-    layout = build_layout(specimen, suite, sources, moved, solver.factors, pulled)
+    layout = build_layout(specimen, suite, sources, moved, solver.factors, pulled, solver.sections)
     return Forward(solver, layout, nodes, np.array(specimen.gravity_m_s2))
 
 

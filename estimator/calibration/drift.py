@@ -104,6 +104,8 @@ def _forward(solver: Solver, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Fo
     """Settle every unknown at its calibrated value."""
     measurements = {m.name: m for own in nodes for m in own.run.suite.measurements}
     suite = SensorSuite(tuple(measurements.values()))
-    layout = build_layout(specimen, suite, nodes[0].run.pressure_source, (), solver.factors)
+    layout = build_layout(
+        specimen, suite, nodes[0].run.pressure_source, (), solver.factors, sections=solver.sections
+    )
     settled = layout.without(layout.names)
     return Forward(solver, settled, nodes, np.array(specimen.gravity_m_s2))

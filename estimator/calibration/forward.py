@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 from estimator.calibration.nodes import Nodes
 from estimator.calibration.parameters import Layout, Setting, gravity_axes
+from estimator.calibration.pressures import by_unknown
 from estimator.calibration.solver import Response, Solver
+from estimator.calibration.stretched import respond
 from estimator.model import Frames
 from estimator.rotations import skew
 from estimator.sensing import Marker, Scene, SectionPose, SensorSuite
@@ -88,7 +90,7 @@ class Forward:
         acting = setting.actuation.to_chamber(nodes.pressures)
         memory = start.response if start is not None else None
         gravity, pulls = setting.gravity(self.gravity), setting.pulls(nodes.loads)
-        response = self.solver.respond(setting.scales, acting, pulls, gravity, memory)
+        response = respond(self.solver, setting.scales, setting.stretch, acting, pulls, gravity, memory)
         suite = setting.aligned(nodes.run.suite)
         scene = Scene(response.frames, np.zeros((len(nodes.time), 0)))
         sensitivity = suite.sensitivity(scene, nodes.readings)
@@ -120,8 +122,6 @@ class Forward:
         by_cord = by_azimuth(twists @ response.by_load, setting.pulls(nodes.loads))
         tilts = -skew(setting.gravity(self.gravity)) @ gravity_axes(self.gravity).T
         by_tilt = twists @ response.by_gravity @ tilts
-        square = setting.actuation.gain * nodes.pressures**2
-        pushed = nodes.pressures * (1.0 + setting.actuation.curve * nodes.pressures)
         jacobian = np.zeros((*twists.shape[:2], len(self.layout.parameters)))
         for column, parameter in enumerate(self.layout.parameters):
             target = parameter.target
@@ -129,14 +129,9 @@ class Forward:
                 case "modulus":
                     factor = by_factor[..., self.solver.factors.index(target)]
                     jacobian[..., column] = factor * setting.scales[target]
-                case "gain":
-                    jacobian[..., column] = by_pressure[..., int(target)] * pushed[:, None, int(target)]
-                case "bias":
-                    jacobian[..., column] = by_pressure[..., int(target)]
-                case "curve":
-                    members = list(parameter.chambers)
-                    changed = by_pressure[..., members] * square[:, None, members]
-                    jacobian[..., column] = changed.sum(axis=-1)
+                case "gain" | "bias" | "curve" | "bow" | "crosstalk" | "stretch":
+                    pushed = by_unknown(parameter, setting, response.frames, nodes.pressures)
+                    jacobian[..., column] = (by_pressure @ pushed[..., None])[..., 0]
                 case "base":
                     jacobian[..., column] = by_base[..., int(target)]
                 case "gravity":

@@ -19,6 +19,8 @@ from estimator.specimen import (
 
 Floats = NDArray[np.float64]
 
+ZERO = Value(value=0.0)
+
 
 @dataclass(frozen=True)
 class Check:
@@ -106,6 +108,7 @@ def calibrated_specimen(specimen: Specimen, found: Calibrated, provenance: str =
             "provenance": provenance or old.provenance,
             "scatter": dict(found.scatter),
             "modulus_scale": scales,
+            "stretch_gain": found.value("stretch") or old.stretch_gain,
             "chambers": tuple(_chamber(specimen, c.index, found) for c in specimen.chambers),
             "bends": _bends(specimen, found),
             "frames": _frames(specimen, found),
@@ -135,12 +138,17 @@ def _chamber(specimen: Specimen, index: int, found: Calibrated) -> ChamberCalibr
     old = specimen.calibration.chamber(index)
     segment = next(c.segment for c in specimen.chambers if c.index == index)
     gain, bias = found.value(f"gain.{index}"), found.value(f"bias.{index}")
-    curve = found.value(f"curve.{segment}")
+    curve, bow = found.value(f"curve.{segment}"), found.value(f"bow.{segment}")
+    shares = [found.value(f"crosstalk.{index}.{c.index}") or ZERO for c in specimen.chambers]
+    crossed = any(share.value for share in shares)
     return ChamberCalibration(
         index=index,
         gain=gain or old.gain,
         bias_pa=bias or old.bias_pa,
         curve_per_pa=curve or old.curve_per_pa,
+        bow_per_pa2=bow or old.bow_per_pa2,
+        crosstalk=tuple(share.value for share in shares) if crossed else old.crosstalk,
+        crosstalk_std=tuple(share.std for share in shares) if crossed else old.crosstalk_std,
     )
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,19 +14,27 @@ from estimator.sensing import (
     Marker,
     Measurement,
     Orientation,
+    Registration,
     SectionPose,
     SensorSuite,
 )
+from estimator.sensors import SpecimenSensors
 from estimator.specimen import Specimen
+from estimator.stretch import StretchLaw
 
 Floats = NDArray[np.float64]
-Kind = Literal["modulus", "gain", "curve", "bias", "alignment", "base", "gravity", "cord"]
+Kind = Literal[
+    "modulus", "gain", "curve", "bow", "bias", "crosstalk", "stretch", "alignment", "base", "gravity", "cord"
+]
 
 MODULUS_SPREAD = np.log(2.0)  # fitted shear moduli of such arms range from 35 to 152 kPa
 GAIN_SPREAD = 0.15
 MEAN_GAIN_SPREAD = 0.02  # a set of pressure sensors is right on average; divides gains from moduli
 AREA_SPREAD = 0.3  # of the area that the pressures push on, where known pulls tell the moduli
 CURVE_SPREAD = 5e-6  # 1/Pa; a winding may give way by a quarter over the working range
+BOW_SPREAD = 1e-10  # 1/Pa2; and its growth may change by as much again
+CROSSTALK_SPREAD = 0.02  # chambers lie within a degree or two of their drawing
+STRETCH_SPREAD = 1.0  # a chamber's area shrinks about as much as its length grows, or the winding keeps it
 BIAS_SPREAD = 1.0e3  # Pa
 NOMINAL_BIAS_SPREAD = 3.0e3  # Pa, where nobody measured the pressure
 TURN_SPREAD = 0.03  # rad; the body on the base is mounted to two degrees
@@ -61,11 +69,11 @@ class Parameter:
     Args:
         name: ``modulus.upper``, ``gain.3``, ``bias.3``, ``bend_tip.in_plane``.
         kind: What it acts on.
-        target: Segment, chamber, axis or ``<sensor>.<parameter>``.
+        target: Segment, chamber, axis or ``<sensor>.<parameter>``; for cross-talk ``<to>.<from>``.
         unit: Its unit; a modulus is the logarithm of a factor.
         mean: What is known beforehand.
         spread: Standard deviation of that.
-        chambers: Chambers it acts on, for a curve.
+        chambers: Chambers it acts on, for a curve; for cross-talk where it acts and whose pressure it is.
     """
 
     name: str
@@ -75,6 +83,13 @@ class Parameter:
     mean: float
     spread: float
     chambers: tuple[int, ...] = ()
+
+    @property
+    def place(self) -> Any:
+        """Where it stands in an array of its kind."""
+        if self.kind in ("curve", "bow"):
+            return list(self.chambers)
+        return self.chambers if self.kind == "crosstalk" else int(self.target)
 
 
 @dataclass(frozen=True)
@@ -89,6 +104,7 @@ class Setting:
             body on the base.
         gravity_tilt: Rotation of gravity [rad] about the two axes of ``gravity_axes``, shape (2,).
         cord_azimuth: Rotation of all known pulls about the base frame's z [rad].
+        stretch: What stretching the chambers is worth; ``None`` for nothing.
     """
 
     scales: Mapping[str, float]
@@ -97,6 +113,7 @@ class Setting:
     base: Floats = field(default_factory=lambda: np.zeros(6))
     gravity_tilt: Floats = field(default_factory=lambda: np.zeros(2))
     cord_azimuth: float = 0.0
+    stretch: StretchLaw | None = None
 
     def aligned(self, suite: SensorSuite) -> SensorSuite:
         """Give a suite with the alignment, and registered with the base as it is mounted."""
@@ -163,29 +180,39 @@ class Layout:
     def setting(self, values: Floats) -> Setting:
         """Tell what values stand for, shape (unknowns,)."""
         scales, alignment = dict(self.settled.scales), dict(self.settled.alignment)
-        gain, bias = self.settled.actuation.gain.copy(), self.settled.actuation.bias.copy()
-        curve = np.broadcast_to(self.settled.actuation.curve, gain.shape).copy()
-        base, tilt = self.settled.base.copy(), self.settled.gravity_tilt.copy()
-        azimuth = self.settled.cord_azimuth
+        actuation = self.settled.actuation
+        count = len(actuation.gain)
+        arrays = {
+            "gain": actuation.gain.copy(),
+            "bias": actuation.bias.copy(),
+            "curve": np.broadcast_to(actuation.curve, count).copy(),
+            "bow": np.broadcast_to(actuation.bow, count).copy(),
+            "crosstalk": np.broadcast_to(actuation.crosstalk, (count, count)).copy(),
+            "base": self.settled.base.copy(),
+            "gravity": self.settled.gravity_tilt.copy(),
+        }
+        azimuth, stretch = self.settled.cord_azimuth, self.settled.stretch
         for parameter, value in zip(self.parameters, values.tolist(), strict=True):
             match parameter.kind:
                 case "modulus":
                     scales[parameter.target] = float(np.exp(value))
-                case "gain":
-                    gain[int(parameter.target)] = value
-                case "bias":
-                    bias[int(parameter.target)] = value
-                case "curve":
-                    curve[list(parameter.chambers)] = value
-                case "base":
-                    base[int(parameter.target)] = value
-                case "gravity":
-                    tilt[int(parameter.target)] = value
+                case "stretch" if stretch is not None:
+                    stretch = replace(stretch, gain=value)
                 case "cord":
                     azimuth = value
                 case "alignment":
                     alignment[parameter.target] = value
-        return Setting(scales, ActuationMap(gain, bias, curve=curve), alignment, base, tilt, azimuth)
+                case kind:
+                    arrays[kind][parameter.place] = value
+        actuation = ActuationMap(
+            arrays["gain"],
+            arrays["bias"],
+            curve=arrays["curve"],
+            bow=arrays["bow"],
+            crosstalk=arrays["crosstalk"],
+        )
+        base, tilt = arrays["base"], arrays["gravity"]
+        return Setting(scales, actuation, alignment, base, tilt, azimuth, stretch)
 
     def without(self, names: Collection[str]) -> "Layout":
         """Settle some unknowns at what is known of them beforehand."""
@@ -223,6 +250,7 @@ def build_layout(
     moved_chambers: Sequence[int],
     regions: Sequence[str],
     pulled: bool = False,
+    sections: tuple[str, ...] = (),
 ) -> Layout:
     """Choose the unknowns for what was recorded.
 
@@ -234,6 +262,9 @@ def build_layout(
         regions: Regions of the model whose stiffness can be scaled.
         pulled: Whether known forces are among the data: they tell the moduli, so that the area that the
             pressures push on need not be known.
+        sections: Sections of the model, for what needs them: with known forces on an arm that has several
+            chambers a segment, cross-talk, the bow of the gains and what stretching a chamber is worth are
+            among the unknowns. Left out, a stretch that was calibrated counts for nothing.
     """
     calibration = specimen.calibration
     gain_spread = float(np.hypot(GAIN_SPREAD, AREA_SPREAD)) if pulled else GAIN_SPREAD
@@ -255,9 +286,14 @@ def build_layout(
         parameters.append(Parameter(f"gain.{k}", "gain", str(k), "-", found.gain.value, gain_spread))
         parameters.append(Parameter(f"bias.{k}", "bias", str(k), "Pa", found.bias_pa.value, spread))
     parameters += _curves(specimen, moved_chambers)
+    if pulled and sections:
+        parameters += _finer(specimen, moved_chambers)
     parameters += _alignment(suite)
     parameters += _surroundings(suite, pulled)
-    return _with_mean_gains(specimen, tuple(parameters), AREA_SPREAD if pulled else MEAN_GAIN_SPREAD)
+    wanted = sections and (pulled or calibration.stretch_gain.value)
+    stretch = StretchLaw.of(specimen, sections) if wanted else None
+    spread = AREA_SPREAD if pulled else MEAN_GAIN_SPREAD
+    return _with_mean_gains(specimen, tuple(parameters), spread, stretch)
 
 
 def gravity_axes(gravity: Floats) -> Floats:
@@ -277,6 +313,26 @@ def _curves(specimen: Specimen, moved: Sequence[int]) -> list[Parameter]:
             known = float(np.mean([specimen.calibration.chamber(k).curve_per_pa.value for k in members]))
             name = f"curve.{segment.name}"
             parameters.append(Parameter(name, "curve", segment.name, "1/Pa", known, CURVE_SPREAD, members))
+    return parameters
+
+
+def _finer(specimen: Specimen, moved: Sequence[int]) -> list[Parameter]:
+    """Give what only recordings of pulls and of pressures together can tell."""
+    calibration = specimen.calibration
+    parameters = [Parameter("stretch", "stretch", "all", "-", calibration.stretch_gain.value, STRETCH_SPREAD)]
+    for curve in _curves(specimen, moved):
+        known = float(np.mean([calibration.chamber(k).bow_per_pa2.value for k in curve.chambers]))
+        name = f"bow.{curve.target}"
+        parameters.append(Parameter(name, "bow", curve.target, "1/Pa2", known, BOW_SPREAD, curve.chambers))
+    for row in (chamber.index for chamber in specimen.chambers):
+        shares = calibration.chamber(row).crosstalk or (0.0,) * len(specimen.chambers)
+        parameters += [
+            Parameter(
+                f"crosstalk.{row}.{k}", "crosstalk", f"{row}.{k}", "-", shares[k], CROSSTALK_SPREAD, (row, k)
+            )
+            for k in moved
+            if k != row
+        ]
     return parameters
 
 
@@ -321,7 +377,9 @@ def _alignment(suite: SensorSuite) -> list[Parameter]:
     return parameters
 
 
-def _with_mean_gains(specimen: Specimen, parameters: tuple[Parameter, ...], spread: float) -> Layout:
+def _with_mean_gains(
+    specimen: Specimen, parameters: tuple[Parameter, ...], spread: float, stretch: StretchLaw | None
+) -> Layout:
     """Add that the mean gain of each segment's chambers is known: it divides gains from the modulus."""
     rows, means = [], []
     for segment in specimen.segments:
@@ -330,16 +388,11 @@ def _with_mean_gains(specimen: Specimen, parameters: tuple[Parameter, ...], spre
         if row.any():
             rows.append(row / row.sum())
             means.append(float(row @ [p.mean for p in parameters] / row.sum()))
-    found = [specimen.calibration.chamber(chamber.index) for chamber in specimen.chambers]
-    actuation = ActuationMap(
-        np.array([entry.gain.value for entry in found]),
-        np.array([entry.bias_pa.value for entry in found]),
-        curve=np.array([entry.curve_per_pa.value for entry in found]),
-    )
+    actuation = SpecimenSensors(specimen, (), Registration()).actuation()
     scales = {name: value.value for name, value in specimen.calibration.modulus_scale.items()}
     return Layout(
         parameters,
-        Setting(scales, actuation, {}),
+        Setting(scales, actuation, {}, stretch=stretch),
         np.array(rows).reshape(-1, len(parameters)),
         np.array(means),
         np.full(len(rows), spread),

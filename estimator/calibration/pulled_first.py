@@ -24,7 +24,7 @@ Flags = NDArray[np.bool_]
 FEWEST_PULLS = 5  # nodes at which a known force must act before it counts as telling the moduli
 HELD = 0.002  # of a modulus' logarithm that pressures may move it from what pulls told
 ITERATIONS = 20
-OF_PRESSURES = ("gain", "bias", "curve")
+OF_PRESSURES = ("gain", "bias", "curve", "bow", "crosstalk", "stretch")
 
 
 @dataclass(frozen=True)

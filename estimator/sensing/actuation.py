@@ -7,24 +7,36 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+PASSES = 20
+"""Each pass of the inverse leaves a tenth or less: cross-talk is small, and the curves are gentle."""
+LEAST_SLOPE = 0.1
+"""Of a gain; beyond the turning point of a falling curve the inverse goes on along a line."""
+
 
 @dataclass(frozen=True)
 class ActuationMap:
-    """Chamber pressure = gain * (1 + curve * measured) * measured gauge pressure + bias.
+    """Chamber pressure = gain * (1 + curve * m + bow * m^2) * m + bias + crosstalk @ measured.
 
-    The curve is what the winding gives way: the area that the pressure pushes on grows with it.
+    Here m is the chamber's own measured gauge pressure. The curves are what the winding gives way: the area
+    that the pressure pushes on grows with it. Cross-talk is also how a chamber that lies a little beside its
+    drawing appears.
 
     Args:
         gain: Gain of each chamber at zero pressure, shape (chambers,).
         bias: Bias of each chamber [Pa], shape (chambers,).
         sigma: Standard deviation of a measured pressure [Pa].
         curve: Relative growth of the gain with the pressure [1/Pa], one number or shape (chambers,).
+        bow: Relative growth of the gain with its square [1/Pa2], one number or shape (chambers,).
+        crosstalk: Share of each pressure (column) that acts in another chamber (row), 0 for none or shape
+            (chambers, chambers) with a zero diagonal.
     """
 
     gain: Floats
     bias: Floats
     sigma: float = 200.0
     curve: Floats | float = 0.0
+    bow: Floats | float = 0.0
+    crosstalk: Floats | float = 0.0
 
     @classmethod
     def identity(cls, chambers: int, sigma: float = 200.0) -> "ActuationMap":
@@ -33,19 +45,16 @@ class ActuationMap:
 
     def to_chamber(self, measured: Floats) -> Floats:
         """Give the chamber pressures [Pa] of measured ones [Pa], shape (..., chambers)."""
-        pressure: Floats = self.gain * (1.0 + self.curve * measured) * measured + self.bias
+        pressure: Floats = self._own(measured) + self.bias + self._from_others(measured)
         return pressure
-
-    def slope(self, measured: Floats) -> Floats:
-        """Give the chamber pressure's change per measured pressure, shape (..., chambers)."""
-        slope: Floats = self.gain * (1.0 + 2.0 * self.curve * measured)
-        return slope
 
     def to_measured(self, pressure: Floats) -> Floats:
         """Give the readings [Pa], or the set-points, that stand for chamber pressures [Pa]."""
-        line = (pressure - self.bias) / self.gain
-        inside = np.maximum(1.0 + 4.0 * self.curve * line, 0.0)
-        measured: Floats = 2.0 * line / (1.0 + np.sqrt(inside))
+        measured: Floats = (pressure - self.bias) / self.gain
+        for _ in range(PASSES):
+            left = pressure - self.bias - self._from_others(measured) - self._own(measured)
+            slope = 1.0 + (2.0 * self.curve + 3.0 * self.bow * measured) * measured
+            measured = measured + left / (self.gain * np.maximum(slope, LEAST_SLOPE))
         return measured
 
     @property
@@ -53,18 +62,12 @@ class ActuationMap:
         """Standard deviation of each chamber pressure near zero [Pa], shape (chambers,)."""
         return np.abs(self.gain) * self.sigma
 
-    def parameter_rows(self, measured: Floats) -> Floats:
-        """Give the derivative of the chamber pressures by gains, then biases.
+    def _own(self, measured: Floats) -> Floats:
+        own: Floats = self.gain * (1.0 + (self.curve + self.bow * measured) * measured) * measured
+        return own
 
-        Args:
-            measured: Measured pressures [Pa], shape (..., chambers).
-
-        Returns:
-            Shape (..., chambers, 2 chambers).
-        """
-        identity = np.eye(measured.shape[-1])
-        pushed = (1.0 + self.curve * measured) * measured
-        return np.concatenate(
-            [pushed[..., None] * identity, np.broadcast_to(identity, (*measured.shape, len(identity)))],
-            axis=-1,
-        )
+    def _from_others(self, measured: Floats) -> Floats:
+        """Give what the others add [Pa]; a lost reading adds nothing."""
+        if not np.any(self.crosstalk):
+            return np.zeros_like(measured)
+        return np.asarray(np.where(np.isfinite(measured), measured, 0.0) @ np.transpose(self.crosstalk))

@@ -3,14 +3,17 @@
 from pydantic import Field
 
 from estimator.specimen.body import Index
-from estimator.specimen.entry import Entry, Name, Value, Vector
+from estimator.specimen.entry import Entry, Finite, Name, NotNegative, Value, Vector
 
 UNIT = Value(value=1.0)
 ZERO = Value(value=0.0)
 
 
 class ChamberCalibration(Entry):
-    """Pressure in the model's chamber = gain * (1 + curve * recorded) * recorded pressure + bias."""
+    """Pressure in the model's chamber = gain * (1 + curve * r + bow * r^2) * r + bias + crosstalk . recorded.
+
+    Here r is its own recorded pressure.
+    """
 
     index: Index
     """Chamber."""
@@ -20,6 +23,12 @@ class ChamberCalibration(Entry):
     """Pressure added after the gain."""
     curve_per_pa: Value = ZERO
     """Relative growth of the gain with the pressure [1/Pa]: what the winding gives way."""
+    bow_per_pa2: Value = ZERO
+    """Relative growth of the gain with the square of the pressure [1/Pa2]."""
+    crosstalk: tuple[Finite, ...] = ()
+    """Share of every chamber's recorded pressure that acts here as well, its own 0 [-]; empty for none."""
+    crosstalk_std: tuple[NotNegative, ...] = ()
+    """Standard deviation of each."""
 
 
 class BendCalibration(Entry):
@@ -65,6 +74,8 @@ class Calibration(Entry):
     """Factor on the stiffness of each segment or section, by its name [-]."""
     fibre_scale: Value = UNIT
     """Factor on the stiffness of the fibres [-]."""
+    stretch_gain: Value = ZERO
+    """Relative growth of what a pressure is worth per unit of its chamber's stretch [-]."""
     chambers: tuple[ChamberCalibration, ...] = ()
     """Gain and bias of each chamber's pressure."""
     bends: tuple[BendCalibration, ...] = ()

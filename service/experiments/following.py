@@ -9,6 +9,7 @@ from estimator.calibration import Run
 from estimator.inverse import Estimate, Estimator
 from estimator.model import ArmModel
 from estimator.specimen import Specimen
+from estimator.stretch import stretched
 from service.errors import WorkFailedError
 from service.offline.track import Waypoints, begin_near, settings
 
@@ -34,7 +35,7 @@ def follow(
     Raises:
         WorkFailedError: An estimate at one of them did not converge.
     """
-    estimator = Estimator(model, run.suite, settings(model.loads, specimen, run))
+    estimator = Estimator(stretched(model, specimen), run.suite, settings(model.loads, specimen, run))
     gravity = np.array(specimen.gravity_m_s2)
     wanted = set(np.searchsorted(run.time, moments, side="right") - 1)
     kept = []

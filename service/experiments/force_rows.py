@@ -14,6 +14,7 @@ from estimator.inverse import ContactProfile
 from estimator.model import Load
 from estimator.recording import Recording
 from estimator.specimen import Specimen
+from estimator.stretch import stretched
 from service.experiments.figures import Cells, beside, error_figures, inside
 from service.experiments.following import follow
 from service.experiments.models import lateral_loads, tracking_model, wrench_loads
@@ -205,7 +206,7 @@ def location_rows(case: PullCase, looks: int = 6, advance: Advance = lambda _: N
         inputs = replace(estimate.inputs, loads=acting)
         index = len(errors)
         found = profile.place(
-            pushed,
+            stretched(pushed, case.specimen),
             FiniteElementState(estimate.state.displacement, inputs),
             slow.suite,
             slow.readings[sorted(chosen)[index]],

@@ -39,7 +39,9 @@ def leave_one_out_errors(solver: Solver, specimen: Specimen, holds: Holds) -> tu
         np.arange(count),
     )
     moved = [k for k in range(holds.pressures.shape[1]) if np.ptp(holds.pressures[:, k]) > 1e3]
-    layout = build_layout(specimen, holds.run.suite, holds.run.pressure_source, moved, solver.factors)
+    layout = build_layout(
+        specimen, holds.run.suite, holds.run.pressure_source, moved, solver.factors, sections=solver.sections
+    )
     forward = Forward(solver, layout, (nodes,), np.array(specimen.gravity_m_s2))
     (at,) = forward.evaluate(layout.means)
     deviations = pose_deviation(specimen, holds.run.suite)

@@ -15,6 +15,7 @@ from estimator.rotations import from_quaternions, log
 from estimator.sensing import Registration, SectionPose, SensorSuite
 from estimator.sensors import SpecimenSensors
 from estimator.specimen import Specimen
+from estimator.stretch import stretched
 from service.errors import WorkFailedError
 from service.experiments.figures import Cells, beside, error_figures, without_unit
 from service.experiments.following import follow
@@ -139,12 +140,13 @@ def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, numbe
     """
     poses = taught_poses(recording, specimen)
     model = tracking_model(specimen, hand_loads("tip"))
+    acting = stretched(model, specimen)
     mapping, limits = actuation(specimen, arrange(recording, specimen)), np.array(specimen.pressure_limits)
     shown = follow(model, specimen, _slow(recording, specimen), poses.time)
     tips = SensorSuite((SpecimenSensors(specimen, tuple(model.sections), Registration()).pose("tip"),))
     tare = np.zeros(len(model.loads))
     steps = [
-        settle(model, estimate, tips, limits, tare, replace_loads(estimate, tips, limits, tare))[0]
+        settle(acting, estimate, tips, limits, tare, replace_loads(estimate, tips, limits, tare))[0]
         for estimate in shown
     ]
     held = [

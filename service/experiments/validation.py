@@ -7,11 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.calibration import Solver
+from estimator.calibration.stretched import respond
 from estimator.errors import InputError
 from estimator.model import Frames
 from estimator.sensing import Scene, SectionPose, SensorSuite
 from estimator.sensors import SpecimenSensors
 from estimator.specimen import Specimen
+from estimator.stretch import StretchLaw
 from service.experiments.figures import Cells, beside, error_figures, inside, without_unit
 from service.experiments.holds import Holds
 from service.experiments.paper import VALIDATION_DEGREES, VALIDATION_MM
@@ -49,22 +51,19 @@ class PoseErrors:
         return np.asarray(np.degrees(np.linalg.norm(self.rotation, axis=1)))
 
 
-def predict(solver: Solver, specimen: Specimen, holds: Holds) -> tuple[Frames, NDArray[np.bool_], Floats]:
-    """Predict the sections' frames from pressures and known forces.
-
-    Returns:
-        Frames, where an equilibrium was found, and the section twists per unit of each recorded pressure.
-    """
+def predict(solver: Solver, specimen: Specimen, holds: Holds) -> tuple[Frames, NDArray[np.bool_]]:
+    """Predict the sections' frames from pressures and known forces, and where an equilibrium was found."""
     actuation = SpecimenSensors(specimen, solver.sections, holds.run.registration).actuation()
-    found = solver.respond(
+    found = respond(
+        solver,
         {name: specimen.calibration.scale(name) for name in solver.factors if name in _segments(specimen)},
+        StretchLaw.of(specimen, solver.sections),
         actuation.to_chamber(holds.pressures),
         np.nan_to_num(holds.loads),
         np.array(specimen.gravity_m_s2),
         None,
     )
-    slope = actuation.slope(holds.pressures)
-    return found.frames, found.converged, found.by_pressure * slope[:, None, :]
+    return found.frames, found.converged
 
 
 def pose_errors(solver: Solver, specimen: Specimen, holds: Holds) -> tuple[PoseErrors, ...]:
@@ -84,7 +83,7 @@ def pose_errors(solver: Solver, specimen: Specimen, holds: Holds) -> tuple[PoseE
         )
     if not sensors:
         raise InputError(holds.run.name, "has no pose of a section", "record the bodies of the sections")
-    frames, converged, _ = predict(solver, specimen, holds)
+    frames, converged = predict(solver, specimen, holds)
     scene = Scene(frames, np.zeros((len(holds), 0)))
     innovation = holds.run.suite.sensitivity(scene, holds.readings).innovation
     innovation[~converged] = np.nan

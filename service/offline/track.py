@@ -205,7 +205,7 @@ def actuation(specimen: Specimen, run: Run) -> ActuationMap:
         return found
     highest = float(np.nanmax(run.pressures, initial=0.0))
     nominal = specimen.noise.nominal_pressure_relative * highest
-    return ActuationMap(found.gain, found.bias, max(found.sigma, nominal), found.curve)
+    return replace(found, sigma=max(found.sigma, nominal))
 
 
 @dataclass(frozen=True)

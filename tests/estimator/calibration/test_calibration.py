@@ -23,7 +23,7 @@ from estimator.calibration.regression import estimate_lag
 from estimator.errors import InputError
 from estimator.recording import Recording
 from estimator.sensing import ActuationMap
-from estimator.specimen import Specimen, load_specimen
+from estimator.specimen import Specimen, Value, load_specimen
 
 SECTIONS = ("base", "intermediate", "tip")
 QUICK = Options(nodes=40, iterations=8)
@@ -126,20 +126,43 @@ def test_outliers_do_not_move_it(sopra: Specimen) -> None:
     assert after.scale("lower") == pytest.approx(1.4, rel=0.05)
 
 
+def finely_calibrated(plain: Specimen) -> Specimen:
+    """Give a specimen in which everything that acts on a pressure does something."""
+    chambers = tuple(
+        plain.calibration.chamber(k).model_copy(
+            update={
+                "curve_per_pa": Value(value=-2e-6),
+                "bow_per_pa2": Value(value=4e-11),
+                "crosstalk": tuple(0.02 * (k != other) for other in range(6)),
+            }
+        )
+        for k in range(6)
+    )
+    found = plain.calibration.model_copy(update={"stretch_gain": Value(value=0.8), "chambers": chambers})
+    return plain.model_copy(update={"calibration": found})
+
+
 def test_jacobian_agrees_with_finite_differences(sopra: Specimen) -> None:
     nodes = choose_nodes(arrange(record(kinds=("bend", "frame")), true_specimen(), SECTIONS), 5)
     layout = build_layout(
-        true_specimen(), nodes.run.suite, nodes.run.pressure_source, range(6), ("upper", "lower")
+        finely_calibrated(true_specimen()),
+        nodes.run.suite,
+        nodes.run.pressure_source,
+        range(6),
+        ("upper", "lower"),
+        pulled=True,
+        sections=SECTIONS,
     )
+    assert {"stretch", "bow.upper", "crosstalk.0.5"} < set(layout.names)
     forward = Forward(NodeSolver(toy()), layout, (nodes,), np.array([0.0, 0.0, 9.81]))
-    (at,) = forward.evaluate(layout.means)
+    (at,) = forward.evaluate(layout.means, forward.evaluate(layout.means))
     for index, parameter in enumerate(layout.parameters):
         size = 1e-5 * parameter.spread
         ends = []
         for sign in (-1, 1):
             moved = layout.means.copy()
             moved[index] += sign * size
-            ends.append(forward.evaluate(moved)[0].innovation)
+            ends.append(forward.evaluate(moved, (at,))[0].innovation)
         slope = (ends[0] - ends[1]) / (2 * size)
         largest = max(float(np.abs(slope).max()), 1e-9)
         assert np.abs(at.jacobian[:, :, index] - slope).max() < 2e-3 * largest, parameter.name

@@ -216,26 +216,28 @@ def test_error_of_the_registration_is_common_to_all_that_use_it() -> None:
     np.testing.assert_allclose(noise - alone, rows @ covariance @ rows.T, atol=1e-11)
 
 
-def test_actuation_map_inverts_and_differentiates() -> None:
-    actuation = ActuationMap(np.array([0.9, 1.1, 1.0]), np.array([100.0, -50.0, 0.0]))
-    measured = np.array([1e4, 2e4, 3e4])
-    np.testing.assert_allclose(actuation.to_measured(actuation.to_chamber(measured)), measured)
-
-    def pressure(parameters: np.ndarray) -> np.ndarray:
-        return ActuationMap(parameters[:3], parameters[3:]).to_chamber(measured)
-
-    point = np.concatenate([actuation.gain, actuation.bias])
-    assert derivative_error(pressure, actuation.parameter_rows(measured), point, 1e-2) < 1e-8
-    np.testing.assert_allclose(actuation.chamber_sigma, [180.0, 220.0, 200.0])
-
-
-def test_a_pressure_map_with_a_curve_runs_both_ways() -> None:
-    actuation = ActuationMap(np.array([0.9, 1.2]), np.array([300.0, -100.0]), curve=np.array([6e-6, -3e-6]))
+def test_a_pressure_map_runs_both_ways() -> None:
+    crosstalk = np.array([[0.0, 0.03], [-0.02, 0.0]])
+    actuation = ActuationMap(
+        np.array([0.9, 1.2]),
+        np.array([300.0, -100.0]),
+        curve=np.array([6e-6, -3e-6]),
+        bow=np.array([-2e-11, 3e-11]),
+        crosstalk=crosstalk,
+    )
     measured = np.array([[0.0, 1e4], [3e4, 6e4]])
     pressure = actuation.to_chamber(measured)
     np.testing.assert_allclose(actuation.to_measured(pressure), measured, rtol=1e-9, atol=1e-6)
-    slope = (actuation.to_chamber(measured + 1.0) - actuation.to_chamber(measured - 1.0)) / 2.0
-    np.testing.assert_allclose(actuation.slope(measured), slope, rtol=1e-6)
+    others = replace(actuation, crosstalk=0.0).to_chamber(measured)
+    np.testing.assert_allclose(pressure - others, measured @ crosstalk.T)
+    np.testing.assert_allclose(actuation.chamber_sigma, [180.0, 240.0])
+
+
+def test_a_lost_pressure_leaves_the_other_chambers_known() -> None:
+    actuation = ActuationMap(np.ones(2), np.zeros(2), crosstalk=np.array([[0.0, 0.1], [0.1, 0.0]]))
+    acting = actuation.to_chamber(np.array([np.nan, 2e4]))
+    assert np.isnan(acting[0])
+    assert acting[1] == 2e4
 
 
 def test_a_moved_registration_moves_what_it_maps_to() -> None:
