@@ -1,5 +1,6 @@
 """Sensors that stand still while the arm moves: found in the readings themselves, before any fit."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from estimator.diagnosis.result import Evidence, Finding, Quantity
 from estimator.diagnosis.stage import Stage
 from estimator.effects import EFFECTS
+from estimator.recording import Recording
 from estimator.specimen.physics import Place
 
 Floats = NDArray[np.float64]
@@ -19,6 +21,10 @@ MOVING = 0.05
 """Motion that the model must predict meanwhile [rad], and a hundredth of it in metres."""
 STILL = 0.02
 """Share of the predicted motion below which a reading stands still."""
+ASKED = 5000.0
+"""Change of a set-point [Pa] during which a pressure must not read the same throughout."""
+RESOLUTION = 30.0
+"""Error of a set-point [Pa] that stands in for a pressure sensor."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +36,9 @@ class Stuck:
         sensor: Its name.
         since: Seconds from the start of the recording.
         until: Seconds from the start of the recording.
-        before: Root mean square of its error against the model [rad, or m over ``LEVER``].
-        after: Root mean square of its motion, which is what a held reading leaves.
+        before: Root mean square of its error against the model [rad, or m over ``LEVER``]; of a pressure
+            that of the set-point, over ``RESOLUTION``.
+        after: The same of its motion, which is what a held reading leaves.
         samples: Number of samples.
     """
 
@@ -45,6 +52,54 @@ class Stuck:
 
 
 LEVER = 0.1
+
+
+def stuck_pressures(recording: Recording) -> tuple[Stuck, ...]:
+    """Find pressure sensors that read one and the same number while their set-point changes.
+
+    A valve that does not answer is something else: its sensor goes on showing noise.
+    """
+    found = []
+    time = recording.time - recording.time[0]
+    for chamber in recording.chambers:
+        asked = recording.columns.get(f"pressure_cmd_{chamber}_pa")
+        given = recording.columns.get(f"pressure_{chamber}_pa")
+        if asked is None or given is None:
+            continue
+        seen = np.flatnonzero(np.isfinite(asked) & np.isfinite(given))
+        for part in np.split(seen, np.flatnonzero(np.diff(given[seen]) != 0.0) + 1):
+            if len(part) < 3 or time[part[-1]] - time[part[0]] < LEAST or np.ptp(asked[part]) < ASKED:
+                continue
+            error = float(np.sqrt(np.mean((asked[part] - given[part]) ** 2)))
+            span = float(time[part[0]]), float(time[part[-1]])
+            found.append(
+                Stuck(recording.name, f"pressure_{chamber}", *span, error / RESOLUTION, 1.0, len(part))
+            )
+    return tuple(found)
+
+
+def without_pressures(
+    recording: Recording, stuck: Sequence[Stuck], *, by_set_points: bool = False
+) -> Recording:
+    """Lose what stuck pressure sensors read, or put the set-points in its place."""
+    columns = dict(recording.columns)
+    time = recording.time - recording.time[0]
+    for one in stuck:
+        if one.recording == recording.name:
+            own = (time >= one.since) & (time <= one.until)
+            name = f"{one.sensor}_pa"
+            instead = columns[name.replace("pressure_", "pressure_cmd_")] if by_set_points else np.nan
+            columns[name] = np.where(own, instead, columns[name])
+    return replace(recording, columns=columns)
+
+
+def stuck_notes(stuck: Sequence[Stuck]) -> list[str]:
+    """Say what stands in for pressures that were not measured."""
+    return [
+        f"{one.recording}: {one.sensor} stands still from {one.since:.1f} to {one.until:.1f} s; "
+        "its set-point stands in for it."
+        for one in stuck
+    ]
 
 
 def find_stuck(stage: Stage) -> tuple[Stuck, ...]:
@@ -91,7 +146,7 @@ def without_stuck(stage: Stage, stuck: tuple[Stuck, ...]) -> Stage:
     return replace(stage, session=replace(stage.session, readings=readings))
 
 
-def stuck_findings(stuck: tuple[Stuck, ...]) -> tuple[Finding, ...]:
+def stuck_findings(stuck: Sequence[Stuck]) -> tuple[Finding, ...]:
     """Tell of every sensor that stood still, from the first time on."""
     found = []
     for sensor in dict.fromkeys(one.sensor for one in stuck):
@@ -105,6 +160,7 @@ def stuck_findings(stuck: tuple[Stuck, ...]) -> tuple[Finding, ...]:
         place = Place(sensor=sensor)
         where = "; ".join(f"{one.recording} from {one.since:.1f} to {one.until:.1f} s" for one in own)
         words = EFFECTS["sensor_stuck"].tell(np.array([1.0, first]), place)
+        moving = "its set-point" if sensor.startswith("pressure") else "the arm"
         gain = count * np.log(max(before, 1e-12) / max(after, 1e-6)) - 2.0 * np.log(count)
         share = 1.0 - after / max(before, 1e-12)
         found.append(
@@ -112,7 +168,7 @@ def stuck_findings(stuck: tuple[Stuck, ...]) -> tuple[Finding, ...]:
                 "sensor_stuck",
                 place,
                 "time of the run",
-                f"{words} It stands still while the arm moves: {where}.",
+                f"{words} It stands still while {moving} moves: {where}.",
                 {"share": Quantity(1.0, 0.01, "1"), "since": Quantity(first, 0.1, "s")},
                 Evidence(float(gain), before, after, (share, share), 0.0),
             )

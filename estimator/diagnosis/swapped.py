@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from estimator.diagnosis.session import units
 from estimator.diagnosis.stage import Stage
 from estimator.errors import InputError
+from estimator.recording import Recording
+from estimator.specimen import Specimen
 
 Floats = NDArray[np.float64]
 
@@ -17,6 +19,88 @@ CLEARLY = 0.35
 WRONG = 0.1
 """Root mean square of the mismatch [rad] below which nothing is exchanged."""
 SIZES = {"m": 0.1, "rad": 1.0}
+FOLLOWS, STRAYS = 0.9, 0.6
+"""Correlation from which a pressure follows a set-point, and below which it does not."""
+MOVED = 500.0
+"""Spread of a pressure [Pa] from which it counts as moved."""
+TOUCHING = 1e-6
+"""Largest distance of a segment's end from the section that it bends [m]."""
+OTHER = 0.3
+"""Share of a bend's variance that another segment's chambers must explain beyond its own."""
+
+
+def refuse_swapped_channels(recording: Recording, specimen: Specimen) -> None:
+    """Look for exchanged channels in a recording alone, without any model of the arm.
+
+    A measured pressure follows its own set-point, and a segment is bent by its own chambers.
+
+    Raises:
+        InputError: Two channels look exchanged.
+    """
+    pair = _swapped_pressures(recording) or _swapped_bends(recording, specimen)
+    if pair:
+        raise _refusal(recording.name, pair)
+
+
+def _swapped_pressures(recording: Recording) -> str:
+    names = [
+        k
+        for k in recording.chambers
+        if {f"pressure_cmd_{k}_pa", f"pressure_{k}_pa"} <= set(recording.columns)
+        and np.nanstd(recording.columns[f"pressure_cmd_{k}_pa"]) > MOVED
+    ]
+    if len(names) < 2:
+        return ""
+    asked = recording.stack(tuple(f"pressure_cmd_{k}_pa" for k in names))
+    given = recording.stack(tuple(f"pressure_{k}_pa" for k in names))
+    seen = np.isfinite(asked).all(axis=1) & np.isfinite(given).all(axis=1)
+    follows = np.abs(_correlation(given[seen], asked[seen]))
+    for a, b in combinations(range(len(names)), 2):
+        own, crossed = (follows[a, a], follows[b, b]), (follows[a, b], follows[b, a])
+        if max(own) < STRAYS and min(crossed) > FOLLOWS:
+            return f"pressure_{names[a]}_pa and pressure_{names[b]}_pa"
+    return ""
+
+
+def _correlation(one: Floats, other: Floats) -> Floats:
+    """Correlate columns with columns, shape (columns, columns); what never changes follows nothing."""
+    parts = [c - c.mean(axis=0) if len(c) else c for c in (one, other)]
+    sizes = [np.maximum(np.linalg.norm(part, axis=0), 1e-9) for part in parts]
+    correlation: Floats = (parts[0] / sizes[0]).T @ (parts[1] / sizes[1])
+    return correlation
+
+
+def _swapped_bends(recording: Recording, specimen: Specimen) -> str:
+    """Compare how well the chambers of each segment explain each bend, by linear regression."""
+    chambers = {
+        section.name: [
+            chamber.index
+            for segment in specimen.segments
+            for chamber in specimen.chambers
+            if chamber.segment == segment.name and abs(segment.to_m - section.from_m) < TOUCHING
+        ]
+        for section in specimen.sections
+    }
+    present = set(recording.chambers)
+    known = [name for name in recording.bends if chambers.get(name) and present >= {*chambers[name]}]
+    for a, b in combinations(known, 2):
+        own = [_explained(recording, name, chambers[name]) for name in (a, b)]
+        crossed = [_explained(recording, a, chambers[b]), _explained(recording, b, chambers[a])]
+        if min(c - o for c, o in zip(crossed, own, strict=True)) > OTHER:
+            return f"bend_{a} and bend_{b}"
+    return ""
+
+
+def _explained(recording: Recording, section: str, chambers: Sequence[int]) -> float:
+    """Give the share of a bend's variance that some chambers' pressures explain."""
+    bend = recording.bend(section)
+    pressures = np.column_stack([recording.pressure(k)[0] for k in chambers])
+    seen = np.isfinite(bend).all(axis=1) & np.isfinite(pressures).all(axis=1)
+    if seen.sum() < 10 * len(chambers):
+        return 0.0
+    bend, pressures = bend[seen] - bend[seen].mean(axis=0), pressures[seen] - pressures[seen].mean(axis=0)
+    left = bend - pressures @ np.linalg.lstsq(pressures, bend, rcond=None)[0]
+    return 1.0 - float((left**2).sum()) / max(float((bend**2).sum()), 1e-12)
 
 
 def refuse_swapped(stages: Sequence[Stage]) -> None:

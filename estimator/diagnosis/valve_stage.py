@@ -20,7 +20,7 @@ from estimator.diagnosis.result import (
     Unexplained,
     Verdict,
 )
-from estimator.diagnosis.valves import Valve, predict, valves_of
+from estimator.diagnosis.valves import LAGS, Valve, predict, valves_of
 from estimator.recording import Recording
 from estimator.specimen.physics import EffectName, Place
 
@@ -37,6 +37,10 @@ RESOLUTION = 30.0
 """Noise below which no pressure is believed [Pa]."""
 LEFT_OVER = 5.0
 """Root mean square over the noise from which something beyond the law is left, such as overshoot."""
+LEAST_BIC = 10.0
+"""Evidence on held-out samples from which a valve is blamed."""
+SCATTER, WORTH = 150.0, 3
+"""Scatter of a valve's steady error between recordings [Pa], and the recordings that this is worth."""
 
 
 @dataclass(frozen=True)
@@ -99,11 +103,27 @@ def splits_of(recordings: Sequence[Recording]) -> list[Split]:
 def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple[Finding, ...]:
     """Tell what the valves do otherwise, chamber by chamber."""
     found: list[Finding] = []
+    scatter = _scatter([suspects, nominal])
     for chamber in sorted({split.valve.chamber for split in suspects}):
         own = [split for split in suspects if split.valve.chamber == chamber]
         known = [split for split in nominal if split.valve.chamber == chamber]
-        found += _findings(chamber, own, known)
+        evidence = _evidence(own)
+        found += _ceiling(chamber, own, known, evidence)
+        if evidence.delta_bic >= LEAST_BIC and evidence.heldout_after < evidence.heldout_before:
+            found += _steady(chamber, own, known, scatter, evidence)
+            found += _delays(chamber, own, known, evidence)
     return tuple(found)
+
+
+def _scatter(groups: Sequence[Sequence[Split]]) -> float:
+    """Pool how far the steady errors of one valve lie apart between recordings of one state [Pa]."""
+    squares, count = WORTH * SCATTER**2, WORTH
+    for group in groups:
+        for chamber in {split.valve.chamber for split in group}:
+            own = _offsets([split for split in group if split.valve.chamber == chamber])
+            squares += float(np.sum((np.array(own) - np.mean(own)) ** 2)) if own else 0.0
+            count += max(len(own) - 1, 0)
+    return float(np.sqrt(squares / count))
 
 
 def with_valves(diagnosis: Diagnosis, faults: tuple[Finding, ...]) -> Diagnosis:
@@ -131,12 +151,17 @@ def valve_diagnosis(
     before, after = (float(np.sqrt(np.mean((column / floors) ** 2))) for column in errors.T)
     gains = 1.0 - errors[:, 1] / np.maximum(errors[:, 0], 1e-9)
     left = after > LEFT_OVER
-    verdict: Verdict = "consistent" if not faults else "partly_explained" if left else "explained"
+    verdicts: dict[tuple[bool, bool], Verdict] = {
+        (False, False): "consistent",
+        (False, True): "unexplained",
+        (True, False): "explained",
+        (True, True): "partly_explained",
+    }
     return Diagnosis(
         specimen=specimen,
         recordings=tuple(recording.name for recording in admitted.suspects),
         nominal=tuple(recording.name for recording in admitted.nominal),
-        verdict=verdict,
+        verdict=verdicts[bool(faults), left],
         baseline=Baseline(
             {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in rms.items()},
             {name: float(np.mean(values)) for name, values in noise.items()},
@@ -169,51 +194,55 @@ def valve_diagnosis(
     )
 
 
-def _findings(chamber: int, own: Sequence[Split], known: Sequence[Split]) -> list[Finding]:
-    found = []
-    evidence = _evidence(own)
+def _ceiling(chamber: int, own: Sequence[Split], known: Sequence[Split], evidence: Evidence) -> list[Finding]:
+    """Tell of a pressure that is not passed; a law learnt before it was met cannot be judged by it."""
     ceilings = [split.valve.ceiling for split in own if np.isfinite(split.valve.ceiling)]
-    if ceilings and not any(np.isfinite(split.valve.ceiling) for split in known):
-        ceiling = float(np.median(ceilings))
-        loss = max(float(split.asked.max()) for split in own) - ceiling
-        if loss > LEAST_LOSS:
-            words = f"The pressure in chamber {chamber} never passes {ceiling:.0f} Pa, whatever is asked."
-            quantity = {"ceiling": Quantity(ceiling, 100.0, "Pa")}
-            found.append(
-                _finding("pressure_saturation", chamber, words, quantity, evidence, "pressure level")
-            )
-    steady, spread = _summary([_offset(split) for split in own])
-    before, before_spread = _summary([_offset(split) for split in known]) if known else (0.0, 0.0)
-    change = steady - before
-    least = max(LEAST_BIAS, SIGMAS * float(np.hypot(spread, before_spread)))
-    shut = any(split.valve.deadband > LEAST_BAND - before for split in own)
-    if abs(change) > least:
-        if shut and change < 0.0:
-            words = f"The first {-change:.0f} Pa of the set-point of chamber {chamber} do nothing."
-            quantity = {"band": Quantity(-change, max(spread, 20.0), "Pa")}
-            found.append(_finding("valve_deadband", chamber, words, quantity, evidence, "pressure level"))
-        else:
-            words = f"While open, the valve of chamber {chamber} is off by {change:+.0f} Pa."
-            rival = (
-                (Rival("valve_deadband", Place(chamber=chamber), "a staircase of small pressures", 0.0),)
-                if change < 0.0
-                else ()
-            )
-            quantity = {"bias": Quantity(change, max(spread, 20.0), "Pa")}
-            found.append(
-                _finding("pressure_bias", chamber, words, quantity, evidence, "pressure level", rival)
-            )
-    timed = [split.valve for split in own if split.valve.timed]
-    if timed:
-        found += _delays(chamber, timed, [s.valve for s in known if s.valve.timed], evidence)
-    return found
+    if not ceilings or any(np.isfinite(split.valve.ceiling) for split in known):
+        return []
+    ceiling = float(np.median(ceilings))
+    if max(float(split.asked.max()) for split in own) - ceiling <= LEAST_LOSS:
+        return []
+    words = f"The pressure in chamber {chamber} never passes {ceiling:.0f} Pa, whatever is asked."
+    quantity = {"ceiling": Quantity(ceiling, 100.0, "Pa")}
+    return [_finding("pressure_saturation", chamber, words, quantity, evidence, "pressure level")]
 
 
-def _delays(chamber: int, own: Sequence[Valve], known: Sequence[Valve], evidence: Evidence) -> list[Finding]:
+def _steady(
+    chamber: int, own: Sequence[Split], known: Sequence[Split], scatter: float, evidence: Evidence
+) -> list[Finding]:
+    """Tell of a steady error, or of one that is new where there are nominal recordings."""
+    ours, theirs = _offsets(own), _offsets(known)
+    if not ours or (known and not theirs):
+        return []
+    change = float(np.median(ours)) - (float(np.median(theirs)) if theirs else 0.0)
+    within = max(split.valve.bias_std for split in own if split.valve.held) / np.sqrt(len(ours))
+    between = scatter * np.sqrt(1.0 / len(ours) + 1.0 / len(theirs)) if theirs else 0.0
+    spread = max(float(np.hypot(within, between)), 20.0)
+    if abs(change) <= max(LEAST_BIAS, SIGMAS * spread):
+        return []
+    shut = any(split.valve.deadband > LEAST_BAND - (change - float(np.median(ours))) for split in own)
+    if shut and change < 0.0:
+        words = f"The first {-change:.0f} Pa of the set-point of chamber {chamber} do nothing."
+        quantity = {"band": Quantity(-change, spread, "Pa")}
+        return [_finding("valve_deadband", chamber, words, quantity, evidence, "pressure level")]
+    words = f"While open, the valve of chamber {chamber} is off by {change:+.0f} Pa."
+    deadband = Rival("valve_deadband", Place(chamber=chamber), "a staircase of small pressures", 0.0)
+    quantity = {"bias": Quantity(change, spread, "Pa")}
+    rivals = (deadband,) if change < 0.0 else ()
+    return [_finding("pressure_bias", chamber, words, quantity, evidence, "pressure level", rivals)]
+
+
+def _delays(
+    chamber: int, suspects: Sequence[Split], nominal: Sequence[Split], evidence: Evidence
+) -> list[Finding]:
+    """Tell of a dead time and a lag, or of what is new of them."""
+    own, known = _timed(suspects), _timed(nominal)
+    if not own:
+        return []
     dead, dead_spread = _summary([valve.dead_time for valve in own])
     lag, lag_spread = _summary([valve.lag for valve in own])
-    dead_before, dead_known = _summary([valve.dead_time for valve in known]) if known else (0.0, 0.0)
-    lag_before, lag_known = _summary([valve.lag for valve in known]) if known else (0.0, 0.0)
+    dead_before, dead_known = _summary([valve.dead_time for valve in known])
+    lag_before, lag_known = _summary([valve.lag for valve in known])
     late, slower = dead - dead_before, lag - lag_before
     least = max(LEAST_DELAY, SIGMAS * float(np.hypot(dead_spread + lag_spread, dead_known + lag_known)))
     if late + slower <= least:
@@ -229,10 +258,15 @@ def _delays(chamber: int, own: Sequence[Valve], known: Sequence[Valve], evidence
     return [_finding("line_lag", chamber, words, quantities, evidence, "time since a change")]
 
 
-def _offset(split: Split) -> float:
-    """Give the steady error of an open valve [Pa], a dead band counted as one."""
-    valve = split.valve
-    return valve.bias - (1.0 + valve.gain) * valve.deadband
+def _timed(splits: Sequence[Split]) -> list[Valve]:
+    """Give the valves whose delays can be told; a lag at the end of the grid is no lag."""
+    return [split.valve for split in splits if split.valve.timed and split.valve.lag < LAGS[-1]]
+
+
+def _offsets(splits: Sequence[Split]) -> list[float]:
+    """Give the steady errors of valves that were held open [Pa], a dead band counted as one."""
+    valves = [split.valve for split in splits if split.valve.held]
+    return [valve.bias - (1.0 + valve.gain) * valve.deadband for valve in valves]
 
 
 def _summary(values: Sequence[float]) -> tuple[float, float]:

@@ -5,7 +5,8 @@ F of time constant tau, and the static law S(u) = 0 where u is at most the dead 
 min((1 + g) (u - dead band) + b, ceiling). d and tau come from the changes, S from the holds.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,16 @@ LEAST_CHANGE = 3000.0
 """Set-points must span so much [Pa] for a lag to be told."""
 
 
+class Law(NamedTuple):
+    """What a valve settles at; see ``Valve``."""
+
+    bias: float = 0.0
+    bias_std: float = 0.0
+    gain: float = 0.0
+    deadband: float = 0.0
+    ceiling: float = float("inf")
+
+
 @dataclass(frozen=True)
 class Valve:
     """What one valve does, where its recording tells.
@@ -36,6 +47,7 @@ class Valve:
         dead_time: From set-point to motion [s].
         lag: Time constant [s].
         timed: Whether dead time and lag can be told.
+        held: Whether a set-point was ever held for long enough to tell what it settles at.
         bias: Steady error while open [Pa].
         bias_std: Standard deviation of that between holds [Pa].
         gain: Relative error that grows with the set-point.
@@ -50,6 +62,7 @@ class Valve:
     dead_time: float
     lag: float
     timed: bool
+    held: bool
     bias: float
     bias_std: float
     gain: float
@@ -88,29 +101,15 @@ def static(asked: Floats, bias: float, gain: float, deadband: float, ceiling: fl
 
 
 def _valve(chamber: int, time: Floats, asked: Floats, given: Floats) -> Valve:
-    holds = _settled(time, asked)
-    bias, spread, gain, deadband, ceiling = _static_law(time, asked, given, holds)
+    found = _static_law(time, asked, given, _settled(time, asked))
+    law = found or Law()
     timed = bool(np.ptp(asked) > LEAST_CHANGE)
-    dead_time, lag = 0.0, 0.0
-    if timed:
-        dead_time, lag = _timing(time, asked, given, (bias, gain, deadband, ceiling))
+    dead_time, lag = _timing(time, asked, given, law) if timed else (0.0, 0.0)
     noise = float(np.median(np.abs(np.diff(given)))) / 0.6745 / np.sqrt(2.0)
-    law = Valve(chamber, dead_time, lag, timed, bias, spread, gain, deadband, ceiling, 0.0, 0.0, noise)
-    left = given - predict(law, time, asked)
-    return Valve(
-        chamber,
-        dead_time,
-        lag,
-        timed,
-        bias,
-        spread,
-        gain,
-        deadband,
-        ceiling,
-        float(np.sqrt(np.mean((given - asked) ** 2))),
-        float(np.sqrt(np.mean(left**2))),
-        noise,
-    )
+    rms = float(np.sqrt(np.mean((given - asked) ** 2)))
+    valve = Valve(chamber, dead_time, lag, timed, found is not None, *law, rms=rms, left=0.0, noise=noise)
+    left = given - predict(valve, time, asked)
+    return replace(valve, left=float(np.sqrt(np.mean(left**2))))
 
 
 def _settled(time: Floats, asked: Floats) -> Flags:
@@ -120,10 +119,8 @@ def _settled(time: Floats, asked: Floats) -> Flags:
     return np.asarray(time - last >= SETTLED)
 
 
-def _static_law(
-    time: Floats, asked: Floats, given: Floats, holds: Flags
-) -> tuple[float, float, float, float, float]:
-    """Fit the settled law to the holds, each hold one point: bias, its spread, gain, dead band, ceiling."""
+def _static_law(time: Floats, asked: Floats, given: Floats, holds: Flags) -> Law | None:
+    """Fit the settled law to the holds, each hold one point; ``None`` where the valve was never held open."""
     numbers = np.cumsum(np.abs(np.diff(asked, prepend=asked[0])) > 1.0)
     levels, reached = [], []
     for number in np.unique(numbers[holds]):
@@ -135,7 +132,7 @@ def _static_law(
     level, pressure = np.array(levels), np.array(reached)
     opened = level > OPEN
     if not opened.any():
-        return 0.0, 0.0, 0.0, 0.0, float("inf")
+        return None
     shut = opened & (pressure < np.minimum(0.3 * level, 300.0))
     passing = opened & ~shut
     deadband = 0.0
@@ -145,7 +142,7 @@ def _static_law(
     below = passing & (pressure < ceiling - 500.0)
     error = pressure[below] - level[below]
     if not len(error):
-        return 0.0, 0.0, 0.0, deadband, ceiling
+        return Law(deadband=deadband, ceiling=ceiling)
     gain = 0.0
     if len(error) >= 4 and np.ptp(level[below]) > 10e3:
         gain = float(np.polyfit(level[below], error, 1)[0])
@@ -153,7 +150,7 @@ def _static_law(
     left = error - gain * level[below]
     spread = float(np.std(left, ddof=1)) if len(left) > 1 else 100.0
     bias = float(np.median(left))
-    return bias + (1.0 + gain) * deadband if deadband else bias, spread, gain, deadband, ceiling
+    return Law(bias + (1.0 + gain) * deadband if deadband else bias, spread, gain, deadband, ceiling)
 
 
 def _ceiling(level: Floats, pressure: Floats) -> float:
@@ -166,9 +163,7 @@ def _ceiling(level: Floats, pressure: Floats) -> float:
     return highest if near.sum() >= 2 and np.ptp(level[near]) > 2e3 and missing.max() > 3e3 else float("inf")
 
 
-def _timing(
-    time: Floats, asked: Floats, given: Floats, law: tuple[float, float, float, float]
-) -> tuple[float, float]:
+def _timing(time: Floats, asked: Floats, given: Floats, law: Law) -> tuple[float, float]:
     """Find the dead time at the onsets of steps, then the lag that leaves least around changes."""
     changing = np.abs(np.diff(asked, prepend=asked[0])) > 50.0
     since = np.maximum.accumulate(np.where(changing, time, time[0] - 10.0))
@@ -176,7 +171,8 @@ def _timing(
     if near.sum() < 20:
         return 0.0, 0.0
     dead_time = _onset(time, asked, given)
-    target = static(np.interp(time - dead_time, time, asked), *law)
+    late = np.interp(time - dead_time, time, asked)
+    target = static(late, law.bias, law.gain, law.deadband, law.ceiling)
     errors = [
         (float(np.mean((given - first_order(time, target, float(lag), ())[0])[near] ** 2)), float(lag))
         for lag in LAGS

@@ -26,6 +26,7 @@ from estimator.diagnosis.prepare import LEAST_BLOCKS, averaged, blocks_of, prepa
 from estimator.diagnosis.release import find_release
 from estimator.diagnosis.session import Session
 from estimator.diagnosis.stage import Model
+from estimator.diagnosis.stuck import stuck_findings, stuck_notes, stuck_pressures, without_pressures
 from estimator.diagnosis.valve_stage import splits_of, valve_diagnosis, valve_findings, with_valves
 from estimator.effects.accepted import physics_entry
 from estimator.errors import InputError
@@ -80,8 +81,19 @@ def run(request: Request, executor: Executor, tell: Callable[[str], None] = lamb
     suspects, nominal = load_recordings(request.recordings), load_recordings(request.nominal)
     _refuse_doubles(suspects, nominal)
     admitted = admit(suspects, nominal, request.specimen)
-    valves = splits_of(admitted.suspects)
-    faults = valve_findings(valves, splits_of(admitted.nominal))
+    stuck = tuple(one for recording, _ in admitted.all for one in stuck_pressures(recording))
+    valves, known_valves = (
+        splits_of([without_pressures(recording, stuck) for recording in group])
+        for group in (admitted.suspects, admitted.nominal)
+    )
+    questioned = {recording.name for recording in admitted.suspects}
+    faults = (
+        *valve_findings(valves, known_valves),
+        *stuck_findings([one for one in stuck if one.recording in questioned]),
+    )
+    admitted = admitted.mended(
+        lambda one: without_pressures(one, stuck, by_set_points=True), stuck_notes(stuck)
+    )
     if not any(motion_columns(recording) for recording in admitted.suspects):
         diagnosis = valve_diagnosis(request.specimen.name, admitted, valves, faults)
         return Outcome(replace(diagnosis, seconds=time.monotonic() - began), (), ())
@@ -137,8 +149,13 @@ def with_axes(
 
 
 def improved_specimen(specimen: Specimen, outcome: Outcome) -> Specimen:
-    """Write calibration and findings into a specimen; an effect replaces one of its kind at its place."""
-    specimen = _calibrated(specimen, outcome)
+    """Write findings into a specimen; an effect replaces one of its kind at its place.
+
+    A specimen that was calibrated stays so: the diagnosis calibrates on the rod, which is coarser than the
+    finite elements that a calibration is for. One that was not gets what the diagnosis found.
+    """
+    if not specimen.calibration.modulus_scale:
+        specimen = _calibrated(specimen, outcome)
     entries = [
         physics_entry(placed, stds, outcome.diagnosis.recordings)
         for placed, stds in zip(outcome.accepted, outcome.stds, strict=True)

@@ -12,7 +12,8 @@ SOPRA = load_specimen("sopra")
 def _recording(seconds: float = 30.0, bend: float = 0.3, **info) -> Recording:
     time = np.arange(0.0, seconds, 0.05)
     moved = bend * np.sin(time)
-    return Recording("run", time, {"bend_tip_x_rad": moved, "bend_tip_y_rad": 0.5 * moved}, info)
+    columns = {"bend_tip_x_rad": moved, "bend_tip_y_rad": 0.5 * moved, "pressure_3_pa": 5e4 * moved**2}
+    return Recording("run", time, columns, info)
 
 
 def test_a_moving_recording_is_admitted() -> None:
@@ -44,4 +45,36 @@ def test_gaps_and_jumps_of_the_clock_are_told() -> None:
     plain = _recording()
     time = plain.time + np.where(plain.time > 10.0, 7.0, 0.0)
     notes = admit([Recording("run", time, plain.columns)], [], SOPRA).notes
-    assert any("the clock jumps by 7.0" in note for note in notes)
+    assert any("the clock jumps by 7.05 s at 10.0 s" in note for note in notes)
+    lost = plain.window((plain.time < 10.0) | (plain.time > 11.5))
+    assert any("a gap of 1.6" in note for note in admit([lost], [], SOPRA).notes)
+
+
+def test_a_sensor_that_is_slower_than_others_has_lost_nothing() -> None:
+    """Streams of an MCAP file have their own times: between them cells are empty."""
+    plain = _recording()
+    slow = {
+        name: np.where(np.arange(len(plain.time)) % 3 == 0, v, np.nan) for name, v in plain.columns.items()
+    }
+    slow["pressure_3_pa"] = plain.columns["pressure_3_pa"]
+    assert admit([Recording("run", plain.time, slow)], [], SOPRA).notes == ()
+    slow["bend_tip_x_rad"] = np.where(
+        np.arange(len(plain.time)) % 7 < 4, plain.columns["bend_tip_x_rad"], np.nan
+    )
+    (note,) = admit([Recording("run", plain.time, slow)], [], SOPRA).notes
+    assert note == "run: 43% of the readings of bend_tip are lost."
+
+
+def test_motion_without_pressures_is_refused() -> None:
+    plain = _recording()
+    still = {name: values for name, values in plain.columns.items() if name.startswith("bend")}
+    with pytest.raises(InputError, match="holds no pressures"):
+        admit([Recording("run", plain.time, still)], [], SOPRA)
+
+
+def test_a_shipped_specimen_is_not_taken_for_another() -> None:
+    time = np.arange(0.0, 5.0, 0.01)
+    markers = {f"marker_tip1_{axis}_m": 0.1 * np.sin(time) for axis in "xyz"}
+    beam = Recording("swing", time, {**markers, "pressure_0_pa": time}, {"specimen": "beam"})
+    with pytest.raises(InputError, match="recorded on 'beam'"):
+        admit([beam], [], load_specimen("single_segment"))

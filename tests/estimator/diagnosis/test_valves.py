@@ -48,3 +48,24 @@ def test_a_ceiling_and_a_dead_band_are_told() -> None:
     found = valve_findings(splits_of([_recording("stiff", law=(0.0, 0.0, 2.5e3, np.inf))]), [])
     assert [f.effect for f in found] == ["valve_deadband"]
     assert found[0].parameters["band"].value == pytest.approx(2.5e3, abs=200.0)
+
+
+def test_a_valve_that_was_never_held_tells_no_bias() -> None:
+    held = _recording("known", law=(-700.0, 0.0, 0.0, np.inf))
+    asked = 20e3 * (1.0 - np.cos(2.0 * np.pi * TIME / 20.0))
+    given = static(asked, -700.0, 0.0, 0.0, np.inf) + np.random.default_rng(2).normal(0.0, 30.0, len(TIME))
+    waves = Recording("waves", TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
+    (valve,) = valves_of(waves)
+    assert not valve.held
+    assert valve_findings(splits_of([waves]), splits_of([held])) == ()
+
+
+def test_valves_that_wander_between_recordings_are_not_blamed() -> None:
+    """Nominal ones lie 350 Pa apart themselves; so much more is nothing new, four times as much is."""
+    known = splits_of(
+        [_recording(f"known_{k}", law=(bias, 0.0, 0.0, np.inf)) for k, bias in enumerate((-450.0, -800.0))]
+    )
+    again, worse = (_recording("again", law=(bias, 0.0, 0.0, np.inf)) for bias in (-1000.0, -2000.0))
+    assert valve_findings(splits_of([again]), known) == ()
+    (finding,) = valve_findings(splits_of([worse]), known)
+    assert finding.effect in ("pressure_bias", "valve_deadband")

@@ -1,0 +1,76 @@
+"""Sensors that stand still are named, and what they read is not believed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.diagnosis.calibration import calibrate_sessions
+from estimator.diagnosis.stage import Stage
+from estimator.diagnosis.stuck import (
+    find_stuck,
+    stuck_findings,
+    stuck_pressures,
+    without_pressures,
+    without_stuck,
+)
+from estimator.recording import Recording
+from tests.estimator.diagnosis.linear_arm import model, session
+
+
+@pytest.fixture(scope="module")
+def stages() -> tuple[Stage, Stage]:
+    """The arm as it is, and with a tip sensor that stops half-way."""
+    run = session("run", 11)
+    readings = run.readings.copy()
+    readings[90:, 2:] = readings[90, 2:]
+    fitted = calibrate_sessions(model(), [session("nominal", 0, nominal=True)])
+    whole, stopped = (fitted.stage(model(), one) for one in (run, replace(run, readings=readings)))
+    return whole, stopped
+
+
+def test_a_sensor_that_moves_is_not_stuck(stages: tuple[Stage, Stage]) -> None:
+    assert find_stuck(stages[0]) == ()
+
+
+def test_a_sensor_that_stops_is_named_with_its_time(stages: tuple[Stage, Stage]) -> None:
+    stopped = stages[1]
+    stuck = find_stuck(stopped)
+    (finding,) = stuck_findings(stuck)
+    assert finding.where.sensor == "bend_tip"
+    assert finding.parameters["since"].value == pytest.approx(18.0, abs=3.5)
+    assert "while the arm moves" in finding.statement
+    blind = without_stuck(stopped, stuck)
+    time = stopped.session.clock - stopped.session.clock[0]
+    assert np.isnan(blind.session.readings[(time > 22.0) & (time < 42.0), 2:]).all()
+    np.testing.assert_array_equal(blind.session.readings[:, :2], stopped.session.readings[:, :2])
+
+
+def _valve(given: np.ndarray, asked: np.ndarray) -> Recording:
+    return Recording(
+        "run", 0.01 * np.arange(len(asked)), {"pressure_cmd_2_pa": asked, "pressure_2_pa": given}
+    )
+
+
+ASKED = np.repeat(np.linspace(0.0, 40e3, 20), 100)
+
+
+def test_a_pressure_that_follows_or_that_shows_noise_is_not_stuck() -> None:
+    noise = np.random.default_rng(0).normal(0.0, 20.0, len(ASKED))
+    assert stuck_pressures(_valve(ASKED, ASKED)) == ()
+    assert stuck_pressures(_valve(1e4 + noise, ASKED)) == ()
+    assert stuck_pressures(_valve(np.full(len(ASKED), 5.0), np.full(len(ASKED), 3e4))) == ()
+
+
+def test_a_pressure_that_stands_still_is_named_and_its_set_point_stands_in() -> None:
+    given = ASKED.copy()
+    given[500:1500] = given[500]
+    recording = _valve(given, ASKED)
+    (stuck,) = stuck_pressures(recording)
+    assert (stuck.sensor, stuck.since, stuck.until) == ("pressure_2", 5.0, pytest.approx(15.0, abs=0.02))
+    (finding,) = stuck_findings([stuck])
+    assert (finding.effect, finding.where.sensor) == ("sensor_stuck", "pressure_2")
+    assert "while its set-point moves" in finding.statement
+    mended = without_pressures(recording, [stuck], by_set_points=True)
+    np.testing.assert_array_equal(mended.columns["pressure_2_pa"], ASKED)
+    assert np.isnan(without_pressures(recording, [stuck]).columns["pressure_2_pa"][500:1500]).all()
