@@ -23,6 +23,7 @@ from estimator.rotations import exp, from_quaternions, to_quaternions
 from estimator.sensing import Scene, SensorSuite
 from estimator.simulation import Drive, Response, Segments, SimulatedArm
 from estimator.specimen import Specimen
+from estimator.stretch import stretched
 
 Floats = NDArray[np.float64]
 State = TypeVar("State")
@@ -73,11 +74,11 @@ def estimator_of(
         InputError: The model's loads are others, or an effect does not fit the arm.
     """
     if not specimen.physics:
-        return Estimator(model, suite, settings, guide)
+        return Estimator(stretched(model, specimen), suite, settings, guide)
     start = Inputs(np.zeros(model.chambers), np.zeros(len(model.loads)), np.zeros(3))
     rest = model.linearise(model.rest(), start).frames
     segments = Segments.of(specimen, model.sections, rest)
-    arm = SimulatedArm(model, segments)
+    arm = SimulatedArm(stretched(model, specimen), segments)
     names = tuple(sensor.name for sensor in suite.measurements)
     world = World.of(specimen, segments, model.sections, arm.stiffness(), names, pressures_measured)
     effects = accepted_physics(specimen, world)
@@ -200,7 +201,8 @@ class AugmentedEstimator(Generic[State, Step]):
     def _response(self, frames: Frames) -> Response:
         one = Frames(frames.positions[None], frames.rotations[None])
         strains = self._arm.segments.strains(self._own(one))
-        return Response(one, strains, np.zeros((1, 0, 0)), np.ones(1, dtype=bool))
+        none = np.zeros((1, 0, 0))
+        return Response(one, strains, none, none, np.ones(1, dtype=bool))
 
     def _undone(self, readings: Floats, drive: Drive, seen: Response) -> Floats:
         """Take the effects of the sensors out of the readings, as far as the last estimate shows them."""
@@ -222,16 +224,6 @@ class AugmentedEstimator(Generic[State, Step]):
                     clean[part] = np.nan if stuck else undo(clean[part], plain[0], changed[0])
         self._memories = tuple(memories)
         return clean
-
-
-def bent_world(world: World, segments: Segments, response: Response) -> World:
-    """Give the world with the stiffness of the segments in the pose of every sample of a response."""
-    rows = segments.rows(response.frames)
-    first = response.motion.shape[-1] - 3 - rows.shape[-1]
-    by_wrench = response.motion[..., first : first + rows.shape[-1]]
-    compliance = np.einsum("tgai,tij,tgbj->tgab", rows, by_wrench, rows)
-    stiffness = [bounded_inverse(one, world.stiffness) for one in compliance]
-    return replace(world, stiffness=np.array(stiffness))
 
 
 def bounded_inverse(compliance: Floats, rest: Floats) -> Floats:

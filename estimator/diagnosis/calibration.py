@@ -74,9 +74,9 @@ class Fitted:
         whole[len(known) :, count:] = np.eye(segments) / TORSION_SPREAD
         return np.concatenate([known, -self.torsion / TORSION_SPREAD]), whole
 
-    def stage(self, model: Model, session: Session, *, slopes: bool = False) -> Stage:
+    def stage(self, model: Model, session: Session) -> Stage:
         """Give a session on the calibrated model; see ``build_stage``."""
-        return build_stage(model, session, self.setting, self.torsion, slopes=slopes)
+        return build_stage(model, session, self.setting, self.torsion)
 
 
 def layout_of(model: Model, sessions: Sequence[Session]) -> Layout:
@@ -133,7 +133,7 @@ def calibrate_sessions(
     current = _start(model, layout, parts)
     best, lowest = current, np.inf
     for _ in range(ITERATIONS if model.fast else SLOW_ITERATIONS):
-        stages = [current.stage(model, part, slopes=True) for part in parts]
+        stages = [current.stage(model, part) for part in parts]
         advance(1.0)
         rows, columns, cost = _equations(stages, layout)
         known, known_rows = current.prior_rows()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from estimator.diagnosis.belief import Belief, Marginal
 from estimator.diagnosis.evidence import Evidence
-from estimator.diagnosis.fit import Fit, Ground, View, fit_effects
+from estimator.diagnosis.fit import Fit, Ground, View, fit_effects, gain_of
 from estimator.diagnosis.gram import Products, Total, total, with_column
 from estimator.diagnosis.library import Direction, Hypothesis
 from estimator.diagnosis.ring import Ring
@@ -28,6 +28,9 @@ TRIED = 4
 LEAST_BIC = 10.0
 CERTAIN = 40.0
 """Gain in the criterion that decides even where the gain on single folds scatters: four times the least."""
+SECOND = 0.5
+"""Share of an accepted effect's gain that decides for another one so."""
+HEAVY = ("tip_payload", "distributed_mass")
 ANY_SIZE = 100.0
 """Variance of a candidate's size, in units of its fit, that leaves it to the data."""
 ALIKE = 4.0
@@ -53,6 +56,8 @@ HETEROGENEITY = 1.0
 TOLD = 3.0
 """Size of an amplitude over its standard deviation from which it is told from none."""
 EXACT_STEPS = 3
+"""Steps of a fit on the model itself, and the best finalists that are fitted so."""
+RESOLVED = 4
 TIED = 0.97
 """Share of the gain from which a rival is as good."""
 
@@ -87,6 +92,7 @@ class Judgement:
         spread: Spread of its size between recordings beyond their own uncertainty, over the size.
         search_p: Chance of as much in the whole search where nothing is missing.
         delta_bic: Of the candidate.
+        certain: Gain in the criterion that decides even where the gain on single folds scatters.
     """
 
     before: float
@@ -97,11 +103,12 @@ class Judgement:
     spread: float
     search_p: float
     delta_bic: float
+    certain: float = CERTAIN
 
     @property
     def accepted(self) -> bool:
         """Whether all of it holds."""
-        certain = self.delta_bic >= CERTAIN and self.after < self.before and self.spread <= HETEROGENEITY
+        certain = self.delta_bic >= self.certain and self.after < self.before and self.spread <= HETEROGENEITY
         return (
             (self.gain_ci95[0] > 0.0 or certain)
             and (self.share >= MATERIAL or self.change >= REPEATABLE)
@@ -189,7 +196,7 @@ class Search:
             self.advance(1.0)
             if not field:
                 break
-            found, turned_down = self.best(field, fit, null)
+            found, turned_down = self.best(field, fit, null, accepted)
             if found is None:
                 break
             accepted.append(found)
@@ -302,8 +309,27 @@ class Search:
             bic = gain - price * len(theta) - _surprise(hypotheses[number], own.thetas[-1])
             found.append(Candidate(number, own, gain, bic))
             self.advance(1.0)
-        ranked_by_fit = sorted(found, key=lambda candidate: -candidate.delta_bic)
-        return self.plainest_first(ranked_by_fit)
+        found.sort(key=lambda candidate: -candidate.delta_bic)
+        found[:RESOLVED] = [self.resolved(candidate, ground) for candidate in found[:RESOLVED]]
+        return self.plainest_first(sorted(found, key=lambda candidate: -candidate.delta_bic))
+
+    def resolved(self, candidate: Candidate, ground: Ground) -> Candidate:
+        """Fit a candidate again on the model itself where that differs from its linearisation."""
+        fit = candidate.fit
+        if not self.solvable(fit) or fit.exact:
+            return candidate
+        if abs(gain_of(ground, fit.hypotheses, fit.thetas) - fit.gain) < ALIKE:
+            return candidate
+        again = fit_effects(ground, fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
+        theta = again.thetas[-1]
+        surprise = _surprise(self.evidence.library.hypotheses[candidate.number], theta)
+        bic = again.gain - np.log(max(self.count(), 2.0)) * len(theta) - surprise
+        return Candidate(candidate.number, again, again.gain, bic)
+
+    def solvable(self, fit: Fit) -> bool:
+        """Tell whether the effects of a fit can be solved on the model itself."""
+        kinds = {h.effect.hook for h in fit.hypotheses}
+        return kinds <= self.solve and not any(h.name in ANSWERING for h in fit.hypotheses)
 
     def plainest_first(self, field: list[Candidate]) -> list[Candidate]:
         """Put the one with the fewest and likeliest numbers first among those as good as the best."""
@@ -327,14 +353,18 @@ class Search:
         return seen * self.weights.share
 
     def best(
-        self, field: Sequence[Candidate], fit: Fit | None, null: Floats
+        self, field: Sequence[Candidate], fit: Fit | None, null: Floats, accepted: Sequence[Accepted]
     ) -> tuple[Accepted | None, tuple[Candidate, Judgement] | None]:
         """Judge the best candidates and take the first that holds.
 
-        What changes the arm at rest comes before what only changes how it moves, unless it explains far less:
-        an arm of another stiffness swings otherwise too.
+        What changes the arm at rest comes before what only changes how it moves, unless it explains far less;
+        once an accepted effect has changed material or mass, another swing is its consequence. What one law
+        leaves of a strong effect looks like a weaker second effect, which has to show in every recording.
         """
         turned_down = None
+        certain = max([CERTAIN, *(SECOND * one.candidate.delta_bic for one in accepted)])
+        weighty = any(self.changes_swing(one.candidate) for one in accepted)
+        field = [one for one in field if not (weighty and self.changes_swing(one) and self.only_moves(one))]
         highest = max((one.delta_bic for one in field), default=0.0)
         for moving, share in ((False, MOVING), (True, CLOSE)):
             own = [one for one in field if self.only_moves(one) == moving]
@@ -342,11 +372,16 @@ class Search:
             for candidate in own[:TRIED]:
                 if candidate.delta_bic < least or candidate.fit.at_bound:
                     continue
-                judgement = self.judge(candidate, fit, null)
+                judgement = replace(self.judge(candidate, fit, null), certain=certain)
                 if judgement.accepted:
                     return Accepted(candidate, judgement, tuple(field)), None
                 turned_down = turned_down or (candidate, judgement)
         return None, turned_down
+
+    def changes_swing(self, candidate: Candidate) -> bool:
+        """Tell whether a candidate changes stiffness or mass, and with them how the arm swings."""
+        effect = self.evidence.library.hypotheses[candidate.number].effect
+        return effect.hook == "couple" or effect.name in HEAVY
 
     def only_moves(self, candidate: Candidate) -> bool:
         """Tell whether a candidate leaves the arm at rest as it is."""
@@ -440,8 +475,7 @@ class Search:
         """Fit all accepted effects together, on the model itself where that is affordable."""
         ground = self.ground()
         found = fit_effects(ground, fit.hypotheses, fit.thetas)
-        kinds = {h.effect.hook for h in fit.hypotheses}
-        if kinds <= self.solve and not any(h.name in ANSWERING for h in fit.hypotheses):
+        if self.solvable(fit):
             found = fit_effects(ground, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
         return self.heard(found)
 

@@ -210,6 +210,11 @@ def _whitened(
     return found
 
 
+def gain_of(ground: Ground, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats]) -> float:
+    """Give by how much effects lower the cost on the model itself."""
+    return _gain(ground, _whitened(ground, hypotheses, thetas, exact=True))
+
+
 def _gain(ground: Ground, change: Sequence[Floats]) -> float:
     matrix, vector = ground.projected(change)
     return float(2.0 * vector[0] - matrix[0, 0])

@@ -33,13 +33,13 @@ def form_columns(stage: Stage) -> Floats:
     Returns:
         Shape (samples, rows, columns).
     """
-    by_strain = stage.by_strain
+    by_free = stage.by_free
     size = np.array([STRAIN, STRAIN, STRAIN, ELONGATION])
     columns = []
     for g in range(len(stage.world.segments)):
         features = monomials(stage, g)
         for axis in range(4):
-            own = SPREAD * size[axis] * by_strain[..., 4 * g + axis]
+            own = SPREAD * size[axis] * by_free[..., 4 * g + axis]
             columns.append(own[..., None] * features[:, None, :])
     predicted = np.nan_to_num(stage.reading_rows - stage.residual)
     late = -CLOCK * np.gradient(predicted, stage.session.clock, axis=0)

@@ -14,22 +14,24 @@ from estimator.effects import World
 from estimator.effects.augmented import PlacedEffect, signals_of, simulate_with
 from estimator.model import Frames
 from estimator.sensing import Scene, SensorSuite
-from estimator.simulation import Arm, Drive, LinearisedArm, Response, Segments
+from estimator.simulation import Arm, Drive, LinearisedArm, Response
+from estimator.simulation.compliance import stiffness_along
 from estimator.specimen import Specimen
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-SPREAD = 8.0
-"""Factor by which a segment's stiffness may differ between poses; more means that the model is lost."""
 SUDDEN, RINGDOWN = 0.2, 0.7
 RINGING = 0.2
 LEVER = 0.1
 """See ``Stage.unrest``: [s], [s], a share, [m]."""
+APART = 0.4
+"""Time [s] between samples at which the model itself is solved."""
+PASSES = 4
+SETTLED_STRAIN, SETTLED_WRENCH = 1e-4, 1e-5
+"""Answers of the model until effects see their own consequence; the change that ends it [rad, m; N, N m]."""
 ANSWERING = ("contact_obstacle", "tether_stiffness", "base_compliance")
 """Effects whose own consequence changes what they do: how far they push depends on how far they moved."""
-STIFFNESS_STEP = 0.02
-"""Relative change of a segment's stiffness by which the prediction is differentiated."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,6 @@ class Stage:
         world: What effects may refer to.
         suite: The sensors, aligned.
         drive: The calibrated drive.
-        by_stiffness: Derivative of the predictions by the logarithm of each segment's stiffness, then by each
-            segment's torsion, where the model was solved for it, shape (samples, rows, 2 segments).
         doubtful: What the model of the swing may get wrong, where there is one, shape (samples, rows).
     """
 
@@ -74,7 +74,6 @@ class Stage:
     world: World
     suite: SensorSuite
     drive: Drive
-    by_stiffness: Floats | None = None
     doubtful: Floats | None = None
 
     @cached_property
@@ -99,12 +98,10 @@ class Stage:
         return by_couple
 
     @cached_property
-    def by_strain(self) -> Floats:
+    def by_free(self) -> Floats:
         """Derivative of the predictions by free strains, shape (samples, rows, 4 segments)."""
-        samples, rows = self.by_couple.shape[:2]
-        each = self.by_couple.reshape(samples, rows, -1, 4)
-        by_strain: Floats = np.einsum("trgi,tgij->trgj", each, self.world.stiffness)
-        return by_strain.reshape(samples, rows, -1)
+        by_free: Floats = self.by_twist @ self.arm.baseline.by_free
+        return by_free
 
     def innovation(self, readings: Floats) -> Floats:
         """Compare stacked readings with the prediction without effects, shape (samples, rows)."""
@@ -156,13 +153,19 @@ class Stage:
 
         Args:
             effects: The effects.
-            exact: Solve the model again instead of using its linearisation.
+            exact: Correct that by what the model itself says at some samples, but for sensors and effects
+                that answer.
         """
-        if not exact:
-            answering = [placed for placed in effects if placed.effect.name in ANSWERING]
-            plain = [self.first_order(placed) for placed in effects if placed.effect.name not in ANSWERING]
-            return sum(plain, self._simulated(answering) if answering else np.zeros(self.residual.shape))
-        return self._solved(effects) - self._solved_plain
+        answering = [placed for placed in effects if placed.effect.name in ANSWERING]
+        sensing = [placed for placed in effects if placed.effect.hook == "sensing"]
+        inner = [placed for placed in effects if placed not in (*answering, *sensing)]
+        none = np.zeros(self.residual.shape)
+        first: Floats = sum((self.first_order(placed) for placed in inner), none)
+        if exact and inner:
+            beyond = self._solved(inner) - self._solved_plain - first[self.nodes]
+            first = first + _between(self.session.clock, self.session.clock[self.nodes], beyond)
+        others: Floats = sum((self.first_order(placed) for placed in sensing), none)
+        return first + others + (self._simulated(answering) if answering else none)
 
     def _simulated(self, effects: Sequence[PlacedEffect]) -> Floats:
         found = simulate_with(effects, self.arm, self.world, self.drive, self.suite)
@@ -170,39 +173,65 @@ class Stage:
         return self.innovation(readings)
 
     @cached_property
+    def nodes(self) -> NDArray[np.int64]:
+        """Samples at which the model itself is solved: one of every few, at random.
+
+        At even steps they would see the same phase of every hold.
+        """
+        every = max(1, round(APART / self.session.step))
+        first = np.arange(0, self.session.samples, every)
+        drawn = first + np.random.default_rng(0).integers(0, every, len(first))
+        nodes: NDArray[np.int64] = np.minimum(drawn, self.session.samples - 1)
+        return nodes
+
+    @cached_property
     def _solved_plain(self) -> Floats:
-        """What the model itself gives without effects, against its linearisation, shape (samples, rows)."""
+        """What the model itself gives without effects, against its linearisation, shape (nodes, rows)."""
         return self._solved(())
 
     def _solved(self, effects: Sequence[PlacedEffect]) -> Floats:
-        """Solve the model under what effects do in the response without them, shape (samples, rows)."""
-        drive = self.drive
-        for placed in effects:
-            drive = self._under(placed, drive)
-        response = self.exact.respond(drive, self.arm.baseline)
-        readings = self.suite.predict(Scene(response.frames, self.scene.loads))
-        for placed in effects:
-            if placed.effect.hook == "sensing":
-                readings = self._misread(placed, readings)
-        return self.innovation(np.where(response.converged[:, None], readings, np.nan))
+        """Solve the model under effects that see its own response, shape (nodes, rows)."""
+        nodes, clock = self.nodes, self.session.clock
+        plain = seen = self.arm.baseline
+        near, drive = plain.at(nodes), self._under(effects, plain)
+        response = self.exact.respond(drive.at(nodes), near)
+        for _ in range(PASSES if effects else 0):
+            strained = response.strains - drive.free[nodes] - near.strains
+            moved = response.frames.positions - near.frames.positions
+            there = Frames(
+                plain.frames.positions + _between(clock, clock[nodes], moved), plain.frames.rotations
+            )
+            seen = replace(
+                plain, frames=there, strains=plain.strains + _between(clock, clock[nodes], strained)
+            )
+            again = self._under(effects, seen)
+            if _settled(drive, again):
+                break
+            drive = again
+            response = self.exact.respond(drive.at(nodes), near)
+        readings = self.suite.predict(Scene(response.frames, self.scene.loads[nodes]))
+        readings = np.where(response.converged[:, None], readings, np.nan)
+        base = Scene(near.frames, self.scene.loads[nodes])
+        left: Floats = self.suite.sensitivity(base, readings).innovation
+        return np.where(near.converged[:, None], left, np.nan)
 
-    def _under(self, placed: PlacedEffect, drive: Drive) -> Drive:
-        """Add what an effect does to a drive."""
-        hook = placed.effect.hook
-        if hook == "sensing":
-            return drive
-        signals = signals_of(drive, self.world, self.arm.baseline)
-        value, _ = placed.act(signals, ())
-        if hook in ("pressure", "command"):
-            return replace(drive, pressures=value)
-        if hook == "gravity":
-            return replace(drive, gravity=drive.gravity + value)
-        if hook == "load":
-            return drive.plus(value.reshape(drive.wrenches.shape), np.zeros_like(drive.couples))
-        if hook == "couple":
-            couples = self.world.couples(value - signals.strains)
-            return drive.plus(np.zeros_like(drive.wrenches), couples)
-        return replace(drive, base_rotation=drive.base_rotation + value.reshape(drive.samples, 3))
+    def _under(self, effects: Sequence[PlacedEffect], seen: Response) -> Drive:
+        """Let effects act on the drive, as they see it in a response."""
+        drive, signals = self.drive, signals_of(self.drive, self.world, seen)
+        for placed in effects:
+            hook = placed.effect.hook
+            value, _ = placed.act(replace(signals, pressures=drive.pressures), ())
+            if hook in ("pressure", "command"):
+                drive = replace(drive, pressures=value)
+            elif hook == "gravity":
+                drive = replace(drive, gravity=drive.gravity + value)
+            elif hook == "load":
+                drive = drive.plus(value.reshape(drive.wrenches.shape), np.zeros_like(drive.couples))
+            elif hook == "couple":
+                drive = drive.strained(value - signals.strains)
+            else:
+                drive = replace(drive, base_rotation=drive.base_rotation + value.reshape(drive.samples, 3))
+        return drive
 
     def first_order(self, placed: PlacedEffect) -> Floats:
         """Give by how much an effect changes the predictions to first order, shape (samples, rows).
@@ -225,7 +254,7 @@ class Stage:
             own = value.reshape(drive.samples, -1)
             return _applied(self.by_input[..., chambers : chambers + own.shape[1]], own)
         if hook == "couple":
-            return _applied(self.by_strain, (value - signals.strains).reshape(drive.samples, -1))
+            return _applied(self.by_free, (value - signals.strains).reshape(drive.samples, -1))
         turned = replace(drive, base_rotation=drive.base_rotation + value.reshape(drive.samples, 3))
         return _applied(self.by_twist, self.arm.twists(turned) - self.arm.twists(drive))
 
@@ -287,23 +316,40 @@ class Stage:
                 case "alignment" if target in names:
                     columns[..., index] = by_alignment[..., names.index(target)]
         for index in range(len(self.world.segments)):
-            if self.by_stiffness is not None:
-                columns[..., known + index] = self.by_stiffness[..., len(self.world.segments) + index]
-            else:
-                twist = self.arm.baseline.strains[:, index, 2]
-                columns[..., known + index] = self.by_strain[..., 4 * index + 2] * twist[:, None]
+            twist = self.arm.baseline.strains[:, index, 2]
+            columns[..., known + index] = self.by_free[..., 4 * index + 2] * twist[:, None]
         return columns
 
     def _by_stiffness(self, segment: str) -> Floats:
-        """Differentiate by the logarithm of a segment's stiffness: all its strains shrink alike."""
+        """Differentiate by the logarithm of a segment's stiffness.
+
+        Where the model does not tell, all strains of the segment shrink alike.
+        """
         index = self.world.segments.index(segment)
-        if self.by_stiffness is not None:
-            return self.by_stiffness[..., index]
+        known = self.arm.baseline.by_stiffness
+        if known is not None:
+            by_stiffness: Floats = (self.by_twist @ known)[..., index]
+            return by_stiffness
         own = slice(4 * index, 4 * index + 4)
-        shrunk: Floats = -np.einsum(
-            "trk,tk->tr", self.by_strain[..., own], self.arm.baseline.strains[:, index]
-        )
+        shrunk: Floats = -np.einsum("trk,tk->tr", self.by_free[..., own], self.arm.baseline.strains[:, index])
         return shrunk
+
+
+def _between(clock: Floats, nodes: Floats, values: Floats) -> Floats:
+    """Interpolate between nodes, those without a value left out; shape (samples, ...)."""
+    flat = values.reshape(len(nodes), -1)
+    columns = []
+    for column in flat.T:
+        found = np.isfinite(column)
+        columns.append(np.interp(clock, nodes[found], column[found]) if found.any() else np.zeros(len(clock)))
+    return np.stack(columns, axis=-1).reshape(len(clock), *values.shape[1:])
+
+
+def _settled(drive: Drive, again: Drive) -> bool:
+    """Tell whether effects do the same in two responses."""
+    strain = float(np.abs(again.free - drive.free).max(initial=0.0))
+    wrench = float(np.abs(again.wrenches - drive.wrenches).max(initial=0.0))
+    return strain < SETTLED_STRAIN and wrench < SETTLED_WRENCH
 
 
 def _applied(slopes: Floats, change: Floats) -> Floats:
@@ -312,9 +358,7 @@ def _applied(slopes: Floats, change: Floats) -> Floats:
     return applied
 
 
-def build_stage(
-    model: Model, session: Session, setting: Setting, torsion: Floats, *, slopes: bool = False
-) -> Stage:
+def build_stage(model: Model, session: Session, setting: Setting, torsion: Floats) -> Stage:
     """Solve the calibrated model along a session and linearise it there.
 
     Args:
@@ -322,59 +366,15 @@ def build_stage(
         session: The session.
         setting: Calibration.
         torsion: Torsional compliance of each segment beyond the model's, shape (segments,).
-        slopes: Solve for the derivatives by stiffness where the model is fast.
     """
     arm = model.arm(setting.scales, torsion)
     drive = session.drive(setting.actuation, arm.segments.count)
     response = arm.respond(drive)
-    # What is free to strain is resisted by the material alone; weight and loads resist once it does.
-    weightless = replace(drive, gravity=np.zeros_like(drive.gravity), wrenches=np.zeros_like(drive.wrenches))
-    alone = arm.respond(weightless, response) if model.fast else response
     suite = setting.aligned(session.suite)
     sensors = tuple(m.name for m in suite.measurements)
-    world = World.of(model.specimen, arm.segments, model.sections, _stiffness(arm.segments, alone), sensors)
-    stage = Stage(session, setting, LinearisedArm(arm.segments, drive, response), arm, world, suite, drive)
-    return (
-        replace(stage, by_stiffness=_by_stiffness(model, stage, torsion)) if slopes and model.fast else stage
-    )
-
-
-def _by_stiffness(model: Model, stage: Stage, torsion: Floats) -> Floats:
-    """Solve the model with every segment a little stiffer, then a little weaker in torsion.
-
-    Returns:
-        Shape (samples, rows, 2 segments).
-    """
-    columns = []
-    for index in range(2 * len(torsion)):
-        scales, twist = dict(stage.setting.scales), torsion.copy()
-        if index < len(torsion):
-            name = stage.world.segments[index]
-            scales[name] = scales.get(name, 1.0) * float(np.exp(STIFFNESS_STEP))
-        else:
-            twist[index - len(torsion)] += STIFFNESS_STEP
-        found = model.arm(scales, twist).respond(stage.drive, stage.arm.baseline)
-        readings = stage.suite.predict(Scene(found.frames, stage.scene.loads))
-        columns.append(np.where(found.converged[:, None], stage.innovation(readings), 0.0) / STIFFNESS_STEP)
-    return np.stack(columns, axis=-1)
-
-
-def _stiffness(segments: Segments, response: Response) -> Floats:
-    """Give each segment's stiffness against its own couples in every pose, shape (samples, segments, 4, 4).
-
-    It is the inverse of the tangent compliance, kept within ``SPREAD`` of the typical one.
-    """
-    rows = segments.rows(response.frames)
-    compliance = np.einsum("tgai,tij,tgbj->tgab", rows, response.by_wrench, rows)
-    compliance = 0.5 * (compliance + np.swapaxes(compliance, -1, -2))
-    typical = np.sqrt(np.abs(np.median(np.diagonal(compliance, axis1=2, axis2=3), axis=0)))
-    size = np.maximum(typical, 1e-12)
-    scaled = compliance / (size[..., :, None] * size[..., None, :])
-    values, vectors = np.linalg.eigh(scaled)
-    inverse = 1.0 / np.clip(values, 1.0 / SPREAD, SPREAD)
-    whole = (vectors * inverse[..., None, :]) @ np.swapaxes(vectors, -1, -2)
-    stiffness: Floats = whole / (size[..., :, None] * size[..., None, :])
-    return stiffness
+    stiffness = stiffness_along(arm.segments, response.frames, response.by_wrench)
+    world = World.of(model.specimen, arm.segments, model.sections, stiffness, sensors)
+    return Stage(session, setting, LinearisedArm(arm.segments, drive, response), arm, world, suite, drive)
 
 
 def fading(clock: Floats, sizes: Floats) -> Floats:

@@ -1,7 +1,7 @@
 """The arm with effects: effects that shape the drive, those that answer to the response, and the sensors.
 
-A material effect turns the free strain u, which the segment would have without it, into eps(u); in the
-model it acts as the couple K (eps - u), K the segment's stiffness. What depends on the response (couples,
+A material effect turns the strain u, which the segment would have without it, into eps(u); in the model
+eps - u is a free strain. What depends on the response (couples,
 loads, yielding supports) is found as a fixed point with Aitken's relaxation, sample by sample. Since an
 effect sees the strain without its own share, most need two or three passes, however strong or fast they are.
 """
@@ -111,7 +111,7 @@ def simulate_with(
             step = _relaxed(gap, old.get(k), FIRST_STEP[effects[k].effect.hook])
             old[k] = (gap, step)
             shares[k] = shares[k] + step[:, None] * gap
-        drive = _loaded(base, effects, shares, world)
+        drive = _loaded(base, effects, shares)
         response = arm.respond(drive, response)
         passes += 1
     readings = _readings(effects, world, drive, response, suite, before, after)
@@ -147,7 +147,9 @@ def advance_with(
             known = world.strains(drive.couples).reshape(drive.samples, -1)
             own = known if effect.effect.hook == "couple" else _no_share(effect, drive)
             shares[k], after[k] = _share(effect, world, drive, response, own, before[k])
-    return _loaded(base, effects, shares, world), tuple(after)
+    shaped = _loaded(base, effects, shares)
+    couples = shaped.couples + world.couples(shaped.free)
+    return replace(shaped, couples=couples, free=np.zeros_like(couples)), tuple(after)
 
 
 def standing_pressures(effects: Sequence[PlacedEffect], world: World, drive: Drive) -> Floats:
@@ -223,13 +225,12 @@ def _relaxed(gap: Floats, old: tuple[Floats, Floats] | None, first: float) -> Fl
     return np.where(square > 0.0, np.clip(step, SMALLEST_STEP, 2.0), 1.0)
 
 
-def _loaded(drive: Drive, effects: Sequence[PlacedEffect], shares: dict[int, Floats], world: World) -> Drive:
+def _loaded(drive: Drive, effects: Sequence[PlacedEffect], shares: dict[int, Floats]) -> Drive:
     """Add the effects' shares to a drive."""
     for k, share in shares.items():
         hook = effects[k].effect.hook
         if hook == "couple":
-            couples = world.couples(share.reshape(drive.couples.shape))
-            drive = drive.plus(np.zeros_like(drive.wrenches), couples)
+            drive = drive.strained(share.reshape(drive.free.shape))
         elif hook == "load":
             drive = drive.plus(share.reshape(drive.wrenches.shape), np.zeros_like(drive.couples))
         else:

@@ -1,9 +1,10 @@
-"""Softening at large strain: eps = u (1 + k |theta|^2), theta the bend of the segment."""
+"""Softening at large strain: eps = u (1 + k q), q the loss of stiffness of ``large_strain``."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.effects.effect import Effect, Memory, Parameter, Signals
+from estimator.effects.large_strain import losses
 from estimator.effects.world import (
     Spot,
     whole_and_segments,
@@ -13,10 +14,10 @@ Floats = NDArray[np.float64]
 
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
-    """Add strain that grows with the square of the bend."""
+    """Add strain that grows with the square of strain."""
     (growth,) = theta
-    square = (signals.strains[..., :2] ** 2).sum(axis=-1, keepdims=True)
-    return signals.strains * (1.0 + growth * spot.segments[:, None] * square), memory
+    lost = losses(signals.strains, spot.world)
+    return signals.strains * (1.0 + growth * spot.segments[:, None] * lost), memory
 
 
 EFFECT = Effect(
@@ -25,8 +26,8 @@ EFFECT = Effect(
     parameters=(Parameter("growth", "1/rad2", 0.2, 0.0, 20.0, spread=0.5),),
     places=whole_and_segments,
     act=act,
-    statement="The material of {where} softens as it bends: strain exceeds the linear one by {growth} "
-    "per square radian of bend.",
+    statement="The material of {where} softens as it strains: its bend exceeds the linear one by {growth} "
+    "per square radian of bend, and more where it is stretched.",
     source="Leading term of O. H. Yeoh, Rubber Chem. Technol. 66 (1993) 754",
     needs=frozenset({"large_pressures"}),
     splits=(

@@ -1,13 +1,14 @@
-"""Stiffening at large strain: eps (1 + k |theta|^2) = u, theta the bend of the segment.
+"""Stiffening at large strain: eps (1 + k q(eps)) = u, q the gain of stiffness of ``large_strain``.
 
-With A the free bend, k e^3 + e = A has the one real root
-e = 2 / sqrt(3 k) sinh(asinh(3/2 A sqrt(3 k)) / 3); all strains shrink by e / A.
+It is solved by Newton steps for the logarithm of the factor by which each strain shrinks, strain by strain,
+with q of the step before.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.effects.effect import Effect, Memory, Parameter, Signals
+from estimator.effects.large_strain import losses
 from estimator.effects.world import (
     Spot,
     whole_and_segments,
@@ -15,18 +16,20 @@ from estimator.effects.world import (
 
 Floats = NDArray[np.float64]
 
+STEPS = 12
+
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
-    """Solve the cubic law for the bend."""
+    """Shrink strains until the law holds."""
     (growth,) = theta
-    size = np.hypot(signals.strains[..., 0], signals.strains[..., 1])
-    root = np.sqrt(3.0 * growth)
-    argument = 1.5 * root * size
-    known = argument > 1e-6
-    safe = np.where(known, argument, 1.0)
-    shrink = np.where(known, 3.0 * np.sinh(np.arcsinh(safe) / 3.0) / safe, 1.0)
-    factor = np.where(spot.segments, shrink, 1.0)
-    return signals.strains * factor[..., None], memory
+    factor = np.ones_like(signals.strains)
+    for _ in range(STEPS):
+        gain = growth * losses(signals.strains * factor, spot.world)
+        # The gain goes with the square of the factors, so log(factor (1 + gain)) has this slope.
+        slope = 1.0 + 2.0 * gain / (1.0 + gain)
+        factor *= np.exp(-np.log(factor * (1.0 + gain)) / slope)
+    factor = np.where(spot.segments[:, None], factor, 1.0)
+    return signals.strains * factor, memory
 
 
 EFFECT = Effect(
@@ -35,8 +38,8 @@ EFFECT = Effect(
     parameters=(Parameter("growth", "1/rad2", 0.2, 0.0, 20.0, spread=0.5),),
     places=whole_and_segments,
     act=act,
-    statement="The material of {where} stiffens as it bends: its stiffness grows by {growth} per square"
-    " radian of bend.",
+    statement="The material of {where} stiffens as it strains: its stiffness grows by {growth} per square"
+    " radian of bend, and more where it is stretched.",
     source="Leading term of O. H. Yeoh, Rubber Chem. Technol. 66 (1993) 754",
     needs=frozenset({"large_pressures"}),
     splits=(

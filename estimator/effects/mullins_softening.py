@@ -1,7 +1,7 @@
-"""Mullins effect: below the largest bend so far the material is softer than on its first passage.
+"""Mullins effect: below the largest strain so far the material is softer than on its first passage.
 
-Ogden-Roxburgh: stiffness factor eta = 1 - s erf((M^2 - A^2) / w^2), A the size of the bend, M the largest
-so far, s the strength and w a width; eps = u / eta.
+Ogden-Roxburgh: stiffness factor eta = 1 - s erf((M^2 - A^2) / w^2), A the size of the strain as a bend
+(``large_strain``), M the largest so far, s the strength and w a width; eps = u / eta.
 """
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import erf
 
 from estimator.effects.effect import Effect, Memory, Parameter, Signals
+from estimator.effects.large_strain import size
 from estimator.effects.world import (
     Spot,
     whole_and_segments,
@@ -18,13 +19,13 @@ Floats = NDArray[np.float64]
 
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
-    """Soften by the distance to the largest bend so far."""
+    """Soften by the distance to the largest strain so far."""
     strength, width = theta
-    size = np.hypot(signals.strains[..., 0], signals.strains[..., 1])
-    largest = np.maximum.accumulate(size, axis=0)
+    strain = size(signals.strains, spot.world)
+    largest = np.maximum.accumulate(strain, axis=0)
     if memory:
         largest = np.maximum(largest, memory[0])
-    factor = 1.0 - strength * spot.segments * erf((largest**2 - size**2) / width**2)
+    factor = 1.0 - strength * spot.segments * erf((largest**2 - strain**2) / width**2)
     return signals.strains / factor[..., None], (largest[-1],)
 
 
@@ -37,8 +38,8 @@ EFFECT = Effect(
     ),
     places=whole_and_segments,
     act=act,
-    statement="The material of {where} shows the Mullins effect: bends below the largest one so far "
-    "meet up to {strength} less stiffness, over a width of {width} rad.",
+    statement="The material of {where} shows the Mullins effect: strains below the largest one so far "
+    "meet up to {strength} less stiffness, over a width of {width} rad of bend.",
     source="R. W. Ogden, D. G. Roxburgh, Proc. R. Soc. A 455 (1999) 2861",
     needs=frozenset({"growing_cycles"}),
     splits=(

@@ -69,6 +69,15 @@ class World:
         """Number of chambers."""
         return len(self.chamber_segment)
 
+    @property
+    def radii(self) -> Floats:
+        """Radius of a thin ring that bends and stretches as each segment does [m], shape (segments,)."""
+        known = self.stiffness
+        if known.ndim == 4:
+            known = np.median(np.diagonal(known, axis1=2, axis2=3), axis=0)
+        radii: Floats = np.sqrt(2.0 * known[:, :2].mean(axis=1) / known[:, 3])
+        return radii
+
     def couples(self, strains: Floats) -> Floats:
         """Give the couples that strain the segments by so much, shape (samples, segments, 4)."""
         if self.stiffness.ndim == 4:

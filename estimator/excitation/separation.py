@@ -88,8 +88,8 @@ class Subject:
         drive = self._drive(manoeuvre, clock)
         state = np.round(np.column_stack([drive.pressures, drive.wrenches[:, -1, :3] * 1e4]))
         _, chosen, back = np.unique(state, axis=0, return_index=True, return_inverse=True)
-        solved = self.arm.respond(_take(drive, chosen))
-        return clock, _pick(solved, back.ravel())
+        solved = self.arm.respond(drive.at(chosen))
+        return clock, solved.at(back.ravel())
 
 
 @dataclass(frozen=True)
@@ -218,31 +218,17 @@ def _units(name: str, size: int) -> Sequence[str]:
     return ["m"] * 3 + ["rad"] * 3 if name.startswith("frame") else ["rad"] * size
 
 
-def _take(drive: Drive, chosen: NDArray[np.int64]) -> Drive:
-    return Drive(
-        drive.time[chosen],
-        drive.pressures[chosen],
-        drive.gravity[chosen],
-        drive.wrenches[chosen],
-        drive.couples[chosen],
-        drive.base_rotation[chosen],
-    )
-
-
-def _pick(response: Response, rows: NDArray[np.int64]) -> Response:
-    frames = Frames(response.frames.positions[rows], response.frames.rotations[rows])
-    return Response(frames, response.strains[rows], response.motion[rows], response.converged[rows])
-
-
 def _between(clock: Floats, solved: Response, time: Floats, segments: Segments) -> Response:
     """Interpolate the response between the times at which it was solved."""
     after = np.clip(np.searchsorted(clock, time, side="right"), 1, len(clock) - 1)
     before = after - 1
     share = np.clip((time - clock[before]) / np.maximum(clock[after] - clock[before], 1e-12), 0.0, 1.0)
-    low, high = _pick(solved, before), _pick(solved, after)
+    low, high = solved.at(before), solved.at(after)
     turn = log(np.swapaxes(low.frames.rotations, -1, -2) @ high.frames.rotations)
     rotations = low.frames.rotations @ exp(share[:, None, None] * turn)
     gap = high.frames.positions - low.frames.positions
     frames = Frames(low.frames.positions + share[:, None, None] * gap, rotations)
-    motion = low.motion + share[:, None, None] * (high.motion - low.motion)
-    return Response(frames, segments.strains(frames), motion, low.converged & high.converged)
+    part = share[:, None, None]
+    motion = low.motion + part * (high.motion - low.motion)
+    by_free = low.by_free + part * (high.by_free - low.by_free)
+    return Response(frames, segments.strains(frames), motion, by_free, low.converged & high.converged)

@@ -51,11 +51,13 @@ class Drive(NamedTuple):
         pressures: Gauge pressures [Pa], shape (chambers,).
         force: Force of each action in the base frame [N], shape (actions, 3).
         couple: Couple of each action [N m], shape (actions, 3).
+        free: Strain of each link beside what its law gives, shape (links, 6).
     """
 
     pressures: Floats
     force: Floats
     couple: Floats
+    free: Floats
 
 
 class Work(NamedTuple):

@@ -18,15 +18,15 @@ Indices = NDArray[np.int64]
 def linearise_chain(
     length: Floats, actions: Actions, laws: Laws, drive: Drive, work: Work, gap: Floats
 ) -> None:
-    """Evaluate law(wrench(strain)) - strain and, in ``work.tangent``, its negative derivative by the strain.
+    """Evaluate law(wrench(strain)) + free - strain and, in ``work.tangent``, its negative derivative.
 
     Args:
         length: Rest lengths of the links [m], shape (links,).
         actions: Where loads act.
         laws: Link laws.
-        drive: Pressures and loads.
+        drive: Pressures, loads and free strains.
         work: Strains and clamp are given, all else is filled.
-        gap: Filled with law - strain, shape (6 links,).
+        gap: Filled with law + free - strain, shape (6 links,).
     """
     links = len(length)
     wrench, beyond = np.empty((links, 6)), np.empty((links, 15))
@@ -41,7 +41,7 @@ def linearise_chain(
         chord[:] = positions[i + 1] - positions[i]
         link_motion(strain[i], work.rotations[i], middles[i], chord, positions[i + 1], work.motions[i])
         for k in range(6):
-            gap[6 * i + k] = value[i, k] - strain[i, k]
+            gap[6 * i + k] = value[i, k] + drive.free[i, k] - strain[i, k]
     inner_moments(strain, work.rotations, positions, actions, work.points, drive.force, inner)
     turned_parts(middles, actions, drive, parts)
     wrench_jacobian(positions, middles, beyond, work.motions, inner, parts, by_strain)
@@ -82,7 +82,7 @@ def settle(
         laws: Link laws.
         drive: Pressures and loads.
         work: Strains to begin with and clamp are given; all is brought to the last iterate.
-        gap: Filled with law - strain at the last iterate, shape (6 links,).
+        gap: Filled with law + free - strain at the last iterate, shape (6 links,).
         tolerance: Largest gap of a strain [rad, or share of its link's length] to stop at.
         iterations: Largest number of linearisations.
 
@@ -211,6 +211,7 @@ def respond(
     units: Floats,
     owner: Indices,
     columns: int,
+    shapes: Floats,
     stations: Indices,
     offsets: Floats,
     tolerance: float,
@@ -229,16 +230,17 @@ def respond(
         drive: Pressures and loads.
         units: Force and couple of an action per unit of an input, shape (units, 6).
         owner: Action and column of each, shape (units, 2).
-        columns: Number of inputs; the stiffness factors of the links follow them in ``change`` where it
-            has more columns.
+        columns: Number of inputs; the stiffness factors of the links and then the shapes follow them in
+            ``change`` where it has more columns.
+        shapes: Free strains of the links whose effect is wanted, shape (6 links, shapes).
         stations: Station of each point, 0 for the clamp, shape (points,).
         offsets: Offset of each point in its station's frame [m], shape (points, 3).
         tolerance: Largest gap of a strain to stop at.
         iterations: Largest number of linearisations.
         work: Strains to begin with and clamp are given; all is brought to equilibrium.
         places: Filled with the points [m], shape (points, 3).
-        change: Filled with the strains' change per unit of each input, shape (6 links, inputs).
-        twists: Filled with the points' twists per unit of each input, shape (6 points, inputs).
+        change: Filled with the strains' change per unit of each column, shape (6 links, columns).
+        twists: Filled with the points' twists per unit of each, shape (6 points, columns).
 
     Returns:
         Number of linearisations, negative when it failed, and the last gap.
@@ -252,7 +254,8 @@ def respond(
     if every > columns:
         wrench, beyond = np.empty((links, 6)), np.empty((links, 15))
         wrenches(work.positions, work.middles, actions, work.points, drive, wrench, beyond)
-        stiffness_gaps(laws, wrench, drive.pressures, work.slopes, right[:, columns:every])
+        stiffness_gaps(laws, wrench, drive.pressures, work.slopes, right[:, columns : columns + links])
+        right[:, columns + links : every] = shapes
     if count > 0:
         # The last Newton step, so small that the linearisation holds at its end as well.
         moves = np.linalg.solve(work.tangent, right)
@@ -278,9 +281,11 @@ def respond_all(
     pressures: Floats,
     amplitudes: Floats,
     gravities: Floats,
+    free: Floats,
     units: Floats,
     owner: Indices,
     columns: int,
+    shapes: Floats,
     stations: Indices,
     offsets: Floats,
     tolerance: float,
@@ -300,9 +305,11 @@ def respond_all(
         pressures: Gauge pressures [Pa], shape (samples, chambers).
         amplitudes: Loads [N or N m], shape (samples, loads).
         gravities: Gravitational acceleration [m/s2], shape (samples, 3).
+        free: Sizes of the free strains, in the shapes, shape (samples, shapes).
         units: Force and couple of an action per unit of load or gravity, shape (units, 6).
         owner: Action and column of each, shape (units, 2).
         columns: Number of pressures, loads and three components of gravity.
+        shapes: Free strains of the links, shape (6 links, shapes).
         stations: Station of each point, shape (points,).
         offsets: Offset of each point in its station's frame [m], shape (points, 3).
         tolerance: Largest gap of a strain to stop at.
@@ -310,12 +317,12 @@ def respond_all(
         work: Memory, at rest.
         places: Filled, shape (samples, points, 3).
         rotations: Filled with the stations' rotations, shape (samples, points, 3, 3).
-        twists: Filled, shape (samples, 6 points, inputs).
+        twists: Filled, shape (samples, 6 points, columns + links + shapes).
         counts: Filled with the number of linearisations, negative where it failed, shape (samples,).
     """
     chambers = pressures.shape[1]
     force, couple = np.zeros((len(actions.link), 3)), np.zeros((len(actions.link), 3))
-    change = np.zeros((6 * len(length), twists.shape[2]))
+    change, strain = np.zeros((6 * len(length), twists.shape[2])), np.empty((len(length), 6))
     for s in range(len(pressures)):
         force[:] = 0.0
         couple[:] = 0.0
@@ -326,16 +333,21 @@ def respond_all(
             for k in range(3):
                 force[owner[u, 0], k] += size * units[u, k]
                 couple[owner[u, 0], k] += size * units[u, 3 + k]
-        drive = Drive(pressures[s], force, couple)
+        for i in range(len(length)):
+            for k in range(6):
+                strain[i, k] = 0.0
+                for f in range(shapes.shape[1]):
+                    strain[i, k] += shapes[6 * i + k, f] * free[s, f]
+        drive = Drive(pressures[s], force, couple, strain)
         count, _ = respond(
-            length, actions, laws, drive, units, owner, columns, stations, offsets,
+            length, actions, laws, drive, units, owner, columns, shapes, stations, offsets,
             tolerance, iterations, work, places[s], change, twists[s],
         )  # fmt: skip
         if count < 0:
             # From rest once more, before it is given up.
             work.strain[:] = 0.0
             count, _ = respond(
-                length, actions, laws, drive, units, owner, columns, stations, offsets,
+                length, actions, laws, drive, units, owner, columns, shapes, stations, offsets,
                 tolerance, iterations, work, places[s], change, twists[s],
             )  # fmt: skip
         counts[s] = count

@@ -67,7 +67,7 @@ def local_kernel(
     for s in range(len(rotations)):
         strain_between(rotations[s], positions[s], length, strains[s], middles)
         action_points(strains[s], length, rotations[s], positions[s], actions, points)
-        drive = Drive(pressures, force[s], couple[s])
+        drive = Drive(pressures, force[s], couple[s], strains[s])
         wrenches(positions[s], middles, actions, points, drive, wrench[s], beyond)
 
 

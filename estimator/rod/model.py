@@ -19,6 +19,8 @@ Indices = NDArray[np.int64]
 TOLERANCE = 1e-6
 """Gap of a strain [rad, share of a link's length] that one more Newton step closes to about its square."""
 ITERATIONS = 25
+SHARES = ((3, 0), (4, 1), (5, 2), (2, 5))
+"""Component of the wrench and strain it makes, for each free strain: two bends, the twist, the elongation."""
 CONTINUATION = (1, 4, 16, 64)
 """Numbers of load steps that ``solve`` tries in turn."""
 
@@ -58,11 +60,14 @@ class Batch:
         frames: Frames of the sections, arrays with a leading axis (samples,).
         motion: Section twists per unit of each pressure, load, component of gravity and stiffness factor of
             each region, shape (samples, 6 sections, inputs + 3 + regions).
+        by_free: Section twists per unit of the free strains of each region, shape (samples, 6 sections,
+            regions, 4).
         converged: Shape (samples,).
     """
 
     frames: Frames
     motion: Floats
+    by_free: Floats
     converged: NDArray[np.bool_]
 
 
@@ -98,6 +103,12 @@ class CalibratedRod:
     def regions(self) -> tuple[str, ...]:
         """Names of the regions whose stiffness can be scaled."""
         return tuple(dict.fromkeys(self.chain.regions))
+
+    @property
+    def factors(self) -> Floats:
+        """Stiffness factor of each region, shape (regions,)."""
+        first = [self.chain.regions.index(name) for name in self.regions]
+        return np.asarray(self.laws.stiffness[first], dtype=np.float64)
 
     def with_loads(self, loads: Sequence[Load]) -> "CalibratedRod":
         """Give the same rod with other loads, anywhere along it."""
@@ -137,8 +148,9 @@ class CalibratedRod:
         change = np.zeros((6 * self.chain.links, columns))
         units, owner = self._units
         count, _ = respond(
-            self._lengths, self._actions, self.laws, drive, units, owner, columns, self.chain.section_station,
-            self.chain.section_offset, TOLERANCE, ITERATIONS, work, places, change, twists,
+            self._lengths, self._actions, self.laws, drive, units, owner, columns, self._shapes,
+            self.chain.section_station, self.chain.section_offset, TOLERANCE, ITERATIONS, work, places,
+            change, twists,
         )  # fmt: skip
         rotations = work.rotations[self.chain.section_station] @ self.chain.section_rotation
         residual = 0.0 if count > 0 else np.inf
@@ -160,32 +172,40 @@ class CalibratedRod:
                 return state, True
         return start, False
 
-    def evaluate(self, pressures: Floats, loads: Floats, gravity: Floats) -> Batch:
+    def evaluate(
+        self, pressures: Floats, loads: Floats, gravity: Floats, free: Floats | None = None
+    ) -> Batch:
         """Solve many samples in one compiled loop, each begun from the one before.
 
         Args:
             pressures: Gauge pressures [Pa], shape (samples, chambers).
             loads: Load amplitudes [N or N m], shape (samples, loads).
             gravity: Gravitational acceleration in the base frame [m/s2], shape (3,) or (samples, 3).
+            free: What the material of each region strains beside what its law gives: two bends and the twist
+                [rad], and its elongation [m], shape (samples, regions, 4).
 
         Returns:
-            Frames and their derivatives by inputs, gravity and stiffness factors.
+            Frames and their derivatives by inputs, gravity, stiffness factors and free strains.
         """
         samples, sections, links = len(pressures), len(self.sections), self.chain.links
         columns = self.chambers + len(self.loads) + 3
         units, owner = self._units_and_gravity
         places = np.empty((samples, sections, 3))
         rotations = np.empty((samples, sections, 3, 3))
-        twists = np.zeros((samples, 6 * sections, columns + links))
+        shapes = self._shapes
+        sizes = np.zeros((samples, shapes.shape[1])) if free is None else _dense(free).reshape(samples, -1)
+        twists = np.zeros((samples, 6 * sections, columns + links + shapes.shape[1]))
         counts = np.zeros(samples, dtype=np.int64)
         respond_all(
             self._lengths, self._actions, self.laws, _dense(pressures), _dense(loads),
-            _dense(np.broadcast_to(gravity, (samples, 3))), units, owner, columns, self.chain.section_station,
-            self.chain.section_offset, TOLERANCE, ITERATIONS, self._work(self.rest()), places, rotations,
-            twists, counts,
+            _dense(np.broadcast_to(gravity, (samples, 3))), sizes, units, owner, columns, shapes,
+            self.chain.section_station, self.chain.section_offset, TOLERANCE, ITERATIONS,
+            self._work(self.rest()), places, rotations, twists, counts,
         )  # fmt: skip
-        motion = np.concatenate([twists[..., :columns], twists[..., columns:] @ self._membership], axis=-1)
-        return Batch(Frames(places, rotations @ self.chain.section_rotation), motion, counts > 0)
+        by_factor, by_free = twists[..., columns : columns + links], twists[..., columns + links :]
+        motion = np.concatenate([twists[..., :columns], by_factor @ self._membership], axis=-1)
+        frames = Frames(places, rotations @ self.chain.section_rotation)
+        return Batch(frames, motion, by_free.reshape(*by_free.shape[:2], -1, 4), counts > 0)
 
     def station_frames(self, state: Floats, inputs: Inputs) -> Frames:
         """Give the frames of all stations at the equilibrium near a state, the clamp first."""
@@ -196,8 +216,8 @@ class CalibratedRod:
         places = np.empty((len(every), 3))
         columns = self.chambers + len(self.loads)
         respond(
-            self._lengths, self._actions, self.laws, self._drive(inputs), units, owner, columns, every,
-            np.zeros((len(every), 3)), TOLERANCE, ITERATIONS, work, places,
+            self._lengths, self._actions, self.laws, self._drive(inputs), units, owner, columns, self._shapes,
+            every, np.zeros((len(every), 3)), TOLERANCE, ITERATIONS, work, places,
             np.zeros((6 * self.chain.links, columns)), np.zeros((6 * len(every), columns)),
         )  # fmt: skip
         return Frames(places, work.rotations)
@@ -222,7 +242,7 @@ class CalibratedRod:
         sized = np.asarray(inputs.loads)[:, None]
         force[links:] = sized * self._directions[:, :3]
         couple[links:] = sized * self._directions[:, 3:]
-        return Drive(_dense(inputs.pressures), force, couple)
+        return Drive(_dense(inputs.pressures), force, couple, self.rest())
 
     def _work(self, strain: Floats) -> Work:
         work = new_work(self.chain.links, self.chain.links + len(self.loads), self.laws.chambers.shape[1])
@@ -265,6 +285,20 @@ class CalibratedRod:
             weights[rows, axis] = self.chain.mass
             whose[rows] = np.stack([np.arange(links), np.full(links, first + axis)], axis=1)
         return np.concatenate([units, weights]), np.concatenate([owner, whose])
+
+    @cached_property
+    def _shapes(self) -> Floats:
+        """Strains of the links per unit of each region's free strains, shape (6 links, 4 regions).
+
+        Links share them as they share the strain under an even bending moment, torque or axial force.
+        """
+        shapes = np.zeros((self.chain.links, 6, len(self.regions), 4))
+        for kind, (wrench, strain) in enumerate(SHARES):
+            row = np.flatnonzero((self.laws.table == (0, 0, 0, 1 + wrench)).all(axis=1))[0]
+            compliance = np.abs(self.laws.coefficients[:, row, strain]) / self.laws.scale[:, wrench]
+            own = compliance[:, None] * self._membership
+            shapes[:, strain, :, kind] = own / np.maximum(own.sum(axis=0), 1e-300)
+        return shapes.reshape(6 * self.chain.links, -1)
 
     @cached_property
     def _membership(self) -> Floats:

@@ -1,7 +1,7 @@
 """The arm's quasi-static answer to a drive, by any model of ``estimator.model``."""
 
 from dataclasses import dataclass, replace
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from estimator.errors import InputError
 from estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
 from estimator.rotations import exp
+from estimator.simulation.compliance import stiffness_along, yielding
 from estimator.simulation.drive import Drive, Response
 from estimator.simulation.segments import Segments
 
@@ -55,6 +56,30 @@ class BatchModel(Protocol):
         """Solve samples with pressures, load amplitudes and gravity of shape (samples, ...)."""
 
 
+class StrainedAnswer(BatchAnswer, Protocol):
+    """Answers of a model whose regions strain freely, as ``estimator.rod.model.Batch``."""
+
+    @property
+    def by_free(self) -> Floats:
+        """Twists per unit of the regions' free strains, shape (samples, 6 sections, regions, 4)."""
+
+
+@runtime_checkable
+class StrainedModel(Protocol):
+    """A model that solves many samples in one call, with regions that strain freely."""
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the regions."""
+
+    @property
+    def factors(self) -> Floats:
+        """Stiffness factor of each region, shape (regions,)."""
+
+    def evaluate(self, pressures: Floats, loads: Floats, gravity: Floats, free: Floats) -> StrainedAnswer:
+        """Solve samples; ``free`` of shape (samples, regions, 4)."""
+
+
 def section_loads(sections: tuple[str, ...]) -> tuple[Load, ...]:
     """List unit forces, then moments, along the base axes on each section: the wrenches of a drive."""
     return tuple(
@@ -93,19 +118,53 @@ class SimulatedArm(Generic[State, Step]):
         A turned base turns gravity and the wrenches into its frame, and the frames out of it.
         """
         turn = exp(drive.base_rotation)
-        wrenches = drive.wrenches
-        if np.any(drive.couples):
-            known = near or self.respond(drive.plus(np.zeros_like(wrenches), -drive.couples))
-            wrenches = wrenches + self.segments.wrenches(known.frames, drive.couples)
+        wrenches = drive.wrenches + self._coupled(drive, near)
         local = np.einsum("tji,tskj->tski", turn, wrenches.reshape(*wrenches.shape[:2], 2, 3))
+        local = local.reshape(drive.samples, -1)
         gravity = np.einsum("tji,tj->ti", turn, drive.gravity)
-        answer = self._evaluate(drive.pressures, local.reshape(drive.samples, -1), gravity)
+        by_free: Floats | None = None
+        by_stiffness: Floats | None = None
+        if isinstance(self.model, StrainedModel):
+            answer, by_free, by_stiffness = self._strained(self.model, drive, local, gravity)
+        else:
+            answer = self._evaluate(drive.pressures, local, gravity)
         frames = Frames(
             np.einsum("tij,tsj->tsi", turn, answer.frames.positions),
             np.einsum("tij,tsjk->tsik", turn, answer.frames.rotations),
         )
         motion = _turned(answer.motion, turn, drive.pressures.shape[1])
-        return Response(frames, self.segments.strains(answer.frames), motion, answer.converged)
+        response = Response(
+            frames, self.segments.strains(answer.frames), motion, motion[..., :0], answer.converged
+        )
+        if by_free is None or by_stiffness is None:
+            return replace(response, by_free=yielding(self.segments, frames, response.by_wrench))
+        by_free, by_stiffness = _out(by_free, turn), _out(by_stiffness, turn)
+        return replace(response, by_free=by_free, by_stiffness=by_stiffness)
+
+    def _coupled(self, drive: Drive, near: Response | None) -> Floats:
+        """Give the sections' wrenches by couples, and by free strains where the model has none itself."""
+        strained = not isinstance(self.model, StrainedModel) and bool(np.any(drive.free))
+        if not np.any(drive.couples) and not strained:
+            return np.zeros_like(drive.wrenches)
+        plain = replace(drive, couples=np.zeros_like(drive.couples), free=np.zeros_like(drive.free))
+        known = near or self.respond(plain)
+        couples = drive.couples
+        if strained:
+            stiffness = stiffness_along(self.segments, known.frames, known.by_wrench)
+            couples = couples + np.einsum("tgij,tgj->tgi", stiffness, drive.free)
+        return self.segments.wrenches(known.frames, couples)
+
+    def _strained(
+        self, model: StrainedModel, drive: Drive, loads: Floats, gravity: Floats
+    ) -> tuple[BatchAnswer, Floats, Floats]:
+        """Solve a model that strains freely; give twists by free strains and logarithms of stiffness too."""
+        own = [model.regions.index(name) for name in self.segments.names]
+        free = np.zeros((drive.samples, len(model.regions), 4))
+        free[:, own] = drive.free
+        answer = model.evaluate(drive.pressures, loads, gravity, free)
+        by_free = answer.by_free[:, :, own].reshape(*answer.by_free.shape[:2], -1)
+        factors = answer.motion[..., answer.motion.shape[-1] - len(model.regions) :] * model.factors
+        return answer, by_free, factors[..., own]
 
     def _evaluate(self, pressures: Floats, loads: Floats, gravity: Floats) -> BatchAnswer:
         evaluate = getattr(self.model, "evaluate", None)
@@ -130,11 +189,17 @@ def _turned(motion: Floats, turn: Floats, chambers: int) -> Floats:
     """Express twists, and the wrenches and gravity they are differentiated by, in the unturned frame."""
     samples, rows = motion.shape[:2]
     inputs = chambers + rows + 3
-    out = np.einsum("tij,tnjk->tnik", turn, motion[..., :inputs].reshape(samples, -1, 3, inputs))
-    out = out.reshape(samples, rows, inputs)
+    out = _out(motion[..., :inputs], turn)
     vectors = out[..., chambers:].reshape(samples, rows, -1, 3)
     turned = np.einsum("tij,trkj->trki", turn, vectors).reshape(samples, rows, -1)
     return np.concatenate([out[..., :chambers], turned], axis=-1)
+
+
+def _out(twists: Floats, turn: Floats) -> Floats:
+    """Express twists, shape (samples, rows, columns), in the unturned frame."""
+    samples, rows, columns = twists.shape
+    out = np.einsum("tij,tnjk->tnik", turn, twists.reshape(samples, -1, 3, columns))
+    return np.asarray(out.reshape(samples, rows, columns), dtype=np.float64)
 
 
 @dataclass(frozen=True)

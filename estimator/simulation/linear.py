@@ -1,6 +1,6 @@
 """The arm linearised along a drive: cheap enough to try hundreds of hypotheses."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -41,7 +41,7 @@ class LinearisedArm:
             exp(parts[..., 3:]) @ self.baseline.frames.rotations,
         )
         strains = self.baseline.strains + np.einsum("tgij,tj->tgi", self._rows, elastic)
-        return Response(frames, strains, self.baseline.motion, self.baseline.converged)
+        return replace(self.baseline, frames=frames, strains=strains)
 
     @cached_property
     def _rows(self) -> Floats:
@@ -63,7 +63,9 @@ class LinearisedArm:
             gravity,
         ]
         twists: Floats = np.einsum("tri,ti->tr", self.baseline.motion, np.concatenate(change, axis=1))
-        return twists
+        free = (drive.free - base.free).reshape(base.samples, -1)
+        yielded: Floats = np.einsum("tri,ti->tr", self.baseline.by_free, free)
+        return twists + yielded
 
     def _rigid(self, drive: Drive) -> Floats:
         """Give the twists by the turn of the base about the origin."""

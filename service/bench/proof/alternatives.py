@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.augmented import bent_world
 from estimator.calibration import arrange
 from estimator.effects.accepted import accepted_physics
 from estimator.effects.augmented import simulate_with
@@ -151,7 +150,7 @@ def bends(specimen: Specimen, path: Path) -> Bends:
     drive = Drive.of(run.time + start, acting, gravity, sections, subject.segments.count)
     response = subject.arm.respond(drive)
     arm = LinearisedArm(subject.segments, drive, response)
-    world = bent_world(subject.world, subject.segments, response)
+    world = subject.world
     names = [sensor.name for sensor in suite.measurements]
     found = [
         simulate_with(effects, arm, world, drive, suite).readings

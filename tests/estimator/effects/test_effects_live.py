@@ -12,11 +12,9 @@ from tests.estimator.effects.effects_bench import WORLD, placed, run, step_drive
 from tests.estimator.simulation.straight_arm import straight_arm
 from tests.estimator.simulation.test_simulation_arm import some_drive, toy
 
-FIELDS = ("time", "pressures", "gravity", "wrenches", "couples", "base_rotation")
-
 
 def instant(drive: Drive, k: int) -> Drive:
-    return replace(drive, **{field: getattr(drive, field)[k : k + 1] for field in FIELDS})
+    return drive.at(np.array([k]))
 
 
 def test_stepping_in_time_follows_the_whole_run():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from estimator.effects.augmented import simulate_with
+from estimator.effects.large_strain import losses
 from estimator.rotations import exp
 from tests.estimator.effects.effects_bench import SUITE, WORLD, drive_of, placed, run, step_drive
 from tests.estimator.simulation.straight_arm import straight_arm
@@ -82,8 +83,21 @@ def test_line_lag_vanishes_against_measured_pressures():
 
 def test_stiffening_obeys_its_law():
     drive = ramps(10.0)
-    free, stiff = bends(drive)[:, 0, 1], bends(drive, placed("material_stiffening", [2.0]))[:, 0, 1]
-    assert np.allclose(stiff + 2.0 * stiff**3, free, atol=1e-6)
+    free, stiff = bends(drive), bends(drive, placed("material_stiffening", [2.0]))
+    assert np.allclose(stiff * (1.0 + 2.0 * losses(stiff, WORLD)), free, atol=1e-6)
+
+
+def test_large_strain_weakens_a_ring_of_fibres():
+    """The sums of ``large_strain`` against the stress of 3600 fibres of a ring."""
+    radius, length, cubic = float(WORLD.radii[0]), 0.12, 0.05
+    bend, stretch = 0.4, 0.006
+    y = radius * np.sin(np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False))
+    strain = (stretch + bend * y) / length
+    stress = strain * (1.0 - cubic * strain**2)
+    k = 0.75 * cubic * radius**2 / length**2
+    lost = losses(np.array([[[bend, 0.0, 0.0, stretch]] * 2]), WORLD)[0, 0]
+    assert (stress * y).sum() / (strain * y).sum() == pytest.approx(1.0 - k * lost[0], rel=1e-9)
+    assert stress.sum() / strain.sum() == pytest.approx(1.0 - k * lost[3], rel=1e-9)
 
 
 def test_an_arm_with_inertia_rings_at_its_frequency():

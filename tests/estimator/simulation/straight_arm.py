@@ -42,6 +42,7 @@ def straight_arm(time: np.ndarray) -> LinearisedArm:
         frames,
         np.zeros((len(time), 2, 4)),
         np.tile(motion, (len(time), 1, 1)),
+        np.tile(by_strain, (len(time), 1, 1)),
         np.ones(len(time), dtype=bool),
     )
     return LinearisedArm(SEGMENTS, drive, response)
