@@ -32,6 +32,7 @@ class Tolerances:
         iterations: Largest number of new linearisations.
         radius: First radius of the trust region, in units of the inputs' scale.
         retreats: Largest number of steps that are taken back, each at the price of a solve of the model.
+        forecast: Rise of the cost, over it and over one, that a step is allowed per out-of-balance force.
     """
 
     step: float = 1e-6
@@ -39,6 +40,7 @@ class Tolerances:
     iterations: int = 30
     radius: float = 4.0
     retreats: int = 6
+    forecast: float = 10.0
 
 
 @dataclass(frozen=True)
@@ -196,7 +198,7 @@ class _Search(Generic[State, Step]):
             return False
         # Out of equilibrium the cost is a forecast, so only a clear rise counts.
         off = max(point.residual_norm, candidate.residual_norm)
-        slack = 1e-6 + 10.0 * off + min(50.0 * off, INSIGNIFICANT)
+        slack = 1e-6 + self.tolerances.forecast * off + min(50.0 * off, INSIGNIFICANT)
         return candidate.cost <= point.cost * (1.0 + slack) + slack
 
     def _settled(self, point: _Point[State, Step], radius: float, gravity: Floats) -> _Point[State, Step]:

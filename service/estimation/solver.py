@@ -34,8 +34,9 @@ from service.estimation.rod_check import RodCheck
 from service.rods import trusted_rod
 
 WARM_UP_PRESSURE_PA = 1000.0
-LIVE = Tolerances(step=1e-4, residual=1e-4, iterations=12, retreats=0)
-"""No instant waits for a long search: what is left over is the next one's."""
+LIVE = Tolerances(step=1e-4, residual=1e-4, iterations=20, radius=0.3, retreats=0, forecast=30.0)
+"""No instant waits for a long search: what is left over is the next one's. Where an instant comes late, the
+arm has moved far: short steps get there, and none is judged before the balance is near."""
 SOLVES = 12
 """Linear solves in one search for an equilibrium: about a quarter of a second."""
 PLACES = 12
