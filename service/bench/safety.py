@@ -1,14 +1,17 @@
 """``softarm bench safety``: every fault of every device in every mode, and where it leaves the arm."""
 
-import logging
 from collections.abc import Iterable, Sequence
+from concurrent.futures import as_completed
 
 import click
 
 from service.bench import safety_run
 from service.bench.safety_cases import FAST_S, Outcome
-from service.bench.safety_run import BENCHES, Case, count, run
+from service.bench.safety_processes import EVENT_NOTES, strike_processes
+from service.bench.safety_run import BENCHES, MODES, Case, everything, parts, run
 from service.cli.output import Cell, Table, json_option, progress, quick_option, show
+from service.diagnosis.workers import workers
+from service.safety.modes import Mode
 
 NOTES = (
     "Real fakes, drivers, guard, controller and commands in one process and accelerated time; the estimator "
@@ -20,31 +23,41 @@ NOTES = (
 
 
 @click.command()
+@click.option("--jobs", "-j", type=click.IntRange(1), default=2, show_default=True, help="Processes.")
+@click.option("--mode", type=click.Choice([str(mode) for mode in MODES]), help="Only in this mode.")
+@click.option("--processes/--no-processes", default=True, help="Whether to kill and stall processes as well.")
 @json_option
 @quick_option
-def command(as_json: bool, quick: bool) -> int:
+def command(jobs: int, mode: str | None, processes: bool, as_json: bool, quick: bool) -> int:
     """Strike every device with each of its faults in every mode; tell where that left the arm.
 
-    The status is 1 when a fault left the arm elsewhere than stated, or too late.
+    Then kill, freeze and stall the processes of a running rig, and fill its disk. The status is 1 when one of
+    these left the arm elsewhere than stated, or too late.
 
     Example: softarm bench safety --quick
     """
-    choose = safety_run.quick if quick else safety_run.everything
-    benches = BENCHES[:1] if quick else BENCHES
-    logging.disable(logging.WARNING)
-    with progress("faults", count(benches, choose)) as advance:
-        cases = run(benches, choose, lambda: advance(1))
+    todo = parts(BENCHES[:1] if quick else BENCHES, MODES if mode is None else (Mode(mode),))
+    cases: list[Case] = []
+    with progress("faults", len(todo)) as advance, workers(jobs) as pool:
+        for done in as_completed(
+            pool.submit(run, part, safety_run.quick if quick else everything) for part in todo
+        ):
+            cases += done.result()
+            advance(1)
     wrong = [case for case in cases if not case.right]
     tables = [Table("Faults of every device in every mode", summary(cases), NOTES)]
     if wrong:
         tables.append(Table("Not as stated", [detail(case) for case in wrong]))
+    events = strike_processes() if processes else []
+    if events:
+        tables.append(Table("Processes of a running rig", [event.row() for event in events], EVENT_NOTES))
     show(*tables, as_json=as_json)
-    return 1 if wrong else 0
+    return 1 if wrong or not all(event.right for event in events) else 0
 
 
 def summary(cases: Sequence[Case]) -> list[dict[str, Cell]]:
     """Sum up the cases of each kind of device in each mode."""
-    keys = dict.fromkeys((case.kind, case.mode) for case in cases)
+    keys = sorted({(case.kind, case.mode) for case in cases}, key=lambda key: (key[0], MODES.index(key[1])))
     return [_row(kind, mode, [c for c in cases if (c.kind, c.mode) == (kind, mode)]) for kind, mode in keys]
 
 

@@ -1,9 +1,10 @@
 """Every fault of every device in every mode, one at a time: is the arm left where it must be?"""
 
 import asyncio
+import logging
 import tempfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,6 @@ MODES = (
     Mode.FAULTED,
     Mode.STOPPING,
 )
-"""In the order in which one arm can be led through all of them."""
 BENCHES: tuple[Mapping[str, str], ...] = (
     {"valves": "festo_mpa", "qtm": "qualisys", "gauge": "lutron", "bend": "bendlabs", "imu": "xbus"},
     {"valves": "festo_mpa", "qtm": "qualisys", "gauge": "mark10", "imu": "bno08x_rvc"},
@@ -31,7 +31,7 @@ BENCHES: tuple[Mapping[str, str], ...] = (
     {"valves": "festo_mpa", "qtm": "qualisys", "gauge": "line_gauge", "imu": "quaternion_line"},
     {"valves": "festo_vtem", "qtm": "qualisys"},
 )
-"""The kinds of the devices by name; one is a valve terminal. Each kind is struck on the first that has it."""
+"""The kinds of the devices by name; one is a valve terminal."""
 
 LASTS_S = 0.6
 LOOK_S = 0.004
@@ -76,75 +76,62 @@ class Case:
         return self.outcome is self.wanted and in_time and self.stayed and self.recovered
 
 
-def run(
-    benches: Sequence[Mapping[str, str]],
-    choose: Callable[[str, str, Mode], bool],
-    advance: Callable[[], None],
-    speed: float = 40.0,
-) -> list[Case]:
-    """Strike each device of each bench with each of its faults in each mode.
+@dataclass(frozen=True)
+class Part:
+    """What one process strikes: a bench in one mode.
 
     Args:
-        benches: Kinds of the devices by name.
+        kinds: Kinds of the bench's devices by name.
+        struck: Those that are struck.
+        mode: The mode.
+    """
+
+    kinds: Mapping[str, str]
+    struck: Mapping[str, str]
+    mode: Mode
+
+
+Choose = Callable[[str, str, Mode], bool]
+
+
+def parts(benches: Sequence[Mapping[str, str]] = BENCHES, modes: Sequence[Mode] = MODES) -> list[Part]:
+    """List each bench in each mode; a kind of device is struck on the first bench that has it."""
+    known: set[str] = set()
+    found = []
+    for kinds in benches:
+        struck = {name: kind for name, kind in kinds.items() if kind not in known}
+        known |= set(kinds.values())
+        found += [Part(kinds, struck, mode) for mode in modes]
+    return found
+
+
+def run(part: Part, choose: Choose, speed: float = 40.0) -> list[Case]:
+    """Strike each device of a part with each of its faults.
+
+    Args:
+        part: Bench, devices and mode.
         choose: Tells whether to try a fault of a kind in a mode.
-        advance: Called after each case.
         speed: Virtual seconds per second of waiting.
     """
-    cases = []
-    for kinds, struck in _struck(benches):
+    logging.disable(logging.WARNING)
+    try:
         with asyncio.Runner(loop_factory=lambda: fakes.accelerated(speed)) as runner:
-            cases += runner.run(_bench(kinds, struck, choose, advance))
-    return cases
+            return runner.run(_strike_all(part, choose))
+    finally:
+        logging.disable(logging.NOTSET)
 
 
-def count(benches: Sequence[Mapping[str, str]], choose: Callable[[str, str, Mode], bool]) -> int:
-    """Count the cases of a run without running it."""
-    with asyncio.Runner() as runner:
-        return sum(runner.run(_count(kinds, struck, choose)) for kinds, struck in _struck(benches))
-
-
-def _struck(
-    benches: Sequence[Mapping[str, str]],
-) -> Iterator[tuple[Mapping[str, str], Mapping[str, str]]]:
-    """Give each bench with those of its devices whose kind none before it has."""
-    known: set[str] = set()
-    for kinds in benches:
-        yield kinds, {name: kind for name, kind in kinds.items() if kind not in known}
-        known |= set(kinds.values())
-
-
-async def _count(
-    kinds: Mapping[str, str], struck: Mapping[str, str], choose: Callable[[str, str, Mode], bool]
-) -> int:
+async def _strike_all(part: Part, choose: Choose) -> list[Case]:
     with tempfile.TemporaryDirectory(prefix="softarm-safety-") as folder:
-        async with safety_arm(kinds, Path(folder)) as arm:
-            return sum(1 for _ in _plan(arm, struck, choose))
-
-
-def _plan(
-    arm: SafetyArm, struck: Mapping[str, str], choose: Callable[[str, str, Mode], bool]
-) -> Iterator[tuple[str, Any, Mode]]:
-    for mode in MODES:
-        for name, kind in struck.items():
-            for fault in arm.rig.boards[name].catalogue.values():
-                if choose(kind, fault.name, mode):
-                    yield name, fault, mode
-
-
-async def _bench(
-    kinds: Mapping[str, str],
-    struck: Mapping[str, str],
-    choose: Callable[[str, str, Mode], bool],
-    advance: Callable[[], None],
-) -> list[Case]:
-    cases = []
-    with tempfile.TemporaryDirectory(prefix="softarm-safety-") as folder:
-        async with safety_arm(kinds, Path(folder)) as arm:
+        async with safety_arm(part.kinds, Path(folder)) as arm:
             await arm.until_well()
-            for name, fault, mode in _plan(arm, struck, choose):
-                cases.append(await _strike(arm, name, kinds[name], fault, mode))
-                advance()
-    return cases
+            chosen = [
+                (name, kind, fault)
+                for name, kind in part.struck.items()
+                for fault in arm.rig.boards[name].catalogue.values()
+                if choose(kind, fault.name, part.mode)
+            ]
+            return [await _strike(arm, name, kind, fault, part.mode) for name, kind, fault in chosen]
 
 
 async def _strike(arm: SafetyArm, name: str, kind: str, fault: Any, mode: Mode) -> Case:

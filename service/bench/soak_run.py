@@ -15,6 +15,7 @@ from typing import Any
 
 from estimator.errors import InputError
 from service.api.messages import Message, State
+from service.bench.processes import child_of, resident_kib
 from service.experiments.bench import FakeControl
 from service.experiments.session import connect, wait_ready
 from service.network.client import CommandRefusedError, SoftarmClient
@@ -273,19 +274,19 @@ class Memory:
 
     def __init__(self, rig: FakeRig) -> None:
         self._service = rig.service.process.pid
-        self._estimator = _child(self._service)
+        self._estimator = child_of(self._service)
         self._restarts = 0
         self._early: dict[str, int] = {}
         self._late: dict[str, int] = {}
 
     def look(self, settled: bool) -> None:
         """Read the memory of each process; until it has settled only the highest counts."""
-        estimator = _child(self._service)
+        estimator = child_of(self._service)
         if estimator != self._estimator:
             self._estimator = estimator
             self._restarts += 1
         for name, pid in (("control", self._service), ("estimator", estimator)):
-            kib = _resident_kib(pid)
+            kib = resident_kib(pid)
             if not settled or name not in self._early:
                 self._early[name] = max(self._early.get(name, 0), kib)
             self._late[name] = kib
@@ -298,20 +299,3 @@ class Memory:
             found[f"{name}_mb"] = late / 1024
             found[f"{name}_growth_percent"] = max(0.0, 100.0 * (late / early - 1.0))
         return found
-
-
-def _child(pid: int) -> int:
-    """Find the estimator's process: the largest child; 0 when there is none."""
-    try:
-        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    except OSError:
-        return 0
-    return max((int(child) for child in children), key=_resident_kib, default=0)
-
-
-def _resident_kib(pid: int) -> int:
-    try:
-        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    except OSError:
-        return 0
-    return next((int(line.split()[1]) for line in lines if line.startswith("VmRSS")), 0)
