@@ -15,6 +15,8 @@ from pathlib import Path
 from service.api.messages import State
 from service.bench.processes import child_of
 from service.bench.safety_cases import FAST_S
+from service.cli.demo import fake_specimen
+from service.errors import WorkFailedError
 from service.experiments.bench import FakeControl
 from service.experiments.session import connect, wait_ready
 from service.network.client import CommandRefusedError, SoftarmClient
@@ -40,7 +42,7 @@ with SoftarmClient(sys.argv[1], sys.argv[2], name="mortal") as client:
         if sys.argv[3] == "lease":
             with client.lease():
                 client.command("arm")
-                client.command("set_pressures", pressures_pa=[2e4] * 6, lifetime_s=60.0)
+                client.command("set_pressures", pressures_pa=[2e4] * 6, lifetime_s=10.0)
                 print("ready", flush=True)
                 time.sleep(60)
         print("ready", flush=True)
@@ -117,8 +119,17 @@ class LiveArm:
         return time.monotonic() - since_s
 
     def wait(self, accept: Callable[[State], bool]) -> State:
-        """Wait for a state."""
-        return self.client.wait_for("state", State, accept, WAIT_S)
+        """Wait for a state.
+
+        Raises:
+            WorkFailedError: It does not come.
+        """
+        try:
+            return self.client.wait_for("state", State, accept, WAIT_S)
+        except TimeoutError as error:
+            state = self.client.state()
+            why = state.fault_cause or ", ".join(f.message for f in state.findings)
+            raise WorkFailedError(f"the arm is {state.mode} with {state.measured_pa}: {why}") from error
 
     @contextmanager
     def under_pressure(self, mode: Mode) -> Iterator[None]:
@@ -126,7 +137,7 @@ class LiveArm:
         with self.client.lease():
             self.client.command("arm")
             asked = [PRESSURE_PA, *[0.0] * 5]
-            self.client.command("set_pressures", pressures_pa=asked, lifetime_s=60.0)
+            self.client.command("set_pressures", pressures_pa=asked, lifetime_s=10.0)
             if mode is Mode.HOLDING:
                 self.client.command("teach/start")
                 self.wait(lambda s: s.teach_pressures_pa is not None)
@@ -159,7 +170,9 @@ class LiveArm:
 def strike_processes() -> list[Event]:
     """Start a rig and strike its processes, the service itself last."""
     with tempfile.TemporaryDirectory(prefix="softarm-safety-") as folder:
-        settings = RigSettings(SCENARIO, endpoint=free_endpoint(), sensors=("orientation", "bend"))
+        settings = RigSettings(
+            SCENARIO, specimen=str(fake_specimen()), endpoint=free_endpoint(), forces_on=("tip",)
+        )
         with FakeRig(settings, Path(folder)) as rig, connect(rig) as client:
             wait_ready(client)
             with FakeControl(str(rig.announcement["control"])) as fakes:
@@ -233,7 +246,7 @@ def _killed_service(arm: LiveArm) -> Event:
     with SoftarmClient(arm.rig.settings.arm, arm.rig.settings.endpoint) as client:
         client.acquire()
         client.command("arm")
-        client.command("set_pressures", pressures_pa=[PRESSURE_PA] * 6, lifetime_s=60.0)
+        client.command("set_pressures", pressures_pa=[PRESSURE_PA] * 6, lifetime_s=10.0)
         while not any(arm.setpoints()):
             time.sleep(0.01)
         begin = time.monotonic()

@@ -16,6 +16,7 @@ from typing import Any
 from estimator.errors import InputError
 from service.api.messages import Message, State
 from service.bench.processes import child_of, resident_kib
+from service.cli.demo import fake_specimen
 from service.experiments.bench import FakeControl
 from service.experiments.session import connect, wait_ready
 from service.network.client import CommandRefusedError, SoftarmClient
@@ -121,7 +122,12 @@ class Soak:
         """Start everything, let it run, and sum up."""
         settings = self._settings
         wanted = RigSettings(
-            SCENARIO, endpoint=free_endpoint(), model=settings.model, sensors=("orientation", "bend")
+            SCENARIO,
+            specimen=str(fake_specimen()),
+            endpoint=free_endpoint(),
+            model=settings.model,
+            sensors=("orientation", "bend"),
+            forces_on=("tip",),
         )
         rig = FakeRig(wanted, settings.folder)
         with rig, connect(rig) as client, FakeControl(str(rig.announcement["control"])) as fakes:
