@@ -64,8 +64,8 @@ class Watch:
 
     @property
     def force_n(self) -> float:
-        """Rms of the forces that there seem to be [N]."""
-        return float(np.sqrt(np.mean(np.square(self.forces)))) if self.forces else float("nan")
+        """Median of the forces that there seem to be [N]: in fast transients a live estimate may be lost."""
+        return float(np.median(self.forces)) if self.forces else float("nan")
 
     def row(self, specimen: str) -> dict[str, str | float]:
         """Give the row of the table."""

@@ -68,7 +68,11 @@ def stuck_pressures(recording: Recording) -> tuple[Stuck, ...]:
             continue
         seen = np.flatnonzero(np.isfinite(asked) & np.isfinite(given))
         for part in np.split(seen, np.flatnonzero(np.diff(given[seen]) != 0.0) + 1):
-            if len(part) < 3 or time[part[-1]] - time[part[0]] < LEAST or np.ptp(asked[part]) < ASKED:
+            if len(part) < 3 or time[part[-1]] - time[part[0]] < LEAST:
+                continue
+            # A set-point that has just changed is not answered yet.
+            low, high = np.percentile(asked[part], [10.0, 90.0])
+            if high - low < ASKED:
                 continue
             error = float(np.sqrt(np.mean((asked[part] - given[part]) ** 2)))
             span = float(time[part[0]]), float(time[part[-1]])

@@ -25,8 +25,8 @@ MOVED = 500.0
 """Spread of a pressure [Pa] from which it counts as moved."""
 TOUCHING = 1e-6
 """Largest distance of a segment's end from the section that it bends [m]."""
-OTHER = 0.3
-"""Share of a bend's variance that another segment's chambers must explain beyond its own."""
+OTHER = 0.25
+"""What another segment's chambers leave of a bend over what its own leave, below which it is the other's."""
 
 
 def refuse_swapped_channels(recording: Recording, specimen: Specimen) -> None:
@@ -54,7 +54,7 @@ def _swapped_pressures(recording: Recording) -> str:
     asked = recording.stack(tuple(f"pressure_cmd_{k}_pa" for k in names))
     given = recording.stack(tuple(f"pressure_{k}_pa" for k in names))
     seen = np.isfinite(asked).all(axis=1) & np.isfinite(given).all(axis=1)
-    follows = np.abs(_correlation(given[seen], asked[seen]))
+    follows = _correlation(given[seen], asked[seen])
     for a, b in combinations(range(len(names)), 2):
         own, crossed = (follows[a, a], follows[b, b]), (follows[a, b], follows[b, a])
         if max(own) < STRAYS and min(crossed) > FOLLOWS:
@@ -84,23 +84,26 @@ def _swapped_bends(recording: Recording, specimen: Specimen) -> str:
     present = set(recording.chambers)
     known = [name for name in recording.bends if chambers.get(name) and present >= {*chambers[name]}]
     for a, b in combinations(known, 2):
-        own = [_explained(recording, name, chambers[name]) for name in (a, b)]
-        crossed = [_explained(recording, a, chambers[b]), _explained(recording, b, chambers[a])]
-        if min(c - o for c, o in zip(crossed, own, strict=True)) > OTHER:
+        pairs = ((a, b), (b, a))
+        if all(
+            _unexplained(recording, one, chambers[other])
+            < OTHER * _unexplained(recording, one, chambers[one])
+            for one, other in pairs
+        ):
             return f"bend_{a} and bend_{b}"
     return ""
 
 
-def _explained(recording: Recording, section: str, chambers: Sequence[int]) -> float:
-    """Give the share of a bend's variance that some chambers' pressures explain."""
+def _unexplained(recording: Recording, section: str, chambers: Sequence[int]) -> float:
+    """Give the share of a bend's variance that some chambers' pressures leave."""
     bend = recording.bend(section)
     pressures = np.column_stack([recording.pressure(k)[0] for k in chambers])
     seen = np.isfinite(bend).all(axis=1) & np.isfinite(pressures).all(axis=1)
     if seen.sum() < 10 * len(chambers):
-        return 0.0
+        return 1.0
     bend, pressures = bend[seen] - bend[seen].mean(axis=0), pressures[seen] - pressures[seen].mean(axis=0)
     left = bend - pressures @ np.linalg.lstsq(pressures, bend, rcond=None)[0]
-    return 1.0 - float((left**2).sum()) / max(float((bend**2).sum()), 1e-12)
+    return float((left**2).sum()) / max(float((bend**2).sum()), 1e-12)
 
 
 def refuse_swapped(stages: Sequence[Stage]) -> None:

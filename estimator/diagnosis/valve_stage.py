@@ -39,7 +39,7 @@ LEFT_OVER = 5.0
 """Root mean square over the noise from which something beyond the law is left, such as overshoot."""
 LEAST_BIC = 10.0
 """Evidence on held-out samples from which a valve is blamed."""
-SCATTER, WORTH = 150.0, 3
+SCATTER, WORTH = 200.0, 3
 """Scatter of a valve's steady error between recordings [Pa], and the recordings that this is worth."""
 
 
@@ -82,6 +82,8 @@ def splits_of(recordings: Sequence[Recording]) -> list[Split]:
             given = recording.columns[f"pressure_{whole.chamber}_pa"]
             active = np.flatnonzero(np.nan_to_num(asked) > 500.0)
             middle = float(0.5 * (time[active[0]] + time[active[-1]]))
+            if not np.isfinite(asked[time > middle] + given[time > middle]).any():
+                continue
             early = recording.window(np.asarray(time <= middle))
             learnt = {valve.chamber: valve for valve in valves_of(early)}
             seen = np.isfinite(asked) & np.isfinite(given)
@@ -101,7 +103,7 @@ def splits_of(recordings: Sequence[Recording]) -> list[Split]:
 
 
 def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple[Finding, ...]:
-    """Tell what the valves do otherwise, chamber by chamber."""
+    """Tell what the valves do otherwise; those that nominal recordings leave out are not judged."""
     found: list[Finding] = []
     scatter = _scatter([suspects, nominal])
     for chamber in sorted({split.valve.chamber for split in suspects}):
@@ -109,6 +111,8 @@ def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple
         known = [split for split in nominal if split.valve.chamber == chamber]
         evidence = _evidence(own)
         found += _ceiling(chamber, own, known, evidence)
+        if nominal and not known:
+            continue
         if evidence.delta_bic >= LEAST_BIC and evidence.heldout_after < evidence.heldout_before:
             found += _steady(chamber, own, known, scatter, evidence)
             found += _delays(chamber, own, known, evidence)
@@ -237,7 +241,7 @@ def _delays(
 ) -> list[Finding]:
     """Tell of a dead time and a lag, or of what is new of them."""
     own, known = _timed(suspects), _timed(nominal)
-    if not own:
+    if not own or (nominal and not known):
         return []
     dead, dead_spread = _summary([valve.dead_time for valve in own])
     lag, lag_spread = _summary([valve.lag for valve in own])

@@ -24,8 +24,8 @@ SETTLED = 0.8
 STEP = 2000.0
 """Change of a set-point [Pa] from one sample to the next that is a step."""
 LAGS = np.array([0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.08, 0.1, 0.13, 0.17, 0.22, 0.3, 0.4, 0.55, 0.75])
-LEAST_CHANGE = 3000.0
-"""Set-points must span so much [Pa] for a lag to be told."""
+LEAST_CHANGE, SUDDEN = 3000.0, 0.1
+"""Set-points must change by so much [Pa] within such a time [s] for a lag to be told from a bias."""
 
 
 class Law(NamedTuple):
@@ -103,9 +103,9 @@ def static(asked: Floats, bias: float, gain: float, deadband: float, ceiling: fl
 def _valve(chamber: int, time: Floats, asked: Floats, given: Floats) -> Valve:
     found = _static_law(time, asked, given, _settled(time, asked))
     law = found or Law()
-    timed = bool(np.ptp(asked) > LEAST_CHANGE)
+    timed = bool(np.abs(np.interp(time + SUDDEN, time, asked) - asked).max() > LEAST_CHANGE)
     dead_time, lag = _timing(time, asked, given, law) if timed else (0.0, 0.0)
-    noise = float(np.median(np.abs(np.diff(given)))) / 0.6745 / np.sqrt(2.0)
+    noise = float(np.median(np.abs(np.diff(given))) / 0.6745 / np.sqrt(2.0))
     rms = float(np.sqrt(np.mean((given - asked) ** 2)))
     valve = Valve(chamber, dead_time, lag, timed, found is not None, *law, rms=rms, left=0.0, noise=noise)
     left = given - predict(valve, time, asked)

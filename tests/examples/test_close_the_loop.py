@@ -44,7 +44,7 @@ def test_forces_and_verdicts_are_summed_up(loop: ModuleType):
     ):
         seen.take(message)
     row = seen.row("plain")
-    assert row["apparent_force_n"] == pytest.approx(np.sqrt(0.125))
+    assert row["apparent_force_n"] == pytest.approx(0.35)
     assert row["inconsistent_percent"] == 50.0
     assert row["innovation_squared"] == 2.5
 

@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from service.bench.proof.alternatives import Bends, faded, learned, sindy
+from service.bench.proof.alternatives import SMOOTH, Bends, chosen_by, faded, learned, sindy
 from service.bench.proof.schedule import SealedTrial
 from service.bench.proof.trial import Folders, forget
+
+PLAIN = (1e-3, 1.0)
+"""Ridge and width."""
 
 
 def run(seed: int, law) -> Bends:
@@ -31,19 +34,34 @@ def left(predict, one: Bends) -> float:
 
 def test_a_static_law_is_learned():
     train = [run(seed, static) for seed in range(4)]
-    assert left(learned(train, memory=False), run(9, static)) < 0.15
+    assert left(learned(train, PLAIN, memory=False), run(9, static)) < 0.15
 
 
 def test_only_memory_learns_what_creeps():
     train = [run(seed, creeping) for seed in range(4)]
     test = run(9, creeping)
-    assert left(learned(train, memory=True), test) < 0.5 * left(learned(train, memory=False), test)
+    with_memory, without = (learned(train, PLAIN, memory=memory) for memory in (True, False))
+    assert left(with_memory, test) < 0.5 * left(without, test)
 
 
 def test_sindy_finds_a_residual_that_follows_first_order_dynamics():
     pytest.importorskip("pysindy")
     train = [run(seed, creeping) for seed in range(4)]
-    assert left(sindy(train), run(9, creeping)) < 0.1
+    assert left(sindy(train, (5e-3, 2)), run(9, creeping)) < 0.1
+
+
+def test_options_are_chosen_by_runs_that_no_fit_has_seen():
+    """Where nothing but noise is left, the stiffest map is the best one."""
+
+    def noise(time, pressures, before) -> np.ndarray:
+        return np.random.default_rng(int(pressures.sum())).normal(0.0, 0.02, before.shape)
+
+    train = [run(seed, noise) for seed in range(3)]
+    options = []
+    chosen_by(
+        train, SMOOTH, lambda runs, option: options.append(option) or learned(runs, option, memory=False)
+    )
+    assert options[-1][0] == max(ridge for ridge, _ in SMOOTH)
 
 
 def test_fading_follows_a_step():
