@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from estimator.calibration.arrange import Run
 from estimator.calibration.fit import Fit, fit
 from estimator.calibration.forward import Evaluation, Forward
-from estimator.calibration.identifiability import KEPT, MANOEUVRES, identify, kept
+from estimator.calibration.identifiability import KEPT, MANOEUVRES, fitted, identify, kept
 from estimator.calibration.nodes import BLOCK, Nodes, choose_nodes, training_blocks
 from estimator.calibration.outcome import Calibrated, Check
 from estimator.calibration.parameters import Layout, build_layout
@@ -111,7 +111,7 @@ def calibrate(
     dropped = [p for p in forward.layout.parameters if p.name not in layout.names]
     return Calibrated(
         identified=(
-            *identify(_known_of(known_before, layout), final.values, covariance),
+            *map(fitted, identify(_known_of(known_before, layout), final.values, covariance)),
             *map(kept, dropped),
         ),
         covariance=covariance,

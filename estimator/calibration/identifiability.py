@@ -1,6 +1,6 @@
 """Which unknowns the data determine, and which manoeuvre would determine the others."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -73,6 +73,11 @@ def _judge(parameter: Parameter, value: float, std: float, share: float) -> Iden
         verdict = "weakly determined"
     manoeuvre = "" if verdict == "determined" else MANOEUVRES[parameter.kind]
     return Identified(parameter, value, std, share, verdict, manoeuvre)
+
+
+def fitted(entry: Identified) -> Identified:
+    """Count what was fitted as weakly determined at the least: all others rest on its value."""
+    return replace(entry, verdict="weakly determined") if entry.verdict == "kept" else entry
 
 
 def kept(parameter: Parameter) -> Identified:

@@ -87,8 +87,7 @@ def settle(
         limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
         tare: Load amplitudes that count as zero, shape (loads,).
         first: What ``replace_loads`` found.
-        start: Where a search for a pose nearby ended; the estimate's state with the first answer when left
-            out.
+        start: Where a search for a pose nearby ended; the equilibrium under the first answer when left out.
         tolerances: When the search stops.
 
     Returns:
@@ -108,8 +107,14 @@ def settle(
         bounds.hold(slice(chambers, unknowns.size), tare),
         inputs.gravity,
     )
-    begin = start or (estimate.state, Inputs(inputs.pressures + first.change, tare, inputs.gravity))
-    found = problem.solve(model, begin, tolerances)
+    if start is None:
+        # Out of equilibrium the cost is a forecast, and from as far as this one that leads astray.
+        given = Inputs(np.clip(inputs.pressures + first.change, 0.0, limits), tare, inputs.gravity)
+        state, settled = model.solve(given, estimate.state)
+        if not settled:
+            return first, None
+        start = state, given
+    found = problem.solve(model, start, tolerances)
     if not found.converged:
         return first, None
     left = np.concatenate([found.residuals[name] for name in suite.slices])

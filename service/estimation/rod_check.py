@@ -2,11 +2,11 @@
 
 from threading import Condition, Thread
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 
-from estimator.fem import FiniteElementModel, FiniteElementState
-from estimator.model import Frames, Inputs
+from estimator.model import ArmModel, Frames, Inputs
 from estimator.rotations import log
 
 INTERVAL_S = 10.0
@@ -18,11 +18,11 @@ class RodCheck:
     Use it as a context manager.
 
     Args:
-        model: Finite elements with the loads of the rod.
+        model: Finite elements with the loads of the rod, and pressures that act as on it.
         interval_s: Least time between two comparisons [s].
     """
 
-    def __init__(self, model: FiniteElementModel, interval_s: float = INTERVAL_S) -> None:
+    def __init__(self, model: ArmModel[Any, Any], interval_s: float = INTERVAL_S) -> None:
         self._model = model
         self._interval_s = interval_s
         self._state = model.rest()
@@ -86,12 +86,11 @@ class RodCheck:
                 self._changed.notify_all()
 
     def _compare(self, inputs: Inputs, frames: Frames) -> float | None:
-        state: FiniteElementState
         state, found = self._model.solve(inputs, self._state)
         if not found:
             self._state = self._model.rest()
             return None
         self._state = state
-        truth = self._model.section_frames(state)
+        truth = self._model.linearise(state, inputs).frames
         turned = log(np.swapaxes(truth.rotations, -1, -2) @ frames.rotations)
         return float(np.linalg.norm(turned, axis=-1).max())

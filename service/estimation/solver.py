@@ -27,6 +27,7 @@ from estimator.sensing import Measurement, Registration, SensorSuite
 from estimator.sensors import SpecimenSensors, mounted_base
 from estimator.simulation import section_loads
 from estimator.specimen import Specimen
+from estimator.stretch import stretched
 from service.config import ControlSettings, SensorSettings
 from service.estimation.holding import Arm, Holding
 from service.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
@@ -99,7 +100,7 @@ class Solver:
         process = LoadProcess(sigma, settings.control.load_time_constant_s)
         tracker = TrackerSettings(process, self._actuation, self._limits, tolerances=LIVE)
         self._rod = trusted_rod(specimen) if settings.control.model == "rod" else None
-        self._check = None if self._rod is None else RodCheck(self._model).__enter__()
+        self._check = None if self._rod is None else RodCheck(stretched(self._model, specimen)).__enter__()
         following = self._followed(specimen)
         self._estimator: Follower[Any] = estimator_of(
             specimen, following, self._model.loads, self._suite, tracker, pressures_measured=True
@@ -109,7 +110,8 @@ class Solver:
         self._holding = Holding(Arm(self._suite, self._actuation, self._limits, unshaped))
         self._profile = ContactProfile(_heights(specimen), passes=1)
         every = (*self._model.loads, *self._profile.loads)
-        self._pushed: Any = (self._rod or self._model).with_loads(every)
+        plain: Any = self._rod or self._model
+        self._pushed = stretched(plain.with_loads(every), specimen)
         self._unobservable: tuple[float, tuple[str, ...], tuple[str, ...]] = (-np.inf, (), ())
         self._warm_up(np.array(specimen.gravity_m_s2))
 

@@ -48,7 +48,10 @@ NOTES = {
         "The calibration has seen pulls at the tip only. Four unknown loads: two lateral forces on either "
         "section, the pull on the tip alone.",
     ),
-    "teach": ("Errors are of the tip against the pose while the hand held it.",),
+    "teach": (
+        "Errors are of the tip against the pose while the hand held it. In reach are poses that pressures "
+        "bring the calibrated model to within the aims.",
+    ),
     "comparison": (
         "Errors of the tip. The paper's calibrations know neither misalignments nor gravity nor the growth "
         "of the gains; its alpha is the factor on both moduli.",
@@ -144,10 +147,9 @@ def _is_force(condition: str) -> Callable[[Cells], bool]:
     return lambda row: row.get("condition") == condition and "paper_mean_percent" in row
 
 
-def _is_teach(quantity: str) -> Callable[[Cells], bool]:
-    return lambda row: "corrections" in str(row.get("run")) and str(row.get("run")).startswith(
-        "after 2"
-    ) and row.get("quantity") == quantity  # fmt: skip
+def _is_teach(quantity: str, which: str = "") -> Callable[[Cells], bool]:
+    run = f"after 2 corrections by feedback{which}"
+    return lambda row: row.get("run") == run and row.get("quantity") == quantity
 
 
 _AIMS: tuple[tuple[str, str, Callable[[Cells], bool]], ...] = (
@@ -155,6 +157,8 @@ _AIMS: tuple[tuple[str, str, Callable[[Cells], bool]], ...] = (
     ("validation", "orientation [degrees]", _is_validation("orientation")),
     ("teach", "position [mm]", _is_teach("position")),
     ("teach", "orientation [degrees]", _is_teach("orientation")),
+    ("teach", "position, poses in reach [mm]", _is_teach("position", ", poses in reach")),
+    ("teach", "orientation, poses in reach [degrees]", _is_teach("orientation", ", poses in reach")),
     ("force", "not pressurised [% of range]", _is_force("not pressurised")),
     ("force", "pressurised [% of range]", _is_force("pressurised")),
 )

@@ -36,10 +36,10 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Advance = Callable[[float], None]
 
-RATE_HZ = 1.0
+RATE_HZ = 2.0
 VENTED_PA = 1.0e3
 PUBLISHED = {"not pressurised": FORCE_STILL_N, "pressurised": FORCE_PRESSURISED_N}
-CANDIDATES = 9
+CANDIDATES = 26
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def along_cord_row(done: PullTrack, published: Published | None = None) -> Cells
 def axial_rows(case: PullCase, *, at_rest: bool = False, advance: Advance = lambda _: None) -> list[Cells]:
     """Estimate force along the arm's axis and torque about it from poses; the cord gives no torque."""
     run = case.run
-    sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, 1.0)
+    sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, RATE_HZ)
     slow = subset(sampled, "poses", scatter_in(case.specimen, sampled))
     pull = pull_of(case.recording, case.specimen, slow)
     model = tracking_model(case.specimen, wrench_loads(pull.section))

@@ -61,7 +61,7 @@ RUNS: Mapping[str, tuple[str, ...]] = {
 }
 """Runs of the fake arm by name: manoeuvres of its library."""
 
-NODES = 56
+NODES = 100
 FAILED = " failed: "
 Series = dict[str, list[float]]
 

@@ -10,6 +10,7 @@ from estimator.calibration import Run, arrange
 from estimator.calibration.scatter import scatter_in
 from estimator.errors import InputError
 from estimator.inverse import approach, replace_loads, settle
+from estimator.model import Frames
 from estimator.recording import Recording
 from estimator.rotations import from_quaternions, log
 from estimator.sensing import Registration, SectionPose, SensorSuite
@@ -145,12 +146,15 @@ def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, numbe
     shown = follow(model, specimen, _slow(recording, specimen), poses.time)
     tips = SensorSuite((SpecimenSensors(specimen, tuple(model.sections), Registration()).pose("tip"),))
     tare = np.zeros(len(model.loads))
-    steps = [
-        settle(acting, estimate, tips, limits, tare, replace_loads(estimate, tips, limits, tare))[0]
+    found = [
+        settle(acting, estimate, tips, limits, tare, replace_loads(estimate, tips, limits, tare))
         for estimate in shown
     ]
+    nearest = [None if there is None else there.frames for _, there in found]
+    beyond = [out_of_reach(goal.frames, there) for goal, there in zip(shown, nearest, strict=True)]
     held = [
-        mapping.to_measured(e.inputs.pressures + step.change) for e, step in zip(shown, steps, strict=True)
+        mapping.to_measured(e.inputs.pressures + step.change)
+        for e, (step, _) in zip(shown, found, strict=True)
     ]
     asked = np.clip(np.array(held), 0.0, limits)
     result = TeachResult()
@@ -161,6 +165,7 @@ def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, numbe
         millimetres, degrees = misses(poses, seen)
         label = "pressures of the model" if attempt == 0 else f"after {attempt} corrections by feedback"
         result.rows += miss_rows(label, millimetres, degrees)
+        result.rows += reached_rows(label, millimetres, degrees, np.array(beyond))
         result.series |= {f"mm_{attempt}": millimetres.tolist(), f"degrees_{attempt}": degrees.tolist()}
         if attempt == CORRECTIONS:
             break
@@ -171,9 +176,22 @@ def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, numbe
             now = estimate.inputs.pressures
             row += mapping.to_measured(now + change) - mapping.to_measured(now)
         asked = np.clip(asked, 0.0, limits)
-    reachable = sum(step.reachable for step in steps)
-    result.notes.append(f"{len(shown)} poses shown, {reachable} of them reachable within the sensors' noise.")
+    reachable = sum(step.reachable for step, _ in found)
+    far = [f"{distance:.1f} mm" for distance, _ in beyond if np.isfinite(distance)]
+    result.notes.append(
+        f"{len(shown)} poses shown, {reachable} of them reachable within the sensors' noise; "
+        f"the nearest that pressures reach by the model are {', '.join(far)} away."
+    )
     return result
+
+
+def out_of_reach(goal: Frames, nearest: Frames | None) -> tuple[float, float]:
+    """Give how far the last section is from a goal [mm, degrees] where pressures bring it nearest."""
+    if nearest is None:
+        return np.nan, np.nan
+    distance = float(np.linalg.norm(nearest.positions[-1] - goal.positions[-1]))
+    turn = log(goal.rotations[-1].T @ nearest.rotations[-1])
+    return 1e3 * distance, float(np.degrees(np.linalg.norm(turn)))
 
 
 def _slow(recording: Recording, specimen: Specimen) -> Run:
@@ -203,6 +221,22 @@ def misses(poses: TaughtPoses, seen: Floats) -> tuple[Floats, Floats]:
     shown, held = from_quaternions(poses.readings[:, 3:]), from_quaternions(seen[:, 3:])
     turn = log(np.swapaxes(shown, -1, -2) @ held)
     return distance, np.degrees(np.linalg.norm(turn, axis=1))
+
+
+def reached_rows(label: str, millimetres: Floats, degrees: Floats, beyond: Floats) -> list[Cells]:
+    """Give the rows of the poses that pressures can reach by the model to within the aims.
+
+    Args:
+        label: What was tried.
+        millimetres: Distances from the shown poses, shape (poses,).
+        degrees: Angles, shape (poses,).
+        beyond: How far from each the nearest pose within reach is [mm, degrees], NaN where it was not found,
+            shape (poses, 2).
+    """
+    near = (beyond[:, 0] <= TEACH_MM.aim) & (beyond[:, 1] <= TEACH_DEGREES.aim)
+    if not near.any():
+        return []
+    return miss_rows(f"{label}, poses in reach", millimetres[near], degrees[near])
 
 
 def miss_rows(label: str, millimetres: Floats, degrees: Floats) -> list[Cells]:

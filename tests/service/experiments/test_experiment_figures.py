@@ -5,6 +5,7 @@ import pytest
 
 from estimator.calibration import arrange, section_forces
 from estimator.errors import InputError
+from estimator.model import Frames
 from estimator.recording import Recording
 from estimator.sensing import Bend, Orientation, SectionPose
 from estimator.specimen import load_specimen
@@ -16,7 +17,7 @@ from service.experiments.paper import FORCE_STILL_N, TEACH_MM
 from service.experiments.pulls import at_looks, look_windows, pull_of
 from service.experiments.recorded import holds_table
 from service.experiments.subsets import subset
-from service.experiments.teaching import still_windows
+from service.experiments.teaching import out_of_reach, reached_rows, still_windows
 
 RATE = 50.0
 
@@ -180,3 +181,19 @@ def test_hooks_of_a_live_run_hold_until_the_next_one() -> None:
     assert np.isnan(x[: int(1.9 * RATE)]).all()
     assert np.isnan(x[int(5.1 * RATE) :]).all()
     np.testing.assert_allclose(x[int(2.1 * RATE) : int(4.9 * RATE)], 0.3)
+
+
+def test_poses_out_of_reach_are_told_apart() -> None:
+    beyond = np.array([[0.5, 0.2], [5.0, 0.2], [0.5, 4.0], [np.nan, np.nan]])
+    position, orientation = reached_rows("held", np.array([1.0, 6.0, 2.0, 9.0]), np.full(4, 0.5), beyond)
+    assert position["run"] == "held, poses in reach"
+    assert (position["poses"], position["mean"]) == (1, 1.0)
+    assert orientation["aim_met"]
+    assert not reached_rows("held", np.ones(1), np.ones(1), np.array([[np.nan, np.nan]]))
+
+
+def test_a_pose_is_as_far_out_of_reach_as_its_section_is() -> None:
+    goal = Frames(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))
+    near = Frames(np.array([[1.0, 0.0, 0.0], [0.0, 0.003, 0.004]]), goal.rotations)
+    assert out_of_reach(goal, near) == pytest.approx((5.0, 0.0))
+    assert np.isnan(out_of_reach(goal, None)).all()
