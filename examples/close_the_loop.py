@@ -10,10 +10,10 @@ Run it with: python examples/close_the_loop.py --out out/loop
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 import numpy as np
@@ -27,7 +27,7 @@ from service.experiments.bench import FakeControl
 from service.experiments.excitation import Recorded, run_excitation, run_manoeuvre, specimen_of_arm
 from service.experiments.excitation_plan import manoeuvres_of
 from service.experiments.session import connect, wait_ready
-from service.network.client import SoftarmClient
+from service.network.client import CommandRefusedError, SoftarmClient
 from service.rig import FakeRig, RigSettings
 
 EFFECT: dict[str, Any] = {"where": {"chamber": 0}, "change": -0.25}
@@ -35,7 +35,11 @@ NOMINAL = ("poses",)
 SUSPECT = ("each_alone",)
 WATCHED = "poses"
 SPECIMEN = "improved.toml"
-"""What is concealed: a chamber that lost a quarter; what is run; the file that is written."""
+RETRIES = 2
+"""What is concealed: a chamber that lost a quarter; what is run; the file that is written; how often
+a run is begun again that ends in a fault, as on a machine that is busy."""
+
+Result = TypeVar("Result")
 
 
 @dataclass
@@ -79,8 +83,23 @@ class Watch:
         }
 
 
+def patiently(client: SoftarmClient, work: Callable[[], Result]) -> Result:
+    """Do something with the arm; after a fault, clear it and begin again."""
+    for _ in range(RETRIES):
+        try:
+            return work()
+        except CommandRefusedError as refusal:
+            say(f"{refusal}; clearing, and once more")
+            client.command("clear")
+    return work()
+
+
 def watch(client: SoftarmClient, manoeuvre: Manoeuvre) -> tuple[Watch, Recorded]:
     """Run and record a manoeuvre, and watch the estimates meanwhile."""
+    return patiently(client, lambda: _watch(client, manoeuvre))
+
+
+def _watch(client: SoftarmClient, manoeuvre: Manoeuvre) -> tuple[Watch, Recorded]:
     seen = Watch()
     client.command("arm")
     with client.subscribe("estimate", seen.take), client.subscribe("mismatch", seen.take):
@@ -128,7 +147,8 @@ def close_the_loop(specimen: str, out: Path, endpoint: str) -> tuple[Report, Wat
 
 
 def _record(client: SoftarmClient, menu: dict[str, Manoeuvre], names: Sequence[str]) -> list[Recorded]:
-    return run_excitation(client, [Choice(menu[name]) for name in names], lambda _: False, lambda _: None)
+    choices = [Choice(menu[name]) for name in names]
+    return patiently(client, lambda: run_excitation(client, choices, lambda _: False, lambda _: None))
 
 
 @click.command()

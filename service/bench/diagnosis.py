@@ -116,19 +116,18 @@ def _run_all(
     keep: bool,
 ) -> None:
     """Record and diagnose what has no result yet."""
-    from service.bench.proof.trial import diagnose, forget, read_outcomes, record
+    from service.bench.proof.trial import add_outcome, diagnose, forget, read_outcomes, record
 
     done = {(one.trial, one.excitation) for one in read_outcomes(folders.results)}
     waiting = [(t, e) for e in excitations for t in planned if (t, e) not in done][:at_most]
-    folders.root.mkdir(parents=True, exist_ok=True)
     writing = Lock()
 
     def one(trial: "SealedTrial", wanted: Sequence[str], advance: Callable[[float], None]) -> None:
         record(trial, folders)
         for excitation in wanted:
             outcome = diagnose(trial, excitation, folders, specimen)
-            with writing, folders.results.open("a") as file:
-                file.write(outcome.line())
+            with writing:
+                add_outcome(outcome, folders.results)
             advance(1)
         if not keep and len(wanted) == len(excitations):
             forget(trial, folders)

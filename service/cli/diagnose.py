@@ -103,32 +103,41 @@ def command(
 
     Calibrates the model, locates the mismatch, tries every known effect at every place, and accepts
     what predicts recordings that no fit has seen. Effects that the recordings cannot tell apart are
-    named together with the manoeuvre that would; what nothing explains is called unknown.
+    named together with the manoeuvre that would; what nothing explains is called unknown. What --out
+    holds already, from the same recordings, is not done again: many diagnoses go on where they were stopped.
 
     Example: softarm diagnose run1 run2 --nominal known1 --specimen sopra --out report
     """
     from estimator.specimen import save_specimen
+    from service.diagnosis.done import digest_of, done_before, write_digest, write_report
     from service.diagnosis.html import write_html
-    from service.diagnosis.report import FILE, report_of
+    from service.diagnosis.report import report_of
     from service.diagnosis.run import Request, improved_specimen, run
     from service.diagnosis.workers import workers
     from service.offline.inputs import load_recordings, specimen_of
     from service.recordings.files import refuse_existing
 
+    robot = specimen_of(specimen, recordings, load_recordings(recordings[:1]))
+    request = Request(recordings, nominal, robot, seed)
+    digest = digest_of(request)
+    earlier = done_before(out, digest) if out is not None and not force else None
+    if earlier is not None and (write_specimen is None or write_specimen.exists()):
+        say(f"{out} holds this diagnosis already; --force does it again")
+        click.echo(earlier.dump() if as_json else earlier.verdict.replace("_", " "), nl=not as_json)
+        return 0
     if write_specimen is not None:
         refuse_existing(write_specimen, force=force)
-    robot = specimen_of(specimen, recordings, load_recordings(recordings[:1]))
     with workers(jobs, dask) as executor, progress("diagnosing", sum(SHARES.values())) as advance:
-        outcome = run(Request(recordings, nominal, robot, seed), executor, _Steps(advance).tell)
+        outcome = run(request, executor, _Steps(advance).tell)
     report = report_of(outcome.diagnosis)
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / FILE).write_text(report.dump())
-        say(f"wrote {out / FILE}")
+        say(f"wrote {write_report(report, out)}")
         say(f"wrote {write_html(outcome.diagnosis, robot, out)}")
     if write_specimen is not None:
         save_specimen(improved_specimen(robot, outcome), write_specimen)
         say(f"wrote {write_specimen}")
+    if out is not None:
+        write_digest(digest, out)
     if as_json:
         click.echo(report.dump(), nl=False)
     else:

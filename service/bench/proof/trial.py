@@ -78,11 +78,21 @@ class Outcome:
         return json.dumps({**vars(self), "trial": vars(self.trial)}) + "\n"
 
 
+def add_outcome(outcome: Outcome, path: Path) -> None:
+    """Add a result to those of earlier runs; what a run that was ended left of a line is overwritten."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("ab+") as file:
+        file.seek(0)
+        whole = file.read().rpartition(b"\n")
+        file.truncate(len(whole[0]) + len(whole[1]))
+        file.write(outcome.line().encode())
+
+
 def read_outcomes(path: Path) -> list[Outcome]:
-    """Read the results of an earlier run; none where there is no file."""
+    """Read the results of earlier runs, whole lines only; none where there is no file."""
     if not path.exists():
         return []
-    tables = [json.loads(line) for line in path.read_text().splitlines() if line]
+    tables = [json.loads(line) for line in path.read_text().rpartition("\n")[0].splitlines() if line]
     return [Outcome(**{**table, "trial": SealedTrial(**table["trial"])}) for table in tables]
 
 

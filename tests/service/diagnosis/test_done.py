@@ -1,0 +1,46 @@
+"""A diagnosis is done again when, and only when, something that went into it has changed."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from estimator.specimen import load_specimen
+from service.diagnosis.done import digest_of, done_before, write_digest, write_report
+from service.diagnosis.report import report_of
+from service.diagnosis.run import Request
+from tests.service.diagnosis.made_diagnosis import diagnosis
+
+
+@pytest.fixture
+def request_of(tmp_path: Path) -> Request:
+    for name in ("run", "known"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "recording.csv").write_text("t_s,pressure_0_pa\n0,0\n")
+    return Request((tmp_path / "run",), (tmp_path / "known",), load_specimen("sopra"))
+
+
+def test_the_same_diagnosis_is_known_again(request_of: Request, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    report = report_of(diagnosis())
+    digest = digest_of(request_of)
+    assert done_before(out, digest) is None
+    write_report(report, out)
+    assert done_before(out, digest) is None  # killed before all was written
+    write_digest(digest, out)
+    assert done_before(out, digest) == report
+    write_report(report, out)
+    assert done_before(out, digest) is None
+
+
+def test_whatever_goes_in_counts(request_of: Request, tmp_path: Path) -> None:
+    digest = digest_of(request_of)
+    assert digest_of(request_of) == digest
+    others = [
+        replace(request_of, seed=1),
+        replace(request_of, nominal=()),
+        replace(request_of, recordings=request_of.nominal, nominal=request_of.recordings),
+        replace(request_of, specimen=load_specimen("beam")),
+    ]
+    (tmp_path / "run" / "recording.csv").write_text("t_s,pressure_0_pa\n0,1\n")
+    assert len({digest, digest_of(request_of), *map(digest_of, others)}) == 6
