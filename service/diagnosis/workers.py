@@ -23,18 +23,19 @@ class Inline(Executor):
 
 
 @contextmanager
-def workers(jobs: int, dask: str | None = None) -> Iterator[Executor]:
+def workers(jobs: int, dask: str | None = None, patience: float = 10.0) -> Iterator[Executor]:
     """Give an executor.
 
     Args:
         jobs: Number of processes; 1 stays in this one.
         dask: Address of a Dask scheduler.
+        patience: How long to wait for that [s].
 
     Raises:
         InputError: Dask is wanted and not installed, or not there.
     """
     if dask is not None:
-        with _dask(dask) as executor:
+        with _dask(dask, patience) as executor:
             yield executor
         return
     if jobs == 1:
@@ -45,13 +46,13 @@ def workers(jobs: int, dask: str | None = None) -> Iterator[Executor]:
 
 
 @contextmanager
-def _dask(address: str) -> Iterator[Executor]:
+def _dask(address: str, patience: float) -> Iterator[Executor]:
     try:
         from distributed import Client
     except ImportError:
         raise InputError("--dask", "Dask is not installed", "pip install distributed") from None
     try:
-        client: Any = Client(address, timeout="10s")  # type: ignore[no-untyped-call]
+        client: Any = Client(address, timeout=patience)  # type: ignore[no-untyped-call]
     except OSError:
         raise InputError("--dask", f"no scheduler answers at {address}", "check the address") from None
     with client:

@@ -1,0 +1,30 @@
+"""The same work, in this process, in others, or on a Dask cluster."""
+
+import pytest
+
+from estimator.errors import InputError
+from service.diagnosis.workers import workers
+
+
+def test_work_in_this_process_hands_on_its_errors() -> None:
+    with workers(1) as executor:
+        assert list(executor.map(abs, [-1, 2])) == [1, 2]
+        with pytest.raises(ZeroDivisionError):
+            executor.submit(divmod, 1, 0).result()
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+def test_work_on_a_local_dask_cluster_gives_the_same() -> None:
+    distributed = pytest.importorskip("distributed")
+    settings = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    with distributed.LocalCluster(**settings) as cluster, workers(2, cluster.scheduler_address) as executor:
+        assert list(executor.map(abs, [-1, 2, -3])) == [1, 2, 3]
+
+
+def test_a_scheduler_that_is_not_there_is_named() -> None:
+    pytest.importorskip("distributed")
+    with (
+        pytest.raises(InputError, match="no scheduler answers"),
+        workers(2, "tcp://127.0.0.1:9", patience=0.5),
+    ):
+        pass
