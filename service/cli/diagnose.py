@@ -82,6 +82,7 @@ class NominalCommand(click.Command):
     metavar="S2",
     help="Specimen file to write, with what was found as physics of the model.",
 )
+@click.option("--effect", "effects", multiple=True, metavar="NAME", help="Try only this effect; repeatable.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of everything random.")
 @click.option("--jobs", "-j", type=click.IntRange(1), default=2, show_default=True, help="Processes.")
 @click.option("--dask", metavar="ADDRESS", help="Run on the Dask cluster at this address instead.")
@@ -93,6 +94,7 @@ def command(
     nominal: tuple[Path, ...],
     out: Path | None,
     write_specimen: Path | None,
+    effects: tuple[str, ...],
     seed: int,
     jobs: int,
     dask: str | None,
@@ -118,7 +120,7 @@ def command(
     from service.recordings.files import refuse_existing
 
     robot = specimen_of(specimen, recordings, load_recordings(recordings[:1]))
-    request = Request(recordings, nominal, robot, seed)
+    request = Request(recordings, nominal, robot, seed, effects)
     digest = digest_of(request)
     earlier = done_before(out, digest) if out is not None and not force else None
     if earlier is not None and (write_specimen is None or write_specimen.exists()):

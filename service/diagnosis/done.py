@@ -14,12 +14,13 @@ DIGEST = "report.digest"
 
 
 def digest_of(request: Request) -> str:
-    """Give a digest of recordings, specimen, seed and the program itself.
+    """Give a digest of recordings, specimen, seed, effects and the program itself.
 
     Raises:
         OSError: A recording cannot be read.
     """
-    found = sha256(f"{request.seed} {len(request.nominal)} {request.specimen.model_dump_json()}".encode())
+    words = (request.seed, *sorted(request.effects), len(request.nominal), request.specimen.model_dump_json())
+    found = sha256(" ".join(map(str, words)).encode())
     for path in _sources():
         found.update(path.read_bytes())
     for path in (*request.recordings, *request.nominal):

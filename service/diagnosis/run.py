@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 
@@ -28,12 +29,14 @@ from estimator.diagnosis.session import Session
 from estimator.diagnosis.stage import Model
 from estimator.diagnosis.stuck import stuck_findings, stuck_notes, stuck_pressures, without_pressures
 from estimator.diagnosis.valve_stage import splits_of, valve_diagnosis, valve_findings, with_valves
+from estimator.effects import EFFECTS
 from estimator.effects.accepted import physics_entry
 from estimator.errors import InputError
 from estimator.recording import Recording
 from estimator.rod import CalibratedRod, FittedRod, adapted
 from estimator.sensing import Bend
 from estimator.specimen import Specimen
+from estimator.specimen.physics import EffectName
 from service.diagnosis.models import finite_element_model, quick_rod, rod_model
 from service.offline.inputs import load_recordings
 from service.rods import known_rod, trusted
@@ -57,12 +60,14 @@ class Request:
         nominal: Recordings of the arm in its known state.
         specimen: The robot.
         seed: Of everything random.
+        effects: Effects to try; all when empty.
     """
 
     recordings: tuple[Path, ...]
     nominal: tuple[Path, ...]
     specimen: Specimen
     seed: int = 0
+    effects: tuple[str, ...] = ()
 
 
 def run(request: Request, executor: Executor, tell: Callable[[str], None] = lambda _: None) -> Outcome:
@@ -78,6 +83,7 @@ def run(request: Request, executor: Executor, tell: Callable[[str], None] = lamb
     """
     began = time.monotonic()
     tell("reading")
+    effects = _known(request.effects)
     suspects, nominal = load_recordings(request.recordings), load_recordings(request.nominal)
     _refuse_doubles(suspects, nominal)
     admitted = admit(suspects, nominal, request.specimen)
@@ -119,7 +125,9 @@ def run(request: Request, executor: Executor, tell: Callable[[str], None] = lamb
     if model.fast and known is not None and not trusted(known):
         error = 100.0 * known.report.trained.force_rms
         notes = (*notes, f"The calibrated rod is {error:.1f} % of range off the finite elements in force.")
-    outcome = diagnose(model, sessions, executor, seed=request.seed, notes=notes, advance=tell)
+    outcome = diagnose(
+        model, sessions, executor, seed=request.seed, notes=notes, effects=effects, advance=tell
+    )
     diagnosis = replace(with_valves(outcome.diagnosis, faults), seconds=time.monotonic() - began)
     return replace(outcome, diagnosis=diagnosis)
 
@@ -257,6 +265,16 @@ def _on_mesh(specimen: Specimen, admitted: Admitted, known: FittedRod | None) ->
         if pressures:
             distinct += len(np.unique(np.round(np.nan_to_num(np.column_stack(pressures)), -2), axis=0))
     return distinct <= FEW
+
+
+def _known(names: Sequence[str]) -> list[EffectName] | None:
+    """Give the effects of some names, in the order of the library; ``None`` stands for all."""
+    for name in names:
+        if name not in EFFECTS:
+            close = get_close_matches(name, EFFECTS, n=1, cutoff=0.5)
+            cure = f"did you mean {close[0]}?" if close else f"choose among {', '.join(EFFECTS)}"
+            raise InputError("--effect", f"{name!r} is no effect", cure)
+    return [effect.name for effect in EFFECTS.values() if effect.name in names] or None
 
 
 def _refuse_doubles(suspects: Sequence[Recording], nominal: Sequence[Recording]) -> None:

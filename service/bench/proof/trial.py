@@ -123,7 +123,9 @@ def record(trial: SealedTrial, folders: Folders) -> None:
     draft.rename(out)
 
 
-def diagnose(trial: SealedTrial, excitation: str, folders: Folders, specimen: str) -> Outcome:
+def diagnose(
+    trial: SealedTrial, excitation: str, folders: Folders, specimen: str, effects: Sequence[str] = ()
+) -> Outcome:
     """Run ``softarm diagnose`` on the recordings of a trial.
 
     Args:
@@ -131,15 +133,18 @@ def diagnose(trial: SealedTrial, excitation: str, folders: Folders, specimen: st
         excitation: Which of its runs to use.
         folders: Where.
         specimen: Name or path of the specimen that the tool is given: the drawing, not the arm.
+        effects: Effects to try; all when empty.
     """
     every = sorted(path for path in folders.recordings(trial).iterdir() if path.is_dir())
     runs = chosen(every, excitation)
     nominal = [path for path in every if path.name.startswith("nominal")]
     out = folders.report(trial, excitation)
     words = ["diagnose", *map(str, runs), "--specimen", specimen, "--jobs", "1", "--out", str(out)]
-    words += ["--write-specimen", str(out / WRITTEN)]
+    words += ["--write-specimen", str(out / WRITTEN), "--force"]
     for path in nominal:
         words += ["--nominal", str(path)]
+    for effect in effects:
+        words += ["--effect", effect]
     begin = time.monotonic()
     try:
         done = subprocess.run(

@@ -38,9 +38,10 @@ def test_whatever_goes_in_counts(request_of: Request, tmp_path: Path) -> None:
     assert digest_of(request_of) == digest
     others = [
         replace(request_of, seed=1),
+        replace(request_of, effects=("line_lag",)),
         replace(request_of, nominal=()),
         replace(request_of, recordings=request_of.nominal, nominal=request_of.recordings),
         replace(request_of, specimen=load_specimen("beam")),
     ]
     (tmp_path / "run" / "recording.csv").write_text("t_s,pressure_0_pa\n0,1\n")
-    assert len({digest, digest_of(request_of), *map(digest_of, others)}) == 6
+    assert len({digest, digest_of(request_of), *map(digest_of, others)}) == 7
