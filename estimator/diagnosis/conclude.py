@@ -179,7 +179,7 @@ def _finding(
     when = WHEN[effect.name]
     tied = "; ".join(f"{r.effect} at {describe(r.where)} ({r.manoeuvre} would tell)" for r in rivals)
     statement = (
-        f"{effect.tell(theta, hypothesis.place)} The mismatch varies with: {when}. With it, data that no fit "
+        f"{effect.tell(theta, hypothesis.place)} {_told(when)} With it, data that no fit "
         f"has seen are predicted to {after:.2f} instead of {before:.2f} times their noise."
         + (f" These data do not tell it from {tied}." if tied else "")
     )
@@ -256,6 +256,16 @@ def _exposure(search: Search, choice: Choice, index: int) -> Exposure | None:
         before[number][:, row],
         after[number][:, row],
     )
+
+
+def _told(when: str) -> str:
+    return (
+        "The mismatch is always there." if when == "constant" else f"The mismatch varies with {_the(when)}."
+    )
+
+
+def _the(when: str) -> str:
+    return when if when.startswith("time since") else f"the {when}"
 
 
 def exposing_variable(stage: Stage, name: str, place: Place) -> tuple[str, str, Floats]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.calibration import Fitted, calibrate_sessions
-from estimator.diagnosis.choose import Choice, Search
+from estimator.diagnosis.choose import HETEROGENEITY, Choice, Search
 from estimator.diagnosis.conclude import (
     findings_of,
     held_out,
@@ -38,7 +38,7 @@ from estimator.diagnosis.stuck import Stuck, find_stuck, stuck_findings, without
 from estimator.diagnosis.swapped import refuse_swapped
 from estimator.diagnosis.swing import fit_swing, swinging
 from estimator.diagnosis.words import EXCITATION
-from estimator.effects import EFFECTS
+from estimator.effects import EFFECTS, describe
 from estimator.effects.augmented import PlacedEffect
 from estimator.errors import InputError
 from estimator.simulation.inertia import Masses
@@ -189,6 +189,7 @@ def _outcome(
         names = ", ".join(choice.accepted[k].candidate.fit.hypotheses[-1].name for k in dropped)
         notes = (*notes, f"Fitted but not proven on held-out data, and so not reported: {names}.")
         choice = search.without(choice, dropped)
+    notes = (*notes, *disagreement(search, choice))
     predictions = held_out(search, None, choice.fit, known=choice.fit is not None)
     findings = (*findings_of(search, choice), *stuck_findings(stuck))
     remainder = _remainder(search, choice, predictions.rms()[1])
@@ -220,6 +221,17 @@ def _outcome(
     placed = tuple(h.placed(world, theta) for h, theta in zip(fit.hypotheses, fit.thetas, strict=True))
     stds = tuple(tuple(fit.stds(k).tolist()) for k in range(len(placed)))
     return Outcome(diagnosis, placed, stds, evidence.fitted, covariance)
+
+
+def disagreement(search: Search, choice: Choice) -> list[str]:
+    """Say where the best candidate was turned down because recordings show it in different sizes."""
+    if choice.turned_down is None or choice.turned_down[1].spread <= HETEROGENEITY:
+        return []
+    hypothesis = search.evidence.library.hypotheses[choice.turned_down[0].number]
+    return [
+        f"The recordings disagree: {hypothesis.name} at {describe(hypothesis.place)} fits some of them and "
+        "not others, and so is not reported."
+    ]
 
 
 def _baseline(stages: Sequence[Stage], floors: Mapping[str, float]) -> Baseline:

@@ -174,7 +174,7 @@ def stuck_findings(stuck: Sequence[Stuck]) -> tuple[Finding, ...]:
                 "time of the run",
                 f"{words} It stands still while {moving} moves: {where}.",
                 {"share": Quantity(1.0, 0.01, "1"), "since": Quantity(first, 0.1, "s")},
-                Evidence(float(gain), before, after, (share, share), 0.0),
+                Evidence(float(gain), before, after, (share, share), float("nan")),
             )
         )
     return tuple(found)

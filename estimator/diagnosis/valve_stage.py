@@ -291,7 +291,7 @@ def _evidence(own: Sequence[Split]) -> Evidence:
     effective = max(count / 50.0, 2.0)
     gain = effective * (before**2 - after**2) / max(after**2, 1.0)
     low, high = (float(gains.min()), float(gains.max())) if len(gains) > 1 else (float(gains[0]),) * 2
-    return Evidence(gain - 4.0 * np.log(effective), before, after, (low, high), 0.0)
+    return Evidence(gain - 4.0 * np.log(effective), before, after, (low, high), float("nan"))
 
 
 def _finding(

@@ -15,6 +15,8 @@ WIDTH, HEIGHT = 760, 190
 LEFT, RIGHT, TOP, BOTTOM = 62, 12, 12, 34
 POINTS = 600
 CLOUD = 1200
+FEW = 60
+"""Points below which each is drawn so that it is seen by itself."""
 TICKS = 5
 SCALES = {"rad": (57.29577951308232, "degrees"), "m": (1e3, "mm"), "Pa": (1e-3, "kPa")}
 
@@ -131,8 +133,9 @@ def _cloud(frame: Frame, values: Floats, curve: Curve) -> str:
     x, y = frame.x(values[kept]), frame.y(curve.values[kept])
     good = np.isfinite(x) & np.isfinite(y)
     dots = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[good], np.clip(y[good], 0, HEIGHT), strict=True))
-    style = f'stroke="{curve.colour}" stroke-width="2.4" stroke-linecap="round" opacity="0.3"'
-    return f'<path d="{dots}" fill="none" {style}/>'
+    few = good.sum() < FEW
+    style = f'stroke-linecap="round" stroke-width="{5.0 if few else 2.4}" opacity="{0.8 if few else 0.3}"'
+    return f'<path d="{dots}" fill="none" stroke="{curve.colour}" {style}/>'
 
 
 def _mean(frame: Frame, values: Floats, curve: Curve, bins: int = 14) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.diagnosis.choose import DRAWS
 from estimator.diagnosis.result import Diagnosis, Exposure, Finding, Quantity, Trace
 from estimator.effects.effect import describe
 from estimator.specimen import Specimen
@@ -103,16 +104,18 @@ def _finding(number: int, finding: Finding) -> str:
     low, high = (100.0 * gain for gain in evidence.heldout_gain_ci95)
     title = f"{number}. {finding.effect.replace('_', ' ')}, {describe(finding.where)}"
     told = (
-        f"Without it the mismatch on held-out data is {evidence.heldout_before:.2f} times the noise, with it "
-        f"{evidence.heldout_after:.2f} (gain {low:.0f} to {high:.0f} %). The evidence is "
-        f"{evidence.delta_bic:.0f} in BIC; a search where nothing is missing finds as much with a chance of "
-        f"{evidence.search_p:.2g}."
+        f"Gain on held-out data: {low:.0f} to {high:.0f} %, from {evidence.heldout_before:.2f} to "
+        f"{evidence.heldout_after:.2f} times the noise. The evidence is {evidence.delta_bic:.0f} in BIC"
     )
+    chance = (
+        f"; a search where nothing is missing finds as much with a chance of {_chance(evidence.search_p)}"
+    )
+    told += "." if np.isnan(evidence.search_p) else f"{chance}."
     rows = [[name, _quantity(q)] for name, q in finding.parameters.items()]
     shown = _exposure(finding.exposure) if finding.exposure is not None else ""
     return (
         f"<h3>{escape(title)}</h3><p>{escape(finding.statement)}</p>"
-        f"<p>It shows with: {escape(finding.when)}. {told}</p>"
+        f"<p>{told}</p>"
         f"{_table(['parameter', 'value and deviation'], rows)}{shown}{_rivals(finding)}"
     )
 
@@ -152,7 +155,7 @@ def _map(diagnosis: Diagnosis, specimen: Specimen) -> str:
             cell.regime,
             _amount(cell.amplitude, cell.unit),
             f"{100.0 * cell.share:.0f} %",
-            f"{cell.p_value:.2g}",
+            _chance(cell.p_value),
         ]
         for cell in diagnosis.map.cells[:CELLS]
     ]
@@ -167,7 +170,8 @@ def _map(diagnosis: Diagnosis, specimen: Specimen) -> str:
 
 def _heldout(diagnosis: Diagnosis) -> str:
     chosen = sorted(diagnosis.traces, key=_improvement, reverse=True)[:SHOWN]
-    parts = [f"<p>{escape(diagnosis.heldout.how_split)} Shaded: data that no fit and no choice has seen.</p>"]
+    how = diagnosis.heldout.how_split.rstrip(".")
+    parts = [f"<p>{escape(how[:1].upper() + how[1:])}. Shaded: data that no fit and no choice has seen.</p>"]
     for trace in chosen:
         curves = [
             Curve("measured", MEASURED, trace.measured),
@@ -247,6 +251,11 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def _amount(value: float, unit: str) -> str:
     factor, name = in_words(unit)
     return f"{factor * value:.3g} {name}".strip()
+
+
+def _chance(p: float) -> str:
+    """Write a chance; it was drawn some hundred times, so that none is nought."""
+    return escape(f"{p:.2g}" if p > 0.0 else f"< {1.0 / DRAWS:g}")
 
 
 def _quantity(quantity: Quantity) -> str:

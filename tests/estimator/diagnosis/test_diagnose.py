@@ -10,7 +10,7 @@ from estimator.diagnosis.split import hold_out
 from estimator.specimen.physics import Place
 from service.diagnosis.report import report_of
 from service.diagnosis.workers import Inline
-from tests.estimator.diagnosis.linear_arm import model, scrambled, trial
+from tests.estimator.diagnosis.linear_arm import model, scrambled, session, trial
 
 TRIED = (
     "chamber_gain",
@@ -85,6 +85,19 @@ def test_held_out_recordings_can_only_take_a_finding_back(weak: Outcome) -> None
 def test_one_seed_gives_one_report(weak: Outcome) -> None:
     again = _diagnose(trial([WEAK]))
     assert report_of(again.diagnosis) == report_of(weak.diagnosis)
+
+
+def test_recordings_that_disagree_get_no_finding() -> None:
+    """Half of them show a weak chamber, the others one that is as much too strong."""
+    known = trial([])[:2]
+    signs = [-1.0, 1.0, -1.0, 1.0]
+    runs = [
+        session(f"run_{k}", 10 + k, [("chamber_gain", Place(chamber=1), (0.15 * sign,))])
+        for k, sign in enumerate(signs)
+    ]
+    found = _diagnose([*known, *runs]).diagnosis
+    assert not found.findings
+    assert found.verdict == "unexplained" or found.heldout.after >= found.heldout.before
 
 
 def test_a_structure_outside_the_library_is_unknown() -> None:
