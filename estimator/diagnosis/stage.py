@@ -13,6 +13,7 @@ from estimator.diagnosis.session import Session, units
 from estimator.effects import World
 from estimator.effects.augmented import PlacedEffect, signals_of, simulate_with
 from estimator.model import Frames
+from estimator.rotations import exp
 from estimator.sensing import Scene, SensorSuite
 from estimator.simulation import Arm, Drive, LinearisedArm, Response
 from estimator.simulation.compliance import stiffness_along
@@ -30,7 +31,7 @@ APART = 0.4
 PASSES = 4
 SETTLED_STRAIN, SETTLED_WRENCH = 1e-4, 1e-5
 """Answers of the model until effects see their own consequence; the change that ends it [rad, m; N, N m]."""
-ANSWERING = ("contact_obstacle", "tether_stiffness", "base_compliance")
+ANSWERING = ("contact_obstacle", "tether_stiffness")
 """Effects whose own consequence changes what they do: how far they push depends on how far they moved."""
 
 
@@ -194,7 +195,7 @@ class Stage:
         nodes, clock = self.nodes, self.session.clock
         plain = seen = self.arm.baseline
         near, drive = plain.at(nodes), self._under(effects, plain)
-        response = self.exact.respond(drive.at(nodes), near)
+        response = self.exact.respond(drive.at(nodes), near, slopes=False)
         for _ in range(PASSES if effects else 0):
             strained = response.strains - drive.free[nodes] - near.strains
             moved = response.frames.positions - near.frames.positions
@@ -208,8 +209,14 @@ class Stage:
             if _settled(drive, again):
                 break
             drive = again
-            response = self.exact.respond(drive.at(nodes), near)
-        readings = self.suite.predict(Scene(response.frames, self.scene.loads[nodes]))
+            begun = replace(near, states=response.states)
+            response = self.exact.respond(drive.at(nodes), begun, slopes=False)
+        back = np.swapaxes(exp(self._usual(drive)[nodes]), -1, -2)
+        frames = Frames(
+            np.einsum("tij,tsj->tsi", back, response.frames.positions),
+            back[:, None] @ response.frames.rotations,
+        )
+        readings = self.suite.predict(Scene(frames, self.scene.loads[nodes]))
         readings = np.where(response.converged[:, None], readings, np.nan)
         base = Scene(near.frames, self.scene.loads[nodes])
         left: Floats = self.suite.sensitivity(base, readings).innovation
@@ -256,7 +263,19 @@ class Stage:
         if hook == "couple":
             return _applied(self.by_free, (value - signals.strains).reshape(drive.samples, -1))
         turned = replace(drive, base_rotation=drive.base_rotation + value.reshape(drive.samples, 3))
-        return _applied(self.by_twist, self.arm.twists(turned) - self.arm.twists(drive))
+        usual = replace(drive, base_rotation=self._usual(turned))
+        return _applied(self.by_twist, self.arm.twists(turned) - self.arm.rigid(usual))
+
+    def _usual(self, drive: Drive) -> Floats:
+        """Give the turn of the base that the laboratory's registration has taken out, shape (samples, 3)."""
+        mean = np.mean(drive.base_rotation, axis=0) if self._registered else np.zeros(3)
+        return np.broadcast_to(mean, drive.base_rotation.shape)
+
+    @cached_property
+    def _registered(self) -> bool:
+        """Whether the recorded base, at its mean pose, tells where the laboratory is."""
+        known = [m.registration for m in self.suite.measurements if m.registration is not None]
+        return any(not np.array_equal(one.rotation, np.eye(3)) for one in known)
 
     def _misread(self, placed: PlacedEffect, truth: Floats) -> Floats:
         """Give stacked readings as an effect of sensing turns them, shape (samples, readings)."""

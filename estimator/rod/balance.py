@@ -231,7 +231,7 @@ def respond(
         units: Force and couple of an action per unit of an input, shape (units, 6).
         owner: Action and column of each, shape (units, 2).
         columns: Number of inputs; the stiffness factors of the links and then the shapes follow them in
-            ``change`` where it has more columns.
+            ``change`` where it has more columns. Where it has none, nothing is differentiated.
         shapes: Free strains of the links whose effect is wanted, shape (6 links, shapes).
         stations: Station of each point, 0 for the clamp, shape (points,).
         offsets: Offset of each point in its station's frame [m], shape (points, 3).
@@ -250,7 +250,8 @@ def respond(
     count, size = settle(length, actions, laws, drive, work, gap, tolerance, iterations)
     right = np.zeros((6 * links, every + 1))
     right[:, every] = gap
-    input_gaps(actions, laws, work, units, owner, right[:, :columns])
+    if every > 0:
+        input_gaps(actions, laws, work, units, owner, right[:, :columns])
     if every > columns:
         wrench, beyond = np.empty((links, 6)), np.empty((links, 15))
         wrenches(work.positions, work.middles, actions, work.points, drive, wrench, beyond)
@@ -291,12 +292,13 @@ def respond_all(
     tolerance: float,
     iterations: int,
     work: Work,
+    strains: Floats,
     places: Floats,
     rotations: Floats,
     twists: Floats,
     counts: Indices,
 ) -> None:
-    """Settle the chain for many samples, each from the one before; arguments as of ``respond``.
+    """Settle the chain for many samples; arguments as of ``respond``.
 
     Args:
         length: Rest lengths of the links [m], shape (links,).
@@ -314,7 +316,9 @@ def respond_all(
         offsets: Offset of each point in its station's frame [m], shape (points, 3).
         tolerance: Largest gap of a strain to stop at.
         iterations: Largest number of linearisations.
-        work: Memory, at rest.
+        work: Memory.
+        strains: Strains to begin with, NaN where each sample begins from the one before; brought to
+            equilibrium, shape (samples, links, 6).
         places: Filled, shape (samples, points, 3).
         rotations: Filled with the stations' rotations, shape (samples, points, 3, 3).
         twists: Filled, shape (samples, 6 points, columns + links + shapes).
@@ -339,6 +343,8 @@ def respond_all(
                 for f in range(shapes.shape[1]):
                     strain[i, k] += shapes[6 * i + k, f] * free[s, f]
         drive = Drive(pressures[s], force, couple, strain)
+        if not np.isnan(strains[s, 0, 0]):
+            work.strain[:] = strains[s]
         count, _ = respond(
             length, actions, laws, drive, units, owner, columns, shapes, stations, offsets,
             tolerance, iterations, work, places[s], change, twists[s],
@@ -351,6 +357,7 @@ def respond_all(
                 tolerance, iterations, work, places[s], change, twists[s],
             )  # fmt: skip
         counts[s] = count
+        strains[s] = work.strain
         for n in range(len(stations)):
             rotations[s, n] = work.rotations[stations[n]]
         if count < 0:

@@ -63,12 +63,14 @@ class Batch:
         by_free: Section twists per unit of the free strains of each region, shape (samples, 6 sections,
             regions, 4).
         converged: Shape (samples,).
+        states: Strains of the links, shape (samples, links, 6).
     """
 
     frames: Frames
     motion: Floats
     by_free: Floats
     converged: NDArray[np.bool_]
+    states: Floats
 
 
 @dataclass(frozen=True)
@@ -173,9 +175,16 @@ class CalibratedRod:
         return start, False
 
     def evaluate(
-        self, pressures: Floats, loads: Floats, gravity: Floats, free: Floats | None = None
+        self,
+        pressures: Floats,
+        loads: Floats,
+        gravity: Floats,
+        free: Floats | None = None,
+        *,
+        start: Floats | None = None,
+        slopes: bool = True,
     ) -> Batch:
-        """Solve many samples in one compiled loop, each begun from the one before.
+        """Solve many samples in one compiled loop.
 
         Args:
             pressures: Gauge pressures [Pa], shape (samples, chambers).
@@ -183,6 +192,9 @@ class CalibratedRod:
             gravity: Gravitational acceleration in the base frame [m/s2], shape (3,) or (samples, 3).
             free: What the material of each region strains beside what its law gives: two bends and the twist
                 [rad], and its elongation [m], shape (samples, regions, 4).
+            start: States to begin with, shape (samples, links, 6); each sample begins from the one before
+                where they are left out.
+            slopes: Differentiate; else the derivatives have no columns.
 
         Returns:
             Frames and their derivatives by inputs, gravity, stiffness factors and free strains.
@@ -192,20 +204,24 @@ class CalibratedRod:
         units, owner = self._units_and_gravity
         places = np.empty((samples, sections, 3))
         rotations = np.empty((samples, sections, 3, 3))
+        strains = np.full((samples, links, 6), np.nan) if start is None else np.array(start)
         shapes = self._shapes
+        width = columns + links + shapes.shape[1] if slopes else 0
         sizes = np.zeros((samples, shapes.shape[1])) if free is None else _dense(free).reshape(samples, -1)
-        twists = np.zeros((samples, 6 * sections, columns + links + shapes.shape[1]))
+        twists = np.zeros((samples, 6 * sections, width))
         counts = np.zeros(samples, dtype=np.int64)
         respond_all(
             self._lengths, self._actions, self.laws, _dense(pressures), _dense(loads),
             _dense(np.broadcast_to(gravity, (samples, 3))), sizes, units, owner, columns, shapes,
             self.chain.section_station, self.chain.section_offset, TOLERANCE, ITERATIONS,
-            self._work(self.rest()), places, rotations, twists, counts,
+            self._work(self.rest()), strains, places, rotations, twists, counts,
         )  # fmt: skip
         by_factor, by_free = twists[..., columns : columns + links], twists[..., columns + links :]
-        motion = np.concatenate([twists[..., :columns], by_factor @ self._membership], axis=-1)
+        by_region = by_factor @ self._membership if slopes else by_factor
+        motion = np.concatenate([twists[..., :columns], by_region], axis=-1)
+        by_free = by_free.reshape(samples, 6 * sections, -1, 4) if slopes else by_free[..., None]
         frames = Frames(places, rotations @ self.chain.section_rotation)
-        return Batch(frames, motion, by_free.reshape(*by_free.shape[:2], -1, 4), counts > 0)
+        return Batch(frames, motion, by_free, counts > 0, strains)
 
     def station_frames(self, state: Floats, inputs: Inputs) -> Frames:
         """Give the frames of all stations at the equilibrium near a state, the clamp first."""

@@ -29,8 +29,14 @@ class Arm(Protocol):
     def segments(self) -> Segments:
         """The segments."""
 
-    def respond(self, drive: Drive, near: Response | None = None) -> Response:
-        """Answer a drive; ``near`` is a response close by, in whose pose the couples act."""
+    def respond(self, drive: Drive, near: Response | None = None, *, slopes: bool = True) -> Response:
+        """Answer a drive.
+
+        Args:
+            drive: What acts.
+            near: A response close by, in whose pose the couples act and from which the search begins.
+            slopes: Whether the derivatives are wanted.
+        """
 
 
 class BatchAnswer(Protocol):
@@ -63,6 +69,10 @@ class StrainedAnswer(BatchAnswer, Protocol):
     def by_free(self) -> Floats:
         """Twists per unit of the regions' free strains, shape (samples, 6 sections, regions, 4)."""
 
+    @property
+    def states(self) -> Floats:
+        """States of the model, shape (samples, ...)."""
+
 
 @runtime_checkable
 class StrainedModel(Protocol):
@@ -76,8 +86,17 @@ class StrainedModel(Protocol):
     def factors(self) -> Floats:
         """Stiffness factor of each region, shape (regions,)."""
 
-    def evaluate(self, pressures: Floats, loads: Floats, gravity: Floats, free: Floats) -> StrainedAnswer:
-        """Solve samples; ``free`` of shape (samples, regions, 4)."""
+    def evaluate(
+        self,
+        pressures: Floats,
+        loads: Floats,
+        gravity: Floats,
+        free: Floats,
+        *,
+        start: Floats | None,
+        slopes: bool,
+    ) -> StrainedAnswer:
+        """Solve samples, begun from states; ``free`` of shape (samples, regions, 4)."""
 
 
 def section_loads(sections: tuple[str, ...]) -> tuple[Load, ...]:
@@ -112,8 +131,8 @@ class SimulatedArm(Generic[State, Step]):
         ):
             raise InputError("loads", "not the sections' wrenches", "build the model with section_loads()")
 
-    def respond(self, drive: Drive, near: Response | None = None) -> Response:
-        """Answer a drive, each sample begun from the one before; see ``Arm``.
+    def respond(self, drive: Drive, near: Response | None = None, *, slopes: bool = True) -> Response:
+        """Answer a drive, each sample begun from the one before, or from the states nearby; see ``Arm``.
 
         A turned base turns gravity and the wrenches into its frame, and the frames out of it.
         """
@@ -122,24 +141,16 @@ class SimulatedArm(Generic[State, Step]):
         local = np.einsum("tji,tskj->tski", turn, wrenches.reshape(*wrenches.shape[:2], 2, 3))
         local = local.reshape(drive.samples, -1)
         gravity = np.einsum("tji,tj->ti", turn, drive.gravity)
-        by_free: Floats | None = None
-        by_stiffness: Floats | None = None
         if isinstance(self.model, StrainedModel):
-            answer, by_free, by_stiffness = self._strained(self.model, drive, local, gravity)
-        else:
-            answer = self._evaluate(drive.pressures, local, gravity)
-        frames = Frames(
-            np.einsum("tij,tsj->tsi", turn, answer.frames.positions),
-            np.einsum("tij,tsjk->tsik", turn, answer.frames.rotations),
-        )
-        motion = _turned(answer.motion, turn, drive.pressures.shape[1])
-        response = Response(
-            frames, self.segments.strains(answer.frames), motion, motion[..., :0], answer.converged
-        )
-        if by_free is None or by_stiffness is None:
-            return replace(response, by_free=yielding(self.segments, frames, response.by_wrench))
-        by_free, by_stiffness = _out(by_free, turn), _out(by_stiffness, turn)
-        return replace(response, by_free=by_free, by_stiffness=by_stiffness)
+            start = near.states if near is not None else None
+            return _turned_out(self._strained(self.model, drive, local, gravity, start, slopes), turn)
+        answer = self._evaluate(drive.pressures, local, gravity)
+        motion = answer.motion[..., : drive.pressures.shape[1] + local.shape[1] + 3]
+        strains = self.segments.strains(answer.frames)
+        plain = Response(answer.frames, strains, motion, motion[..., :0], answer.converged)
+        response = _turned_out(plain, turn)
+        by_free = yielding(self.segments, response.frames, response.by_wrench)
+        return replace(response, by_free=by_free)
 
     def _coupled(self, drive: Drive, near: Response | None) -> Floats:
         """Give the sections' wrenches by couples, and by free strains where the model has none itself."""
@@ -155,16 +166,30 @@ class SimulatedArm(Generic[State, Step]):
         return self.segments.wrenches(known.frames, couples)
 
     def _strained(
-        self, model: StrainedModel, drive: Drive, loads: Floats, gravity: Floats
-    ) -> tuple[BatchAnswer, Floats, Floats]:
-        """Solve a model that strains freely; give twists by free strains and logarithms of stiffness too."""
+        self,
+        model: StrainedModel,
+        drive: Drive,
+        loads: Floats,
+        gravity: Floats,
+        start: Floats | None,
+        slopes: bool,
+    ) -> Response:
+        """Solve a model that strains freely, in the frame of its base."""
         own = [model.regions.index(name) for name in self.segments.names]
         free = np.zeros((drive.samples, len(model.regions), 4))
         free[:, own] = drive.free
-        answer = model.evaluate(drive.pressures, loads, gravity, free)
+        answer = model.evaluate(drive.pressures, loads, gravity, free, start=start, slopes=slopes)
+        strains = self.segments.strains(answer.frames)
+        none = answer.motion[..., :0]
+        if not slopes:
+            return Response(answer.frames, strains, none, none, answer.converged, None, answer.states)
+        inputs = answer.motion.shape[-1] - len(model.regions)
         by_free = answer.by_free[:, :, own].reshape(*answer.by_free.shape[:2], -1)
-        factors = answer.motion[..., answer.motion.shape[-1] - len(model.regions) :] * model.factors
-        return answer, by_free, factors[..., own]
+        by_stiffness = (answer.motion[..., inputs:] * model.factors)[..., own]
+        motion = answer.motion[..., :inputs]
+        return Response(
+            answer.frames, strains, motion, by_free, answer.converged, by_stiffness, answer.states
+        )
 
     def _evaluate(self, pressures: Floats, loads: Floats, gravity: Floats) -> BatchAnswer:
         evaluate = getattr(self.model, "evaluate", None)
@@ -185,20 +210,33 @@ class SimulatedArm(Generic[State, Step]):
         return stiffness
 
 
-def _turned(motion: Floats, turn: Floats, chambers: int) -> Floats:
-    """Express twists, and the wrenches and gravity they are differentiated by, in the unturned frame."""
-    samples, rows = motion.shape[:2]
-    inputs = chambers + rows + 3
-    out = _out(motion[..., :inputs], turn)
-    vectors = out[..., chambers:].reshape(samples, rows, -1, 3)
-    turned = np.einsum("tij,trkj->trki", turn, vectors).reshape(samples, rows, -1)
-    return np.concatenate([out[..., :chambers], turned], axis=-1)
+def _turned_out(response: Response, turn: Floats) -> Response:
+    """Express a response, and the wrenches and gravity that differentiate it, in the unturned frame."""
+    frames = Frames(
+        np.einsum("tij,tsj->tsi", turn, response.frames.positions),
+        np.einsum("tij,tsjk->tsik", turn, response.frames.rotations),
+    )
+    motion = _out(response.motion, turn)
+    samples, rows, inputs = motion.shape
+    if inputs:
+        chambers = inputs - rows - 3
+        vectors = motion[..., chambers:].reshape(samples, rows, -1, 3)
+        turned = np.einsum("tij,trkj->trki", turn, vectors).reshape(samples, rows, -1)
+        motion = np.concatenate([motion[..., :chambers], turned], axis=-1)
+    stiffness = response.by_stiffness
+    return replace(
+        response,
+        frames=frames,
+        motion=motion,
+        by_free=_out(response.by_free, turn),
+        by_stiffness=None if stiffness is None else _out(stiffness, turn),
+    )
 
 
 def _out(twists: Floats, turn: Floats) -> Floats:
     """Express twists, shape (samples, rows, columns), in the unturned frame."""
     samples, rows, columns = twists.shape
-    out = np.einsum("tij,tnjk->tnik", turn, twists.reshape(samples, -1, 3, columns))
+    out = np.einsum("tij,tnjk->tnik", turn, twists.reshape(samples, rows // 3, 3, columns))
     return np.asarray(out.reshape(samples, rows, columns), dtype=np.float64)
 
 

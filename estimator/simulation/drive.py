@@ -83,6 +83,7 @@ class Response:
         converged: Where the model found its equilibrium, shape (samples,).
         by_stiffness: Section twists by the logarithm of each segment's stiffness, where the model gives
             them, shape (samples, 6 sections, segments).
+        states: States of the model, to begin others with, where it can; shape (samples, ...).
     """
 
     frames: Frames
@@ -91,6 +92,7 @@ class Response:
     by_free: Floats
     converged: Flags
     by_stiffness: Floats | None = None
+    states: Floats | None = None
 
     @property
     def by_wrench(self) -> Floats:
@@ -109,4 +111,5 @@ class Response:
             self.by_free[chosen],
             self.converged[chosen],
             None if self.by_stiffness is None else self.by_stiffness[chosen],
+            None if self.states is None else self.states[chosen],
         )

@@ -30,12 +30,18 @@ class LinearisedArm:
 
     def twists(self, drive: Drive) -> Floats:
         """Give the sections' twists, shape (samples, 6 sections), by the change from the baseline drive."""
-        return self._rigid(drive) + self._elastic(drive)
+        return self.rigid(drive) + self._elastic(drive)
 
-    def respond(self, drive: Drive, near: Response | None = None) -> Response:  # noqa: ARG002
+    def respond(
+        self,
+        drive: Drive,
+        near: Response | None = None,  # noqa: ARG002
+        *,
+        slopes: bool = True,  # noqa: ARG002
+    ) -> Response:
         """Answer a drive to first order."""
         elastic = self._elastic(drive)
-        parts = (elastic + self._rigid(drive)).reshape(drive.samples, -1, 6)
+        parts = (elastic + self.rigid(drive)).reshape(drive.samples, -1, 6)
         frames = Frames(
             self.baseline.frames.positions + parts[..., :3],
             exp(parts[..., 3:]) @ self.baseline.frames.rotations,
@@ -67,7 +73,7 @@ class LinearisedArm:
         yielded: Floats = np.einsum("tri,ti->tr", self.baseline.by_free, free)
         return twists + yielded
 
-    def _rigid(self, drive: Drive) -> Floats:
+    def rigid(self, drive: Drive) -> Floats:
         """Give the twists by the turn of the base about the origin."""
         places = self.baseline.frames.positions
         tilt = np.broadcast_to((drive.base_rotation - self.drive.base_rotation)[:, None], places.shape)

@@ -32,7 +32,7 @@ class StraightArm:
     def segments(self):
         return SEGMENTS
 
-    def respond(self, drive: Drive, near: Response | None = None) -> Response:
+    def respond(self, drive: Drive, near: Response | None = None, *, slopes: bool = True) -> Response:
         plain = straight_arm(drive.time)
         arm = LinearisedArm(SEGMENTS, plain.drive, plain.baseline)
         base = arm.respond(drive)

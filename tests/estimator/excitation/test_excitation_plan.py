@@ -21,7 +21,7 @@ class StraightArm:
 
     segments: Segments = SEGMENTS
 
-    def respond(self, drive: Drive, near: Response | None = None) -> Response:
+    def respond(self, drive: Drive, near: Response | None = None, *, slopes: bool = True) -> Response:
         return straight_arm(drive.time).respond(drive, near)
 
 
