@@ -1,0 +1,102 @@
+"""A thread that works while its caller goes on, with a mailbox of one."""
+
+from collections.abc import Callable
+from threading import Condition, Thread
+from types import TracebackType
+from typing import Generic, Self, TypeVar
+
+Request = TypeVar("Request")
+Answer = TypeVar("Answer")
+
+
+class Background(Generic[Request, Answer]):
+    """Owns one thread that answers requests, the newest one next.
+
+    It gains time only where the work runs without the interpreter's lock. Use it as a context manager.
+
+    Args:
+        work: Answers a request.
+        name: Name of the thread.
+    """
+
+    def __init__(self, work: Callable[[Request], Answer], name: str) -> None:
+        self._work = work
+        self._changed = Condition()
+        self._request: Request | None = None
+        self._answer: Answer | None = None
+        self._failure: Exception | None = None
+        self._busy = self._closing = False
+        self._finished = 0
+        self._thread = Thread(target=self._run, name=name, daemon=True)
+
+    def __enter__(self) -> Self:
+        """Start the thread."""
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Let the thread finish what it has in hand, and end it."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._thread.join()
+
+    @property
+    def newest(self) -> Answer | None:
+        """The newest answer, ``None`` before the first."""
+        with self._changed:
+            return self._answer
+
+    @property
+    def finished(self) -> int:
+        """Number of requests answered."""
+        with self._changed:
+            return self._finished
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is asked or in hand."""
+        with self._changed:
+            return self._request is None and not self._busy
+
+    def ask(self, request: Request) -> None:
+        """Ask, in place of what was asked and not yet begun.
+
+        Raises:
+            RuntimeError: Earlier work failed unexpectedly; the cause is attached.
+        """
+        with self._changed:
+            if self._failure is not None:
+                raise RuntimeError(f"{self._thread.name} failed") from self._failure
+            self._request = request
+            self._changed.notify_all()
+
+    def wait(self) -> None:
+        """Wait until nothing is asked or in hand."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closing or (self._request is None and not self._busy))
+
+    def _run(self) -> None:
+        while (request := self._next()) is not None:
+            try:
+                answer, failure = self._work(request), None
+            except Exception as error:  # noqa: BLE001 (the boundary of the thread; handed to the caller)
+                answer, failure = None, error
+            with self._changed:
+                self._answer, self._failure = answer, failure
+                self._busy = False
+                self._finished += 1
+                self._changed.notify_all()
+
+    def _next(self) -> Request | None:
+        """Wait for a request; ``None`` at the end."""
+        with self._changed:
+            self._changed.wait_for(
+                lambda: self._closing or self._failure is not None or self._request is not None
+            )
+            if self._closing or self._failure is not None:
+                return None
+            request, self._request, self._busy = self._request, None, True
+            return request
