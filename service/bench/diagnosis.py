@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from service.cli.output import Table, as_markdown, json_option, progress, quick_option, say, show
+from service.cli.output import Table, json_option, progress, quick_option, say, show
 
 if TYPE_CHECKING:
     from service.bench.proof.schedule import SealedTrial
@@ -52,7 +52,7 @@ the answers lie in a folder that only the scorer opens.
     help="What to prove; all when left out.",
 )
 @click.option("--forces", default=12, show_default=True, help="Trials on whose pull the force is estimated.")
-@click.option("--write", type=click.Path(path_type=Path), help="Write the tables to a page.")
+@click.option("--write", type=click.Path(path_type=Path), help="Write the tables to a page; its others stay.")
 @quick_option
 @json_option
 def command(
@@ -93,14 +93,17 @@ def command(
     if "force" in parts:
         from service.bench.proof.force import force_table
 
-        tables.append(force_table(folders, say, 1 if quick else forces))
+        tables.append(force_table(folders, specimen, say, 1 if quick else forces))
     if "cost" in parts:
         from service.bench.proof.cost import cost_table
 
         tables.append(cost_table(folders, specimen, say))
     show(*tables, as_json=as_json)
     if write is not None:
-        write.write_text(f"{HEAD}\n{as_markdown(*tables)}\n", encoding="utf-8")
+        from service.bench.proof.page import renewed
+
+        page = write.read_text("utf-8") if write.exists() else HEAD
+        write.write_text(renewed(page, tables), encoding="utf-8")
         say(f"wrote {write}")
     return 0
 

@@ -21,9 +21,8 @@ from estimator.simulation import Drive, LinearisedArm
 from estimator.specimen import Specimen, load_specimen
 from service.bench.proof.schedule import SealedTrial
 from service.bench.proof.score import answer
-from service.bench.proof.trial import WRITTEN, Folders, diagnose, record
+from service.bench.proof.trial import WRITTEN, Folders, diagnosed
 from service.cli.output import Cell, Table
-from service.errors import WorkFailedError
 from service.experiments.excitation_plan import subject_of
 from service.offline.inputs import load_recordings
 from service.offline.resample import resample
@@ -31,6 +30,8 @@ from service.offline.resample import resample
 Floats = NDArray[np.float64]
 
 TRIAL = SealedTrial("pair", 4900, "viscoelastic_creep+chamber_gain")
+EXCITATION = "hanging"
+"""The trial that is compared on, and what of it the methods learn from."""
 RATE = 4.0
 DEGREES = 57.29577951308232
 FULL = 50e3
@@ -96,16 +97,9 @@ def alternatives_table(folders: Folders, specimen: str, say: Callable[[str], Non
     Raises:
         WorkFailedError: The tool gave no report or wrote no specimen.
     """
-    say("alternatives: recording")
-    record(TRIAL, folders)
-    written = folders.report(TRIAL, "hanging") / WRITTEN
-    if not written.exists():
-        say("alternatives: diagnosing")
-        outcome = diagnose(TRIAL, "hanging", folders, specimen)
-        if not written.exists():
-            raise WorkFailedError(f"softarm diagnose wrote no specimen ({outcome.told})")
+    diagnosed(TRIAL, EXCITATION, folders, specimen, say)
     say("alternatives: predicting")
-    improved = load_specimen(written)
+    improved = load_specimen(folders.report(TRIAL, EXCITATION) / WRITTEN)
     every = sorted(folders.recordings(TRIAL).iterdir())
     train = [bends(improved, path) for path in every if path.name.startswith(TRAINING)]
     tests = {k: [bends(improved, p) for p in every if p.name.startswith(v)] for k, v in TESTS.items()}

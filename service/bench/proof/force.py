@@ -8,7 +8,8 @@ import numpy as np
 from estimator.arm import build_arm
 from estimator.calibration import arrange, section_forces
 from estimator.specimen import Specimen, load_specimen
-from service.bench.proof.trial import FORCE_RUN, WRITTEN, Folders, Outcome, read_outcomes
+from service.bench.proof.alternatives import EXCITATION, TRIAL
+from service.bench.proof.trial import FORCE_RUN, WRITTEN, Folders, Outcome, diagnosed, read_outcomes
 from service.cli.output import Cell, Table
 from service.offline.inputs import in_its_mount, load_recordings
 from service.offline.resample import resample
@@ -18,15 +19,18 @@ RATE = 5.0
 """Estimates per second."""
 
 
-def force_table(folders: Folders, say: Callable[[str], None], largest: int) -> Table:
+def force_table(folders: Folders, specimen: str, say: Callable[[str], None], largest: int) -> Table:
     """Estimate the pull of the gauge in trials with findings, on the specimen without and with them.
 
     Args:
-        folders: Where the proof works; trials whose pull was kept count.
+        folders: Where the proof works; trials whose pull was kept count, where there are none that of the
+            alternatives.
+        specimen: What the tool is given.
         say: Tells how far it is.
         largest: Number of trials at most.
     """
     chosen = [one for one in read_outcomes(folders.results) if _usable(one, folders)][:largest]
+    chosen = chosen or [diagnosed(TRIAL, EXCITATION, folders, specimen, say)]
     rows: list[dict[str, Cell]] = []
     for number, one in enumerate(chosen, start=1):
         say(f"force on {one.trial.name}, {number} of {len(chosen)}")

@@ -5,13 +5,14 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from service.bench.proof.schedule import SealedTrial
 from service.diagnosis.report import FILE
+from service.errors import WorkFailedError
 
 ORDINARY = ("random_holds", "ramps")
 """Manoeuvres that count as ordinary motion."""
@@ -162,6 +163,26 @@ def diagnose(
     report = json.loads(file.read_text()) if status == 0 and file.exists() else {}
     recorded = sum(duration(path) for path in (*runs, *nominal))
     return Outcome(trial, excitation, seconds, recorded, status, "".join(told) if not report else "", report)
+
+
+def diagnosed(
+    trial: SealedTrial, excitation: str, folders: Folders, specimen: str, say: Callable[[str], None]
+) -> Outcome:
+    """Record and diagnose a trial, unless its report and its specimen are there already.
+
+    Raises:
+        WorkFailedError: The tool gave no report or wrote no specimen.
+    """
+    out = folders.report(trial, excitation)
+    if (out / FILE).exists() and (out / WRITTEN).exists():
+        return Outcome(trial, excitation, 0.0, 0.0, 0, "", json.loads((out / FILE).read_text()))
+    say(f"{trial.name}: recording")
+    record(trial, folders)
+    say(f"{trial.name}: diagnosing")
+    outcome = diagnose(trial, excitation, folders, specimen)
+    if not outcome.report or not (out / WRITTEN).exists():
+        raise WorkFailedError(f"softarm diagnose wrote no specimen ({outcome.told})")
+    return outcome
 
 
 def chosen(recordings: Sequence[Path], excitation: str) -> list[Path]:
