@@ -173,6 +173,10 @@ class TrackingModel:
         state = self.model.rest()
         return TrackingState(state.displacement, state.inputs)
 
+    def section_frames(self, state: TrackingState) -> Frames:
+        """Give the sections' frames in a state."""
+        return self.model.section_fit.at(self.model.body.points + state.displacement).frames
+
     def linearise(self, state: TrackingState, inputs: Inputs) -> TrackingStep:
         """Linearise about a state under given inputs."""
         balance = self.model.balance(state.displacement, inputs, tangent=False)

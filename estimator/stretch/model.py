@@ -25,8 +25,6 @@ Step = TypeVar("Step", bound=Linearisation)
 PASSES = 12
 SETTLED = 1e-6
 """Change of a stretch from pass to pass at which pressures and stretches agree."""
-NEAR = 3
-"""Passes for a model whose linearisation finds the equilibrium itself: each leaves a tenth or less."""
 
 
 @dataclass(frozen=True)
@@ -127,14 +125,13 @@ class StretchedModel(Generic[State, Step]):
     def linearise(self, state: State, inputs: Inputs) -> StretchedStep[State, Step]:
         """Linearise about a state under given inputs."""
         frames_at = getattr(self.model, "section_frames", None)
-        if frames_at is not None:
-            stretches = self.law.stretches(frames_at(state))
-            return self._step(state, inputs, stretches)
-        stretches = np.zeros(self.chambers)
-        for _ in range(NEAR):
-            step = self._step(state, inputs, stretches)
-            stretches = self.law.stretches(step.frames)
-        return self._step(state, inputs, stretches)
+        if (
+            frames_at is None
+        ):  # the model finds an equilibrium itself, whose stretches are nearly the right ones
+            found = self._step(state, inputs, np.zeros(self.chambers)).frames
+        else:
+            found = frames_at(state)
+        return self._step(state, inputs, self.law.stretches(found))
 
     def advance(self, step: StretchedStep[State, Step], change: Floats) -> State:
         """Take the Newton step for inputs changed by ``change`` (pressures, then loads)."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.arm import default_loads
 from estimator.calibration import Run, arrange, section_forces
 from estimator.calibration.scatter import scatter_in
 from estimator.fem import FiniteElementState
@@ -17,7 +18,7 @@ from estimator.specimen import Specimen
 from estimator.stretch import stretched
 from service.experiments.figures import Cells, beside, error_figures, inside
 from service.experiments.following import follow
-from service.experiments.models import lateral_loads, tracking_model, wrench_loads
+from service.experiments.models import tracking_model, wrench_loads
 from service.experiments.paper import FORCE_PRESSURISED_N, FORCE_STILL_N, Published
 from service.experiments.pulls import (
     TAUT_N,
@@ -107,7 +108,9 @@ def follow_pull(
     sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, rate)
     slow = subset(sampled, sensors, scatter_in(case.specimen, sampled))
     pull = pull_of(case.recording, case.specimen, slow)
-    model = tracking_model(case.specimen, lateral_loads(pull.section) if loads is None else loads)
+    model = tracking_model(
+        case.specimen, default_loads(case.specimen, (pull.section,)) if loads is None else loads
+    )
     found = track(model, case.specimen, slow, advance, waypoints=case.waypoints)
     tied = pull.tied
     vented = np.nan_to_num(slow.pressures).max(axis=1) < VENTED_PA
@@ -155,7 +158,7 @@ def axial_rows(case: PullCase, *, at_rest: bool = False, advance: Advance = lamb
     sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, RATE_HZ)
     slow = subset(sampled, "poses", scatter_in(case.specimen, sampled))
     pull = pull_of(case.recording, case.specimen, slow)
-    model = tracking_model(case.specimen, wrench_loads(pull.section))
+    model = tracking_model(case.specimen, wrench_loads(case.specimen, pull.section))
     found = track(model, case.specimen, slow, advance, waypoints=case.waypoints)
     tied = pull.tied
     free = ~tied & (slow.time < _first(slow.time, tied))
@@ -192,7 +195,7 @@ def location_rows(case: PullCase, looks: int = 6, advance: Advance = lambda _: N
     strength = np.linalg.norm(pull.force, axis=1) * pull.tied
     strength[~np.isfinite(slow.readings).all(axis=1)] = 0.0
     chosen = [index for index in _strongest(strength, slow.time, looks) if strength[index] > TAUT_N]
-    loads = lateral_loads(pull.section)
+    loads = default_loads(case.specimen, (pull.section,))
     low = min(segment.from_m for segment in case.specimen.segments)
     truth = case.specimen.section(pull.section).frame_origin_m[2]
     top = case.specimen.sections[-1].frame_origin_m[2]

@@ -51,8 +51,8 @@ def validate_live(bench: LiveBench, seed: int, poses: int = 12) -> Recording:
     return bench.load(paths[0])
 
 
-def calibrate_live(bench: LiveBench, seed: int, poses: int = 8) -> tuple[Recording, Recording]:
-    """Fill each chamber alone, go to random poses; then, vented, pull in three directions."""
+def calibrate_live(bench: LiveBench, seed: int, poses: int = 8) -> tuple[Recording, Recording, Recording]:
+    """Fill each chamber alone, go to random poses; pull in three directions, vented and under pressure."""
     with bench.recording("calibrate") as paths:
         bench.arm()
         for chamber in range(6):
@@ -67,7 +67,12 @@ def calibrate_live(bench: LiveBench, seed: int, poses: int = 8) -> tuple[Recordi
     with bench.recording("pulls") as paths:
         bench.wait(2.0)
         pull_steps(bench, "tip", turns=(0.0, 2.0, 4.0), steps=6, travel=0.045, rest_s=1.2)
-    return moved, bench.load(paths[0])
+    pulled = bench.load(paths[0])
+    with bench.recording("pulls_pressurised") as paths:
+        bench.wait(2.0)
+        for chamber in range(3):
+            against_the_cord(bench, chamber, levels=4, ramp_s=1.0, hold_s=2.0)
+    return moved, pulled, bench.load(paths[0])
 
 
 def pull_steps(
@@ -94,6 +99,31 @@ def pull_steps(
         bench.wait(1.5)
 
 
+def against_the_cord(bench: LiveBench, chamber: int, levels: int, ramp_s: float, hold_s: float) -> None:
+    """Tie the tip on a chamber's side, fill that chamber in steps, which bends the arm away, and vent it.
+
+    Args:
+        bench: The running arm.
+        chamber: Of the first segment; the one below it is filled likewise.
+        levels: Number of steps.
+        ramp_s: How long each takes; venting takes as long.
+        hold_s: How long each is held.
+    """
+    turn = 2.0 * np.pi * chamber / 3.0
+    way = np.array([np.cos(turn), np.sin(turn), 0.0])
+    bench.tie("tip", bench.position("tip") + (CORD_M - 2e-3) * way, CORD_M)
+    bench.arm()
+    level = np.zeros(6)
+    level[[chamber, 3 + chamber]] = HIGHEST_PA
+    for share in np.linspace(0.0, 1.0, levels + 1)[1:]:
+        bench.go(share * level, ramp_s, hold_s)
+    bench.go(np.zeros(6), ramp_s, hold_s=1.0)
+    bench.disarm()
+    bench.untie()
+    bench.wait(1.5)
+    bench.advance()
+
+
 def force_live(bench: LiveBench, steps: int = 10) -> tuple[Recording, Recording]:
     """Pull the vented arm in small steps; then ramp pressures against the cord."""
     with bench.recording("force_not_pressurised") as paths:
@@ -103,19 +133,7 @@ def force_live(bench: LiveBench, steps: int = 10) -> tuple[Recording, Recording]
     with bench.recording("force_pressurised") as paths:
         bench.wait(2.0)
         for chamber in range(2):
-            rest = bench.position("tip")
-            turn = 2.0 * np.pi * chamber / 3.0
-            way = np.array([np.cos(turn), np.sin(turn), 0.0])
-            bench.tie("tip", rest + (CORD_M - 2e-3) * way, CORD_M)
-            bench.arm()
-            level = np.zeros(6)
-            level[[chamber, 3 + chamber]] = HIGHEST_PA
-            bench.go(level, ramp_s=8.0, hold_s=0.5)
-            bench.go(np.zeros(6), ramp_s=8.0, hold_s=1.0)
-            bench.disarm()
-            bench.untie()
-            bench.wait(1.5)
-            bench.advance()
+            against_the_cord(bench, chamber, levels=1, ramp_s=8.0, hold_s=0.5)
     return still, bench.load(paths[0])
 
 

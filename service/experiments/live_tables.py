@@ -25,7 +25,7 @@ from service.experiments.validation import pose_errors, rows
 from service.recordings import save_recording
 
 LOOK_S = 0.5
-NODES = 48
+NODES = 90
 WAY = "Live over zenoh; figures are of the service's recording, by the service's own estimator."
 
 

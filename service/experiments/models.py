@@ -97,22 +97,14 @@ def tracking_model(specimen: Specimen, loads: Sequence[Load] | None = None) -> A
     return build_arm(specimen, loads=default_loads(specimen) if loads is None else loads)
 
 
-def lateral_loads(section: str) -> tuple[Load, ...]:
-    """Give the two lateral forces on one section."""
-    return (
-        Load(f"{section}_x", "force", (1.0, 0.0, 0.0), section=section),
-        Load(f"{section}_y", "force", (0.0, 1.0, 0.0), section=section),
-    )
-
-
-def hand_loads(section: str) -> tuple[Load, ...]:
+def hand_loads(specimen: Specimen, section: str) -> tuple[Load, ...]:
     """Give the force of a hand on one section."""
-    return (*lateral_loads(section), Load(f"{section}_z", "force", (0.0, 0.0, 1.0), section=section))
+    return tuple(load for load in section_forces(specimen) if load.section == section)
 
 
-def wrench_loads(section: str) -> tuple[Load, ...]:
+def wrench_loads(specimen: Specimen, section: str) -> tuple[Load, ...]:
     """Give force and torque on one section, the torque about the arm's axis at the base alone."""
     return (
-        *hand_loads(section),
+        *hand_loads(specimen, section),
         Load(f"{section}_torque", "moment", (0.0, 0.0, 1.0), section=section),
     )

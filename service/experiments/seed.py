@@ -61,7 +61,7 @@ RUNS: Mapping[str, tuple[str, ...]] = {
 }
 """Runs of the fake arm by name: manoeuvres of its library."""
 
-NODES = 100
+NODES = 84
 FAILED = " failed: "
 Series = dict[str, list[float]]
 

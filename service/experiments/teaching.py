@@ -140,7 +140,7 @@ def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, numbe
         number: Which arm is drawn.
     """
     poses = taught_poses(recording, specimen)
-    model = tracking_model(specimen, hand_loads("tip"))
+    model = tracking_model(specimen, hand_loads(specimen, "tip"))
     acting = stretched(model, specimen)
     mapping, limits = actuation(specimen, arrange(recording, specimen)), np.array(specimen.pressure_limits)
     shown = follow(model, specimen, _slow(recording, specimen), poses.time)

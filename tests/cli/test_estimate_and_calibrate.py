@@ -9,7 +9,7 @@ import pytest
 from estimator.arm import build_arm
 from estimator.model import Inputs
 from estimator.recording import Recording
-from estimator.specimen import Specimen, load_specimen
+from estimator.specimen import Specimen, load_specimen, save_specimen
 from service.cli import run
 from service.recordings import load_recording, save_recording
 
@@ -87,6 +87,22 @@ def test_the_old_specimen_is_never_replaced_unasked(
     assert run(["calibrate", str(bare), "--out", str(tmp_path / "mine.toml")]) == 2
     assert (tmp_path / "mine.toml").read_text() == "keep me"
     assert "exists already" in capsys.readouterr().err
+
+
+def test_a_refused_fit_keeps_the_old_specimen(
+    beam: Specimen, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    old = tmp_path / "mine.toml"
+    save_specimen(beam, old)
+    before = old.read_bytes()
+    runs = [
+        str(record(beam, scale, 0.0, tmp_path / name)) for scale, name in ((2.0, "stiff"), (1.0, "plain"))
+    ]
+    assert run(["calibrate", *runs, "--specimen", str(old), "--out", str(old), "--force"]) == 1
+    told = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "predicted worse than before" in told
+    assert "the old calibration stays" in told
+    assert old.read_bytes() == before
 
 
 @pytest.mark.parametrize(

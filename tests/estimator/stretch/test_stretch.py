@@ -7,8 +7,11 @@ import pytest
 from scipy.integrate import quad
 
 from estimator.arm import build_arm
+from estimator.fem import TrackingModel
 from estimator.geometry import Resolution
 from estimator.model import Frames, Inputs, Load
+from estimator.rod.archive import shape_key, shipped_rod
+from estimator.rod.fit import adapted
 from estimator.rotations import exp, log
 from estimator.specimen import Specimen, Value, load_specimen
 from estimator.stretch import StretchedModel, StretchLaw, stretched
@@ -117,6 +120,38 @@ def test_the_response_is_the_derivative_with_pressures_that_follow(arm: Stretche
         np.testing.assert_allclose(
             columns[:, index], twist.ravel() / (2.0 * size), atol=1e-4 * np.abs(columns[:, index]).max()
         )
+
+
+def test_tracking_finds_the_same_equilibrium(arm: StretchedModel) -> None:  # type: ignore[type-arg]
+    inputs = Inputs(np.array([2e4, 0.0, 1e4, 0.0, 1.5e4, 5e3]), np.array([0.05]), np.array([0.0, 0.0, 9.81]))
+    exact = arm.linearise(arm.solve(inputs, arm.rest())[0], inputs).frames
+    tracking = StretchedModel(TrackingModel(arm.model), arm.law)  # type: ignore[arg-type]
+    state, found = tracking.solve(inputs, tracking.rest())
+    assert found
+    np.testing.assert_allclose(tracking.linearise(state, inputs).frames.positions, exact.positions, atol=1e-6)
+
+
+def test_a_model_in_equilibrium_needs_few_passes(sopra: Specimen) -> None:
+    rod = shipped(sopra)
+    inputs = Inputs(np.array([2e4, 0.0, 1e4, 0.0, 1.5e4, 5e3]), np.array([0.05]), np.array([0.0, 0.0, 9.81]))
+    state, found = rod.solve(inputs, rod.rest())
+    assert found
+    step = rod.linearise(state, inputs)
+    drift, _ = step.response(np.eye(18))
+    worth = rod.law.worth(inputs.pressures, rod.law.stretches(step.frames))
+    there = rod.model.linearise(state, replace(inputs, pressures=worth)).frames
+    moved = step.frames.positions + drift.reshape(3, 6)[:, :3]
+    np.testing.assert_allclose(moved, there.positions, atol=2e-5)
+
+
+def shipped(specimen: Specimen) -> StretchedModel:  # type: ignore[type-arg]
+    """Give the shipped rod, stretched."""
+    known = shipped_rod(shape_key(specimen))
+    assert known is not None
+    pull = Load("tip_x", "force", (1.0, 0.0, 0.0), section="tip")
+    found = stretched(adapted(known.rod, specimen).with_loads([pull]), specimen)
+    assert isinstance(found, StretchedModel)
+    return found
 
 
 def test_newton_steps_converge_quadratically(arm: StretchedModel) -> None:  # type: ignore[type-arg]
