@@ -23,6 +23,8 @@ LOWER, UPPER = -0.7, 4.0
 COARSE = 25
 FACTORS = (0.7, 1.0, 1.4, 2.0)
 """Factors on all moduli at which a fit may begin, and the samples of each session that tell which."""
+STIFFER = (1.0, 2.0, 2.8, 4.0, 5.6)
+"""The same of a slow model."""
 LEAST_PRESSURE_SPREAD = 1.0e3
 KINDS = ("modulus", "gain", "curve", "alignment", "base")
 """What may be calibrated before an effect is looked for; biases of pressures are effects of valves."""
@@ -131,17 +133,18 @@ def calibrate_sessions(
     seen = [session for session in sessions if not session.heldout.all()]
     parts = [thinned(session.thin(~session.heldout), NODES) for session in seen]
     current = _start(model, layout, parts)
-    best, lowest = current, np.inf
+    best, lowest, fewest = current, np.inf, np.inf
     for _ in range(ITERATIONS if model.fast else SLOW_ITERATIONS):
         stages = [current.stage(model, part) for part in parts]
         advance(1.0)
         rows, columns, cost = _equations(stages, layout)
         known, known_rows = current.prior_rows()
         cost += float(known @ known)
-        if cost > 1.02 * lowest:
+        lost = _lost(stages)
+        if cost > 1.02 * lowest or lost > fewest:
             current = best.moved(0.5 * (current.vector - best.vector))
             continue
-        best, lowest = (current, cost) if cost < lowest else (best, lowest)
+        best, lowest, fewest = (current, cost, lost) if cost < lowest else (best, lowest, fewest)
         normal = columns.T @ columns + known_rows.T @ known_rows
         step = np.asarray(np.linalg.solve(normal, columns.T @ rows + known_rows.T @ known), dtype=np.float64)
         step = _bounded(step, layout)
@@ -152,21 +155,29 @@ def calibrate_sessions(
 
 
 def _start(model: Model, layout: Layout, parts: Sequence[Session]) -> Fitted:
-    """Begin with the common factor of all moduli that fits best."""
+    """Begin with the common factor of all moduli that fits best.
+
+    A slow model begins as it is described or, where it cannot bear the pressures, as soft as it bears most.
+    """
     moduli = np.array([parameter.kind == "modulus" for parameter in layout.parameters])
     few = [thinned(part, COARSE) for part in parts]
     plain = np.zeros(len(model.specimen.segments))
     found = []
-    if not model.fast:
-        return Fitted(layout, layout.means, plain)
-    for factor in FACTORS:
+    for factor in FACTORS if model.fast else STIFFER:
         values = layout.means + np.log(factor) * moduli
         stages = [Fitted(layout, values, plain).stage(model, part) for part in few]
-        lost = sum(int((~stage.arm.baseline.converged).sum()) for stage in stages)
+        lost = _lost(stages)
+        if lost == 0 and not model.fast:
+            return Fitted(layout, values, plain)
         found.append((lost, _equations(stages, layout)[2], values))
     fewest = min(lost for lost, _, _ in found)
     _, best = min((cost, k) for k, (lost, cost, _) in enumerate(found) if lost == fewest)
     return Fitted(layout, found[best][2], plain)
+
+
+def _lost(stages: Sequence[Stage]) -> int:
+    """Count the samples for which the model finds no equilibrium."""
+    return sum(int((~stage.arm.baseline.converged).sum()) for stage in stages)
 
 
 def _bounded(step: Floats, layout: Layout) -> Floats:
