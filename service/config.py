@@ -2,7 +2,7 @@
 
 import difflib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -158,8 +158,7 @@ def load_config(path: Path) -> Setup:
     config = _validated(document, mistakes)
     devices = _devices(document, mistakes)
     specimen = _specimen(document, path.parent, mistakes)
-    if config is not None and specimen is not None:
-        mistakes += _inconsistencies(config, specimen, devices)
+    mistakes += _inconsistencies(document, specimen)
     if mistakes or config is None or specimen is None:
         raise ConfigError(path, mistakes)
     return Setup(path, text, _rooted(config, path.parent), specimen, devices)
@@ -226,26 +225,36 @@ def _specimen(document: Mapping[str, Any], folder: Path, mistakes: list[str]) ->
         return None
 
 
-def _inconsistencies(
-    config: ServiceConfig, specimen: Specimen, devices: tuple[DriverConfig, ...]
-) -> list[str]:
-    mistakes = []
-    names = {device.name for device in devices}
-    sections = {section.name for section in specimen.sections}
-    for index, sensor in enumerate(config.sensors):
-        if devices and sensor.device not in names:
-            listed = ", ".join(sorted(names))
-            mistakes.append(f"sensors.{index}.device: no device {sensor.device!r}; there are {listed}")
-        if sensor.section not in sections:
-            listed = ", ".join(sorted(sections))
-            mistakes.append(f"sensors.{index}.section: no section {sensor.section!r}; there are {listed}")
+def _inconsistencies(document: Mapping[str, Any], specimen: Specimen | None) -> Iterator[str]:
+    """Find names that mean nothing, whatever else is wrong with the document."""
+    devices = {str(table.get("name")) for table in _tables(document.get("devices"))}
+    base = document.get("base_body")
+    if isinstance(base, str) and base and base.split("/")[0] not in devices:
+        yield f"base_body: no device {base.split('/')[0]!r}; write device/body"
+    for index, sensor in enumerate(_tables(document.get("sensors"))):
+        if "device" in sensor and sensor["device"] not in devices:
+            listed = ", ".join(sorted(devices)) or "none"
+            yield f"sensors.{index}.device: no device {sensor['device']!r}; there are {listed}"
+        sections = [] if specimen is None else sorted(section.name for section in specimen.sections)
+        if sections and "section" in sensor and sensor["section"] not in sections:
+            listed = ", ".join(sections)
+            yield f"sensors.{index}.section: no section {sensor['section']!r}; there are {listed}"
+    if specimen is not None:
+        yield from _unmoved(document.get("control"), specimen)
+
+
+def _unmoved(control: Any, specimen: Specimen) -> Iterator[str]:
+    """Find forces on sections that cannot move."""
     moving = [s.name for s in specimen.sections if s.frame_origin_m[2] > specimen.clamp.up_to_m]
-    for index, section in enumerate(config.control.forces_on):
+    forces = control.get("forces_on") if isinstance(control, dict) else None
+    for index, section in enumerate(forces if isinstance(forces, list) else ()):
         if section not in moving:
-            mistakes.append(f"control.forces_on.{index}: {section!r} does not move; {', '.join(moving)} do")
-    if config.base_body and config.base_body.split("/")[0] not in names:
-        mistakes.append(f"base_body: no device {config.base_body.split('/')[0]!r}; write device/body")
-    return mistakes
+            yield f"control.forces_on.{index}: {section!r} does not move; {', '.join(moving)} do"
+
+
+def _tables(value: Any) -> list[dict[str, Any]]:
+    """Give the tables of a list; what is none is told elsewhere."""
+    return [table for table in value if isinstance(table, dict)] if isinstance(value, list) else []
 
 
 def _rooted(config: ServiceConfig, folder: Path) -> ServiceConfig:

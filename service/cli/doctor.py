@@ -19,6 +19,7 @@ from drivers.registry import load_devices
 from drivers.supervisor import ALIVE, State
 from estimator.errors import InputError
 from service.cli.output import Cell, Table, json_option, progress, show
+from service.config import ConfigError
 
 REMARKS = {
     "bad_checksum": ("frames with a wrong checksum", "check baud rate, cable and ground"),
@@ -132,7 +133,8 @@ def read_devices(path: Path) -> tuple[DriverConfig, ...]:
     """Read the ``[[devices]]`` of a configuration; its other tables do not matter here.
 
     Raises:
-        InputError: The file cannot be read, is not TOML, or its devices are wrong.
+        InputError: The file cannot be read, is not TOML, or has no devices.
+        ConfigError: Its devices are wrong, all mistakes at once.
     """
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -144,10 +146,9 @@ def read_devices(path: Path) -> tuple[DriverConfig, ...]:
     if not isinstance(devices, list) or not devices:
         raise InputError(str(path), "names no devices", "add [[devices]] with name and kind")
     try:
-        return load_devices(devices, f"{path}: devices")
+        return load_devices(devices)
     except DeviceErrors as error:
-        lines = "; ".join(error.lines())
-        raise InputError(str(path), lines, "the keys of each kind are in docs/drivers.md") from None
+        raise ConfigError(path, error.lines()) from None
 
 
 async def examine_all(

@@ -61,6 +61,9 @@ def open_session(settings: NetworkSettings) -> zenoh.Session:
     except zenoh.ZError as error:
         ends = ", ".join((*settings.listen, *settings.connect))
         reason = str(error).split(" at ", maxsplit=1)[0]
+        if settings.mode == "client" and "nable to connect" in reason:
+            what = f"no zenoh session on {ends}: nothing answers there, or not to these credentials"
+            raise InputError(where, what, "start softarm serve there, or name its endpoint") from error
         raise InputError(
             where, f"no zenoh session on {ends} ({reason})", "check that the address is free and reachable"
         ) from error
