@@ -58,6 +58,8 @@ TOLD = 3.0
 EXACT_STEPS = 3
 """Steps of a fit on the model itself, and the best finalists that are fitted so."""
 RESOLVED = 4
+WORTH = 0.25
+"""Share of the best gain in the criterion from which that is done."""
 TIED = 0.97
 """Share of the gain from which a rival is as good."""
 
@@ -310,17 +312,25 @@ class Search:
             found.append(Candidate(number, own, gain, bic))
             self.advance(1.0)
         found.sort(key=lambda candidate: -candidate.delta_bic)
-        found[:RESOLVED] = [self.resolved(candidate, ground) for candidate in found[:RESOLVED]]
+        least = max(LEAST_BIC, WORTH * found[0].delta_bic) if found else 0.0
+        likely = [one for one in found[:RESOLVED] if one.delta_bic > least]
+        found[: len(likely)] = [self.resolved(candidate, ground) for candidate in likely]
         return self.plainest_first(sorted(found, key=lambda candidate: -candidate.delta_bic))
 
     def resolved(self, candidate: Candidate, ground: Ground) -> Candidate:
-        """Fit a candidate again on the model itself where that differs from its linearisation."""
+        """Fit a candidate again on the model itself; keep what fits better.
+
+        A strong effect brings the arm to where nominal recordings have not been: there the model may err more
+        than its linearisation does.
+        """
         fit = candidate.fit
         if not self.solvable(fit) or fit.exact:
             return candidate
         if abs(gain_of(ground, fit.hypotheses, fit.thetas) - fit.gain) < ALIKE:
             return candidate
         again = fit_effects(ground, fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
+        if again.gain <= fit.gain:
+            return candidate
         theta = again.thetas[-1]
         surprise = _surprise(self.evidence.library.hypotheses[candidate.number], theta)
         bic = again.gain - np.log(max(self.count(), 2.0)) * len(theta) - surprise
@@ -476,7 +486,8 @@ class Search:
         ground = self.ground()
         found = fit_effects(ground, fit.hypotheses, fit.thetas)
         if self.solvable(fit):
-            found = fit_effects(ground, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
+            again = fit_effects(ground, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
+            found = max(found, again, key=lambda one: one.gain)
         return self.heard(found)
 
     def heard(self, fit: Fit) -> Fit:
