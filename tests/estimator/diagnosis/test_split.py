@@ -1,0 +1,48 @@
+"""What is held out: never what is nominal, always something, and what the others excite as well."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.diagnosis.session import Session
+from estimator.diagnosis.split import excitation, hold_out
+from estimator.diagnosis.words import EXCITATION, WHEN, manoeuvre
+from estimator.effects import EFFECTS
+from estimator.specimen import load_specimen
+from tests.estimator.diagnosis.linear_arm import session
+
+LIMITS = np.array(load_specimen("sopra").pressure_limits)
+
+
+@pytest.fixture(scope="module")
+def sessions() -> list[Session]:
+    return [session("known", 0, nominal=True), *(session(f"run_{k}", k) for k in range(1, 7))]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 6])
+def test_something_is_held_out_and_most_is_not(sessions: list[Session], count: int) -> None:
+    split, how = hold_out(sessions[: count + 1], LIMITS)
+    assert not split[0].heldout.any()
+    held = np.concatenate([one.heldout for one in split[1:]])
+    assert 0.1 < held.mean() < 0.45
+    assert ("whole recordings" in how) == (count >= 4)
+    assert any(not one.heldout.all() for one in split[1:])
+
+
+def test_the_only_recording_of_a_kind_is_not_held_out(sessions: list[Session]) -> None:
+    sideways, down = (
+        np.broadcast_to(g, sessions[2].gravity.shape) for g in ([9.81, 0.0, 0.0], [0.0, 0.0, 9.81])
+    )
+    alone = replace(sessions[2], gravity=sideways)
+    hanging = [replace(one, gravity=down[: one.samples]) for one in sessions]
+    runs = [*hanging[:2], alone, *hanging[3:]]
+    assert "mount_turned" in excitation(runs, LIMITS)
+    split, _ = hold_out(runs, LIMITS)
+    assert not split[2].heldout.all()
+
+
+def test_every_effect_and_every_pair_has_its_words() -> None:
+    assert set(EFFECTS) == set(WHEN)
+    assert {need for effect in EFFECTS.values() for need in effect.needs} <= set(EXCITATION)
+    assert all(manoeuvre(one, other) for one in EFFECTS for other in EFFECTS if one != other)

@@ -1,0 +1,94 @@
+"""What is refused before anything is computed, and what is handed over afterwards."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimator.diagnosis.diagnose import Outcome
+from estimator.effects import EFFECTS, Spot, World
+from estimator.effects.augmented import PlacedEffect
+from estimator.errors import InputError
+from estimator.specimen import Specimen, load_specimen
+from estimator.specimen.physics import Place
+from service.cli.demo import fake_specimen
+from service.diagnosis.run import Request, improved_specimen, run
+from service.diagnosis.workers import Inline
+from tests.estimator.simulation.straight_arm import world
+from tests.service.diagnosis.made_diagnosis import diagnosis
+
+SOPRA = load_specimen("sopra")
+
+
+def _write(
+    folder: Path, rows: list[str], columns: str = "t_s,pressure_0_pa,bend_tip_x_rad,bend_tip_y_rad"
+) -> Path:
+    folder.mkdir()
+    (folder / "recording.csv").write_text("\n".join([columns, *rows]) + "\n")
+    (folder / "recording.toml").write_text('specimen = "sopra"\nrate_hz = 10.0\n')
+    return folder
+
+
+@pytest.fixture
+def moving(tmp_path: Path) -> Path:
+    rows = [f"{0.1 * k:.1f},{1e4 + 5e3 * np.sin(k):.0f},{0.2 * np.sin(k):.4f},0.01" for k in range(300)]
+    return _write(tmp_path / "moving", rows)
+
+
+def _refused(
+    words: str, *recordings: Path, nominal: tuple[Path, ...] = (), specimen: Specimen = SOPRA
+) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        run(Request(recordings, nominal, specimen), Inline())
+    assert "\n" not in str(caught.value)
+
+
+def test_a_recording_given_twice_is_refused(moving: Path) -> None:
+    _refused("moving: is given twice", moving, moving)
+    _refused("moving: is given twice", moving, nominal=(moving,))
+
+
+def test_another_specimen_is_refused(moving: Path) -> None:
+    _refused(
+        "was recorded on 'sopra', not on 'single_segment'", moving, specimen=load_specimen("single_segment")
+    )
+
+
+def test_a_recording_that_is_too_short_or_too_still_is_refused(tmp_path: Path) -> None:
+    _refused("too short", _write(tmp_path / "short", [f"{0.1 * k},1000,0.1,0.1" for k in range(9)]))
+    _refused("nothing moves", _write(tmp_path / "still", [f"{0.1 * k:.1f},1000,0.1,0.1" for k in range(99)]))
+
+
+def test_an_effect_that_does_not_exist_is_named_with_the_nearest(moving: Path) -> None:
+    with pytest.raises(InputError, match="did you mean line_lag"):
+        run(Request((moving,), (), SOPRA, effects=("line_lagg",)), Inline())
+
+
+def test_a_clock_that_goes_back_is_refused(moving: Path, tmp_path: Path) -> None:
+    back = tmp_path / "back"
+    shutil.copytree(moving, back)
+    lines = (back / "recording.csv").read_text().splitlines()
+    (back / "recording.csv").write_text("\n".join([*lines[:200], *lines[150:]]) + "\n")
+    _refused("time goes back", back)
+
+
+def _outcome(gain: float, chamber: int) -> Outcome:
+    place: World = world()
+    placed = PlacedEffect(EFFECTS["chamber_gain"], Spot(place, Place(chamber=chamber)), np.array([gain]))
+    return Outcome(replace(diagnosis(), recordings=("run",)), (placed,), ((0.01,),))
+
+
+def test_what_was_found_is_handed_over_and_replaces_its_like() -> None:
+    first = improved_specimen(SOPRA, _outcome(-0.2, 1))
+    second = improved_specimen(first, _outcome(-0.1, 1))
+    third = improved_specimen(second, _outcome(0.1, 2))
+    gains = {entry.where.chamber: entry.parameters["gain"].value for entry in third.physics}
+    assert gains == {1: -0.1, 2: 0.1}
+    assert [entry.effect for entry in second.physics] == ["chamber_gain"]
+
+
+def test_a_calibrated_specimen_stays_as_it_was_calibrated() -> None:
+    known = load_specimen(fake_specimen())
+    assert improved_specimen(known, _outcome(-0.2, 0)).calibration == known.calibration
