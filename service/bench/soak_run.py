@@ -1,6 +1,7 @@
 """One soak: a rig under faults, a commander, visitors, and what became of replies, memory and recordings."""
 
 import contextlib
+import os
 import random
 import signal
 import subprocess
@@ -9,7 +10,9 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, field
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +30,8 @@ SCENARIO = Path(__file__).parents[2] / "examples" / "scenarios" / "demo.toml"
 FAULT_EVERY_S = 5.0
 VISITOR_EVERY_S = 4.0
 RECORDING_S = 8.0
+READER_NICER = 19
+"""Recordings are read while the next one is written, by a process that gives way to all others."""
 SETTLE_SHARE = 0.2
 FAULTS = (
     ("valves", "freeze"),
@@ -97,7 +102,7 @@ class Tally:
     lost: int = 0
     faults: int = 0
     visitors: int = 0
-    recordings: list[Path] = field(default_factory=list)
+    readable: list[Future[bool]] = field(default_factory=list)
     slowest_s: float = 0.0
     states: int = 0
     faulted: int = 0
@@ -117,6 +122,7 @@ class Soak:
         self._tally = Tally()
         self._stop = threading.Event()
         self._last: State | None = None
+        self._reader = ProcessPoolExecutor(1, get_context("spawn"), os.nice, (READER_NICER,))
 
     def run(self) -> SoakResult:
         """Start everything, let it run, and sum up."""
@@ -130,7 +136,12 @@ class Soak:
             forces_on=("tip",),
         )
         rig = FakeRig(wanted, settings.folder)
-        with rig, connect(rig) as client, FakeControl(str(rig.announcement["control"])) as fakes:
+        with (
+            self._reader,
+            rig,
+            connect(rig) as client,
+            FakeControl(str(rig.announcement["control"])) as fakes,
+        ):
             wait_ready(client)
             memory = Memory(rig)
             dice = random.Random(settings.seed)
@@ -147,7 +158,11 @@ class Soak:
                 for worker in workers:
                     worker.join()
             ended = rig.service.process.poll() is not None
-        return self._sum_up(memory, ended)
+            return self._sum_up(memory, ended)
+
+    @staticmethod
+    def _control(rig: FakeRig) -> FakeControl:
+        return FakeControl(str(rig.announcement["control"]))
 
     def _see(self, message: Message) -> None:
         if isinstance(message, State):
@@ -223,11 +238,12 @@ class Soak:
             self._tally.slowest_s = max(self._tally.slowest_s, time.monotonic() - begin)
         self._tally.answered += 1
         if verb == "record/stop":
-            self._tally.recordings.append(Path(str(applied.applied["path"])))
+            path = Path(str(applied.applied["path"]))
+            self._tally.readable.append(self._reader.submit(_is_readable, path))
 
     def _sum_up(self, memory: "Memory", ended: bool) -> SoakResult:
         tally, last = self._tally, self._last
-        unreadable = sum(not _readable(path) for path in tally.recordings)
+        unreadable = sum(not found.result() for found in tally.readable)
         figures: dict[str, float | int | str] = {
             "commands_answered": tally.answered,
             "commands_refused": sum(tally.refused.values()),
@@ -239,7 +255,7 @@ class Soak:
             "states_received": tally.states,
             "ticks": 0 if last is None else last.ticks,
             "ticks_skipped": 0 if last is None else last.overruns,
-            "recordings": len(tally.recordings),
+            "recordings": len(tally.readable),
             "recordings_unreadable": unreadable,
             **memory.figures(),
             "service_ended": "yes" if ended else "no",
@@ -264,7 +280,7 @@ def _next(state: State, dice: random.Random) -> tuple[str, dict[str, Any]]:
     return dice.choice((("teach/release", {}), ("teach/save", {"name": "soak"}), ("disarm", {})))
 
 
-def _readable(path: Path) -> bool:
+def _is_readable(path: Path) -> bool:
     try:
         return len(load_recording(path).time) > 1
     except InputError:
