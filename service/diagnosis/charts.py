@@ -107,6 +107,8 @@ def _frame(across: Floats, curves: Sequence[Curve], title: str, upward: str) -> 
     low, high = np.percentile(every, [0.2, 99.8]) if len(every) else (0.0, 1.0)
     margin = 0.06 * (high - low) or 1.0
     left, right = (float(x.min()), float(x.max())) if len(x) else (0.0, 1.0)
+    if left == right:
+        left, right = left - 0.5, right + 0.5
     return Frame((left, float(low - margin)), (right, float(high + margin)), title, upward)
 
 

@@ -255,7 +255,7 @@ def _amount(value: float, unit: str) -> str:
 
 def _chance(p: float) -> str:
     """Write a chance; it was drawn some hundred times, so that none is nought."""
-    return escape(f"{p:.2g}" if p > 0.0 else f"< {1.0 / DRAWS:g}")
+    return f"{p:.2g}" if p > 0.0 else f"below {1.0 / DRAWS:g}"
 
 
 def _quantity(quantity: Quantity) -> str:

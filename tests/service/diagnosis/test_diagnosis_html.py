@@ -11,7 +11,7 @@ from estimator.diagnosis.result import LocationMap
 from estimator.specimen import load_specimen
 from service.diagnosis.charts import Curve, against, over_time
 from service.diagnosis.drawing import colour
-from service.diagnosis.html import page, write_html
+from service.diagnosis.html import _chance, page, write_html
 from tests.service.diagnosis.made_diagnosis import diagnosis, finding, trace
 
 VOID = {"meta", "br"}
@@ -110,3 +110,13 @@ def test_the_file_is_written_whole(tmp_path: Path):
     path = write_html(diagnosis(), load_specimen("beam"), tmp_path / "new")
     assert path.read_text().startswith("<!doctype html>")
     assert write_html(diagnosis(), load_specimen("beam"), tmp_path / "new") == path
+
+
+def test_a_variable_that_never_changes_is_drawn_in_the_middle() -> None:
+    chart = against(np.full(5, 8.3), [Curve("without it", "#000", np.arange(5.0))], "pose [degrees]", "m")
+    assert "M405.0 " in chart
+
+
+def test_a_chance_that_was_never_drawn_is_not_called_nought() -> None:
+    assert _chance(0.0) == "below 0.0025"
+    assert _chance(0.0123) == "0.012"
