@@ -47,19 +47,21 @@ class ContactProfile:
 
     About a state with the loads L and pushes P, r = innovation + J_L (L - L_tare) + J_P P is what one push
     must explain: r = J_h f + noise, where J_h are the sensors' derivatives by a lateral force f at height h
-    and the noise is that of the sensors and, through J_p, of the pressures. The least weighted sum of squares
-    at each height is the profile of the likelihood. The first pass is about the estimate's own state, each
-    further one about the equilibrium under the push that the last one found.
+    and the noise is that of the sensors, of the model and, through J_p, of the pressures. The least weighted
+    sum of squares at each height is the profile of the likelihood. The first pass is about the estimate's own
+    state, each further one about the equilibrium under the push that the last one found.
 
     Args:
         heights: Candidate rest distances from the base [m], rising, shape (candidates,).
         force_sigma: Standard deviation assumed for each component of the push [N].
         passes: Number of linearisations.
+        form_share: Error of the model's answer to a push, as a share of that answer in each reading.
     """
 
     heights: Floats
     force_sigma: float = 2.0
     passes: int = 2
+    form_share: float = 0.0
 
     @property
     def loads(self) -> tuple[Load, ...]:
@@ -127,6 +129,7 @@ class ContactProfile:
         explained = seen.innovation - drift + to_loads @ (inputs.loads - free)
         spread = estimate.covariance[:chambers, :chambers]
         covariance = seen.covariance + to_pressures @ spread @ to_pressures.T
+        covariance = covariance + np.diag((self.form_share * explained) ** 2)
         to_pushes = to_loads[:, -2 * len(self.heights) :]
         information = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
         return self._best(explained, to_pushes, information)

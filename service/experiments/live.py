@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from estimator.errors import InputError
 from estimator.recording import Recording
 from estimator.rotations import from_quaternions
-from estimator.specimen import Specimen, load_specimen, parse_specimen
+from estimator.specimen import Specimen, load_specimen
 from service.experiments.bench import FakeControl, laboratory_of, ramp_pressures
+from service.experiments.excitation import specimen_of_arm
 from service.experiments.operator import FakeOperator, Operator, Person
 from service.experiments.session import connect, recorded, wait_ready
 from service.network.client import SoftarmClient
@@ -183,6 +184,6 @@ def live_bench(
             control = stack.enter_context(FakeControl(str(rig.announcement["control"])))
             operator = FakeOperator(control, laboratory_of(control))
         wait_ready(client)
-        known = load_specimen(specimen) if specimen else parse_specimen(client.ask("specimen"), "service")
+        known = load_specimen(specimen) if specimen else specimen_of_arm(client)
         stack.enter_context(client.lease())
         yield LiveBench(client, operator, known)

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -94,8 +93,3 @@ def holds_table(levels: Floats, hold_s: float, ramp_s: float) -> tuple[Floats, F
         times += [times[-1] + ramp_s, times[-1] + ramp_s + hold_s]
         points += [level, level]
     return np.array(times), np.array(points)
-
-
-def names(prefix: str, count: int) -> Sequence[str]:
-    """Name runs that belong together."""
-    return [f"{prefix}_{number}" for number in range(count)]

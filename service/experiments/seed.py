@@ -235,13 +235,13 @@ def _force(bench: SeedBench, result: SeedResult) -> None:
 
 
 def series_of(done: PullTrack) -> Series:
-    """Give what a plot of the force needs."""
-    errors = done.errors
+    """Give what a plot of the force needs; estimates that were lost are left out."""
+    errors = done.errors.keep(np.isfinite(done.errors.estimate))
     return {
         "time_s": errors.time.tolist(),
         "gauge_n": errors.gauge.tolist(),
-        "estimate_n": np.nan_to_num(errors.estimate).tolist(),
-        "std_n": np.nan_to_num(errors.std).tolist(),
+        "estimate_n": errors.estimate.tolist(),
+        "std_n": errors.std.tolist(),
     }
 
 
