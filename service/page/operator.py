@@ -3,7 +3,9 @@
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
+from service.api.commands import Applied
 from service.api.messages import State
 from service.network.client import CommandRefusedError, SoftarmClient
 from service.safety.modes import Mode
@@ -103,21 +105,23 @@ class Operator:
         """Leave FAULTED once the cause is gone."""
         self.send("clear")
 
-    def poses(self) -> tuple[str, ...]:
-        """Name the saved poses; none when the service does not answer."""
+    def poses(self) -> dict[str, str]:
+        """Name the saved poses, each with why it is out of reach; none when the service does not answer."""
         try:
-            return tuple(self._client.command("teach/list").applied)
+            listed: dict[str, Any] = self._client.command("teach/list").applied
         except CommandRefusedError:
-            return ()
+            return {}
+        return {name: "" if pose["reachable"] else str(pose["note"]) for name, pose in listed.items()}
 
     def send(self, verb: str, **fields: str | float) -> bool:
         """Send a command, show its answer, and tell whether it was accepted."""
         try:
-            self._mode = self._client.command(verb, TIMEOUT_S, **fields).mode
+            applied = self._client.command(verb, TIMEOUT_S, **fields)
         except (CommandRefusedError, ValueError) as refusal:
             self._say(f"refused: {refusal}")
             return False
-        self._say(f"{verb}: {self._mode}")
+        self._mode = applied.mode
+        self._say(f"{verb}: {self._mode}{_short_of(applied)}")
         return True
 
     @property
@@ -138,3 +142,8 @@ class Operator:
         while not self._stop.wait(RENEW_S):
             if self.wanted:
                 self._acquire()
+
+
+def _short_of(applied: Applied) -> str:
+    """Say why a pose that was held, saved or gone to is out of reach; nothing when it is not."""
+    return f"; {applied.applied['note']}" if applied.applied.get("reachable") is False else ""

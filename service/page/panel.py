@@ -3,6 +3,7 @@
 import threading
 import time
 from collections import deque
+from collections.abc import Mapping
 
 import numpy as np
 import viser
@@ -98,12 +99,15 @@ class Panel:
         with server.gui.add_folder("Poses"):
             name = server.gui.add_text("Name", "pose-1")
             save = server.gui.add_button("Save pose", hint="Remember the pose and its pressures.")
-            known = server.gui.add_dropdown("Saved", operator.poses() or (NO_POSES,))
+            poses = operator.poses()
+            known = server.gui.add_dropdown("Saved", tuple(poses) or (NO_POSES,))
             go = server.gui.add_button("Go to", hint="Ramp to the saved pose and hold it.")
+            beyond = server.gui.add_markdown(_beyond(poses))
 
         def save_pose() -> None:
             if operator.send("teach/save", name=name.value):
-                known.options = operator.poses() or (NO_POSES,)
+                poses = operator.poses()
+                known.options, beyond.content = tuple(poses) or (NO_POSES,), _beyond(poses)
 
         save.on_click(lambda _: save_pose())
         go.on_click(lambda _: operator.go_to(known.value))
@@ -160,6 +164,11 @@ class Panel:
         self._differs.content = (
             "" if mismatch.consistent else f"model and measurements differ at {where}: {mismatch.advice}"
         )
+
+
+def _beyond(poses: Mapping[str, str]) -> str:
+    """List the poses that are out of reach, each with the reason."""
+    return "\n".join(f"- {name}: {why}" for name, why in poses.items() if why)
 
 
 def _kpa(pressure: float | None) -> str:

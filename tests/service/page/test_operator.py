@@ -6,6 +6,13 @@ from service.page.operator import GRACE_S, Operator
 from service.safety.modes import Mode
 
 AFTER = {"arm": Mode.ARMED, "teach/start": Mode.TEACH, "teach/hold": Mode.HOLDING, "teach/goto": Mode.HOLDING}
+APPLIED = {
+    "teach/list": {
+        "a": {"reachable": True, "note": "it can"},
+        "b": {"reachable": False, "note": "12 mm short"},
+    },
+    "teach/goto": {"reachable": False, "note": "12 mm short"},
+}
 
 
 class Client:
@@ -22,7 +29,7 @@ class Client:
     def command(self, verb, timeout_s=1.0, **fields):
         self.sent.append(verb)
         self.mode = AFTER.get(verb, Mode.IDLE)
-        return Applied(verb=verb, mode=self.mode, applied={})
+        return Applied(verb=verb, mode=self.mode, applied=APPLIED.get(verb, {}))
 
 
 class Desk:
@@ -66,6 +73,12 @@ def test_saved_pose_is_gone_to_from_idle(desk):
     desk.operator.go_to("a")
     assert desk.client.sent == ["arm", "teach/goto"]
     assert desk.operator.wanted
+
+
+def test_poses_out_of_reach_are_told_with_the_reason(desk):
+    assert desk.operator.poses() == {"a": "", "b": "12 mm short"}
+    desk.operator.go_to("b")
+    assert desk.told[-1] == "teach/goto: HOLDING; 12 mm short"
 
 
 def test_lease_of_another_is_told_and_nothing_is_sent(desk):
