@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from estimator.diagnosis.belief import Belief, Marginal
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.fit import Fit, Ground, View, fit_effects, gain_of
-from estimator.diagnosis.gram import Products, Total, total, with_column
+from estimator.diagnosis.gram import Products, total, with_column
+from estimator.diagnosis.judge import CERTAIN, Judgement, judge
 from estimator.diagnosis.library import Direction, Hypothesis
 from estimator.diagnosis.ring import Ring
 from estimator.diagnosis.stage import ANSWERING, Stage
@@ -26,13 +27,9 @@ FINALISTS = 10
 TRIED = 4
 """Best of them that may be accepted."""
 LEAST_BIC = 10.0
-CERTAIN = 40.0
-"""Gain in the criterion that decides even where the gain on single folds scatters: four times the least."""
 SECOND = 0.5
 """Share of an accepted effect's gain that decides for another one so."""
 HEAVY = ("tip_payload", "distributed_mass")
-ANY_SIZE = 100.0
-"""Variance of a candidate's size, in units of its fit, that leaves it to the data."""
 ALIKE = 4.0
 """Difference in the criterion within which the plainer of two is taken."""
 MOST_SURPRISE = 12.0
@@ -41,18 +38,9 @@ CLOSE = 0.8
 """Share of the best gain in the criterion below which a hypothesis is no candidate."""
 MOVING = 0.5
 """The same for one at rest against one that only shows in motion."""
-MATERIAL = 0.10
-"""Share of the explainable mismatch that an effect must remove."""
-EXPLAINABLE = 0.25
-"""Share of the scatter that counts as explainable at least."""
-REPEATABLE = 1.0
-"""Or root mean square of its change over the scatter of the residuals."""
 DRAWS = 400
 INVISIBLE = 1e-3
 """Gain in cost of a typical effect below which it leaves no trace at all."""
-FALSE_ALARM = 0.01
-HETEROGENEITY = 1.0
-"""Largest spread between recordings of an effect's size, over the size."""
 TOLD = 3.0
 """Size of an amplitude over its standard deviation from which it is told from none."""
 EXACT_STEPS = 3
@@ -79,43 +67,6 @@ class Candidate:
     fit: Fit
     gain: float
     delta_bic: float
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """What speaks for a candidate, on stretches that its fit has not seen.
-
-    Args:
-        before: Root mean square of the residuals over their scale without it.
-        after: With it.
-        gain_ci95: Bootstrap interval of 1 - after / before.
-        share: Share of the explainable mismatch that it removes.
-        change: Root mean square of its change over the scatter.
-        spread: Spread of its size between recordings beyond their own uncertainty, over the size.
-        search_p: Chance of as much in the whole search where nothing is missing.
-        delta_bic: Of the candidate.
-        certain: Gain in the criterion that decides even where the gain on single folds scatters.
-    """
-
-    before: float
-    after: float
-    gain_ci95: tuple[float, float]
-    share: float
-    change: float
-    spread: float
-    search_p: float
-    delta_bic: float
-    certain: float = CERTAIN
-
-    @property
-    def accepted(self) -> bool:
-        """Whether all of it holds."""
-        certain = self.delta_bic >= self.certain and self.after < self.before and self.spread <= HETEROGENEITY
-        return (
-            (self.gain_ci95[0] > 0.0 or certain)
-            and (self.share >= MATERIAL or self.change >= REPEATABLE)
-            and self.search_p <= FALSE_ALARM
-        )
 
 
 @dataclass(frozen=True)
@@ -398,43 +349,11 @@ class Search:
         return "delay" in self.evidence.library.hypotheses[candidate.number].effect.equivalence
 
     def judge(self, candidate: Candidate, fit: Fit | None, null: Floats) -> Judgement:
-        """Predict each recording, or stretch, with the size of a candidate that the others show, and without.
-
-        What is common to all recordings is believed as before any of those in question was seen: calibration
-        that has followed the change would hide it.
-        """
+        """Judge a candidate by what it predicts where it was not fitted."""
         parts = _searched(self.extended(candidate, fit))
-        folds = _folds(parts)
-        size = self.evidence.size
-        extended = self.belief.beside(0.0, ANY_SIZE)
-        share = self.weights.share
-        before, after, counts, sizes, precisions = [], [], [], [], []
-        for fold in folds:
-            rest = [part for part in parts if part not in fold]
-            if not rest:
-                continue
-            learnt = extended.updated(total(rest, size + 1), share)
-            known = self.belief.beside(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
-            seen = total(fold, size + 1)
-            before.append(Marginal.cost_of(self.belief, _cut(seen, size), share))
-            after.append(Marginal.cost_of(known, seen, share))
-            counts.append(share * seen.count)
-            own = Marginal.of(extended, seen, share)
-            sizes.append(own.vector[-1] / max(own.matrix[-1, -1], 1e-12))
-            precisions.append(own.matrix[-1, -1])
-        low, high = bootstrap(self.rng, np.array(before), np.array(after))
-        explainable = max(float(np.sum(before) - np.sum(counts)), EXPLAINABLE * float(np.sum(counts)))
-        changed = sum(part.matrix[-1, -1] for part in parts) / max(sum(part.count for part in parts), 1)
-        return Judgement(
-            float(np.sqrt(np.sum(before) / np.sum(counts))),
-            float(np.sqrt(np.sum(after) / np.sum(counts))),
-            (low, high),
-            float(np.sum(before) - np.sum(after)) / explainable,
-            float(np.sqrt(changed)),
-            _heterogeneity(np.array(sizes), np.array(precisions)),
-            float((null >= candidate.delta_bic).mean()),
-            candidate.delta_bic,
-        )
+        search_p = float((null >= candidate.delta_bic).mean())
+        unseen = (self.belief, self.weights.share, self.evidence.size)
+        return judge(parts, *unseen, self.rng, search_p, candidate.delta_bic)
 
     def extended(self, candidate: Candidate, fit: Fit | None) -> list[Products]:
         """Give the products with the candidate's change as one more column."""
@@ -533,48 +452,5 @@ def _start(
     return theta, allowed
 
 
-def _cut(whole: Total, size: int) -> Total:
-    """Leave the last columns out."""
-    return Total(whole.count, whole.matrix[:size, :size], whole.vector[:size], whole.power)
-
-
 def _searched(parts: Sequence[Products]) -> list[Products]:
     return [part for part in parts if not part.heldout]
-
-
-def _folds(parts: Sequence[Products]) -> list[list[Products]]:
-    """Cut stretches into folds: recordings where there are three or more, else five spans of time."""
-    sessions = sorted({part.session for part in parts})
-    if len(sessions) >= 3:
-        return [[part for part in parts if part.session == number] for number in sessions]
-    ordered = sorted(parts, key=lambda part: (part.session, part.block))
-    cuts = np.array_split(np.arange(len(ordered)), min(5, len(ordered)))
-    return [[ordered[k] for k in cut] for cut in cuts]
-
-
-def bootstrap(
-    rng: np.random.Generator, before: Floats, after: Floats, draws: int = 500
-) -> tuple[float, float]:
-    """Give the interval of 1 - sqrt(after / before) over resampled stretches."""
-    chosen = rng.integers(0, len(before), (draws, len(before)))
-    ratio = after[chosen].sum(axis=1) / np.maximum(before[chosen].sum(axis=1), 1e-12)
-    gains = 1.0 - np.sqrt(np.maximum(ratio, 0.0))
-    low, high = np.percentile(gains, [2.5, 97.5])
-    return float(low), float(high)
-
-
-def _heterogeneity(sizes: Floats, precisions: Floats) -> float:
-    """Give the spread between folds beyond their own uncertainty (DerSimonian and Laird).
-
-    Sizes are over the size that all folds together show, so 1 is agreement.
-    """
-    if len(sizes) < 2 or precisions.sum() <= 0.0:
-        return 0.0
-    mean = float((precisions * sizes).sum() / precisions.sum())
-    excess = float((precisions * (sizes - mean) ** 2).sum()) - (len(sizes) - 1)
-    weight = precisions.sum() - (precisions**2).sum() / precisions.sum()
-    between = max(excess, 0.0) / max(weight, 1e-12)
-    return float(np.sqrt(between))
-
-
-__all__ = ["Accepted", "Candidate", "Choice", "Hypothesis", "Judgement", "Search"]

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.belief import Marginal
-from estimator.diagnosis.choose import TIED, Accepted, Candidate, Choice, Search, bootstrap
+from estimator.diagnosis.choose import TIED, Accepted, Candidate, Choice, Search
 from estimator.diagnosis.fit import Fit
 from estimator.diagnosis.gram import Products, total
+from estimator.diagnosis.judge import bootstrap
 from estimator.diagnosis.result import (
     Evidence,
     Exposure,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.calibration import Fitted, calibrate_sessions
-from estimator.diagnosis.choose import HETEROGENEITY, Choice, Search
+from estimator.diagnosis.choose import Choice, Search
 from estimator.diagnosis.conclude import (
     findings_of,
     held_out,
@@ -19,6 +19,7 @@ from estimator.diagnosis.conclude import (
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.form import form_columns
 from estimator.diagnosis.gram import total
+from estimator.diagnosis.judge import HETEROGENEITY
 from estimator.diagnosis.library import Library, build_library, library_columns
 from estimator.diagnosis.locate import locate
 from estimator.diagnosis.nominal import belief_before

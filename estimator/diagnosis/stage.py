@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from estimator.calibration.forward import registered, rigid_motion
 from estimator.calibration.parameters import Layout, Setting
 from estimator.diagnosis.session import Session, units
+from estimator.diagnosis.solver import Solver
 from estimator.effects import World
 from estimator.effects.augmented import PlacedEffect, signals_of, simulate_with
 from estimator.model import Frames
 from estimator.rotations import exp
 from estimator.sensing import Scene, SensorSuite
-from estimator.simulation import Arm, Drive, LinearisedArm, Response
+from estimator.simulation import Arm, Drive, LinearisedArm
 from estimator.simulation.compliance import stiffness_along
 from estimator.specimen import Specimen
 
@@ -26,11 +27,6 @@ SUDDEN, RINGDOWN = 0.2, 0.7
 RINGING = 0.2
 LEVER = 0.1
 """See ``Stage.unrest``: [s], [s], a share, [m]."""
-APART = 0.4
-"""Time [s] between samples at which the model itself is solved."""
-PASSES = 4
-SETTLED_STRAIN, SETTLED_WRENCH = 1e-4, 1e-5
-"""Answers of the model until effects see their own consequence; the change that ends it [rad, m; N, N m]."""
 ANSWERING = ("contact_obstacle", "tether_stiffness")
 """Effects whose own consequence changes what they do: how far they push depends on how far they moved."""
 
@@ -163,8 +159,8 @@ class Stage:
         none = np.zeros(self.residual.shape)
         first: Floats = sum((self.first_order(placed) for placed in inner), none)
         if exact and inner:
-            beyond = self._solved(inner) - self._solved_plain - first[self.nodes]
-            first = first + _between(self.session.clock, self.session.clock[self.nodes], beyond)
+            beyond = self._solved(inner) - self._solved_plain - first[self._solver.nodes]
+            first = first + self._solver.between(beyond)
         others: Floats = sum((self.first_order(placed) for placed in sensing), none)
         return first + others + (self._simulated(answering) if answering else none)
 
@@ -174,16 +170,9 @@ class Stage:
         return self.innovation(readings)
 
     @cached_property
-    def nodes(self) -> NDArray[np.int64]:
-        """Samples at which the model itself is solved: one of every few, at random.
-
-        At even steps they would see the same phase of every hold.
-        """
-        every = max(1, round(APART / self.session.step))
-        first = np.arange(0, self.session.samples, every)
-        drawn = first + np.random.default_rng(0).integers(0, every, len(first))
-        nodes: NDArray[np.int64] = np.minimum(drawn, self.session.samples - 1)
-        return nodes
+    def _solver(self) -> Solver:
+        """The model itself along the session."""
+        return Solver(self.exact, self.drive, self.arm.baseline, self.world)
 
     @cached_property
     def _solved_plain(self) -> Floats:
@@ -191,54 +180,19 @@ class Stage:
         return self._solved(())
 
     def _solved(self, effects: Sequence[PlacedEffect]) -> Floats:
-        """Solve the model under effects that see its own response, shape (nodes, rows)."""
-        nodes, clock = self.nodes, self.session.clock
-        plain = seen = self.arm.baseline
-        near, drive = plain.at(nodes), self._under(effects, plain)
-        response = self.exact.respond(drive.at(nodes), near, slopes=False)
-        for _ in range(PASSES if effects else 0):
-            strained = response.strains - drive.free[nodes] - near.strains
-            moved = response.frames.positions - near.frames.positions
-            there = Frames(
-                plain.frames.positions + _between(clock, clock[nodes], moved), plain.frames.rotations
-            )
-            seen = replace(
-                plain, frames=there, strains=plain.strains + _between(clock, clock[nodes], strained)
-            )
-            again = self._under(effects, seen)
-            if _settled(drive, again):
-                break
-            drive = again
-            begun = replace(near, states=response.states)
-            response = self.exact.respond(drive.at(nodes), begun, slopes=False)
+        """Give what the model itself says under effects, against the prediction, shape (nodes, rows)."""
+        nodes = self._solver.nodes
+        drive, response = self._solver.under(effects)
         back = np.swapaxes(exp(self._usual(drive)[nodes]), -1, -2)
         frames = Frames(
             np.einsum("tij,tsj->tsi", back, response.frames.positions),
             back[:, None] @ response.frames.rotations,
         )
-        readings = self.suite.predict(Scene(frames, self.scene.loads[nodes]))
+        loads, near = self.scene.loads[nodes], self.arm.baseline.at(nodes)
+        readings = self.suite.predict(Scene(frames, loads))
         readings = np.where(response.converged[:, None], readings, np.nan)
-        base = Scene(near.frames, self.scene.loads[nodes])
-        left: Floats = self.suite.sensitivity(base, readings).innovation
+        left: Floats = self.suite.sensitivity(Scene(near.frames, loads), readings).innovation
         return np.where(near.converged[:, None], left, np.nan)
-
-    def _under(self, effects: Sequence[PlacedEffect], seen: Response) -> Drive:
-        """Let effects act on the drive, as they see it in a response."""
-        drive, signals = self.drive, signals_of(self.drive, self.world, seen)
-        for placed in effects:
-            hook = placed.effect.hook
-            value, _ = placed.act(replace(signals, pressures=drive.pressures), ())
-            if hook in ("pressure", "command"):
-                drive = replace(drive, pressures=value)
-            elif hook == "gravity":
-                drive = replace(drive, gravity=drive.gravity + value)
-            elif hook == "load":
-                drive = drive.plus(value.reshape(drive.wrenches.shape), np.zeros_like(drive.couples))
-            elif hook == "couple":
-                drive = drive.strained(value - signals.strains)
-            else:
-                drive = replace(drive, base_rotation=drive.base_rotation + value.reshape(drive.samples, 3))
-        return drive
 
     def first_order(self, placed: PlacedEffect) -> Floats:
         """Give by how much an effect changes the predictions to first order, shape (samples, rows).
@@ -352,23 +306,6 @@ class Stage:
         own = slice(4 * index, 4 * index + 4)
         shrunk: Floats = -np.einsum("trk,tk->tr", self.by_free[..., own], self.arm.baseline.strains[:, index])
         return shrunk
-
-
-def _between(clock: Floats, nodes: Floats, values: Floats) -> Floats:
-    """Interpolate between nodes, those without a value left out; shape (samples, ...)."""
-    flat = values.reshape(len(nodes), -1)
-    columns = []
-    for column in flat.T:
-        found = np.isfinite(column)
-        columns.append(np.interp(clock, nodes[found], column[found]) if found.any() else np.zeros(len(clock)))
-    return np.stack(columns, axis=-1).reshape(len(clock), *values.shape[1:])
-
-
-def _settled(drive: Drive, again: Drive) -> bool:
-    """Tell whether effects do the same in two responses."""
-    strain = float(np.abs(again.free - drive.free).max(initial=0.0))
-    wrench = float(np.abs(again.wrenches - drive.wrenches).max(initial=0.0))
-    return strain < SETTLED_STRAIN and wrench < SETTLED_WRENCH
 
 
 def _applied(slopes: Floats, change: Floats) -> Floats:
