@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from service.bench.proof.alternatives import SMOOTH, Bends, chosen_by, faded, learned, sindy
+from service.bench.proof.alternatives import SMOOTH, Bends, alignment, chosen_by, faded, learned, sindy
 from service.bench.proof.schedule import SealedTrial
 from service.bench.proof.trial import Folders, forget
 
@@ -62,6 +62,17 @@ def test_options_are_chosen_by_runs_that_no_fit_has_seen():
         train, SMOOTH, lambda runs, option: options.append(option) or learned(runs, option, memory=False)
     )
     assert options[-1][0] == max(ridge for ridge, _ in SMOOTH)
+
+
+def test_axes_of_sensors_are_learnt_from_what_is_nominal():
+    turn, offset = np.array([[0.98, 0.17], [-0.17, 0.98]]), 0.02
+
+    def askew(time, pressures, before) -> np.ndarray:
+        parts = [before[:, :2] @ turn, before[:, 2:] @ turn]
+        return np.concatenate(parts, axis=1) + offset - before
+
+    align = alignment([run(seed, askew) for seed in range(2)])
+    np.testing.assert_allclose(align(run(9, askew)).left, 0.0, atol=1e-9)
 
 
 def test_fading_follows_a_step():
