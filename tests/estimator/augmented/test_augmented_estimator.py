@@ -1,6 +1,5 @@
 """With the right physics in the model no force is left; without it, there seems to be one."""
 
-
 import numpy as np
 import pytest
 
