@@ -142,7 +142,7 @@ def _static_law(time: Floats, asked: Floats, given: Floats, holds: Flags) -> Law
     below = passing & (pressure < ceiling - 500.0)
     error = pressure[below] - level[below]
     if not len(error):
-        return Law(deadband=deadband, ceiling=ceiling)
+        return Law(deadband=deadband, ceiling=ceiling) if np.isfinite(ceiling) else None
     gain = 0.0
     if len(error) >= 4 and np.ptp(level[below]) > 10e3:
         gain = float(np.polyfit(level[below], error, 1)[0])
