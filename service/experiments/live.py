@@ -100,7 +100,7 @@ class LiveBench:
 
     def disarm(self) -> None:
         """Vent and disarm."""
-        if self.forgiving:
+        if self.forgiving and self.client.state().mode == "FAULTED":
             arm_again(self.client)
         self.client.command("disarm")
         self._pressures = np.zeros_like(self._pressures)
