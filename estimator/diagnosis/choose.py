@@ -31,7 +31,8 @@ SECOND = 0.5
 """Share of an accepted effect's gain that decides for another one so."""
 HEAVY = ("tip_payload", "distributed_mass")
 ALIKE = 4.0
-"""Difference in the criterion within which the plainer of two is taken."""
+ALIKE_SHARE = 0.01
+"""Difference in the criterion, or its share of the best, within which the plainer of two is taken."""
 MOST_SURPRISE = 12.0
 """Largest cost of a size that nobody expects."""
 CLOSE = 0.8
@@ -296,7 +297,8 @@ class Search:
         """Put the one with the fewest and likeliest numbers first among those as good as the best."""
         if not field:
             return field
-        alike = [one for one in field if one.delta_bic > field[0].delta_bic - ALIKE]
+        margin = max(ALIKE, ALIKE_SHARE * field[0].delta_bic)
+        alike = [one for one in field if one.delta_bic > field[0].delta_bic - margin]
         hypotheses = self.evidence.library.hypotheses
 
         def plain(one: Candidate) -> tuple[int, float]:
