@@ -10,6 +10,7 @@ Run it with: python examples/close_the_loop.py --out out/loop
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -35,9 +36,9 @@ NOMINAL = ("poses",)
 SUSPECT = ("each_alone",)
 WATCHED = "poses"
 SPECIMEN = "improved.toml"
-RETRIES = 2
+RETRIES, PATIENCE_S = 2, 20.0
 """What is concealed: a chamber that lost a quarter; what is run; the file that is written; how often
-a run is begun again that ends in a fault, as on a machine that is busy."""
+a run is begun again that ends in a fault, as on a machine that is busy, and how long a fault may stand."""
 
 Result = TypeVar("Result")
 
@@ -84,14 +85,32 @@ class Watch:
 
 
 def patiently(client: SoftarmClient, work: Callable[[], Result]) -> Result:
-    """Do something with the arm; after a fault, clear it and begin again."""
+    """Do something with the arm; after a fault, clear it once it has passed and begin again."""
     for _ in range(RETRIES):
         try:
             return work()
         except CommandRefusedError as refusal:
             say(f"{refusal}; clearing, and once more")
-            client.command("clear")
+            clear(client)
     return work()
+
+
+def clear(client: SoftarmClient) -> None:
+    """Clear faults, waiting while they stand.
+
+    Raises:
+        CommandRefusedError: They stand for longer than ``PATIENCE_S``.
+    """
+    end = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            client.command("clear")
+        except CommandRefusedError:
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.5)
+        else:
+            return
 
 
 def watch(client: SoftarmClient, manoeuvre: Manoeuvre) -> tuple[Watch, Recorded]:
@@ -157,7 +176,10 @@ def _record(client: SoftarmClient, menu: dict[str, Manoeuvre], names: Sequence[s
 @click.option("--endpoint", default="tcp/127.0.0.1:7448", show_default=True, help="zenoh endpoint to use.")
 def main(out: Path, specimen: str | None, endpoint: str) -> None:
     """Close the loop on the fakes and print what was found and what it was good for."""
-    report, before, after = close_the_loop(specimen or str(fake_specimen()), out, endpoint)
+    try:
+        report, before, after = close_the_loop(specimen or str(fake_specimen()), out, endpoint)
+    except CommandRefusedError as refusal:
+        raise click.ClickException(f"{refusal}; run it again on a machine that does less") from refusal
     for finding in report.findings:
         say(finding.statement)
     notes = (

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.belief import Marginal
-from estimator.diagnosis.choose import TIED, Accepted, Candidate, Choice, Search
+from estimator.diagnosis.candidates import TIED, Accepted, Candidate, Choice
+from estimator.diagnosis.choose import Search
 from estimator.diagnosis.fit import Fit
 from estimator.diagnosis.gram import Products, total
 from estimator.diagnosis.judge import bootstrap
@@ -32,9 +33,15 @@ Floats = NDArray[np.float64]
 TRACES = 4
 TRACE_CHANNELS = 3
 POINTS = 600
+MOST_UNPROVEN = 3
+"""Effects that may fail on held-out data before the search ends."""
+FRAGMENT = 0.3
+"""Share of the gain of those from which another explains as much."""
 DRAWS = 40
 SURE = 10.0
-"""Resamplings of held-out stretches, and the percentile of the gain over them that must be above zero."""
+"""Resamplings of held-out stretches, and the percentile of the gain over them that must not be negative."""
+NOTHING = 1.0
+"""Gain in cost that one independent residual makes by chance; stretches without excitation give none."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +99,7 @@ def _squares(search: Search, fit: Fit | None, common: Floats) -> tuple[Floats, F
             continue
         names = channels(stage.suite)
         row = np.array([search.weights.scale[name] for name in names])
-        calm = row / search.evidence.scale(search.weights, number) / [floors[name] for name in names]
+        calm = row / np.hypot(row, stage.unrest) / [floors[name] for name in names]
         own = ((left - search.evidence.columns[number] @ common) * calm) ** 2
         for block in np.unique(session.blocks[session.heldout]):
             chosen = own[(session.blocks == block) & session.heldout]
@@ -110,32 +117,62 @@ def heldout_result(search: Search, predictions: Predictions, how: str) -> Heldou
     return Heldout(rms_before, rms_after, interval, how)
 
 
-def unproven(search: Search, choice: Choice) -> list[int]:
-    """List accepted effects without which held-out data are predicted as well.
+def proven(search: Search) -> tuple[Choice, list[EffectName]]:
+    """Search until all that is accepted holds on held-out data.
+
+    The more effects have failed there, the surer the next must be; and one that explains little of what these
+    did is a fragment of something else.
+
+    Returns:
+        The choice, and the effects that were accepted on the way and did not hold.
+    """
+    dropped: list[Accepted] = []
+    most = 0.0
+    while True:
+        choice = search.run(frozenset(one.candidate.number for one in dropped))
+        gain = choice.fit.gain if choice.fit is not None else 0.0
+        most = max(most, gain)
+        lost = unproven(search, choice, SURE / (1 + len(dropped)))
+        if gain < FRAGMENT * most:
+            lost = list(range(len(choice.accepted)))
+        dropped += [choice.accepted[k] for k in lost]
+        if not lost or len(dropped) > MOST_UNPROVEN:
+            names = [one.candidate.fit.hypotheses[-1].name for one in dropped]
+            return search.without(choice, lost) if lost else choice, names
+
+
+def unproven(search: Search, choice: Choice, sure: float = SURE) -> list[int]:
+    """List accepted effects without which held-out data are predicted as well; all, where none is as good.
 
     Judged like folds in ``Search.judge``: calibration is believed as before the recordings in question.
+
+    Args:
+        search: The search.
+        choice: What it accepted.
+        sure: Percentile of the gain over resampled stretches that must not be negative.
     """
     fit = choice.fit
     if fit is None:
         return []
     after = [part for part in search.parts(fit) if part.heldout]
-    found = []
-    for index in range(len(choice.accepted)):
-        others = search.subset(fit, [k for k in range(len(fit.hypotheses)) if k != index])
+
+    def better(others: Fit | None) -> bool:
         before = [part for part in search.parts(others) if part.heldout]
         drawn = [_gain(search, before, after, chosen) for chosen in _draws(search.rng, len(after))]
-        if after and (_gain(search, before, after, range(len(after))) <= 0.0 or _low(drawn) <= 0.0):
-            found.append(index)
-    return found
+        whole = _gain(search, before, after, range(len(after)))
+        return whole > NOTHING and float(np.percentile(drawn, sure)) > -NOTHING
+
+    every = list(range(len(choice.accepted)))
+    if not after:
+        return []
+    if len(every) > 1 and not better(None):
+        return every
+    return [k for k in every if not better(search.subset(fit, [j for j in every if j != k]))]
 
 
 def _draws(rng: np.random.Generator, count: int) -> list[list[int]]:
     """Draw stretches with replacement."""
     return [rng.integers(0, count, count).tolist() for _ in range(DRAWS)]
-
-
-def _low(drawn: Sequence[float]) -> float:
-    return float(np.percentile(drawn, SURE))
 
 
 def _gain(

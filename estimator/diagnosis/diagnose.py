@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.calibration import Fitted, calibrate_sessions
-from estimator.diagnosis.choose import Choice, Search
+from estimator.diagnosis.candidates import Choice
+from estimator.diagnosis.choose import Search
 from estimator.diagnosis.conclude import (
     findings_of,
     held_out,
     heldout_result,
+    proven,
     traces_of,
-    unproven,
 )
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.form import form_columns
@@ -22,7 +23,7 @@ from estimator.diagnosis.gram import total
 from estimator.diagnosis.judge import HETEROGENEITY
 from estimator.diagnosis.library import Library, build_library, library_columns
 from estimator.diagnosis.locate import locate
-from estimator.diagnosis.nominal import belief_before
+from estimator.diagnosis.nominal import belief_before, evidence_of_change
 from estimator.diagnosis.result import (
     Baseline,
     Diagnosis,
@@ -51,6 +52,9 @@ DETECTABLE = 25.0
 """Gain in cost of a typical effect below which the recordings cannot show it."""
 STRUCTURE = 1.6
 """Root mean square of what is left, over that in nominal recordings, from which something is missing."""
+CHANGED = 20.0
+"""Twice the logarithm of the odds from which more has changed than from run to run ("very strong": Kass and
+Raftery, J. Am. Stat. Assoc. 90 (1995) 773, say so from 10)."""
 SIGNIFICANT = 0.01
 DIRECT = frozenset({"command", "pressure", "gravity", "load"})
 SOLVED = DIRECT | {"couple", "support", "sensing"}
@@ -138,15 +142,21 @@ def diagnose(
         evidence,
         weights,
         belief,
-        executor,
         rng,
+        width=width,
         solve=SOLVED if model.fast else DIRECT,
         ring=ring_of(stages),
         advance=lambda _: advance("fitting"),
     )
-    choice = search.run()
+    choice, dropped = proven(search)
+    notes = (*notes, *_notes(width, known))
+    if dropped:
+        notes = (
+            *notes,
+            f"Fitted but not proven on held-out data, and so not reported: {', '.join(dropped)}.",
+        )
     advance("judging")
-    return _outcome(search, choice, how, (*notes, *_notes(width, known)), stuck)
+    return _outcome(search, choice, how, notes, stuck)
 
 
 def _require_predictions(stages: Sequence[Stage]) -> None:
@@ -185,11 +195,6 @@ def _outcome(
 ) -> Outcome:
     evidence = search.evidence
     suspects = [stage for stage in evidence.stages if not stage.session.nominal]
-    dropped = unproven(search, choice)
-    if dropped:
-        names = ", ".join(choice.accepted[k].candidate.fit.hypotheses[-1].name for k in dropped)
-        notes = (*notes, f"Fitted but not proven on held-out data, and so not reported: {names}.")
-        choice = search.without(choice, dropped)
     notes = (*notes, *disagreement(search, choice))
     predictions = held_out(search, None, choice.fit, known=choice.fit is not None)
     findings = (*findings_of(search, choice), *stuck_findings(stuck))
@@ -197,7 +202,8 @@ def _outcome(
     first_map = _map(search, None)
     left_map = _map(search, choice) if choice.fit is not None else first_map
     baseline = _baseline(suspects, evidence.floors)
-    verdict = _verdict(choice, remainder, found=bool(findings))
+    changed = remainder > STRUCTURE or _changed(search, choice)
+    verdict = _verdict(choice, changed=changed, found=bool(findings))
     unexplained = _unexplained(verdict, remainder, left_map)
     diagnosis = Diagnosis(
         specimen=evidence.specimen,
@@ -269,12 +275,20 @@ def _map(search: Search, choice: Choice | None) -> LocationMap:
     return locate(search.evidence, residuals, search.weights, search.belief, search.rng)
 
 
-def _verdict(choice: Choice, remainder: float, *, found: bool) -> Verdict:
-    structured = remainder > STRUCTURE
+def _changed(search: Search, choice: Choice) -> bool:
+    """Tell whether the recordings in question have changed more than the findings say."""
+    evidence, share = search.evidence, search.weights.share
+    if not any(stage.session.nominal for stage in evidence.stages):
+        return False
+    left = search.parts(choice.fit)
+    return evidence_of_change(evidence, search.belief, search.width, left, share) > CHANGED
+
+
+def _verdict(choice: Choice, *, changed: bool, found: bool) -> Verdict:
     if found:
-        return "partly_explained" if structured else "explained"
+        return "partly_explained" if changed else "explained"
     doubtful = choice.turned_down is not None and choice.turned_down[1].gain_ci95[0] > 0.1
-    return "unexplained" if structured or (doubtful and choice.alarm_p < SIGNIFICANT) else "consistent"
+    return "unexplained" if changed or (doubtful and choice.alarm_p < SIGNIFICANT) else "consistent"
 
 
 def _unexplained(verdict: Verdict, remainder: float, found: LocationMap) -> Unexplained:

@@ -24,6 +24,8 @@ QUIET = 25.0
 """Percentile of the recordings' noise that counts as the sensor's: where an arm swings it seems larger."""
 INADEQUACY = 0.004
 """Share of the motion that no model of an arm gets right, however much is fitted."""
+INEXACT = 0.1
+"""Share of a mismatch that the best law for it still gets wrong, so that no few samples decide a search."""
 NOVELTY = 2.0
 """Largest scatter of the recordings in question over that of nominal ones."""
 BACKGROUND = 0.3
@@ -113,8 +115,23 @@ class Evidence:
 
     def scale(self, weights: Weights, number: int) -> Floats:
         """Give the standard deviation of each residual of a session, shape (samples, rows)."""
-        stage = self.stages[number]
-        return np.hypot([weights.scale[name] for name in channels(stage.suite)], stage.unrest)
+        return np.hypot(
+            [weights.scale[name] for name in channels(self.stages[number].suite)], self._doubts[number]
+        )
+
+    @cached_property
+    def _doubts(self) -> list[Floats]:
+        """What the model may get wrong of each residual beside its noise, each of shape (samples, rows)."""
+        found = []
+        for stage in self.stages:
+            groups, sizes = _groups(stage), np.nan_to_num(np.abs(stage.residual))
+            largest = {
+                group: sizes[:, [k for k, own in enumerate(groups) if own == group]].max(axis=1)
+                for group in groups
+            }
+            mismatch = np.stack([largest[group] for group in groups], axis=1)
+            found.append(np.hypot(stage.unrest, INEXACT * mismatch))
+        return found
 
     def _first(self, weights: Weights, number: int) -> list[Products]:
         session = self.stages[number].session

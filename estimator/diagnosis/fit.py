@@ -15,13 +15,16 @@ from estimator.effects import Parameter
 
 Floats = NDArray[np.float64]
 
-ITERATIONS = 6
+ITERATIONS = 10
 STEP = 1e-3
 """Step of the differences, in units of the fit."""
 SETTLED = 0.02
 """Improvement of the cost that ends a fit."""
 LARGEST = 1.5
 """Longest step of a parameter in units of the fit."""
+FIRST_DAMPING, LEAST_DAMPING = 1e-2, 1e-6
+MOST_REFUSED = 4
+"""Steps in a row that may make the fit worse."""
 
 
 @dataclass(frozen=True)
@@ -148,39 +151,43 @@ def fit_effects(
         hypotheses: The effects.
         starts: Parameters to begin with.
         free: First effect whose parameters move; those before it stay.
-        exact: Solve the model itself; derivatives are still those of its linearisation.
-        iterations: Largest number of steps.
+        exact: Solve the model itself. Derivatives begin as those of its linearisation and follow what each
+            step shows (Broyden 1965), for a strong effect changes them.
+        iterations: Largest number of steps tried.
     """
     chart = _Chart.of(hypotheses[free:])
     fixed = list(starts[:free])
     values = chart.units(np.concatenate([*starts[free:], np.zeros(0)]))
-    damping = 1e-2
-    change = _whitened(ground, hypotheses, [*fixed, *chart.split(values)], exact=exact)
-    gain = _gain(ground, change)
-    matrix = np.eye(len(values))
+
+    def changed(at: Floats) -> list[Floats]:
+        return _whitened(ground, hypotheses, [*fixed, *chart.split(at)], exact=exact)
+
+    change = changed(values)
+    gain, damping, refused = _gain(ground, change), FIRST_DAMPING, 0
+    slopes = _slopes(ground, hypotheses, fixed, chart, values)
+    if exact and not free:  # without amplitudes nothing changes
+        _secant(slopes, np.where(chart.amplitudes, values - chart.centres, 0.0), change)
     for _ in range(iterations):
-        slopes = _slopes(ground, hypotheses, fixed, chart, values)
-        both = [np.column_stack([s, c]) for s, c in zip(slopes, change, strict=True)]
-        product, vector = ground.projected(both)
-        matrix = product[:-1, :-1] + np.diag(1.0 / chart.spreads**2)
-        pull = vector[:-1] - product[:-1, -1] - (values - chart.centres) / chart.spreads**2
-        better = False
-        for _ in range(4):
-            damped = matrix + damping * np.diag(np.diag(matrix))
-            step = np.clip(np.linalg.solve(damped, pull), -LARGEST, LARGEST)
-            trial = np.clip(values + step, chart.lower, chart.upper)
-            tried = _whitened(ground, hypotheses, [*fixed, *chart.split(trial)], exact=exact)
-            new = _gain(ground, tried) - chart.penalty(trial) + chart.penalty(values)
-            if np.isfinite(new) and new > gain:
-                better = True
+        matrix, pull = _normal(ground, slopes, change, chart, values)
+        damped = matrix + damping * np.diag(np.diag(matrix))
+        step = np.clip(np.linalg.solve(damped, pull), -LARGEST, LARGEST)
+        trial = np.clip(values + step, chart.lower, chart.upper)
+        tried = changed(trial)
+        improved = _gain(ground, tried) - chart.penalty(trial) - gain + chart.penalty(values)
+        if exact:
+            _secant(slopes, trial - values, [t - c for t, c in zip(tried, change, strict=True)])
+        if not improved > 0.0:
+            damping, refused = 10.0 * damping, refused + 1
+            if refused == MOST_REFUSED:
                 break
-            damping *= 10.0
-        if not better:
-            break
-        improved = new - gain
-        values, change, gain, damping = trial, tried, _gain(ground, tried), max(damping * 0.1, 1e-6)
+            continue
+        values, change, gain, refused = trial, tried, _gain(ground, tried), 0
+        damping = max(0.1 * damping, LEAST_DAMPING)
+        if not exact:
+            slopes = _slopes(ground, hypotheses, fixed, chart, values)
         if improved < SETTLED:
             break
+    matrix, _ = _normal(ground, slopes, change, chart, values)
     thetas = (*fixed, *chart.split(values))
     return Fit(
         tuple(hypotheses),
@@ -191,6 +198,26 @@ def fit_effects(
         chart.at_bound(values),
         exact,
     )
+
+
+def _normal(
+    ground: Ground, slopes: list[Floats], change: list[Floats], chart: "_Chart", values: Floats
+) -> tuple[Floats, Floats]:
+    """Give the normal equations of a step: the matrix and the right side."""
+    both = [np.column_stack([s, c]) for s, c in zip(slopes, change, strict=True)]
+    product, vector = ground.projected(both)
+    prior = 1.0 / chart.spreads**2
+    pull: Floats = vector[:-1] - product[:-1, -1] - (values - chart.centres) * prior
+    return product[:-1, :-1] + np.diag(prior), pull
+
+
+def _secant(slopes: list[Floats], step: Floats, change: list[Floats]) -> None:
+    """Let slopes give a change that was seen along a step (Broyden's rank-one update)."""
+    length = float(step @ step)
+    if length == 0.0 or not all(np.isfinite(c).all() for c in change):
+        return
+    for own, seen in zip(slopes, change, strict=True):
+        own += (seen[:, 0] - own @ step)[:, None] * (step / length)
 
 
 def _whitened(
@@ -232,7 +259,7 @@ def _slopes(
     change = _whitened(ground, hypotheses, [*fixed, *chart.split(values)], exact=False)
     for index in range(len(values)):
         moved = values.copy()
-        step = STEP * (-1.0 if values[index] + STEP > chart.upper[index] else 1.0) * chart.typical[index]
+        step = -STEP if values[index] + STEP > chart.upper[index] else STEP
         moved[index] += step
         there = _whitened(ground, hypotheses, [*fixed, *chart.split(moved)], exact=False)
         for own, ahead, here in zip(columns, there, change, strict=True):
@@ -251,10 +278,6 @@ class _Chart:
     def of(cls, hypotheses: Sequence[Hypothesis]) -> "_Chart":
         parameters = tuple(p for h in hypotheses for p in h.effect.parameters)
         return cls(parameters, tuple(len(h.effect.parameters) for h in hypotheses))
-
-    @property
-    def typical(self) -> Floats:
-        return np.ones(len(self.parameters))
 
     def _unit(self, parameter: Parameter) -> float:
         return abs(parameter.typical) or parameter.spread or 1.0
@@ -309,8 +332,11 @@ class _Chart:
     def penalty(self, values: Floats) -> float:
         return float((((values - self.centres) / self.spreads) ** 2).sum())
 
+    @property
+    def amplitudes(self) -> NDArray[np.bool_]:
+        return np.array([p.role == "amplitude" for p in self.parameters])
+
     def at_bound(self, values: Floats) -> bool:
         near = np.minimum(values - self.lower, self.upper - values) < 1e-6
         neutral = np.abs(values - self.centres) < 1e-6
-        amplitude = np.array([p.role == "amplitude" for p in self.parameters])
-        return bool((near & ~neutral & amplitude).any())
+        return bool((near & ~neutral & self.amplitudes).any())

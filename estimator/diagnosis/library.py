@@ -23,10 +23,11 @@ SHAPES: dict[str, tuple[tuple[float, ...], ...]] = {
     "viscoelastic_creep": ((0.7,), (2.0,), (6.0,), (20.0,), (60.0,)),
     "hysteresis": ((0.03,), (0.1,), (0.3,)),
     "mullins_softening": ((0.15,), (0.5,)),
+    "material_softening": ((1.0,), (2.0,)),
     "line_leak": ((0.3,), (3.0,), (30.0,)),
     "thermal_drift": ((150.0,), (600.0,), (3000.0,)),
     "tether_stiffness": ((0.002,), (0.01,), (0.02,), (0.04,)),
-    "local_stiffness_defect": ((-1.05,), (0.0,), (1.05,)),
+    "local_stiffness_defect": tuple((float(angle),) for angle in np.radians(np.arange(-150.0, 181.0, 60.0))),
     "contact_obstacle": tuple(
         (distance, angle)
         for distance in (0.01, 0.03, 0.05)

@@ -154,15 +154,8 @@ def _joined(
 
 def spotted(stage: Stage) -> list[Spotted]:
     """List the equivalent loads and offsets of all places."""
-    response = stage.arm.baseline
     chambers = stage.drive.pressures.shape[1]
-    sections = response.frames.positions.shape[1]
-    rows = np.nan_to_num(stage.suite.sensitivity(stage.scene, stage.base).twists)
-    by_pressure = rows @ response.motion[..., :chambers]
-    by_wrench = rows @ response.by_wrench
-    by_couple = by_wrench @ np.swapaxes(
-        stage.arm.segments.rows(response.frames).reshape(stage.session.samples, -1, 6 * sections), -1, -2
-    )
+    by_pressure, by_couple = stage.by_input[..., :chambers], stage.by_couple
     found = []
     for g, segment in enumerate(stage.arm.segments.names):
         found += [
@@ -175,14 +168,14 @@ def spotted(stage: Stage) -> list[Spotted]:
     ]
     for row, (channel, unit) in enumerate(zip(channels(stage.suite), units(stage.suite), strict=True)):
         sensor, _, letter = channel.rpartition(".")
-        column = np.zeros(rows.shape[:2])
+        column = np.zeros(stage.residual.shape)
         column[:, row] = 1.0
         found.append(Spotted("sensor", sensor, letter, unit, column))
     for axis, letter in enumerate("xy"):
         turned = np.zeros((stage.session.samples, 3))
         turned[:, axis] = TILT
         twists = stage.arm.twists(_tilted(stage, turned)) / TILT
-        found.append(Spotted("base", "base", letter, "rad", np.einsum("tri,ti->tr", rows, twists)))
+        found.append(Spotted("base", "base", letter, "rad", np.einsum("tri,ti->tr", stage.by_twist, twists)))
     return found
 
 

@@ -12,8 +12,10 @@ from estimator.diagnosis.weights import Weights
 
 Floats = NDArray[np.float64]
 
-WIDTHS = (0.03, 0.06, 0.12, 0.25)
+WIDTHS = (0.01, 0.03, 0.06, 0.12, 0.25)
 """Standard deviations tried for what changes of each effect from run to run, in typical sizes."""
+WIDEST = 0.5
+"""The same where something has changed."""
 UNKNOWN = 0.03
 """The same where no nominal recording tells."""
 NUISANCE = 0.1
@@ -72,10 +74,33 @@ def predictive(belief: Belief, fold: Sequence[Products], share: float, size: int
     return -marginal.cost - float(np.linalg.slogdet(inner)[1])
 
 
+def evidence_of_change(
+    evidence: Evidence, belief: Belief, width: float, parts: Sequence[Products], share: float
+) -> float:
+    """Give how much likelier recordings are if more has changed in them than from one nominal run to another.
+
+    No single effect need explain them: all may have changed a little.
+
+    Args:
+        evidence: All recordings.
+        belief: Belief before those in question, which allows for ``width``.
+        width: What changes from one nominal run to another, in typical sizes.
+        parts: Products of those in question.
+        share: Share of independent samples.
+
+    Returns:
+        Twice the logarithm of the ratio of the densities, at the likeliest of some widths.
+    """
+    usual = predictive(belief, parts, share, evidence.size)
+    wider = [w for w in (*WIDTHS, WIDEST) if w > width]
+    beliefs = [belief.wider(_spreads(evidence, float(np.sqrt(w**2 - width**2)))) for w in wider]
+    return max(predictive(one, parts, share, evidence.size) for one in beliefs) - usual
+
+
 def _sandwich(covariance: Floats, matrix: Floats, root: Floats) -> Floats:
     """Give P G in coordinates scaled by the belief's deviations, for a well-scaled determinant."""
     scaled: Floats = (covariance / np.outer(root, root)) @ (matrix * np.outer(root, root))
     return scaled
 
 
-__all__ = ["belief_before", "predictive"]
+__all__ = ["UNKNOWN", "belief_before", "evidence_of_change"]

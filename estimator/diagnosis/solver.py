@@ -15,7 +15,7 @@ from estimator.simulation import Arm, Drive, Response
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-APART = 0.4
+APART = 0.8
 """Time [s] between samples at which the model itself is solved."""
 PASSES = 4
 SETTLED_STRAIN, SETTLED_WRENCH = 1e-4, 1e-5

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from estimator.calibration.forward import registered, rigid_motion
 from estimator.calibration.parameters import Layout, Setting
+from estimator.calibration.pressures import by_unknown
 from estimator.diagnosis.session import Session, units
 from estimator.diagnosis.solver import Solver
 from estimator.effects import World
@@ -262,13 +263,9 @@ class Stage:
             Shape (samples, rows, unknowns + segments).
         """
         response, pressures = self.arm.baseline, self.session.pressures
-        rows = np.nan_to_num(self.suite.sensitivity(self.scene, self.base).twists)
-        by_pressure = rows @ response.motion[..., : pressures.shape[1]]
+        rows, by_pressure = self.by_twist, self.by_input[..., : pressures.shape[1]]
         by_alignment = self.suite.parameter_rows(self.scene, self.base)
         by_base = -registered(self.suite)[:, None] * (rows @ rigid_motion(response.frames))
-        actuation = self.setting.actuation
-        pushed = pressures * (1.0 + actuation.curve * pressures)
-        square = actuation.gain * pressures**2
         names = self.suite.parameter_names
         known = len(layout.parameters)
         columns = np.zeros((*rows.shape[:2], known + len(self.world.segments)))
@@ -277,13 +274,9 @@ class Stage:
             match parameter.kind:
                 case "modulus":
                     columns[..., index] = self._by_stiffness(target)
-                case "gain":
-                    columns[..., index] = by_pressure[..., int(target)] * pushed[:, None, int(target)]
-                case "curve":
-                    members = list(parameter.chambers)
-                    columns[..., index] = (by_pressure[..., members] * square[:, None, members]).sum(axis=-1)
-                case "bias":
-                    columns[..., index] = by_pressure[..., int(target)]
+                case "gain" | "curve" | "bias":
+                    pushed = by_unknown(parameter, self.setting, response.frames, pressures)
+                    columns[..., index] = _applied(by_pressure, pushed)
                 case "base":
                     columns[..., index] = by_base[..., int(target)]
                 case "alignment" if target in names:

@@ -147,9 +147,7 @@ def _exchanged(stage: Stage, one: int, other: int) -> Floats:
     change = np.zeros_like(pressures)
     change[:, one] = pressures[:, other] - pressures[:, one]
     change[:, other] = -change[:, one]
-    rows = np.nan_to_num(stage.suite.sensitivity(stage.scene, stage.base).twists)
-    by_pressure = rows @ stage.arm.baseline.motion[..., : pressures.shape[1]]
-    moved: Floats = np.einsum("trc,tc->tr", by_pressure, change)
+    moved: Floats = np.einsum("trc,tc->tr", stage.by_input[..., : pressures.shape[1]], change)
     return moved
 
 

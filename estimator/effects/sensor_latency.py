@@ -1,10 +1,14 @@
-"""A sensor that reports late: y(t) -> y(t - delay), straight between samples."""
+"""A sensor that reports late: y(t) -> y(t - delay), straight between samples.
+
+Of a frame both place and orientation are late; between samples its quaternion goes straight, with its sign
+kept, and is brought back to unit length.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.effects.effect import Effect, Memory, Parameter, Signals
-from estimator.effects.readings import from_vector, to_vector
+from estimator.effects.readings import QUATERNION, turns
 from estimator.effects.world import (
     Spot,
     sensors,
@@ -18,13 +22,23 @@ LONGEST = 1.0  # s, the upper bound of the delay
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
     """Delay the reading."""
     (delay,) = theta
-    vector = to_vector(signals.reading)
-    times, values = memory or (signals.time[:1] - LONGEST, vector[:1])
-    times, values = np.concatenate([times, signals.time]), np.concatenate([values, vector])
+    times, values = memory or (signals.time[:1] - LONGEST, signals.reading[:1])
+    times, values = np.concatenate([times, signals.time]), np.concatenate([values, signals.reading])
+    if turns(signals.reading):
+        values = np.concatenate([values[:, :-QUATERNION], _unflipped(values[:, -QUATERNION:])], axis=-1)
     late = np.stack([np.interp(signals.time - delay, times, column) for column in values.T], axis=-1)
+    if turns(signals.reading):
+        late[:, -QUATERNION:] /= np.linalg.norm(late[:, -QUATERNION:], axis=-1, keepdims=True)
     recent = max(int(np.searchsorted(times, times[-1] - LONGEST)) - 1, 0)
-    out = from_vector(late, signals.reading, np.zeros(vector.shape[-1]))
-    return out, (times[recent:], values[recent:])
+    return late, (times[recent:], values[recent:])
+
+
+def _unflipped(quaternions: Floats) -> Floats:
+    """Give the quaternions of the same turns without a jump from q to -q, shape (samples, 4)."""
+    flips = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=-1) < 0.0, -1.0, 1.0)
+    signs = np.concatenate([[1.0], np.cumprod(flips)])
+    unflipped: Floats = quaternions * signs[:, None]
+    return unflipped
 
 
 EFFECT = Effect(

@@ -24,15 +24,23 @@ def stiffness_along(segments: Segments, frames: Frames, by_wrench: Floats) -> Fl
     """
     rows = segments.rows(frames)
     compliance = np.einsum("tgai,tij,tgbj->tgab", rows, by_wrench, rows)
-    compliance = 0.5 * (compliance + np.swapaxes(compliance, -1, -2))
-    typical = np.sqrt(np.abs(np.median(np.diagonal(compliance, axis1=2, axis2=3), axis=0)))
-    size = np.maximum(typical, 1e-12)
-    scaled = compliance / (size[..., :, None] * size[..., None, :])
-    values, vectors = np.linalg.eigh(scaled)
-    inverse = 1.0 / np.clip(values, 1.0 / SPREAD, SPREAD)
-    whole = (vectors * inverse[..., None, :]) @ np.swapaxes(vectors, -1, -2)
-    stiffness: Floats = whole / (size[..., :, None] * size[..., None, :])
-    return stiffness
+    typical = np.abs(np.median(np.diagonal(compliance, axis1=2, axis2=3), axis=0))
+    return bounded_inverse(compliance, 1.0 / np.maximum(typical, 1e-24))
+
+
+def bounded_inverse(compliance: Floats, usual: Floats) -> Floats:
+    """Give the stiffness of each segment, kept within ``SPREAD`` of the usual one.
+
+    Args:
+        compliance: Tangent compliance against the segment's own couples, shape (..., segments, 4, 4).
+        usual: Usual stiffness, shape (segments, 4).
+    """
+    size = np.sqrt(usual)
+    scaled = compliance * size[:, :, None] * size[:, None, :]
+    values, vectors = np.linalg.eigh(0.5 * (scaled + np.swapaxes(scaled, -1, -2)))
+    bounded = np.clip(values, 1.0 / SPREAD, SPREAD)[..., None, :]
+    stiffness: Floats = (vectors / bounded) @ np.swapaxes(vectors, -1, -2)
+    return stiffness * size[:, :, None] * size[:, None, :]
 
 
 def yielding(segments: Segments, frames: Frames, by_wrench: Floats) -> Floats:

@@ -5,6 +5,7 @@ sample, so that a stretch cut in two gives the same as the whole.
 """
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -31,13 +32,23 @@ def first_order(time: Floats, values: Floats, lag: float, memory: Memory) -> tup
     times, inputs = np.concatenate((when, time)), np.concatenate((before[None], values))
     steps, change, start = times[1:] - times[:-1], inputs[1:] - inputs[:-1], inputs[:-1]
     wide = np.where(steps > 0.0, steps, 1.0).reshape(-1, *(1,) * (values.ndim - 1))
-    behind = lag * change / wide
-    out = np.empty_like(values)
+    behind = (lag * change / wide).reshape(len(time), -1)
     kept = np.exp(-steps / lag)
-    for k in range(len(time)):
-        state = values[k] - behind[k] + (state - start[k] + behind[k]) * kept[k]
-        out[k] = state
-    return out, (time[-1:], values[-1], state)
+    ahead = values.reshape(len(time), -1) - behind
+    ahead -= kept[:, None] * (start.reshape(len(time), -1) - behind)
+    out: Floats = _recursion(kept, ahead, np.ravel(state).astype(np.float64)).reshape(values.shape)
+    return out, (time[-1:], values[-1], out[-1].copy())
+
+
+@njit(cache=True, nogil=True)
+def _recursion(kept: Floats, ahead: Floats, state: Floats) -> Floats:
+    """Give z_k = kept_k z_(k-1) + ahead_k of several columns, shape (samples, columns)."""
+    out = np.empty_like(ahead)
+    for k in range(len(kept)):
+        for j in range(len(state)):
+            state[j] = kept[k] * state[j] + ahead[k, j]
+            out[k, j] = state[j]
+    return out
 
 
 def second_order(

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.diagnosis.choose import DRAWS
 from estimator.diagnosis.result import Diagnosis, Exposure, Finding, Quantity, Trace
+from estimator.diagnosis.screen import DRAWS
 from estimator.effects.effect import describe
 from estimator.specimen import Specimen
 from service.diagnosis.charts import AFTER, BEFORE, MEASURED, Curve, against, bars, in_words, over_time

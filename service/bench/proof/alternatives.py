@@ -167,11 +167,10 @@ def bends(specimen: Specimen, path: Path) -> Bends:
     drive = Drive.of(run.time + start, acting, gravity, sections, subject.segments.count)
     response = subject.arm.respond(drive)
     arm = LinearisedArm(subject.segments, drive, response)
-    world = subject.world
     names = [sensor.name for sensor in suite.measurements]
     found = [
-        simulate_with(effects, arm, world, drive, suite).readings
-        for effects in ((), accepted_physics(specimen, world))
+        simulate_with(effects, arm, subject.world, drive, suite).readings
+        for effects in ((), accepted_physics(specimen, subject.world))
     ]
     before, after = (np.concatenate([one[name] for name in names], axis=1) for one in found)
     return Bends(run.time, run.pressures, run.readings[:, rows], before, after)

@@ -1,7 +1,7 @@
 """An arm known in closed form as a model and, with other physics, as the arm that is recorded."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -110,9 +110,3 @@ def trial(effects: Sequence[tuple[str, Place, Sequence[float]]]) -> list[Session
     """Two nominal recordings and four in question."""
     known = [session(f"nominal_{k}", k, nominal=True) for k in range(2)]
     return [*known, *(session(f"run_{k}", 10 + k, effects) for k in range(4))]
-
-
-def scrambled(one: Session, samples: np.ndarray) -> Session:
-    """Give a session whose readings of some samples, shape (samples,), are nonsense."""
-    nonsense = np.random.default_rng(0).normal(0.0, 0.3, one.readings.shape)
-    return replace(one, readings=np.where(samples[:, None], nonsense, one.readings))

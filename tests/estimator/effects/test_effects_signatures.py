@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.effects.augmented import simulate_with
+from estimator.effects.augmented import signals_of, simulate_with
 from estimator.effects.large_strain import losses
-from estimator.rotations import exp
+from estimator.rotations import exp, to_quaternions
 from tests.estimator.effects.effects_bench import SUITE, WORLD, drive_of, placed, run, step_drive
 from tests.estimator.simulation.straight_arm import straight_arm
 
@@ -128,6 +128,16 @@ def test_a_defect_depends_on_the_direction_of_the_bend():
     assert np.allclose(bends(about_y, effect)[:, 0, 1], bends(about_y)[:, 0, 1])
 
 
+def test_an_arm_that_is_stretched_bends_away_from_the_stiffer_side():
+    stretched = drive_of(np.arange(2.0), np.zeros((2, 6)), (0.0, 0.0, 9.6))
+    effect = placed("local_stiffness_defect", [0.2, 0.5 * np.pi], segment="upper")
+    plain, bent = bends(stretched)[-1, 0], bends(stretched, effect)[-1, 0]
+    radius = WORLD.radii[0]
+    assert plain[3] > 0.0
+    assert bent[:3] - plain[:3] == pytest.approx([0.0, 0.25 * plain[3] / radius, 0.0], abs=1e-9)
+    assert bent[3] - plain[3] == pytest.approx(0.125 * plain[3])
+
+
 def test_a_payload_weighs_like_a_force_in_the_direction_of_gravity():
     gravity = (2.0, 0.0, 9.6)
     drive = drive_of(np.arange(2.0), np.zeros((2, 6)), gravity)
@@ -215,6 +225,22 @@ def test_a_faulty_sensor_errs_alone(name: str, theta: list[float], expected):
     assert np.allclose(faulty.readings["bend_tip"], expected(drive.time, reading), atol=1e-9)
     assert np.array_equal(faulty.readings["bend_intermediate"], plain.readings["bend_intermediate"])
     assert set(faulty.readings) == {sensor.name for sensor in SUITE.measurements}
+
+
+def test_a_late_pose_is_that_of_before_even_through_half_a_turn():
+    """A turn of half a revolution has two rotation vectors, and its quaternion two signs."""
+    time, late = np.linspace(0.0, 2.0, 81), 0.06
+
+    def pose(at: np.ndarray) -> np.ndarray:
+        turned = to_quaternions(exp(np.array([1.0, 0.1, 0.0]) * (2.6 + 0.7 * at[:, None])))
+        return np.concatenate([0.1 * at[:, None] * np.array([1.0, -2.0, 0.5]), turned], axis=1)
+
+    drive = drive_of(time, np.zeros((81, 6)), WEIGHTLESS)
+    signals = replace(signals_of(drive, WORLD), reading=pose(time))
+    shown, _ = placed("sensor_latency", [late], sensor="bend_tip").act(signals, ())
+    there, wanted = shown[5:], pose(time[5:] - late)
+    assert np.allclose(there[:, :3], wanted[:, :3], atol=1e-12)
+    assert np.allclose(np.abs((there[:, 3:] * wanted[:, 3:]).sum(axis=1)), 1.0, atol=1e-7)
 
 
 def test_effects_act_together():

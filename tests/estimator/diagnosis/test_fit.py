@@ -1,0 +1,52 @@
+"""Fits of an effect whose consequence grows faster than its size."""
+
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+import pytest
+
+from estimator.diagnosis.belief import Belief
+from estimator.diagnosis.fit import Ground, View, fit_effects
+from estimator.diagnosis.gram import products_of, total
+from estimator.diagnosis.library import Hypothesis
+from estimator.diagnosis.stage import Stage
+from estimator.effects import EFFECTS
+from estimator.effects.augmented import PlacedEffect
+from estimator.specimen.physics import Place
+from tests.estimator.simulation.straight_arm import world
+
+SHAPE = np.sin(np.linspace(0.0, 9.0, 400))[:, None] + np.array([[0.3, -0.2]])
+SIZE = -0.3
+
+
+class Runaway:
+    """A stage on which an effect of size x changes the prediction by x / (1 + x), to first order by x."""
+
+    world = world()
+
+    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> np.ndarray:
+        size = float(effects[0].theta[0])
+        return SHAPE * (size / (1.0 + size) if exact else size)
+
+
+def ground() -> Ground:
+    left = SHAPE * SIZE / (1.0 + SIZE) + np.random.default_rng(3).normal(0.0, 1e-3, SHAPE.shape)
+    weight, blocks = np.full(SHAPE.shape, 1e3), np.zeros(len(SHAPE), dtype=int)
+    common = np.ones((*SHAPE.shape, 1), dtype=np.float32)
+    parts = products_of(
+        left, common, np.full(SHAPE.shape, 1e-3), blocks, np.zeros(len(SHAPE), dtype=bool), 0, nominal=False
+    )
+    view = View(cast("Stage", Runaway()), left * weight, weight, (common * 1e3).reshape(-1, 1))
+    return Ground.of([view], Belief(np.zeros(1), np.eye(1)), 1.0, total(parts, 1))
+
+
+@pytest.mark.parametrize("start", [-0.05, -0.45, 0.2])
+def test_a_fit_on_the_model_itself_follows_a_strong_effect(start: float) -> None:
+    """The slope at the truth is twice that of the linearisation."""
+    effect = Hypothesis(EFFECTS["segment_stiffness"], Place(segment="upper"))
+    linear = fit_effects(ground(), (effect,), (np.array([start]),))
+    exact = fit_effects(ground(), (effect,), (np.array([start]),), exact=True)
+    assert linear.thetas[0][0] == pytest.approx(SIZE / (1.0 + SIZE), abs=1e-3)
+    assert exact.thetas[0][0] == pytest.approx(SIZE, abs=1e-3)
+    assert exact.gain > 0.99 * linear.gain
