@@ -10,7 +10,14 @@ from estimator.calibration.arrange import Run
 from estimator.calibration.fit import Fit, fit
 from estimator.calibration.forward import Evaluation, Forward
 from estimator.calibration.identifiability import KEPT, MANOEUVRES, fitted, identify, kept
-from estimator.calibration.nodes import BLOCK, Nodes, choose_nodes, training_blocks
+from estimator.calibration.nodes import (
+    BLOCK,
+    NEVER_TOGETHER,
+    TOGETHER,
+    Nodes,
+    choose_nodes,
+    training_blocks,
+)
 from estimator.calibration.outcome import Calibrated, Check
 from estimator.calibration.parameters import Layout, build_layout
 from estimator.calibration.pulled_first import FEWEST_PULLS, told_by_pulls
@@ -154,11 +161,7 @@ def _choose(runs: Sequence[Run], lags: Sequence[float | None], count: int) -> tu
     shares = [max(8, round(count * duration / sum(durations))) for duration in durations]
     chosen = tuple(choose_nodes(run, share) for run, share in zip(aligned, shares, strict=True))
     if not sum(len(own.time) for own in chosen):
-        raise CalibrationRefusedError(
-            ", ".join(run.name for run in runs),
-            "pressures and motion are never present together",
-            "record both at once",
-        )
+        raise CalibrationRefusedError(", ".join(run.name for run in runs), NEVER_TOGETHER, TOGETHER)
     return tuple(own for own in chosen if len(own.time))
 
 

@@ -9,7 +9,7 @@ from scipy.stats import f as fisher
 
 from estimator.calibration.arrange import Run
 from estimator.calibration.forward import Forward
-from estimator.calibration.nodes import Nodes, choose_nodes
+from estimator.calibration.nodes import NEVER_TOGETHER, TOGETHER, Nodes, choose_nodes
 from estimator.calibration.outcome import quantity_of
 from estimator.calibration.parameters import build_layout
 from estimator.calibration.regression import estimate_lag
@@ -97,7 +97,10 @@ def _judge(name: str, scatter: float, calibrated: float, limit: float) -> Drift:
 
 def _nodes(runs: Sequence[Run], count: int) -> tuple[Nodes, ...]:
     aligned = [run.delayed(lag) if (lag := estimate_lag(run)) else run for run in runs]
-    return tuple(choose_nodes(run, max(8, count // len(runs))) for run in aligned)
+    chosen = tuple(choose_nodes(run, max(8, count // len(runs))) for run in aligned)
+    if not sum(len(own.time) for own in chosen):
+        raise InputError(", ".join(run.name for run in runs), NEVER_TOGETHER, TOGETHER)
+    return tuple(own for own in chosen if len(own.time))
 
 
 def _forward(solver: Solver, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Forward:

@@ -18,9 +18,13 @@ WINDOW = 0.1  # s over which a node's readings are averaged
 PULLED_WINDOW = 0.4  # s; a gauge reads seldom and in coarse steps
 REST_MARGIN = 0.3  # s of rest on either side of a node while a gauge pulls
 SIGNAL = 20.0  # times its noise that a column must spread to tell of motion
+ROUNDING = 1e-9  # of a column's size, which the spread of a constant one may come out at
 NORMAL_MEAN = 1.2533  # standard deviation over mean size of a normal distribution
 QUIET_SPEED = 0.5  # 1/s; motion of half its own spread per second halves a node's weight
 LEAST_WEIGHT = 0.05
+
+NEVER_TOGETHER = "pressures, motion and the forces of gauges are never known together"
+TOGETHER = "record them at once, with marker_hook_* and the pose of its section, or gauge_direction"
 
 
 @dataclass(frozen=True)
@@ -135,8 +139,10 @@ def _speed(run: Run) -> Floats:
     Columns that hold little but noise are left out: in their own spreads, noise is fast.
     """
     columns = np.column_stack([run.readings, run.pressures])
+    columns = columns[:, np.isfinite(columns).any(axis=0)]
     spread = np.nanstd(columns, axis=0)
-    moving = spread > SIGNAL * _noise(columns)
+    rounding = ROUNDING * np.nanmax(np.abs(columns), axis=0, initial=0.0)
+    moving = spread > SIGNAL * _noise(columns) + rounding
     if len(run.time) < 3 or not moving.any():
         return np.zeros(len(run.time))
     smooth = _smoothed(run.time, np.nan_to_num(columns[:, moving] / spread[moving]))

@@ -47,7 +47,8 @@ def known_pulls(
         loads: Three forces a section, as ``section_forces`` gives them; none leaves all gauges out.
 
     Returns:
-        Amplitudes [N], zero where no gauge pulls, shape (samples, loads).
+        Amplitudes [N], zero where no gauge pulls, NaN where it is not known where to, shape
+        (samples, loads).
 
     Raises:
         InputError: A gauge's section is unknown, or it stood at the end of its range.
@@ -63,10 +64,11 @@ def known_pulls(
         section = gauged_section(recording, gauge, names)
         require_unsaturated(recording, gauge)
         direction = cord_direction(recording, specimen, registration, section)
-        if direction is None:
-            continue
+        unknown = np.full((len(tension), 3), np.nan)
+        slack = np.abs(tension) <= LEAST_PULL
+        acting = tension[:, None] * (unknown if direction is None else direction)
         first = names.index(section)
-        amplitudes[:, first : first + 3] += tension[:, None] * direction
+        amplitudes[:, first : first + 3] += np.where(slack[:, None] & ~np.isfinite(acting), 0.0, acting)
     return amplitudes
 
 

@@ -1,22 +1,17 @@
 """The paper's force experiment: the estimate of a pull on a cord beside the gauge at its other end."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.experiments.bench import Collector, FakeControl, Observation, laboratory_of
+from service.experiments.paper import FORCE_N, Published
 from service.experiments.recovery import arm_again, lead
 from service.network.client import SoftarmClient
 
 Floats = NDArray[np.float64]
-
-PAPER = {
-    "not pressurised": {"mean_n": 0.007, "max_n": 0.059, "range_n": 0.667},
-    "pressurised": {"mean_n": 0.0238, "max_n": 0.177, "range_n": 1.98},
-}
-"""Cangan et al., force error against the gauge: mean, largest, and range of the pull."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +145,7 @@ def summary(samples: Sequence[ForceSample]) -> list[dict[str, float | str]]:
         samples: All looks.
     """
     rows: list[dict[str, float | str]] = []
-    for condition, paper in PAPER.items():
+    for condition, paper in FORCE_N.items():
         chosen = [s for s in samples if s.condition == condition]
         if chosen:
             rows.append({"condition": condition, **_figures(chosen), **_paper(paper)})
@@ -171,9 +166,9 @@ def _figures(samples: Sequence[ForceSample]) -> dict[str, float | str]:
     }
 
 
-def _paper(paper: Mapping[str, float]) -> dict[str, float | str]:
+def _paper(paper: Published) -> dict[str, float | str]:
     return {
-        "paper_mean_n": paper["mean_n"],
-        "paper_max_n": paper["max_n"],
-        "paper_mean_percent": 100.0 * paper["mean_n"] / paper["range_n"],
+        "paper_mean_n": paper.mean,
+        "paper_max_n": paper.largest,
+        "paper_mean_percent": 100.0 * paper.mean / paper.span,
     }

@@ -19,7 +19,7 @@ from estimator.stretch import stretched
 from service.experiments.figures import Cells, beside, error_figures, inside
 from service.experiments.following import follow
 from service.experiments.models import tracking_model, wrench_loads
-from service.experiments.paper import FORCE_PRESSURISED_N, FORCE_STILL_N, Published
+from service.experiments.paper import Published
 from service.experiments.pulls import (
     TAUT_N,
     ForceErrors,
@@ -39,10 +39,7 @@ Advance = Callable[[float], None]
 
 RATE_HZ = 2.0
 VENTED_PA = 1.0e3
-PUBLISHED = {"not pressurised": FORCE_STILL_N, "pressurised": FORCE_PRESSURISED_N}
 CANDIDATES = 14
-FORM_SHARE = 0.2
-"""Where no calibration has pulled, shift and turn of model and arm differ by so much (fake arm 1)."""
 
 
 @dataclass(frozen=True)
@@ -202,7 +199,7 @@ def location_rows(case: PullCase, looks: int = 6, advance: Advance = lambda _: N
     truth = case.specimen.section(pull.section).frame_origin_m[2]
     top = case.specimen.sections[-1].frame_origin_m[2]
     heights = np.linspace(low + 0.02, top, CANDIDATES)
-    profile = ContactProfile(heights, form_share=FORM_SHARE)
+    profile = ContactProfile(heights)
     model, pushed = (tracking_model(case.specimen, (*loads, *more)) for more in ((), profile.loads))
     moments = slow.time[sorted({0, *chosen})]
     errors: list[float] = []

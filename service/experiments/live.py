@@ -27,6 +27,8 @@ Floats = NDArray[np.float64]
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 LIFETIME_S = 5.0
+PATIENCE = 5.0
+"""With devices that share the machine with everything else."""
 AGAIN_S = 1.0
 """How long the way back to a pose takes after a fault."""
 
@@ -197,6 +199,7 @@ def live_bench(
                 specimen=chosen,
                 endpoint=endpoint or free_endpoint(),
                 sensors=sensors,
+                patience=PATIENCE,
             )
             rig = stack.enter_context(FakeRig(settings, out / "rig"))
             client = stack.enter_context(connect(rig))

@@ -6,12 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.recording import Recording
+from service.errors import WorkFailedError
 from service.experiments.live import LiveBench
+from service.experiments.recovery import ATTEMPTS
+from service.network.client import CommandRefusedError
 
 Floats = NDArray[np.float64]
 
 CORD_M = 0.30
 HIGHEST_PA = 45e3
+DRAWN_M = 0.03
+"""How far the hand draws the arm out at most: pressures bend no arm without lengthening it."""
 
 
 @dataclass(frozen=True)
@@ -145,21 +150,50 @@ def teach_live(bench: LiveBench, seed: int, poses: int = 15, reach: float = 0.05
         bench.wait(0.5)
         rest = bench.position("tip")
         for _ in range(poses):
-            goal = rest + reach * rng.uniform(-1.0, 1.0, 3) * np.array([1.0, 1.0, 0.0])
-            bench.arm()
-            bench.client.command("teach/start")
-            for share in np.linspace(0.25, 1.0, 4):
-                bench.operator.lead("tip", rest + share * (goal - rest))
-                bench.wait(0.3)
-            bench.wait(2.0)
-            shown.append(bench.now)
-            answer = bench.client.command("teach/hold", ramp_s=1.5)
-            reachable.append(bool(answer.applied["reachable"]))
-            bench.wait(1.8)
-            bench.operator.let_go()
-            bench.wait(4.0)
-            held.append(bench.now)
-            bench.disarm()
-            bench.wait(1.5)
+            goal = rest + rng.uniform((-reach, -reach, 0.0), (reach, reach, DRAWN_M))
+            begin, end, can = _again(bench, rest, goal)
+            shown.append(begin)
+            held.append(end)
+            reachable.append(can)
             bench.advance()
     return TaughtLive(bench.load(paths[0]), tuple(shown), tuple(held), tuple(reachable))
+
+
+def _again(bench: LiveBench, rest: Floats, goal: Floats) -> tuple[float, float, bool]:
+    """Show a pose and hold it; where faults are forgiven, begin it anew after one."""
+    for left in reversed(range(ATTEMPTS if bench.forgiving else 1)):
+        try:
+            return _show_and_hold(bench, rest, goal)
+        except (CommandRefusedError, WorkFailedError):
+            bench.operator.let_go()
+            if not left:
+                raise
+    raise AssertionError
+
+
+def _show_and_hold(bench: LiveBench, rest: Floats, goal: Floats) -> tuple[float, float, bool]:
+    """Show one pose, let the service hold it, and let go.
+
+    Returns:
+        Ends of the looks at the shown and the held pose [s], and whether it was told reachable.
+
+    Raises:
+        WorkFailedError: The hold ended by itself.
+    """
+    bench.arm()
+    bench.client.command("teach/start")
+    for share in np.linspace(0.25, 1.0, 4):
+        bench.operator.lead("tip", rest + share * (goal - rest))
+        bench.wait(0.3)
+    bench.wait(2.0)
+    shown = bench.now
+    answer = bench.client.command("teach/hold", ramp_s=1.5)
+    bench.wait(1.8)
+    bench.operator.let_go()
+    bench.wait(4.0)
+    held, mode = bench.now, bench.client.state().mode
+    if mode != "HOLDING":
+        raise WorkFailedError(f"the hold ended by itself ({mode}); see the service's log")
+    bench.disarm()
+    bench.wait(1.5)
+    return shown, held, bool(answer.applied["reachable"])

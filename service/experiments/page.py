@@ -13,9 +13,9 @@ on a SoPrA arm; these figures are of fake arms, whose physics is not the estimat
 What a calibration fits was chosen on arms 1 and 2 ([calibration.md](calibration.md)). Covariances: 90 to 98 %
 of errors should lie inside two standard deviations; the column `inside 2 std` says where they do not. The
 gauge's cord rings while its stage moves, so the row `moving` holds an error of the fake's gauge as well. A
-pull on the intermediate section is judged with a calibration that has seen the tip pulled only. The fake hand
-shows the vented arm poses of its own choice; teach mode counts them all, and once more those that pressures
-can reach.
+pull on the intermediate section is judged with a calibration that has seen the tip pulled only. The fake
+hands show the vented arm poses of their own choice; teach mode counts them all, and once more those that
+pressures can reach.
 
 """
 

@@ -24,5 +24,8 @@ VALIDATION_MM = Published(36.5, 59.3, 4.0)
 VALIDATION_DEGREES = Published(13.7, 26.5, 2.0)
 TEACH_MM = Published(5.2, 13.5, 2.0)
 TEACH_DEGREES = Published(4.0, 11.4, 1.5)
-FORCE_STILL_N = Published(0.007, 0.059, 0.005 * 0.667, 0.667)
-FORCE_PRESSURISED_N = Published(0.0238, 0.177, 0.006 * 1.98, 1.98)
+FORCE_N = {
+    "not pressurised": Published(0.007, 0.059, 0.005 * 0.667, 0.667),
+    "pressurised": Published(0.0238, 0.177, 0.006 * 1.98, 1.98),
+}
+"""Against the gauge, by condition."""

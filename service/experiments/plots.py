@@ -76,10 +76,12 @@ def _teach(columns: Series) -> Figure:
     panels = figure.subplots(1, 2, squeeze=False)[0]
     for panel, unit in zip(panels, ("mm", "degrees"), strict=True):
         attempts = [name for name in columns if name.startswith(unit)]
+        width = 0.75 / len(attempts)
         for number, name in enumerate(attempts):
-            places = np.arange(len(columns[name])) + 0.25 * number
+            places = np.arange(len(columns[name])) + width * number
             label = "model" if number == 0 else f"{number} corrections"
-            panel.bar(places, columns[name], 0.25, label=label)
+            panel.bar(places, columns[name], width, label=label)
         panel.set(xlabel="pose", ylabel=f"error [{unit}]")
-        panel.legend()
+        if len(attempts) > 1:
+            panel.legend()
     return figure

@@ -1,6 +1,5 @@
 """Estimated forces beside the gauge's, over a recording in which a cord pulls on the arm."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,13 +32,11 @@ class Pull:
         section: Section that the cord is tied to.
         force: Mean force on it in the base frame [N], NaN without readings, shape (samples, 3).
         direction: Unit vector along the cord, zero while it is off, shape (samples, 3).
-        still: Whether hook and pressures have rested for a while, shape (samples,).
     """
 
     section: str
     force: Floats
     direction: Floats
-    still: Flags
 
     @property
     def tied(self) -> Flags:
@@ -90,14 +87,18 @@ def pull_of(recording: Recording, specimen: Specimen, run: Run) -> Pull:
         )
     loads = run.loads.reshape(len(run.time), -1, 3)[:, sections[::3].index(section)]
     nearest = np.clip(np.searchsorted(recording.time, run.time), 0, len(recording.time) - 1)
-    return Pull(section, loads, direction[nearest], rested(recording, run.time))
+    return Pull(section, loads, direction[nearest])
 
 
 def rested(recording: Recording, times: Floats) -> Flags:
-    """Tell at which times hook and commanded pressures have not moved for ``SETTLED_S``."""
+    """Tell at which times hook and commanded pressures have not moved for ``SETTLED_S``.
+
+    Commands may be recorded more seldom than the rest; a hook is not seen while the cord is off.
+    """
     columns = [name for name in recording.columns if name.startswith(("marker_hook", "pressure_cmd"))]
     flags = np.zeros(len(times), dtype=bool)
     table = recording.stack(tuple(columns)) if columns else np.zeros((len(recording.time), 1))
+    hooked = np.array(["hook" in name for name in columns] or [False])
     scale = np.array([2.0 * STILL_M_S * SETTLED_S if "hook" in name else 100.0 for name in columns] or [1.0])
     for index, moment in enumerate(times):
         inside = (recording.time > moment - SETTLED_S) & (recording.time <= moment)
@@ -105,9 +106,11 @@ def rested(recording: Recording, times: Floats) -> Flags:
         if len(part) < 2:
             continue
         seen = np.isfinite(part)
-        if (seen.any(axis=0) != seen.all(axis=0)).any():
+        some = seen.any(axis=0)
+        if (some != seen.all(axis=0))[hooked].any():  # tied or taken off meanwhile
             continue
-        spread = np.nan_to_num(np.ptp(np.where(seen, part, 0.0), axis=0))
+        highest, lowest = (np.where(seen, part, -sign * np.inf).T for sign in (1.0, -1.0))
+        spread = np.where(some, highest.max(axis=1) - lowest.min(axis=1), 0.0)
         flags[index] = bool((spread <= scale).all())
     return flags
 
@@ -145,14 +148,12 @@ class ForceErrors:
         gauge: Lateral part of the pull [N], shape (samples,).
         estimate: Estimated force along it, less the tare [N], shape (samples,).
         std: Its standard deviation [N], shape (samples,).
-        still: Whether the arm rested, shape (samples,).
     """
 
     time: Floats
     gauge: Floats
     estimate: Floats
     std: Floats
-    still: Flags
 
     @property
     def error(self) -> Floats:
@@ -161,9 +162,7 @@ class ForceErrors:
 
     def keep(self, flags: Flags) -> "ForceErrors":
         """Keep some samples, shape (samples,)."""
-        return ForceErrors(
-            self.time[flags], self.gauge[flags], self.estimate[flags], self.std[flags], self.still[flags]
-        )
+        return ForceErrors(self.time[flags], self.gauge[flags], self.estimate[flags], self.std[flags])
 
 
 def force_errors(track: Track[State], pull: Pull, free: Flags | None = None) -> ForceErrors:
@@ -189,7 +188,6 @@ def force_errors(track: Track[State], pull: Pull, free: Flags | None = None) -> 
         np.einsum("si,si->s", pull.force, along),
         np.einsum("si,si->s", forces, along),
         np.sqrt(np.maximum(variance, 0.0)),
-        pull.still,
     )
 
 
@@ -209,6 +207,3 @@ def tare(forces: Floats, free: Flags) -> Floats:
             now = np.nanmean(seen, axis=0) if np.isfinite(seen).all(axis=1).any() else now
         zero[index] = now
     return zero
-
-
-Advance = Callable[[float], None]

@@ -27,7 +27,6 @@ from service.errors import WorkFailedError
 from service.experiments.calibration_rows import comparison_rows, drift_rows, unknown_rows
 from service.experiments.figures import Cells
 from service.experiments.force_rows import (
-    PUBLISHED,
     PullCase,
     PullTrack,
     along_cord_row,
@@ -38,6 +37,7 @@ from service.experiments.force_rows import (
 from service.experiments.holds import hold_windows, means
 from service.experiments.leave_one_out import leave_one_out_errors
 from service.experiments.models import Answers, WarmSolver, known_force_solver
+from service.experiments.paper import FORCE_N
 from service.experiments.recorded import FakeRun, perform
 from service.experiments.subsets import SUBSETS
 from service.experiments.teaching import teach_recorded
@@ -58,9 +58,13 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     "force_moving": ("pulled_ramps",),
     "force_intermediate": ("pulled_small_steps_intermediate",),
     "taught": ("taught", "taught", "taught"),
+    "taught_drawn": ("taught_drawn", "taught_drawn", "taught_drawn"),
 }
 """Runs of the fake arm by name: manoeuvres of its library."""
 
+HANDS = {"taught": "leads sideways", "taught_drawn": "also draws out"}
+"""What the hand does by the name of the run."""
+IN_REACH = "either, poses in reach"
 NODES = 84
 FAILED = " failed: "
 Series = dict[str, list[float]]
@@ -215,7 +219,7 @@ def _force(bench: SeedBench, result: SeedResult) -> None:
         case = PullCase(condition, bench.recording(name), bench.specimen)
         resting = condition == "not pressurised"
         done = follow_pull(case, at_rest=resting)
-        result.add("force", [along_cord_row(done, PUBLISHED[condition])])
+        result.add("force", [along_cord_row(done, FORCE_N[condition])])
         result.series[f"force {condition}"] = series_of(done)
         for kind in SUBSETS:
             by = done if kind == "orientations" else follow_pull(case, kind, at_rest=resting)
@@ -246,7 +250,17 @@ def series_of(done: PullTrack) -> Series:
 
 
 def _teach(bench: SeedBench, result: SeedResult) -> None:
-    done = teach_recorded(bench.recording("taught"), bench.specimen, bench.plan.folder, bench.plan.number)
-    result.add("teach", done.rows)
-    result.series["teach"] = done.series
-    result.notes.extend(done.notes)
+    plan, results = bench.plan, []
+    for name, hand in HANDS.items():
+        done = teach_recorded(bench.recording(name), bench.specimen, plan.folder, plan.number)
+        results.append(done)
+        result.add("teach", done.rows(hand))
+        result.notes.append(done.note(hand))
+    sideways, drawn = results
+    both = sideways.beside(drawn)
+    result.add("teach", both.rows(IN_REACH, both.near))
+    result.series["teach"] = {
+        f"{unit}_{attempt}": errors.tolist()
+        for unit, sizes in (("mm", both.millimetres), ("degrees", both.degrees))
+        for attempt, errors in enumerate(sizes)
+    }

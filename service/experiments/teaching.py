@@ -1,6 +1,6 @@
 """Teach mode: poses shown by a hand, then held by pressures alone, and by how much they are missed."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +13,7 @@ from estimator.inverse import approach, replace_loads, settle
 from estimator.model import Frames
 from estimator.recording import Recording
 from estimator.rotations import from_quaternions, log
-from estimator.sensing import Registration, SectionPose, SensorSuite
-from estimator.sensors import SpecimenSensors
+from estimator.sensing import SectionPose, SensorSuite
 from estimator.specimen import Specimen
 from estimator.stretch import stretched
 from service.errors import WorkFailedError
@@ -30,6 +29,7 @@ from service.offline.track import actuation
 from service.recordings import load_recording
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 CORRECTIONS = 2
 RATE_HZ = 1.0
@@ -38,6 +38,8 @@ STILL_M_S = 0.01
 SHORTEST_S = 2.0
 LED_M = 0.004
 FEWEST_POSES = 3
+VALVES_SEED = 7000
+"""Draws the valves: every attempt is one of the same arm on the same terminal."""
 
 
 @dataclass(frozen=True)
@@ -55,19 +57,61 @@ class TaughtPoses:
     time: Floats
 
 
-@dataclass
+@dataclass(frozen=True)
 class TeachResult:
     """What came of it.
 
     Args:
-        rows: Errors of position and orientation, before and after feedback.
-        series: Errors pose by pose, for plots.
-        notes: What a reader should know.
+        millimetres: Distances from the shown poses, before and after each correction, shape
+            (attempts, poses).
+        degrees: Angles, shape (attempts, poses).
+        beyond: How far from each the nearest pose within reach is [mm, degrees], NaN where it was not found,
+            shape (poses, 2).
+        reachable: How many are within reach to within the sensors' noise.
     """
 
-    rows: list[Cells] = field(default_factory=list)
-    series: dict[str, list[float]] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    millimetres: Floats
+    degrees: Floats
+    beyond: Floats
+    reachable: int
+
+    @property
+    def near(self) -> Flags:
+        """Which poses pressures reach by the model to within the aims, shape (poses,)."""
+        near: Flags = (self.beyond[:, 0] <= TEACH_MM.aim) & (self.beyond[:, 1] <= TEACH_DEGREES.aim)
+        return near
+
+    def rows(self, hand: str, which: Flags | None = None) -> list[Cells]:
+        """Summarise each attempt, beside the paper.
+
+        Args:
+            hand: What the hand did.
+            which: Poses that count, shape (poses,); all when left out.
+        """
+        taken = np.ones(len(self.beyond), dtype=bool) if which is None else which
+        rows: list[Cells] = []
+        for attempt, (millimetres, degrees) in enumerate(zip(self.millimetres, self.degrees, strict=True)):
+            label = "pressures of the model" if attempt == 0 else f"after {attempt} corrections by feedback"
+            found = miss_rows(label, millimetres[taken], degrees[taken]) if taken.any() else []
+            rows += [{"hand": hand, **row} for row in found]
+        return rows
+
+    def beside(self, other: "TeachResult") -> "TeachResult":
+        """Join the poses of two hands."""
+        return TeachResult(
+            np.hstack([self.millimetres, other.millimetres]),
+            np.hstack([self.degrees, other.degrees]),
+            np.vstack([self.beyond, other.beyond]),
+            self.reachable + other.reachable,
+        )
+
+    def note(self, hand: str) -> str:
+        """Tell how far the nearest poses within reach are."""
+        far = [f"{distance:.1f}" for distance in self.beyond[:, 0] if np.isfinite(distance)]
+        return (
+            f"{len(self.beyond)} poses of the hand that {hand}, {self.reachable} within reach to within the "
+            f"sensors' noise; the nearest that pressures reach by the model are {', '.join(far)} mm away."
+        )
 
 
 def taught_poses(recording: Recording, specimen: Specimen, section: str = "tip") -> TaughtPoses:
@@ -144,45 +188,50 @@ def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, numbe
     acting = stretched(model, specimen)
     mapping, limits = actuation(specimen, arrange(recording, specimen)), np.array(specimen.pressure_limits)
     shown = follow(model, specimen, _slow(recording, specimen), poses.time)
-    tips = SensorSuite((SpecimenSensors(specimen, tuple(model.sections), Registration()).pose("tip"),))
+    tips = _as_shown(poses.suite, specimen)
     tare = np.zeros(len(model.loads))
     found = [
         settle(acting, estimate, tips, limits, tare, replace_loads(estimate, tips, limits, tare))
         for estimate in shown
     ]
     nearest = [None if there is None else there.frames for _, there in found]
-    beyond = [out_of_reach(goal.frames, there) for goal, there in zip(shown, nearest, strict=True)]
+    beyond = np.array([out_of_reach(goal.frames, there) for goal, there in zip(shown, nearest, strict=True)])
     held = [
         mapping.to_measured(e.inputs.pressures + step.change)
         for e, (step, _) in zip(shown, found, strict=True)
     ]
     asked = np.clip(np.array(held), 0.0, limits)
-    result = TeachResult()
+    missed: list[tuple[Floats, Floats]] = []
     for attempt in range(CORRECTIONS + 1):
-        run = FakeRun(f"held_{attempt}", (), 7000 + attempt, number, holds_table(asked, HOLD_S, RAMP_S))
+        run = FakeRun(
+            f"{recording.name}_held_{attempt}", (), VALVES_SEED, number, holds_table(asked, HOLD_S, RAMP_S)
+        )
         told = load_recording(perform(run, folder))
         seen, moments = _held(told, specimen, len(asked))
-        millimetres, degrees = misses(poses, seen)
-        label = "pressures of the model" if attempt == 0 else f"after {attempt} corrections by feedback"
-        result.rows += miss_rows(label, millimetres, degrees)
-        result.rows += reached_rows(label, millimetres, degrees, np.array(beyond))
-        result.series |= {f"mm_{attempt}": millimetres.tolist(), f"degrees_{attempt}": degrees.tolist()}
+        missed.append(misses(poses, seen))
         if attempt == CORRECTIONS:
             break
         for row, estimate, goal in zip(
             asked, follow(model, specimen, _slow(told, specimen), moments), shown, strict=True
         ):
-            change = approach(estimate, tips, limits, goal.frames).change
-            now = estimate.inputs.pressures
+            applied, now = mapping.to_measured(estimate.measured_pressures), estimate.inputs.pressures
+            change = approach(estimate, tips, limits, goal.frames, applied, goal.residuals).change
             row += mapping.to_measured(now + change) - mapping.to_measured(now)
         asked = np.clip(asked, 0.0, limits)
-    reachable = sum(step.reachable for step, _ in found)
-    far = [f"{distance:.1f} mm" for distance, _ in beyond if np.isfinite(distance)]
-    result.notes.append(
-        f"{len(shown)} poses shown, {reachable} of them reachable within the sensors' noise; "
-        f"the nearest that pressures reach by the model are {', '.join(far)} away."
+    millimetres, degrees = (np.array(sizes) for sizes in zip(*missed, strict=True))
+    return TeachResult(millimetres, degrees, beyond, sum(step.reachable for step, _ in found))
+
+
+def _as_shown(suite: SensorSuite, specimen: Specimen) -> SensorSuite:
+    """Give the sensor of the shown poses with the specimen's noise as what a held pose may miss."""
+    noise = specimen.noise
+    return SensorSuite(
+        tuple(
+            replace(sensor, position_sigma=noise.position_m, rotation_sigma=noise.orientation_rad)
+            for sensor in suite.measurements
+            if isinstance(sensor, SectionPose)
+        )
     )
-    return result
 
 
 def out_of_reach(goal: Frames, nearest: Frames | None) -> tuple[float, float]:
@@ -221,22 +270,6 @@ def misses(poses: TaughtPoses, seen: Floats) -> tuple[Floats, Floats]:
     shown, held = from_quaternions(poses.readings[:, 3:]), from_quaternions(seen[:, 3:])
     turn = log(np.swapaxes(shown, -1, -2) @ held)
     return distance, np.degrees(np.linalg.norm(turn, axis=1))
-
-
-def reached_rows(label: str, millimetres: Floats, degrees: Floats, beyond: Floats) -> list[Cells]:
-    """Give the rows of the poses that pressures can reach by the model to within the aims.
-
-    Args:
-        label: What was tried.
-        millimetres: Distances from the shown poses, shape (poses,).
-        degrees: Angles, shape (poses,).
-        beyond: How far from each the nearest pose within reach is [mm, degrees], NaN where it was not found,
-            shape (poses, 2).
-    """
-    near = (beyond[:, 0] <= TEACH_MM.aim) & (beyond[:, 1] <= TEACH_DEGREES.aim)
-    if not near.any():
-        return []
-    return miss_rows(f"{label}, poses in reach", millimetres[near], degrees[near])
 
 
 def miss_rows(label: str, millimetres: Floats, degrees: Floats) -> list[Cells]:

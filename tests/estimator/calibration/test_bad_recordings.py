@@ -1,13 +1,22 @@
 """Recordings that cannot carry a calibration: each is named, with the manoeuvre that is missing."""
 
 import re
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from synthetic import record
 from toy import toy
 
-from estimator.calibration import CalibrationRefusedError, NodeSolver, Options, arrange, calibrate
+from estimator.calibration import (
+    CalibrationRefusedError,
+    NodeSolver,
+    Options,
+    Run,
+    arrange,
+    calibrate,
+    check_drift,
+)
 from estimator.calibration.complaints import complaints
 from estimator.calibration.nodes import choose_nodes
 from estimator.calibration.scatter import PRESSURISED_PULLS, VENTED_PULLS, scatter_in
@@ -64,6 +73,38 @@ def test_a_disconnected_sensor_is_named_with_what_to_record(sopra: Specimen) -> 
         "run, bend_tip: never answered; connect it or bring its markers into view, "
         "and record poses of more than 10 degrees"
     )
+
+
+def test_pulls_in_an_unknown_direction_are_left_out(sopra: Specimen) -> None:
+    steps = np.where(np.arange(400) % 100 < 50, 0.01, 0.5)
+    recording = gauged(steps)
+    told = {name: value for name, value in recording.info.items() if name != "gauge_direction"}
+    run = arrange(Recording("run", recording.time, recording.columns, told), sopra, SECTIONS, LOADS)
+    assert np.isnan(run.loads[60:90]).all()  # short gaps are bridged
+    np.testing.assert_array_equal(run.loads[100:150], 0.0)
+    assert not np.isnan(choose_nodes(run, 20).loads).any()
+
+
+def test_a_sensor_that_never_answered_is_gone_on_without(sopra: Specimen) -> None:
+    base = record(duration=20.0, kinds=("bend", "frame"))
+    lost = {name: np.full_like(v, np.nan) for name, v in base.columns.items() if "frame_tip" in name}
+    run = arrange(Recording("run", base.time, {**base.columns, **lost}), sopra, SECTIONS)
+    nodes = choose_nodes(run, 12)
+    assert len(nodes.time) == 12
+    assert np.isnan(nodes.readings).all(axis=0).sum() == 7
+
+
+@pytest.mark.parametrize("judge", [calibrate, check_drift])
+def test_motion_without_known_forces_is_refused(
+    sopra: Specimen, judge: Callable[[NodeSolver, Specimen, list[Run]], object]
+) -> None:
+    known = sopra.calibration.model_copy(update={"scatter": {"bend_tip": 0.01}})
+    specimen = sopra.model_copy(update={"calibration": known})
+    recording = gauged(np.full(400, 0.5))
+    told = {"gauge_section": "tip"}
+    run = arrange(Recording("run", recording.time, recording.columns, told), specimen, SECTIONS, LOADS)
+    with pytest.raises(InputError, match=r"never known together; record them at once, with marker_hook"):
+        judge(NodeSolver(toy()), specimen, [run])
 
 
 def test_a_recording_without_fault_is_not_complained_of(sopra: Specimen) -> None:

@@ -13,11 +13,11 @@ from service.experiments.figures import beside, error_figures, inside, without_u
 from service.experiments.holds import hold_windows, means
 from service.experiments.leave_one_out import without_each
 from service.experiments.live import with_hooks
-from service.experiments.paper import FORCE_STILL_N, TEACH_MM
-from service.experiments.pulls import at_looks, look_windows, pull_of
+from service.experiments.paper import FORCE_N, TEACH_MM
+from service.experiments.pulls import at_looks, look_windows, pull_of, rested
 from service.experiments.recorded import holds_table
 from service.experiments.subsets import subset
-from service.experiments.teaching import out_of_reach, reached_rows, still_windows
+from service.experiments.teaching import TeachResult, out_of_reach, still_windows
 
 RATE = 50.0
 
@@ -33,7 +33,8 @@ def test_an_aim_is_met_only_below_it() -> None:
         row = beside({"mean_mm": mean}, TEACH_MM, "mm")
         assert row["aim_met"] is met
         assert without_unit(row, "mm")["paper_mean"] == 5.2
-    assert FORCE_STILL_N.mean / FORCE_STILL_N.span == pytest.approx(0.0105, abs=1e-4)
+    still = FORCE_N["not pressurised"]
+    assert still.mean / still.span == pytest.approx(0.0105, abs=1e-4)
 
 
 def test_normal_errors_lie_within_two_deviations_in_95_of_100() -> None:
@@ -159,6 +160,16 @@ def test_bends_alone_are_kept_as_they_are() -> None:
     np.testing.assert_allclose(part.readings[0], [0.1, 0.2])
 
 
+def test_rests_are_found_where_commands_are_recorded_seldom() -> None:
+    time = np.arange(0.0, 6.0, 0.01)
+    command = np.where(time < 3.0, 0.0, np.where(time < 4.0, 1e4 * (time - 3.0), 1e4))
+    command[np.arange(600) % 3 > 0] = np.nan
+    hook = np.where(time < 1.0, np.nan, 0.3)
+    columns = {"pressure_cmd_0_pa": command, **{f"marker_hook_{axis}_m": hook for axis in "xyz"}}
+    found = rested(Recording("run", time, columns), np.array([0.8, 1.3, 1.8, 3.5, 4.3, 4.9]))
+    np.testing.assert_array_equal(found, [True, False, True, False, False, True])
+
+
 def test_still_windows_end_where_a_body_sets_off() -> None:
     time = np.arange(0.0, 12.0, 0.01)
     places = np.zeros((len(time), 3))
@@ -184,12 +195,27 @@ def test_hooks_of_a_live_run_hold_until_the_next_one() -> None:
 
 
 def test_poses_out_of_reach_are_told_apart() -> None:
-    beyond = np.array([[0.5, 0.2], [5.0, 0.2], [0.5, 4.0], [np.nan, np.nan]])
-    position, orientation = reached_rows("held", np.array([1.0, 6.0, 2.0, 9.0]), np.full(4, 0.5), beyond)
-    assert position["run"] == "held, poses in reach"
-    assert (position["poses"], position["mean"]) == (1, 1.0)
-    assert orientation["aim_met"]
-    assert not reached_rows("held", np.ones(1), np.ones(1), np.array([[np.nan, np.nan]]))
+    beyond = np.array([[0.5, 0.2], [6.0, 0.2], [1.5, 1.0], [np.nan, np.nan]])
+    missed = np.array([[1.0, 6.0, 2.0, 9.0], [0.5, 6.0, 1.5, 8.0]])
+    result = TeachResult(missed, np.full((2, 4), 0.5), beyond, 1)
+    first, _, last, _ = result.rows("either", result.near)
+    assert (first["poses"], first["mean"], first["aim_met"]) == (2, pytest.approx(1.5), True)
+    assert (last["run"], last["mean"]) == ("after 1 corrections by feedback", pytest.approx(1.0))
+    assert result.rows("all")[0]["mean"] == pytest.approx(4.5)
+    assert not TeachResult(missed[:, 3:], missed[:, 3:], beyond[3:], 0).rows(
+        "either", np.zeros(1, dtype=bool)
+    )
+
+
+def test_poses_of_two_hands_are_joined() -> None:
+    one = TeachResult(np.array([[1.0]]), np.array([[0.1]]), np.array([[0.5, 0.1]]), 1)
+    other = TeachResult(np.array([[5.0, 6.0]]), np.array([[0.1, 0.2]]), np.array([[4.0, 0.1], [0.3, 0.2]]), 1)
+    both = one.beside(other)
+    assert both.reachable == 2
+    np.testing.assert_array_equal(both.millimetres, [[1.0, 5.0, 6.0]])
+    np.testing.assert_array_equal(both.near, [True, False, True])
+    assert "3 poses of the hand that leads" in both.note("leads")
+    assert "0.5, 4.0, 0.3 mm away" in both.note("leads")
 
 
 def test_a_pose_is_as_far_out_of_reach_as_its_section_is() -> None:
