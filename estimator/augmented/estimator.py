@@ -22,6 +22,7 @@ from estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
 from estimator.rotations import exp, from_quaternions, to_quaternions
 from estimator.sensing import Scene, SensorSuite
 from estimator.simulation import Drive, Response, Segments, SimulatedArm
+from estimator.simulation.compliance import bounded_inverse
 from estimator.specimen import Specimen
 from estimator.stretch import stretched
 
@@ -31,8 +32,6 @@ Step = TypeVar("Step", bound=Linearisation)
 
 UNSHAPING = 8
 """Passes of the search for the pressures behind those that act: enough where an effect halves them."""
-SPREAD = 8.0
-"""Factor by which a segment's stiffness may differ between poses; more means that the model is lost."""
 
 
 class Follower(Protocol[State]):
@@ -224,21 +223,6 @@ class AugmentedEstimator(Generic[State, Step]):
                     clean[part] = np.nan if stuck else undo(clean[part], plain[0], changed[0])
         self._memories = tuple(memories)
         return clean
-
-
-def bounded_inverse(compliance: Floats, rest: Floats) -> Floats:
-    """Give the stiffness of each segment, kept within ``SPREAD`` of that at rest.
-
-    Args:
-        compliance: Tangent compliance against the segment's own couples, shape (segments, 4, 4).
-        rest: Stiffness at rest, shape (segments, 4).
-    """
-    size = np.sqrt(rest)
-    scaled = compliance * size[:, :, None] * size[:, None, :]
-    values, vectors = np.linalg.eigh(0.5 * (scaled + np.swapaxes(scaled, -1, -2)))
-    inverse = (vectors / np.clip(values, 1.0 / SPREAD, SPREAD)[:, None, :]) @ np.swapaxes(vectors, -1, -2)
-    stiffness: Floats = inverse * size[:, :, None] * size[:, None, :]
-    return stiffness
 
 
 def undo(reading: Floats, plain: Floats, changed: Floats) -> Floats:

@@ -19,8 +19,6 @@ from estimator.fem.solution import Solution, SolveStatus
 from estimator.mesh import Floats
 from estimator.model import Inputs
 
-DESCENT = 60
-"""Linear solves allowed to cross a snap-through."""
 SNAP = 0.02
 """Fraction of the change of load by which a snap-through is overstepped."""
 
@@ -152,7 +150,7 @@ class Path:
         return found
 
     def _descend(self, start: Floats, fraction: float) -> Corrected:
-        found = descend(self._body, self._balancer, start, self._inputs(fraction), self._settings, DESCENT)
+        found = descend(self._body, self._balancer, start, self._inputs(fraction), self._settings)
         self._spent += found.solution.iterations
         return found
 

@@ -33,7 +33,8 @@ class Settings:
         iterations: Linear solves allowed in one load step.
         longest_move: Largest displacement of a node in one linear step, over the body's size.
         smallest_step: Fraction of the change of load at which halving ends.
-        total_iterations: Linear solves allowed in one call.
+        total_iterations: Linear solves allowed in one call, reckoned after each load step.
+        descent: Linear solves allowed to cross a snap-through.
     """
 
     tolerance: float = 1e-9
@@ -41,6 +42,7 @@ class Settings:
     longest_move: float = 0.1
     smallest_step: float = 1e-4
     total_iterations: int = 500
+    descent: int = 60
 
 
 @dataclass(frozen=True)
@@ -191,9 +193,7 @@ def _softest(factor: StiffnessFactor, residual: Floats) -> Floats:
     return mode if mode @ residual >= 0.0 else -mode
 
 
-def descend(
-    body: Body, balancer: Balancer, start: Floats, inputs: Inputs, settings: Settings, iterations: int
-) -> Corrected:
+def descend(body: Body, balancer: Balancer, start: Floats, inputs: Inputs, settings: Settings) -> Corrected:
     """Go downhill to a stable equilibrium, however far: the way across a snap-through.
 
     Every step is one of descent, for the tangent's stand-in is positive definite, and is halved while the
@@ -201,7 +201,7 @@ def descend(
     equilibrium it sets out along the softest mode.
     """
     displacement, reach = start, settings.longest_move * size_of(body)
-    for iteration in range(iterations):
+    for iteration in range(settings.descent):
         balance, factor = stable_factor(body, balancer, displacement, inputs)
         deformation = body.transport.deformation(displacement)
         if factor is None:
@@ -226,4 +226,5 @@ def descend(
             if trial.evaluation.valid and step @ trial.residual > -0.5 * slope:
                 break
         displacement = after
-    return Corrected(Solution(displacement, SolveStatus.ITERATIONS, iterations, balance.norm), balance, None)
+    ended = Solution(displacement, SolveStatus.ITERATIONS, settings.descent, balance.norm)
+    return Corrected(ended, balance, None)

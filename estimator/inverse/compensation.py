@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -14,6 +15,7 @@ from estimator.inverse.minimise import Tolerances
 from estimator.inverse.objectives import PressureReadings, SensorObjective
 from estimator.inverse.observability import join
 from estimator.inverse.problem import Problem
+from estimator.inverse.reach import cautious
 from estimator.model import ArmModel, Frames, Inputs, Linearisation
 from estimator.sensing import Scene, SensorSuite
 
@@ -65,7 +67,7 @@ def replace_loads(
     readings = suite.predict(scene)
     jacobian = suite.sensitivity(scene, readings).twists @ estimate.motion
     wanted = jacobian[:, estimate.unknowns.chambers :] @ (estimate.inputs.loads - tare)
-    return _solve(estimate, suite, limits, (readings, jacobian, wanted))
+    return _solve(estimate, suite, limits, (readings, jacobian, wanted), estimate.inputs.pressures)
 
 
 def settle(
@@ -114,7 +116,10 @@ def settle(
         if not settled:
             return first, None
         start = state, given
+    tolerances = tolerances or Tolerances()
     found = problem.solve(model, start, tolerances)
+    if not found.converged:
+        found = problem.solve(model, start, cautious(tolerances))
     if not found.converged:
         return first, None
     left = np.concatenate([found.residuals[name] for name in suite.slices])
@@ -125,19 +130,34 @@ def settle(
     return Compensation(change, not misses, statement), found
 
 
-def approach(estimate: Estimate[State], suite: SensorSuite, limits: Floats, target: Frames) -> Compensation:
-    """Find the change of the pressures that brings the estimated pose to another.
+def approach(
+    estimate: Estimate[State],
+    suite: SensorSuite,
+    limits: Floats,
+    target: Frames,
+    applied: Floats,
+    left_there: Mapping[str, Floats] = MappingProxyType({}),
+) -> Compensation:
+    """Find the change of the pressures that brings the arm from the estimated pose to another.
 
     Args:
         estimate: The estimate.
         suite: Sensors that describe the pose.
         limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
-        target: Frames of the sections in the wanted pose.
+        target: Frames of the sections in the wanted pose, as they were estimated there.
+        applied: What can be taken away from each chamber: its pressure as it is measured [Pa], shape
+            (chambers,). An estimate may see pressure in a vented one.
+        left_there: Residuals of the estimate there by sensor. With them the readings themselves are led back
+            to what they were, whatever share of them the estimate does not explain here or there.
     """
     scene = Scene(estimate.frames, estimate.inputs.loads)
     readings = suite.predict(Scene(target, estimate.inputs.loads))
     seen = suite.sensitivity(scene, readings)
-    return _solve(estimate, suite, limits, (readings, seen.twists @ estimate.motion, seen.innovation))
+    wanted = seen.innovation.copy()
+    for name, rows in suite.slices.items():
+        if name in left_there:
+            wanted[rows] += np.nan_to_num(left_there[name] - estimate.residuals[name])
+    return _solve(estimate, suite, limits, (readings, seen.twists @ estimate.motion, wanted), applied)
 
 
 def _solve(
@@ -145,10 +165,11 @@ def _solve(
     suite: SensorSuite,
     limits: Floats,
     problem: tuple[Floats, Floats, Floats],
+    applied: Floats,
 ) -> Compensation:
     """Solve for readings, their derivative by the inputs, and the change of them that is wanted."""
     readings, jacobian, wanted = problem
-    chambers, pressures = estimate.unknowns.chambers, estimate.inputs.pressures
+    chambers = estimate.unknowns.chambers
     scene = Scene(estimate.frames, estimate.inputs.loads)
     twists = suite.sensitivity(scene, readings).twists
     covariance = suite.covariance(scene, readings, twists)
@@ -156,8 +177,8 @@ def _solve(
     by_pressures = jacobian[:, :chambers] * limits
     matrix = np.concatenate([whiten @ by_pressures, RELUCTANCE * np.eye(chambers)])
     right = np.concatenate([whiten @ wanted, np.zeros(chambers)])
-    low = np.minimum(-pressures, 0.0) / limits - 1e-9
-    high = np.maximum(limits - pressures, 0.0) / limits + 1e-9
+    low = np.minimum(-applied, 0.0) / limits - 1e-9
+    high = np.maximum(limits - applied, 0.0) / limits + 1e-9
     share = lsq_linear(matrix, right, (low, high), method="bvls").x
     left = wanted - by_pressures @ share
     misses = _misses(suite.slices, left, np.sqrt(np.diag(covariance)))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from estimator.inverse.limits import Limits
 from estimator.inverse.minimise import Linearised, Minimum, Status
-from estimator.inverse.objectives import Rows
+from estimator.inverse.objectives import PRESSURES, Rows
 from estimator.inverse.observability import Observability, analyse
 from estimator.inverse.unknowns import Unknowns
 from estimator.model import Frames, Inputs
@@ -65,6 +65,15 @@ class Estimate(Generic[State]):
     def converged(self) -> bool:
         """Whether the search converged."""
         return self.status == "converged"
+
+    @property
+    def measured_pressures(self) -> Floats:
+        """Acting pressures by measurement, estimated where there is none [Pa], shape (chambers,)."""
+        pressures = self.inputs.pressures.copy()
+        for row in self.rows:
+            if row.name == PRESSURES:
+                pressures[row.members] += row.innovation
+        return pressures
 
     @property
     def load_covariance(self) -> Floats:

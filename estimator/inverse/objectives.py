@@ -35,6 +35,10 @@ class Iterate:
     response: Callable[[Floats], tuple[Floats, Floats]]
 
 
+PRESSURES = "pressures"
+"""Name of the rows of measured pressures."""
+
+
 @dataclass(frozen=True)
 class Rows:
     """Linearised rows of one objective.
@@ -118,7 +122,7 @@ class PressureReadings:
 
     pressures: Floats
     sigma: Floats
-    name: str = "pressures"
+    name: str = PRESSURES
     data: bool = True
 
     def rows(self, at: Iterate) -> Rows:

@@ -87,13 +87,13 @@ def reach_pose(
         begin = (_unloaded(model, state, unloaded), unloaded)
     estimate = problem.solve(model, begin, tolerances)
     if not estimate.converged:
-        estimate = problem.solve(model, begin, _cautious(tolerances))
+        estimate = problem.solve(model, begin, cautious(tolerances))
     misses = _misses(suite, target, estimate)
     reachable = estimate.converged and not misses
     return Reach(estimate, reachable, _statement(estimate, reachable, misses))
 
 
-def _cautious(tolerances: Tolerances) -> Tolerances:
+def cautious(tolerances: Tolerances) -> Tolerances:
     """Go by short steps: a pose far away leads a search with long ones to where the arm has none."""
     return replace(tolerances, radius=CAUTIOUS_RADIUS, iterations=CAUTIOUS_STEPS, retreats=CAUTIOUS_RETREATS)
 
@@ -109,7 +109,7 @@ def _guided(
     begun, found = guide.solve(unloaded, guide.rest())
     if not found:
         return None
-    answer = problem.solve(guide, (begun, unloaded), _cautious(tolerances))
+    answer = problem.solve(guide, (begun, unloaded), cautious(tolerances))
     if answer.status == "diverged":
         return None
     state, found = model.solve(answer.inputs, model.rest())

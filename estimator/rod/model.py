@@ -16,8 +16,9 @@ from estimator.rod.chain import Chain
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-TOLERANCE = 1e-6
-"""Gap of a strain [rad, share of a link's length] that one more Newton step closes to about its square."""
+TOLERANCE, COARSE = 1e-6, 1e-4
+"""Gap of a strain [rad, share of a link's length] that one more Newton step closes to about its square; the
+larger where only the response is wanted."""
 ITERATIONS = 25
 SHARES = ((3, 0), (4, 1), (5, 2), (2, 5))
 """Component of the wrench and strain it makes, for each free strain: two bends, the twist, the elongation."""
@@ -213,8 +214,8 @@ class CalibratedRod:
         respond_all(
             self._lengths, self._actions, self.laws, _dense(pressures), _dense(loads),
             _dense(np.broadcast_to(gravity, (samples, 3))), sizes, units, owner, columns, shapes,
-            self.chain.section_station, self.chain.section_offset, TOLERANCE, ITERATIONS,
-            self._work(self.rest()), strains, places, rotations, twists, counts,
+            self.chain.section_station, self.chain.section_offset, TOLERANCE if slopes else COARSE,
+            ITERATIONS, self._work(self.rest()), strains, places, rotations, twists, counts,
         )  # fmt: skip
         by_factor, by_free = twists[..., columns : columns + links], twists[..., columns + links :]
         by_region = by_factor @ self._membership if slopes else by_factor

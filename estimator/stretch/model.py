@@ -125,13 +125,11 @@ class StretchedModel(Generic[State, Step]):
     def linearise(self, state: State, inputs: Inputs) -> StretchedStep[State, Step]:
         """Linearise about a state under given inputs."""
         frames_at = getattr(self.model, "section_frames", None)
-        if (
-            frames_at is None
-        ):  # the model finds an equilibrium itself, whose stretches are nearly the right ones
-            found = self._step(state, inputs, np.zeros(self.chambers)).frames
-        else:
-            found = frames_at(state)
-        return self._step(state, inputs, self.law.stretches(found))
+        if frames_at is not None:
+            return self._step(state, inputs, self.law.stretches(frames_at(state)))
+        # Such a model finds an equilibrium itself, whose stretches are nearly the right ones.
+        plain = self._step(state, inputs, np.zeros(self.chambers))
+        return self._step(state, inputs, self.law.stretches(plain.frames))
 
     def advance(self, step: StretchedStep[State, Step], change: Floats) -> State:
         """Take the Newton step for inputs changed by ``change`` (pressures, then loads)."""

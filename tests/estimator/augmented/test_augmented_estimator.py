@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from estimator.augmented import AugmentedEstimator, ShapedModel, Spread
-from estimator.augmented.estimator import bounded_inverse, undo
+from estimator.augmented.estimator import undo
 from estimator.effects import EFFECTS, Spot, World
 from estimator.effects.augmented import PlacedEffect, simulate_with, standing_pressures
 from estimator.errors import InputError
@@ -13,6 +13,7 @@ from estimator.model import Inputs, Load
 from estimator.rotations import exp, to_quaternions
 from estimator.sensing import ActuationMap, Orientation, Registration, SensorSuite
 from estimator.simulation import Drive
+from estimator.simulation.compliance import bounded_inverse
 from estimator.specimen.physics import Place
 from tests.estimator.simulation.straight_arm import AZIMUTHS, MASSES
 from tests.estimator.simulation.test_simulation_arm import toy

@@ -91,8 +91,33 @@ def test_what_the_tare_took_as_zero_is_not_held(arm):
 def test_feedback_leads_to_the_target(arm):
     pressures, target = PRESSURES.copy(), frames(arm, PRESSURES + 1e3 * np.arange(-3, 3), NONE)
     for _ in range(4):
-        pressures = pressures + approach(estimated(arm, NONE, pressures), SUITE, LIMITS, target).change
+        estimate = estimated(arm, NONE, pressures)
+        np.testing.assert_allclose(estimate.measured_pressures, pressures)
+        pressures = pressures + approach(estimate, SUITE, LIMITS, target, pressures).change
     assert angles(target, frames(arm, pressures, NONE)).max() < 1e-3
+
+
+def test_feedback_takes_nothing_from_a_vented_chamber_that_the_estimate_sees_filled(arm):
+    estimate = estimated(arm, NONE)
+    target = frames(arm, PRESSURES - np.array([3e3, 0.0, 0.0, 0.0, 0.0, 0.0]), NONE)
+    free = approach(estimate, SUITE, LIMITS, target, PRESSURES)
+    bound = approach(estimate, SUITE, LIMITS, target, np.array([0.0, 12e3, 16e3, 18e3, 21e3, 15e3]))
+    assert free.change[0] < -1e3
+    assert bound.change[0] > -1.0
+    assert bound.change[1:3].sum() > free.change[1:3].sum() + 500.0  # the chambers beside it do it instead
+
+
+def test_feedback_leads_the_readings_back_not_the_estimate(arm):
+    estimate = estimated(arm, NONE)
+    here = estimate.frames
+    at_rest = approach(estimate, SUITE, LIMITS, here, PRESSURES, estimate.residuals)
+    np.testing.assert_allclose(at_rest.change, 0.0, atol=1.0)
+    there = {name: residual + np.array([0.01, 0.0, 0.0]) for name, residual in estimate.residuals.items()}
+    led = approach(estimate, SUITE, LIMITS, here, PRESSURES, there)
+    scene = Scene(here, NONE)
+    twists = SUITE.sensitivity(scene, SUITE.predict(scene)).twists
+    moved = twists @ estimate.motion[:, :6] @ led.change
+    np.testing.assert_allclose(moved[[0, 3]], 0.01, atol=1e-3)
 
 
 def test_pose_out_of_reach_says_what_limits_it(arm):

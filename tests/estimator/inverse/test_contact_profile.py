@@ -8,7 +8,7 @@ from estimator.sensing import Orientation, Scene, SectionPose, SensorSuite
 GRAVITY = np.array([0.0, 0.0, 9.81])
 PRESSURES = np.array([30e3, 5e3, 12e3, 8e3, 41e3, 20e3])
 SIGMA = np.full(6, 200.0)
-PROFILE = ContactProfile(np.linspace(0.04, 0.27, 10))
+PROFILE = ContactProfile(np.linspace(0.04, 0.27, 10), form_share=0.0)
 POSES = SensorSuite((SectionPose("upper", 0, 2e-4, 2e-3), SectionPose("lower", 1, 2e-4, 2e-3)))
 
 
