@@ -35,8 +35,9 @@ from service.control.tick import Tick, Ticker
 from service.control.verbs import Context, Verbs
 from service.estimation.messages import EstimationRequest, EstimationResult
 from service.estimation.solver import SolverSettings
-from service.estimation.worker import Worker
-from service.network.bus import Bus
+from service.estimation.worker import NICER, Worker
+from service.network.bus import Bus, Call
+from service.network.inbox import serve_each
 from service.notify import Notifier
 from service.safety.checks import ALL_CHECKS
 from service.safety.findings import Finding, FindingBook
@@ -103,7 +104,9 @@ class Service:
         self._book = FindingBook(ALL_CHECKS)
         self._test = MismatchTest()
         self._worker: Worker[EstimationRequest, EstimationResult] = Worker(
-            SolverSettings(specimen, self._estimated_sensors(), config.control), self._on_result
+            SolverSettings(specimen, self._estimated_sensors(), config.control),
+            self._on_result,
+            nicer=NICER if config.control.model == "fem" else 0,
         )
         self._publisher = Publisher(
             self._instruments.source, self._controller, self._knowledge, self._book, config.control.model
@@ -169,7 +172,7 @@ class Service:
                 async with self._worker, asyncio.TaskGroup() as tasks:
                     background = [
                         tasks.create_task(self._instruments.connect()),
-                        tasks.create_task(self._serve_commands()),
+                        tasks.create_task(serve_each(self._bus.next_call, self._serve, tasks)),
                     ]
                     await self._control()
                     for task in background:
@@ -189,18 +192,17 @@ class Service:
             with contextlib.suppress(RecorderError):
                 await asyncio.to_thread(self._recorder.stop)
 
-    async def _serve_commands(self) -> None:
-        while True:
-            call = await self._bus.next_call()
-            before = self._controller.modes.mode
-            answer = await self._verbs.answer(call.verb, call.payload)
-            if isinstance(answer, Refused):
-                logger.warning("%s refused (%s): %s", call.verb, answer.code, answer.message)
-            call.answer(answer)
-            outcome = answer.model_dump(mode="json")
-            self._streams.document("command", outcome)
-            if before is not self._controller.modes.mode:
-                logger.info("%s: %s -> %s", call.verb, before, self._controller.modes.mode)
+    async def _serve(self, call: Call) -> None:
+        """Carry out one command and answer it; ``stop`` must not wait for a slow disk."""
+        before = self._controller.modes.mode
+        answer = await self._verbs.answer(call.verb, call.payload)
+        if isinstance(answer, Refused):
+            logger.warning("%s refused (%s): %s", call.verb, answer.code, answer.message)
+        call.answer(answer)
+        outcome = answer.model_dump(mode="json")
+        self._streams.document("command", outcome)
+        if before is not self._controller.modes.mode:
+            logger.info("%s: %s -> %s", call.verb, before, self._controller.modes.mode)
 
     async def _control(self) -> None:
         config = self._setup.config

@@ -15,10 +15,13 @@ from typing import Any, Self
 import tomli_w
 
 from estimator.errors import InputError
+from service.config import SafetySettings
 
 END_TIMEOUT_S = 25.0
 WATCHDOG_MS = 180
 """The terminal vents by itself when its host has been silent for so long."""
+WAITS = ("valve_deadline_s", "sensor_deadline_s", "setpoint_lifetime_s")
+"""Settings of the service that tell how long a device may be silent."""
 EXTRA: Mapping[str, Mapping[str, Any]] = {
     "sauter": {"unit": "N"},
     "witmotion": {"rate_hz": 50},
@@ -42,6 +45,8 @@ class RigSettings:
         sensors: Kinds of sensors that the estimator may use: ``orientation`` or ``pose`` of motion capture,
             ``bend``, ``imu``.
         forces_on: Sections on which a force may act; all that move when empty.
+        patience: Factor on how long valves and sensors may be silent: more than 1 where fakes share a busy
+            machine with the service.
     """
 
     scenario: Path
@@ -52,6 +57,7 @@ class RigSettings:
     rate_hz: float = 100.0
     sensors: tuple[str, ...] = ("orientation",)
     forces_on: tuple[str, ...] = ()
+    patience: float = 1.0
 
 
 def free_endpoint() -> str:
@@ -71,9 +77,9 @@ def service_config(settings: RigSettings, devices: Sequence[Mapping[str, Any]]) 
     Returns:
         The configuration as a table.
     """
-    tables, sensors = [], []
+    tables, sensors, usual = [], [], SafetySettings().model_dump()
     for device in devices:
-        tables.append(_device_table(device))
+        tables.append(_device_table(device, settings.patience))
         sensors += _sensor_tables(device, settings.sensors)
     return {
         "arm": settings.arm,
@@ -85,12 +91,13 @@ def service_config(settings: RigSettings, devices: Sequence[Mapping[str, Any]]) 
             "rate_hz": settings.rate_hz,
             "forces_on": list(settings.forces_on),
         },
+        "safety": {name: settings.patience * usual[name] for name in WAITS},
         "devices": tables,
         "sensors": sensors,
     }
 
 
-def _device_table(device: Mapping[str, Any]) -> dict[str, Any]:
+def _device_table(device: Mapping[str, Any], patience: float) -> dict[str, Any]:
     table: dict[str, Any] = {"name": device["name"], "kind": device["kind"], "simulated": True}
     if device["kind"] in ("festo_mpa", "festo_vtem"):
         valves = device.get("valve_map", [3, 2, 1, 0, 4, 5])
@@ -99,7 +106,7 @@ def _device_table(device: Mapping[str, Any]) -> dict[str, Any]:
             "port": device["port"],
             "chambers": valves,
             "maximum_pa": 65e3,
-            "watchdog_ms": WATCHDOG_MS,
+            "watchdog_ms": round(patience * WATCHDOG_MS),
         }
     if device["kind"] == "qualisys":
         return table | {"host": device["host"], "port": device["port"]}

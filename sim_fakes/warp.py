@@ -1,11 +1,14 @@
 """An event loop whose waits are shorter than they say: real sockets and terminals, accelerated time."""
 
 import asyncio
+import os
 import selectors
 import time
 from typing import Any
 
 TURN = 1e-9
+SLEEP_S = 1e-3
+"""A wait that is shorter is spun, yielding to others: the system would make it several times as long."""
 
 
 class WarpSelector(selectors.SelectSelector):
@@ -30,9 +33,16 @@ class WarpSelector(selectors.SelectSelector):
         if events or (timeout is not None and timeout <= 0):
             return events
         begin = time.perf_counter()
-        events = super().select(None if timeout is None else timeout / self._speed)
+        events = self._wait(begin, None if timeout is None else timeout / self._speed)
         passed = (time.perf_counter() - begin) * self._speed
         self.now += passed if timeout is None or (events and passed < timeout) else timeout
+        return events
+
+    def _wait(self, begin: float, seconds: float | None) -> list[Any]:
+        if seconds is None or seconds > SLEEP_S:
+            return super().select(seconds)
+        while not (events := super().select(0)) and time.perf_counter() < begin + seconds:
+            os.sched_yield()
         return events
 
 

@@ -50,7 +50,7 @@ def limit_step(
         raise LimitError(device, what, f"give {count} pressures", value=len(setpoint), limit=count)
     for chamber, (asked, most) in enumerate(zip(setpoint, limits.maximum, strict=True)):
         if not (math.isfinite(asked) and 0.0 <= asked <= most):
-            what = f"set-point of chamber {chamber} is out of range"
+            what = f"set-point of chamber {chamber} is out of range ({asked:g} Pa)"
             cure = f"ask for 0 to {most:g} Pa gauge"
             raise LimitError(device, what, cure, value=asked, limit=most, unit="Pa")
     step = limits.slew * seconds

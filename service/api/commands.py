@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from service.api.messages import Message
 
@@ -24,7 +24,7 @@ class Request(Message):
     """What every request carries."""
 
     deadline_unix_ns: int = Field(
-        description="Wall-clock time after which the request is refused: it may arrive after its caller left."
+        description="Wall-clock time after which all but stop is refused: its caller has left."
     )
     sequence: int = Field(ge=0, description="Rises with every request of a lease; a repeated one is refused.")
     client: str = Field(min_length=1, max_length=80, description="Who asks, for people to read.")
@@ -119,3 +119,13 @@ class Refused(Message):
     code: ErrorCode
     message: str
     hint: str
+
+
+def malformed(verb: str, error: ValidationError) -> Refused:
+    """Refuse a request that is not one of its verb; where only the lease is missing, for want of it."""
+    first = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"]) or "payload"
+    if place == "lease" and first["type"] == "missing":
+        hint = "acquire it with lease/acquire first"
+        return Refused(verb=verb, code="no_lease", message="the request names no lease", hint=hint)
+    return Refused(verb=verb, code="malformed", message=f"{place}: {first['msg']}", hint="see docs/api.md")

@@ -8,7 +8,7 @@ import click
 from service.bench import safety_run
 from service.bench.safety_cases import FAST_S, Outcome
 from service.bench.safety_processes import EVENT_NOTES, strike_processes
-from service.bench.safety_run import BENCHES, MODES, Case, everything, parts, run
+from service.bench.safety_run import BENCHES, KINDS, MODES, Case, everything, parts, run
 from service.cli.output import Cell, Table, json_option, progress, quick_option, show
 from service.diagnosis.workers import workers
 from service.safety.modes import Mode
@@ -25,10 +25,13 @@ NOTES = (
 @click.command()
 @click.option("--jobs", "-j", type=click.IntRange(1), default=2, show_default=True, help="Processes.")
 @click.option("--mode", type=click.Choice([str(mode) for mode in MODES]), help="Only in this mode.")
+@click.option("--kind", type=click.Choice(KINDS), help="Only devices of this kind.")
 @click.option("--processes/--no-processes", default=True, help="Whether to kill and stall processes as well.")
 @json_option
 @quick_option
-def command(jobs: int, mode: str | None, processes: bool, as_json: bool, quick: bool) -> int:
+def command(
+    jobs: int, mode: str | None, kind: str | None, processes: bool, as_json: bool, quick: bool
+) -> int:
     """Strike every device with each of its faults in every mode; tell where that left the arm.
 
     Then kill, freeze and stall the processes of a running rig, and fill its disk. The status is 1 when one of
@@ -36,7 +39,8 @@ def command(jobs: int, mode: str | None, processes: bool, as_json: bool, quick: 
 
     Example: softarm bench safety --quick
     """
-    todo = parts(BENCHES[:1] if quick else BENCHES, MODES if mode is None else (Mode(mode),))
+    modes = MODES if mode is None else (Mode(mode),)
+    todo = parts(BENCHES[:1] if quick else BENCHES, modes, KINDS if kind is None else (kind,))
     cases: list[Case] = []
     with progress("faults", len(todo)) as advance, workers(jobs) as pool:
         for done in as_completed(

@@ -26,6 +26,8 @@ from service.safety.modes import Mode
 SCENARIO = Path(__file__).parents[2] / "examples" / "scenarios" / "demo.toml"
 PRESSURE_PA = 20e3
 WAIT_S = 10.0
+RESTART_S = 90.0
+"""An estimator is built anew in ten seconds, or in many more where others compute."""
 STALLED_S = 3.0
 ROOM_BYTES = 300_000
 EVENT_NOTES = (
@@ -35,13 +37,23 @@ EVENT_NOTES = (
     "file of the service may grow any more.",
 )
 CLIENT = """
-import sys, time
-from service.network.client import SoftarmClient
+import contextlib, sys, time
+from service.network.client import CommandRefusedError, SoftarmClient
+
+def arm(client):
+    for _ in range(50):  # what the last strike did to the terminal may still have to be cleared
+        try:
+            return client.command("arm")
+        except CommandRefusedError:
+            time.sleep(0.2)
+            with contextlib.suppress(CommandRefusedError):
+                client.command("clear")
+
 with SoftarmClient(sys.argv[1], sys.argv[2], name="mortal") as client:
     with client.subscribe("state", lambda _: None), client.subscribe("estimate", lambda _: None):
         if sys.argv[3] == "lease":
             with client.lease():
-                client.command("arm")
+                arm(client)
                 client.command("set_pressures", pressures_pa=[2e4] * 6, lifetime_s=10.0)
                 print("ready", flush=True)
                 time.sleep(60)
@@ -118,14 +130,14 @@ class LiveArm:
                 return None
         return time.monotonic() - since_s
 
-    def wait(self, accept: Callable[[State], bool]) -> State:
+    def wait(self, accept: Callable[[State], bool], within_s: float = WAIT_S) -> State:
         """Wait for a state.
 
         Raises:
             WorkFailedError: It does not come.
         """
         try:
-            return self.client.wait_for("state", State, accept, WAIT_S)
+            return self.client.wait_for("state", State, accept, within_s)
         except TimeoutError as error:
             state = self.client.state()
             why = state.fault_cause or ", ".join(f.message for f in state.findings)
@@ -154,17 +166,22 @@ class LiveArm:
             except CommandRefusedError:  # the cause still stands
                 time.sleep(0.1)
 
-    @contextmanager
-    def other_client(self, what: str) -> Iterator[subprocess.Popen[str]]:
-        """Run another client: one that holds the ``lease``, or one that only listens."""
-        words = [sys.executable, "-c", CLIENT, self.rig.settings.arm, self.rig.settings.endpoint, what]
-        with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
-            assert process.stdout is not None
-            process.stdout.readline()
-            try:
-                yield process
-            finally:
-                process.kill()
+
+@contextmanager
+def other_client(settings: RigSettings, what: str) -> Iterator[subprocess.Popen[str]]:
+    """Run another client: one that holds the ``lease`` with pressure asked, or one that only listens.
+
+    Raises:
+        WorkFailedError: It does not get so far.
+    """
+    words = [sys.executable, "-c", CLIENT, settings.arm, settings.endpoint, what]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            if process.stdout is None or process.stdout.readline() != "ready\n":
+                raise WorkFailedError(f"another client ({what}) did not get ready")
+            yield process
+        finally:
+            process.kill()
 
 
 def strike_processes() -> list[Event]:
@@ -181,7 +198,7 @@ def strike_processes() -> list[Event]:
 
 
 def _stalled_subscriber(arm: LiveArm) -> Event:
-    with arm.other_client("listen") as process, arm.under_pressure(Mode.ARMED):
+    with other_client(arm.rig.settings, "listen") as process, arm.under_pressure(Mode.ARMED):
         before = arm.client.state()
         process.send_signal(signal.SIGSTOP)
         time.sleep(STALLED_S)
@@ -221,7 +238,7 @@ def _frozen_loop(arm: LiveArm) -> Event:
 
 
 def _killed_client(arm: LiveArm) -> Event:
-    with arm.other_client("lease") as process:
+    with other_client(arm.rig.settings, "lease") as process:
         arm.wait(lambda s: s.mode == Mode.ARMED)
         begin = time.monotonic()
         process.kill()
@@ -238,7 +255,7 @@ def _killed_estimator(arm: LiveArm) -> Event:
         state = arm.wait(lambda s: s.mode == Mode.FAULTED)
         said = state.fault_cause or ""
         wait_ready(arm.client)
-        arm.wait(lambda s: not any(f.code == "estimator_failed" for f in s.findings))
+        arm.wait(lambda s: not any(f.code == "estimator_failed" for f in s.findings), RESTART_S)
         return Event("the estimator is killed", Mode.HOLDING, vented_s, FAST_S, said, "estimator" in said)
 
 

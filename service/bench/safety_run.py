@@ -32,6 +32,7 @@ BENCHES: tuple[Mapping[str, str], ...] = (
     {"valves": "festo_vtem", "qtm": "qualisys"},
 )
 """The kinds of the devices by name; one is a valve terminal."""
+KINDS = tuple(dict.fromkeys(kind for kinds in BENCHES for kind in kinds.values()))
 
 LASTS_S = 0.6
 LOOK_S = 0.004
@@ -94,14 +95,18 @@ class Part:
 Choose = Callable[[str, str, Mode], bool]
 
 
-def parts(benches: Sequence[Mapping[str, str]] = BENCHES, modes: Sequence[Mode] = MODES) -> list[Part]:
-    """List each bench in each mode; a kind of device is struck on the first bench that has it."""
+def parts(
+    benches: Sequence[Mapping[str, str]] = BENCHES,
+    modes: Sequence[Mode] = MODES,
+    wanted: Sequence[str] = KINDS,
+) -> list[Part]:
+    """List each bench in each mode; a wanted kind of device is struck on the first bench that has it."""
     known: set[str] = set()
     found = []
     for kinds in benches:
-        struck = {name: kind for name, kind in kinds.items() if kind not in known}
+        struck = {name: kind for name, kind in kinds.items() if kind in wanted and kind not in known}
         known |= set(kinds.values())
-        found += [Part(kinds, struck, mode) for mode in modes]
+        found += [Part(kinds, struck, mode) for mode in modes if struck]
     return found
 
 

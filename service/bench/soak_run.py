@@ -160,10 +160,6 @@ class Soak:
             ended = rig.service.process.poll() is not None
             return self._sum_up(memory, ended)
 
-    @staticmethod
-    def _control(rig: FakeRig) -> FakeControl:
-        return FakeControl(str(rig.announcement["control"]))
-
     def _see(self, message: Message) -> None:
         if isinstance(message, State):
             if message.mode == "FAULTED" and (self._last is None or self._last.mode != "FAULTED"):
@@ -186,11 +182,14 @@ class Soak:
             self._tally.faults += 1
 
     def _visit(self, rig: FakeRig, dice: random.Random) -> None:
+        visitors: list[subprocess.Popen[bytes]] = []
         with contextlib.ExitStack() as stack:
             while not self._stop.wait(VISITOR_EVERY_S):
+                visitors = [visitor for visitor in visitors if visitor.poll() is None]  # leaves no dead one
                 stay_s = dice.uniform(3.0, 8.0)
                 words = [sys.executable, "-c", VISITOR, rig.settings.arm, rig.settings.endpoint, f"{stay_s}"]
                 visitor = stack.enter_context(subprocess.Popen(words))
+                visitors.append(visitor)
                 self._tally.visitors += 1
                 if dice.random() < 0.3:
                     self._stop.wait(2.0)

@@ -1,6 +1,7 @@
 """``softarm fakes``: the fake instruments on real ports."""
 
 import asyncio
+import gc
 import json
 import signal
 from contextlib import AbstractAsyncContextManager
@@ -77,6 +78,8 @@ async def serve(scenario: Scenario, *, as_json: bool) -> None:
         control = ControlPort(rig, scenario.control_port or 0)
         if scenario.control_port is not None:
             await control.start()
+        gc.collect()
+        gc.freeze()  # a full collection of all that is loaded would let the terminal miss its host's deadline
         _announce(rig, control, as_json=as_json)
         try:
             await stopped.wait()

@@ -1,6 +1,7 @@
 """``softarm page``: the operator page in the browser."""
 
 import signal
+from pathlib import Path
 
 import click
 
@@ -15,7 +16,8 @@ from service.network.session import DEFAULT_ENDPOINT
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to serve the page on.")
 @click.option("--port", default=8080, show_default=True, help="Its TCP port.")
-def command(arm: str, endpoint: str, host: str, port: int) -> None:
+@click.option("--zenoh", "zenoh_config", type=click.Path(path_type=Path), help="JSON5 file with credentials.")
+def command(arm: str, endpoint: str, host: str, port: int, zenoh_config: Path | None) -> None:
     """Serve the operator page: 3-D view, forces, pressures, health, teach and stop buttons.
 
     Example: softarm page --arm sopra
@@ -23,6 +25,9 @@ def command(arm: str, endpoint: str, host: str, port: int) -> None:
     from service.page.app import Page  # viser and the meshing are heavy
 
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
-    with SoftarmClient(arm, endpoint, name="operator page") as client, Page(client, host, port) as page:
+    with (
+        SoftarmClient(arm, endpoint, "operator page", zenoh_config) as client,
+        Page(client, host, port) as page,
+    ):
         click.echo(f"operator page: http://{host}:{page.port}")
         signal.sigwait((signal.SIGINT, signal.SIGTERM))

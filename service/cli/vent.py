@@ -8,6 +8,7 @@ import click
 from drivers.device import close_all, connect_all
 from drivers.errors import DeviceErrors
 from drivers.valves import ValveBank
+from service.cli.output import say
 from service.config import load_config
 from service.errors import WorkFailedError
 
@@ -33,3 +34,4 @@ async def _vent(path: Path) -> None:
         raise WorkFailedError("; ".join(errors.lines())) from errors
     finally:
         await close_all(valves)  # closing writes zeros
+    say(f"vented: {', '.join(bank.name for bank in valves)}")

@@ -45,7 +45,7 @@ class Instruments(Protocol):
         """Tell what ends every pressurised mode, and what a person should know of the valves."""
 
     def troubles(self) -> Mapping[str, str]:
-        """Tell what each device says is wrong."""
+        """Tell what each device, or channel of one, says is wrong."""
 
     async def connect(self) -> None:
         """Connect; what does not answer is logged and tried again by itself."""
@@ -107,9 +107,9 @@ class LiveInstruments:
         )
 
     def troubles(self) -> dict[str, str]:
-        """Tell each device's newest alarm."""
+        """Tell the newest alarm of each device, and of each channel that one is about."""
         return {
-            device.name: f"{alarm.what}; {alarm.cure}"
+            _place(device.name, alarm.key): f"{alarm.what}; {alarm.cure}"
             for device in self._devices
             for alarm in device.health.alarms.standing
         }
@@ -125,6 +125,12 @@ class LiveInstruments:
     async def close(self) -> None:
         """Vent and let go of every device."""
         await close_all(self._devices)
+
+
+def _place(device: str, key: str) -> str:
+    """Name the channel that an alarm is about, the device where it is about all of it."""
+    _, _, channel = key.partition(":")
+    return f"{device}/{channel}" if channel else device
 
 
 def _fatal(key: str) -> bool:

@@ -95,7 +95,7 @@ class Knowledge:
         self.failures = 0 if result.converged else self.failures + 1
         self.result = result
         if self.hold is not None:
-            pose = PoseTarget(result.positions, result.quaternions)
+            pose = PoseTarget(result.positions, result.quaternions, self.hold.residuals)
             self._held = (result.request.time_s, self.hold, pose)
         if result.converged:
             self._follow_contact(result, unix_ns)

@@ -101,7 +101,7 @@ class Readings:
 
         Args:
             now_ns: Monotonic time.
-            troubles: What each device says is wrong.
+            troubles: What each device, or channel of one, says is wrong.
         """
         return tuple(
             Input(
@@ -109,7 +109,7 @@ class Readings:
                 sensor.needed,
                 self.age_s(channel(sensor), now_ns),
                 self._deadline_s,
-                troubles.get(sensor.device, ""),
+                troubles.get(channel(sensor), troubles.get(sensor.device, "")),
             )
             for sensor in self._sensors
         )

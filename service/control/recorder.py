@@ -1,8 +1,10 @@
 """The recorder: a writer thread behind a bounded queue, with a visible count of what it dropped."""
 
+import math
 import queue
 import shutil
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +14,8 @@ from service.recordings.mcap_writer import Stamp, Stream, StreamWriter
 from service.safety.observation import Recorder as RecorderHealth
 
 QUEUE_LENGTH = 8192
+LOOK_EVERY_S = 1.0
+"""The disk's free space is looked up so often; the health checks ask at every tick."""
 PART_SUFFIX = ".part"
 
 
@@ -62,6 +66,8 @@ class Recorder:
         self._path: Path | None = None
         self._dropped = 0
         self._error = ""
+        self.closing = False
+        self._looked_s, self._free_bytes = -math.inf, 0
 
     @property
     def path(self) -> Path | None:
@@ -70,9 +76,11 @@ class Recorder:
 
     def health(self) -> RecorderHealth:
         """Picture the recorder for the health checks."""
-        existing = next(p for p in (self._directory, *self._directory.parents) if p.exists())
-        free = shutil.disk_usage(existing).free
-        return RecorderHealth(self._thread is not None, self._dropped, self._error, free)
+        now_s = time.monotonic()
+        if now_s - self._looked_s > LOOK_EVERY_S:
+            existing = next(p for p in (self._directory, *self._directory.parents) if p.exists())
+            self._looked_s, self._free_bytes = now_s, shutil.disk_usage(existing).free
+        return RecorderHealth(self._thread is not None, self._dropped, self._error, self._free_bytes)
 
     def start(self, name: str, attachments: Mapping[str, bytes]) -> Path:
         """Open a file.
@@ -124,9 +132,12 @@ class Recorder:
         """
         if self._thread is None or self._path is None:
             raise RecorderError("nothing is being recorded")
+        if self.closing:
+            raise RecorderError(f"{self._path} is being closed")
+        self.closing = True
         self._queue.put(None)
         self._thread.join()
-        path, self._thread, self._path = self._path, None, None
+        path, self._thread, self._path, self.closing = self._path, None, None, False
         if self._error:
             raise RecorderError(self._error)
         return path, self._dropped

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 from estimator.recording import BEND_SUFFIXES, POSE_SUFFIXES
 from service.config import SensorSettings
@@ -17,6 +18,8 @@ APART_NS = 1_000
 
 class RecordedStreams:
     """Names the channels as the canonical columns do and hands every sample to the recorder.
+
+    The time of a recording counts from its beginning.
 
     Args:
         recorder: The recorder.
@@ -44,18 +47,15 @@ class RecordedStreams:
         }
         if base_body:
             self._topics[base_body] = ("frame/base", POSE_SUFFIXES)
+        self._path: Path | None = None
         self._start_ns = clock_ns()
         self._last_ns: dict[str, int] = {}
         self._sequence = 0
 
-    def begin(self) -> None:
-        """Count time from now: a recording starts."""
-        self._start_ns = self._clock_ns()
-
     def take(self, name: str, sample: Sample) -> None:
         """Record a sample of a device."""
         place = self._topics.get(name)
-        if place is None or self._recorder.path is None:
+        if place is None or not self._recording():
             return
         topic, fields = place
         if len(fields) != len(sample.values):
@@ -80,11 +80,19 @@ class RecordedStreams:
 
     def document(self, topic: str, content: Mapping[str, object]) -> None:
         """Record a change of mode, a command, a finding."""
-        now_ns = self._clock_ns()
-        self._recorder.put(Document(topic, content, self._stamp(now_ns)))
+        if self._recording():
+            self._recorder.put(Document(topic, content, self._stamp(self._clock_ns())))
+
+    def _recording(self) -> bool:
+        """Tell whether a recording is open; a new one begins its time anew."""
+        path = self._recorder.path
+        if path != self._path:
+            self._path, self._start_ns = path, self._clock_ns()
+        return path is not None
 
     def _put(self, stream: Stream, values: tuple[float, ...], now_ns: int) -> None:
-        self._recorder.put(RecordedSample(stream, values, self._stamp(now_ns)))
+        if self._recording():
+            self._recorder.put(RecordedSample(stream, values, self._stamp(now_ns)))
 
     def _after_last(self, topic: str, time_ns: int) -> int:
         """Give a time, or one just after the last: one set of readings may be estimated twice."""

@@ -24,6 +24,7 @@ from service.api.commands import (
     TeachGoto,
     TeachHold,
     TeachSave,
+    malformed,
 )
 from service.control.controller import Controller
 from service.control.hold import HoldGoal
@@ -31,6 +32,8 @@ from service.control.knowledge import Knowledge
 from service.control.poses import PoseStore, SavedPose
 from service.control.recorder import Recorder, RecorderError
 from service.estimation.messages import HoldAnswer, PoseTarget
+from service.recordings.info import format_info
+from service.recordings.mcap_writer import INFO_FILE
 from service.safety.findings import Finding
 from service.safety.lease import LeaseError
 from service.safety.modes import Event, Mode, TransitionRefusedError
@@ -91,6 +94,7 @@ class Verbs:
 
     def __init__(self, context: Context) -> None:
         self._context = context
+        self._began_ns = context.clock_ns()
         self._handlers: dict[str, Callable[[Any], Answer | Awaitable[Answer]]] = {
             "arm": self._arm,
             "disarm": self._disarm,
@@ -148,10 +152,10 @@ class Verbs:
         try:
             request = model.model_validate_json(payload)
         except ValidationError as error:
-            first = error.errors()[0]
-            place = ".".join(str(part) for part in first["loc"]) or "payload"
-            raise RefusalError("malformed", f"{place}: {first['msg']}", "see docs/api.md") from error
-        self._refuse_stale(request)
+            refusal = malformed(verb, error)
+            raise RefusalError(refusal.code, refusal.message, refusal.hint) from error
+        if verb != "stop":  # to stop is right at any time, and clocks may differ
+            self._refuse_stale(request)
         if isinstance(request, MovingRequest):
             self._context.controller.lease.check(request.lease, self._context.clock_ns())
             if not self._context.controller.lease.accept_sequence(request.sequence):
@@ -298,8 +302,10 @@ class Verbs:
         return {"aligned": list(aligned)}
 
     def _record_start(self, request: RecordStart) -> Answer:
-        path = self._context.recorder.start(request.name, self._context.attachments)
-        return {"path": str(path)}
+        since_s = (self._context.clock_ns() - self._began_ns) * 1e-9
+        info = format_info({"session_start_s": round(since_s, 3)})
+        attachments = {**self._context.attachments, INFO_FILE: info}
+        return {"path": str(self._context.recorder.start(request.name, attachments))}
 
     async def _record_stop(self, request: Request) -> Answer:
         del request

@@ -1,5 +1,6 @@
 """What travels between the control process and the estimator's process."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,10 +18,12 @@ class PoseTarget:
     Args:
         positions: Section origins in the base frame [m], shape (sections, 3).
         quaternions: Section orientations (w, x, y, z), shape (sections, 4).
+        residuals: What the estimate left unexplained there, by sensor.
     """
 
     positions: Floats
     quaternions: Floats
+    residuals: Mapping[str, Floats] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,7 @@ class HoldAnswer:
         known: Whether there is an answer; otherwise the pressures mean nothing and only the note counts.
         towards: Change of the commanded pressures that would bring the arm to the target [Pa], shape
             (chambers,); ``None`` without a target.
+        residuals: What the estimate left unexplained in the measured pose, by sensor.
     """
 
     pressures: Floats
@@ -74,6 +78,7 @@ class HoldAnswer:
     note: str
     known: bool = True
     towards: Floats | None = None
+    residuals: Mapping[str, Floats] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

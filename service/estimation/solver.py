@@ -164,6 +164,8 @@ class Solver:
     def _unseen(self, request: EstimationRequest, estimate: Estimate[Any]) -> tuple[str, ...]:
         """Say what these sensors cannot tell; the answer of a moment ago serves while they are the same."""
         since_s, sensors, told = self._unobservable
+        if not np.isfinite(estimate.motion).all():
+            return ()
         if sensors != request.used or not since_s <= request.time_s < since_s + OBSERVED_EVERY_S:
             told = estimate.unobservable_directions
             self._unobservable = (request.time_s, request.used, told)
@@ -223,7 +225,7 @@ class Solver:
 
 def bounded(model: FiniteElementModel) -> FiniteElementModel:
     """Give a model whose searches for an equilibrium end in time for a live service."""
-    return replace(model, settings=replace(model.settings, total_iterations=SOLVES))
+    return replace(model, settings=replace(model.settings, total_iterations=SOLVES, descent=SOLVES))
 
 
 def _heights(specimen: Specimen) -> NDArray[np.float64]:

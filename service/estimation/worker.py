@@ -29,7 +29,7 @@ KILL_AFTER_S = 2.0
 STUCK_S = 5.0
 """A request that takes longer is given up, and the process with it."""
 NICER = 5
-"""Numerics give way to the control loop and the drivers."""
+"""Numerics that fill a core give way to the control loop and the drivers."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,11 @@ class WorkerState:
         return not self.running and not self.gave_up and self.restarts == 0
 
 
-def _serve(pipe: Connection, factory: SolverFactory) -> None:
+def _serve(pipe: Connection, factory: SolverFactory, nicer: int) -> None:
     """Run in the child: build the solver, then answer until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(PermissionError):  # a sandbox may forbid it
-        os.nice(NICER)
+        os.nice(nicer)
     try:
         solver = factory()
         gc.collect()
@@ -79,6 +79,7 @@ class Worker(Generic[Request, Result]):
         factory: Builds the solver in the child; it must be picklable.
         on_result: Takes each result, in the event loop.
         clock: Monotonic time [s].
+        nicer: By how much the process gives way to this one.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class Worker(Generic[Request, Result]):
         factory: SolverFactory,
         on_result: Callable[[Result], None],
         clock: Callable[[], float] = time.monotonic,
+        nicer: int = NICER,
     ) -> None:
         self._factory = factory
         self._on_result = on_result
@@ -97,6 +99,7 @@ class Worker(Generic[Request, Result]):
         self._waiting: Request | None = None
         self._busy = True
         self._clock = clock
+        self._nicer = nicer
         self._sent_s = clock()
         self._restarts = 0
         self._closing = False
@@ -161,7 +164,7 @@ class Worker(Generic[Request, Result]):
     def _start(self) -> None:
         ours, theirs = self._context.Pipe()
         process = self._context.Process(
-            target=_serve, args=(theirs, self._factory), name="softarm-estimator", daemon=True
+            target=_serve, args=(theirs, self._factory, self._nicer), name="softarm-estimator", daemon=True
         )
         process.start()
         theirs.close()

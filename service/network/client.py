@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -12,7 +12,7 @@ import zenoh
 from pydantic import ValidationError
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
-from service.api.commands import VERBS, Applied, Refused
+from service.api.commands import VERBS, Applied, Refused, malformed
 from service.api.keys import ArmKeys
 from service.api.messages import STREAMS, Estimate, Message, State
 from service.errors import WorkFailedError
@@ -99,30 +99,40 @@ class SoftarmClient:
         # Numbered and sent in one go: of two threads' commands the later one must not come first.
         with self._lock:
             self._sequence += 1
-            request = VERBS[verb].model_validate(
-                {
-                    "deadline_unix_ns": time.time_ns() + round(timeout_s * 1e9),
-                    "sequence": self._sequence,
-                    "client": self.name,
-                }
-                | ({"lease": self._lease} if "lease" in VERBS[verb].model_fields and self._lease else {})
-                | fields
-            )
-            replies = self._session.get(
-                self.keys.command(verb), payload=request.model_dump_json().encode(), timeout=timeout_s
-            )
+            payload = self._request(verb, timeout_s, fields)
+            replies = self._session.get(self.keys.command(verb), payload=payload, timeout=timeout_s)
         for reply in replies:
             if reply.ok is not None:
                 return Applied.model_validate_json(bytes(reply.ok.payload))
-            raise CommandRefusedError(_refusal(verb, b"" if reply.err is None else bytes(reply.err.payload)))
-        raise CommandRefusedError(_no_answer(verb))
+            told = b"" if reply.err is None else bytes(reply.err.payload)
+            raise CommandRefusedError(_refusal(told) or self._no_answer(verb))
+        raise CommandRefusedError(self._no_answer(verb))
+
+    def _request(self, verb: str, timeout_s: float, fields: Mapping[str, object]) -> bytes:
+        """Write a request; the service would refuse what this does."""
+        kind = VERBS[verb]
+        given: dict[str, object] = {
+            "deadline_unix_ns": time.time_ns() + round(timeout_s * 1e9),
+            "sequence": self._sequence,
+            "client": self.name,
+        }
+        if self._lease and "lease" in kind.model_fields:
+            given["lease"] = self._lease
+        try:
+            return kind.model_validate(given | dict(fields)).model_dump_json().encode()
+        except ValidationError as error:
+            raise CommandRefusedError(malformed(verb, error)) from error
+
+    def _no_answer(self, verb: str) -> Refused:
+        hint = f"check that a service for arm {self.keys.arm!r} runs and that this client may command it"
+        return Refused(verb=verb, code="not_available", message="no answer in time", hint=hint)
 
     def ask(self, name: str) -> str:
         """Ask for ``config``, ``specimen`` or ``schema``."""
         for reply in self._session.get(self.keys.query(name), timeout=2.0):
             if reply.ok is not None:
                 return str(reply.ok.payload.to_string())
-        raise CommandRefusedError(_no_answer(name))
+        raise CommandRefusedError(self._no_answer(name))
 
     @contextmanager
     def subscribe(self, stream: str, handler: Callable[[Message], None]) -> Iterator[None]:
@@ -240,17 +250,9 @@ class SoftarmClient:
                     self._lease = None
 
 
-def _refusal(verb: str, payload: bytes) -> Refused:
+def _refusal(payload: bytes) -> Refused | None:
+    """Read a refusal; ``None`` where it is zenoh's own."""
     try:
         return Refused.model_validate_json(payload)
     except ValidationError:
-        return _no_answer(verb)
-
-
-def _no_answer(verb: str) -> Refused:
-    return Refused(
-        verb=verb,
-        code="not_available",
-        message="no answer in time",
-        hint="check that the service runs and that this client may command it",
-    )
+        return None

@@ -2,7 +2,8 @@
 
 import asyncio
 from collections import deque
-from typing import Generic, TypeVar
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Any, Generic, TypeVar
 
 Item = TypeVar("Item")
 
@@ -50,3 +51,19 @@ class Inbox(Generic[Item]):
         left = tuple(self._items)
         self._items.clear()
         return left
+
+
+async def serve_each(
+    take: Callable[[], Awaitable[Item]],
+    serve: Callable[[Item], Coroutine[Any, Any, None]],
+    tasks: asyncio.TaskGroup,
+) -> None:
+    """Begin to serve items in the order they come, for ever; none waits for one that takes long.
+
+    Args:
+        take: Waits for the next item.
+        serve: Serves one; the group owns what it waits for.
+        tasks: The group.
+    """
+    while True:
+        tasks.create_task(serve(await take()))

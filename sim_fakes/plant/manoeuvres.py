@@ -254,11 +254,26 @@ def pulled_taut_steps(
 
 
 def taught(
-    rng: Random, count: int = 5, reach: float = 0.06, hold: float = 4.0, section: str = "tip"
+    rng: Random,
+    count: int = 5,
+    reach: float = 0.06,
+    hold: float = 4.0,
+    section: str = "tip",
+    drawn: tuple[float, float] = (-0.018, 0.018),
 ) -> Manoeuvre:
-    """Lead a section by hand to random poses and hold each."""
+    """Lead a section by hand to random poses and hold each.
+
+    Args:
+        rng: Draws the poses.
+        count: How many.
+        reach: How far to the sides the hand goes [m].
+        hold: How long it stays [s].
+        section: What it holds.
+        drawn: How far down it goes, least and most [m]: the hanging arm is drawn out.
+    """
     move, stay = samples(1.5), samples(hold)
-    points = rng.uniform(-reach, reach, (count, 3)) * np.array([1.0, 1.0, 0.3])
+    low, high = np.array([-reach, -reach, -drawn[1]]), np.array([reach, reach, -drawn[0]])
+    points = rng.uniform(low, high, (count, 3))
     way, last = [np.zeros((stay, 3))], np.zeros(3)
     for point in points:
         blend = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, move))[:, None]
@@ -289,5 +304,6 @@ LIBRARY: dict[str, Callable[[Random], Manoeuvre]] = {
     "pulled_taut": pulled_taut,
     "pulled_taut_steps": pulled_taut_steps,
     "taught": taught,
+    "taught_drawn": partial(taught, drawn=(0.015, 0.045)),
     "taught_intermediate": partial(taught, section="intermediate"),
 }

@@ -45,3 +45,9 @@ def test_a_packet_is_complete_with_its_last_body() -> None:
         ("qtm/tip", False),
         ("qtm/intermediate", True),
     ]
+
+
+def test_trouble_of_one_body_is_not_told_of_another() -> None:
+    readings = Readings(SENSORS, "", SafetySettings(), lambda *_: None)
+    told = readings.inputs(0, {"qtm/tip": "lost", "bend": "unplugged"})
+    assert [entry.trouble for entry in told] == ["unplugged", "", "lost"]

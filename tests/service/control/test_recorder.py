@@ -1,3 +1,7 @@
+import io
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -47,6 +51,28 @@ def test_second_start_and_stop_without_start_are_refused(tmp_path):
     recorder.stop()
 
 
+def test_second_stop_is_refused_while_a_slow_disk_keeps_the_first_waiting(tmp_path):
+    class Disk(io.FileIO):
+        def write(self, data):
+            free.wait(10.0)
+            return super().write(data)
+
+    free = threading.Event()
+    free.set()
+    recorder = Recorder(tmp_path, create=lambda path: Disk(path, "xb"))
+    path = recorder.start("run", {})
+    free.clear()
+    recorder.put(sample(0))
+    with ThreadPoolExecutor(1) as pool:
+        first = pool.submit(recorder.stop)
+        while not recorder.closing:
+            assert not first.done()
+        with pytest.raises(RecorderError, match="is being closed"):
+            recorder.stop()
+        free.set()
+        assert first.result() == (path, 0)
+
+
 def test_full_disk_is_said_and_nothing_passes_for_whole(tmp_path):
     recorder = Recorder(tmp_path, create=lambda _: open("/dev/full", "wb"))  # noqa: PTH123, SIM115
     path = recorder.start("run", {})
@@ -75,3 +101,15 @@ def test_a_set_of_readings_that_is_estimated_twice_can_be_read_again(tmp_path):
     recording = load_recording(path)
     np.testing.assert_allclose(recording.time, [0.0, 1.0, 1.0, 1.5], atol=2e-6)
     np.testing.assert_allclose(recording.columns["estimate_force_tip_x_n"][1:], [0.1, 0.2, 0.3])
+
+
+def test_the_time_of_each_recording_counts_from_its_beginning(tmp_path):
+    recorder, now = Recorder(tmp_path), [40_000_000_000]
+    streams = RecordedStreams(recorder, (), "valves", "", 2, clock_ns=lambda: now[0])
+    for _ in range(2):
+        path = recorder.start("run", {})
+        for _ in range(3):
+            streams.commanded((0.0, 0.0), now[0])
+            now[0] += 1_000_000_000
+        recorder.stop()
+        np.testing.assert_allclose(load_recording(path).time, [0.0, 1.0, 2.0], atol=1e-9)

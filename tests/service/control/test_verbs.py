@@ -1,5 +1,6 @@
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from service.control.poses import PoseStore
 from service.control.recorder import Recorder
 from service.control.verbs import Context, Verbs
 from service.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
+from service.recordings.info import parse_info
+from service.recordings.mcap_reader import read_contents
 from service.safety.findings import Finding
 from service.safety.modes import PRESSURISED, Event, Mode
 
@@ -188,6 +191,17 @@ async def test_lost_lease_vents(bench):
     assert bench.valves.pressures == (0.0,) * 6
 
 
+async def test_stop_is_never_too_late(bench):
+    await bench.armed()
+    assert isinstance(await bench.send("stop", deadline_unix_ns=1), Applied)
+    assert bench.mode is Mode.FAULTED
+
+
+async def test_command_without_a_lease_is_told_how_to_get_one(bench):
+    answer = await bench.verbs.answer("arm", b'{"deadline_unix_ns": 1, "sequence": 1, "client": "x"}')
+    assert (code(answer), "lease/acquire" in answer.hint) == ("no_lease", True)
+
+
 async def test_late_repeated_and_malformed_commands_are_refused(bench):
     await bench.armed()
     late = await bench.send("disarm", deadline_unix_ns=bench.unix_ns - 1)
@@ -259,6 +273,8 @@ async def test_recording_starts_and_stops(bench):
     path = (await bench.send("record/start", name="run")).applied["path"]
     assert code(await bench.send("record/start")) == "not_available"
     assert (await bench.send("record/stop")).applied == {"path": path, "dropped": 0}
+    kept = read_contents(Path(path)).attachments
+    assert parse_info("run", kept["recording.toml"])["session_start_s"] >= 0.0
 
 
 @settings(max_examples=60, deadline=None)

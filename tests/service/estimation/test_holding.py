@@ -17,7 +17,7 @@ def test_pressures_are_taken_back_through_the_physics(monkeypatch, converged):
     monkeypatch.setattr(holding, "replace_loads", lambda *_: first)
     arm = Arm(None, ActuationMap(np.ones(6), np.zeros(6), 1.0), np.full(6, 65e3), lambda acting: acting / 0.8)
     inputs = SimpleNamespace(pressures=np.full(6, 1e4))
-    estimate = SimpleNamespace(converged=converged, motion=np.zeros((18, 10)), inputs=inputs)
+    estimate = SimpleNamespace(converged=converged, motion=np.zeros((18, 10)), inputs=inputs, residuals={})
     answer = Holding(arm).answer(estimate, np.zeros(4), None)
     assert answer.known is converged
     np.testing.assert_allclose(answer.pressures, 1.2e4 / 0.8 if converged else 0.0)
