@@ -126,7 +126,8 @@ def _sensor_tables(device: Mapping[str, Any], kinds: Sequence[str]) -> list[dict
     if kind == "bendlabs" and "bend" in kinds:
         return [
             {"kind": "bend", "section": section, "device": name, "channel": str(index)}
-            for index, section in enumerate(("intermediate", "tip"))
+            for index, section in enumerate(device["sections"])
+            if section
         ]
     if kind in INERTIAL and "imu" in kinds:
         return [{"kind": "orientation", "section": "tip", "device": name}]

@@ -20,7 +20,7 @@ from sim_fakes.devices import (
     seed_of,
 )
 from sim_fakes.faults import FaultBoard, Value
-from sim_fakes.parts import DevicePart, QtmPart, SerialPart, ValvesPart
+from sim_fakes.parts import BendPart, DevicePart, QtmPart, SerialPart, ValvesPart
 from sim_fakes.plant.effects import INSTRUMENT_EFFECTS
 from sim_fakes.plant.state import Cord, Plant, PlantState
 from sim_fakes.plants import build_plant
@@ -45,6 +45,7 @@ class Endpoint:
         port: Its TCP port; 0 for a serial device.
         path: Link to its terminal; empty for a TCP device.
         discovery_port: UDP port of its discovery, if it has one.
+        sections: Section under each of its bend sensors, from the base; empty for one on the bench.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Endpoint:
     port: int = 0
     path: str = ""
     discovery_port: int | None = None
+    sections: tuple[str, ...] = ()
 
 
 class Rig:
@@ -160,7 +162,13 @@ class Rig:
             return Endpoint(part.name, part.kind, source, server.host, server.port, discovery_port=number)
         assert isinstance(part, SerialPart)
         link = str(self.serial_ports[part.name].link)
-        return Endpoint(part.name, part.kind, f"fake+serial://{link}", path=link)
+        sections = self._sections_under(part) if isinstance(part, BendPart) else ()
+        return Endpoint(part.name, part.kind, f"fake+serial://{link}", path=link, sections=sections)
+
+    def _sections_under(self, part: BendPart) -> tuple[str, ...]:
+        """Name the section at the far end of the segment under each bend sensor, from the base."""
+        below = dict(zip(self.plant.segments, self.plant.sections[1:], strict=True))
+        return tuple(below[segment] if segment else "" for segment in reversed(part.sensors))
 
     def _build(self, part: DevicePart, around: Surroundings) -> None:
         board, scenario = self.boards[part.name], self.scenario

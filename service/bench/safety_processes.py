@@ -37,23 +37,15 @@ EVENT_NOTES = (
     "file of the service may grow any more.",
 )
 CLIENT = """
-import contextlib, sys, time
-from service.network.client import CommandRefusedError, SoftarmClient
-
-def arm(client):
-    for _ in range(50):  # what the last strike did to the terminal may still have to be cleared
-        try:
-            return client.command("arm")
-        except CommandRefusedError:
-            time.sleep(0.2)
-            with contextlib.suppress(CommandRefusedError):
-                client.command("clear")
+import sys, time
+from service.experiments.recovery import arm_again
+from service.network.client import SoftarmClient
 
 with SoftarmClient(sys.argv[1], sys.argv[2], name="mortal") as client:
     with client.subscribe("state", lambda _: None), client.subscribe("estimate", lambda _: None):
         if sys.argv[3] == "lease":
             with client.lease():
-                arm(client)
+                arm_again(client)
                 client.command("set_pressures", pressures_pa=[2e4] * 6, lifetime_s=10.0)
                 print("ready", flush=True)
                 time.sleep(60)
