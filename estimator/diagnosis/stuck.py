@@ -21,6 +21,8 @@ MOVING = 0.05
 """Motion that the model must predict meanwhile [rad], and a hundredth of it in metres."""
 STILL = 0.02
 """Share of the predicted motion below which a reading stands still."""
+LATE = 0.5
+"""A sensor that is late by less [s] has not moved yet at the end of a stretch; it does not stand still."""
 ASKED = 5000.0
 """Change of a set-point [Pa] during which a pressure must not read the same throughout."""
 RESOLUTION = 30.0
@@ -186,8 +188,10 @@ def _still(time: Floats, shown: Floats, wanted: Floats) -> list[tuple[int, int]]
     width = max(3, round(LEAST / step))
     if len(time) <= width:
         return []
-    quiet = _range(shown, width) < STILL * np.maximum(_range(wanted, width), MOVING)
-    moving = _range(wanted, width) > MOVING
+    early = max(2, width - int(np.ceil(LATE / step)))
+    motion = _range(wanted, early)[: len(time) - width + 1]
+    quiet = _range(shown, width) < STILL * np.maximum(motion, MOVING)
+    moving = motion > MOVING
     flags = np.zeros(len(time), dtype=bool)
     for k in np.flatnonzero(quiet & moving):
         flags[k : k + width] = True

@@ -46,6 +46,15 @@ def test_a_sensor_that_stops_is_named_with_its_time(stages: tuple[Stage, Stage])
     np.testing.assert_array_equal(blind.session.readings[:, :2], stopped.session.readings[:, :2])
 
 
+def test_a_late_sensor_is_not_stuck(stages: tuple[Stage, Stage]) -> None:
+    run = stages[0].session
+    settled = np.repeat(np.arange(0, run.samples, 20), 20)[: run.samples]  # poses held for four seconds
+    held = replace(run, pressures=run.pressures[settled], gravity=run.gravity[settled])
+    stage = calibrate_sessions(model(), [run]).stage(model(), held)
+    late = np.roll(stage.base, 1, axis=0)  # a fifth of a second
+    assert find_stuck(replace(stage, session=replace(held, readings=late))) == ()
+
+
 def _valve(given: np.ndarray, asked: np.ndarray) -> Recording:
     return Recording(
         "run", 0.01 * np.arange(len(asked)), {"pressure_cmd_2_pa": asked, "pressure_2_pa": given}
