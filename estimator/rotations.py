@@ -216,6 +216,21 @@ def skew(vectors: Floats) -> Floats:
     return matrices
 
 
+def without_jumps(quaternions: Floats) -> Floats:
+    """Give quaternions whose sign goes on from one sample to the next, so that they can be averaged.
+
+    Args:
+        quaternions: (w, x, y, z) or its negative, which is the same rotation; NaN where unknown, shape
+            (samples, 4).
+    """
+    turned = quaternions.copy()
+    seen = np.flatnonzero(np.isfinite(turned).all(axis=1))
+    if len(seen) > 1:
+        over = (turned[seen[1:]] * turned[seen[:-1]]).sum(axis=1) < 0.0
+        turned[seen[1:]] *= np.where(np.cumsum(over) % 2, -1.0, 1.0)[:, None]
+    return turned
+
+
 def mean_rotation(rotations: Floats) -> Floats:
     """Give the rotation nearest to the arithmetic mean of rotations, shape (n, 3, 3) (Moakher 2002)."""
     return nearest_rotation(rotations.mean(axis=0))

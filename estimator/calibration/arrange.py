@@ -7,11 +7,12 @@ from difflib import get_close_matches
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.calibration.gaps import interpolate
 from estimator.calibration.pulls import LEAST_PULL, known_pulls
 from estimator.errors import InputError
 from estimator.model import Load
 from estimator.recording import Recording
-from estimator.rotations import exp, from_quaternions, mean_rotation
+from estimator.rotations import exp, from_quaternions, mean_rotation, without_jumps
 from estimator.sensing import Measurement, Registration, SensorSuite, register
 from estimator.sensors import SpecimenSensors
 from estimator.specimen import Specimen
@@ -19,7 +20,6 @@ from estimator.specimen import Specimen
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-LONGEST_BRIDGE = 0.25  # s; a longer gap in a pressure leaves its samples out
 SYSTEMATIC_SHARE = 0.25  # of a marker's noise that stays however many readings are averaged
 OVERSHOOT = 1.1  # a measured pressure may pass the limit that commands must keep by this factor
 
@@ -76,7 +76,7 @@ class Run:
 
     def delayed(self, lag: float) -> "Run":
         """Move the pressures to a clock that is ``lag`` seconds ahead of that of the motion."""
-        moved = [_interpolate(self.time - lag, self.time, column) for column in self.pressures.T]
+        moved = [interpolate(self.time - lag, self.time, column) for column in self.pressures.T]
         pressures = np.column_stack(moved) if moved else self.pressures
         return replace(self, pressures=pressures)
 
@@ -118,7 +118,7 @@ def arrange(
     readings = suite.stack({name: values for name, (_, values) in sensors.items()})
     rows = np.isfinite(readings).any(axis=1)
     pulls = known_pulls(recording, specimen, registration, loads)
-    bridged = [_interpolate(recording.time, recording.time, column) for column in pulls.T]
+    bridged = [interpolate(recording.time, recording.time, column) for column in pulls.T]
     run = Run(
         recording.name,
         recording.time,
@@ -147,7 +147,7 @@ def _pressures(recording: Recording, specimen: Specimen) -> tuple[Floats, tuple[
             )
         values, sources[chamber] = recording.pressure(chamber)
         _check_limit(recording, chamber, values, limits[chamber], sources[chamber])
-        pressures[:, chamber] = _interpolate(recording.time, recording.time, values)
+        pressures[:, chamber] = interpolate(recording.time, recording.time, values)
     return pressures, tuple(sources)
 
 
@@ -160,19 +160,6 @@ def _check_limit(recording: Recording, chamber: int, values: Floats, limit: floa
             f"{highest:.0f} Pa is above the specimen's limit of {limit:.0f} Pa",
             "correct the unit, or raise pressure_limit_pa in the specimen",
         )
-
-
-def _interpolate(wanted: Floats, time: Floats, values: Floats) -> Floats:
-    """Interpolate a column, NaN where the readings on either side lie too far apart."""
-    seen = np.isfinite(values)
-    if not seen.any():
-        return np.full(len(wanted), np.nan)
-    times, known = time[seen], values[seen]
-    result = np.interp(wanted, times, known)
-    after = np.clip(np.searchsorted(times, wanted), 0, len(times) - 1)
-    before = np.clip(after - 1, 0, len(times) - 1)
-    nearest = np.minimum(np.abs(times[after] - wanted), np.abs(wanted - times[before]))
-    return np.where(nearest > LONGEST_BRIDGE, np.nan, result)
 
 
 def _require_section(recording: Recording, what: str, section: str, names: Sequence[str]) -> None:
@@ -199,8 +186,12 @@ def _poses(recording: Recording, make: SpecimenSensors) -> Sensors:
     for section in recording.frames:
         _require_section(recording, "frame", section, make.sections)
     below = [section for section in recording.frames if section != make.sections[0]]
-    made = [(make.pose(section), recording.pose(section)) for section in below]
+    made = [(make.pose(section), _averageable(recording.pose(section))) for section in below]
     return {sensor.name: (sensor, values) for sensor, values in made}
+
+
+def _averageable(poses: Floats) -> Floats:
+    return np.column_stack([poses[:, :3], without_jumps(poses[:, 3:])])
 
 
 def _markers(recording: Recording, make: SpecimenSensors) -> Sensors:

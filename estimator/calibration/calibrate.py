@@ -46,6 +46,9 @@ WORSE = 1.3  # times the old error: an old fit that has seen the blocks is allow
 class CalibrationRefusedError(InputError):
     """The recordings cannot carry a calibration; the old one stays."""
 
+    def __init__(self, where: str, what: str, cure: str) -> None:
+        super().__init__(where, what, f"{cure}; the old calibration stays")
+
 
 @dataclass(frozen=True)
 class Options:
@@ -113,7 +116,7 @@ def calibrate(
     _require_improvement(check)
     near = _joined(before, trained.evaluations, held_out, train)
     final = fit(everything, trained.values, iterations=options.iterations, evaluations=near)
-    _require_convergence(final)
+    _require_convergence(final, layout)
     covariance = told.widened(layout, final.covariance)
     dropped = [p for p in forward.layout.parameters if p.name not in layout.names]
     return Calibrated(
@@ -315,17 +318,19 @@ def _require_excitation(layout: Layout) -> None:
     if any(parameter.kind in ("modulus", "gain") for parameter in layout.parameters):
         return
     raise CalibrationRefusedError(
-        "calibration", "the recordings determine neither a modulus nor a gain", f"{MANOEUVRES['modulus']}"
+        "calibration", "the recordings determine neither a modulus nor a gain", MANOEUVRES["modulus"]
     )
 
 
-def _require_convergence(found: Fit) -> None:
-    if found.unsettled > UNSETTLED:
+def _require_convergence(found: Fit, layout: Layout) -> None:
+    moves = found.unsettled
+    if moves.max(initial=0.0) > UNSETTLED:
+        parameter = layout.parameters[int(np.argmax(moves))]
         raise CalibrationRefusedError(
             "calibration",
-            f"the fit does not converge: after {found.iterations} iterations an unknown would still move by "
-            f"{found.unsettled:.1f} of its standard deviations",
-            f"{MANOEUVRES['gain']}, and random poses; the old calibration stays",
+            f"the fit does not converge: after {found.iterations} iterations {parameter.name} would still "
+            f"move by {moves.max():.1f} of its standard deviations",
+            f"{MANOEUVRES[parameter.kind]}, and hold random poses",
         )
 
 
@@ -339,5 +344,5 @@ def _require_improvement(check: Check) -> None:
         raise CalibrationRefusedError(
             "calibration",
             f"blocks of {BLOCK:.0f} s that the fit has not seen are predicted worse than before",
-            "record more poses, each held for 5 s; the old calibration stays",
+            "record more poses, each held for 5 s",
         )

@@ -76,7 +76,7 @@ class Fit:
         correlated: Number of nodes that say the same thing.
         status: ``converged`` or ``iterations_exhausted``.
         iterations: Number of evaluations of the model at all nodes.
-        unsettled: Largest step that is left, over the unknown's standard deviation.
+        unsettled: Step that is left of each unknown, over its standard deviation, shape (unknowns,).
     """
 
     values: Floats
@@ -86,7 +86,7 @@ class Fit:
     correlated: float
     status: str
     iterations: int
-    unsettled: float = 0.0
+    unsettled: Floats
 
 
 def fit(
@@ -117,7 +117,7 @@ def fit(
             correlated = correlation_length(current, forward.nodes)
         normal, gradient, cost = _normal_equations(forward, rows, values, scatter, correlated)
         step, unsettled = _step(normal, gradient, damping)
-        settled = unsettled < tolerance
+        settled = bool(unsettled.max(initial=0.0) < tolerance)
         if settled or count >= iterations:
             break
         candidate = forward.evaluate(values + step, current)
@@ -246,13 +246,13 @@ def _normal_equations(
     return normal, gradient, float((rows.weight * loss).sum() / correlated + known @ known)
 
 
-def _step(normal: Floats, gradient: Floats, damping: float) -> tuple[Floats, float]:
-    """Give the damped step, and the largest share of its deviation that an undamped one would move."""
+def _step(normal: Floats, gradient: Floats, damping: float) -> tuple[Floats, Floats]:
+    """Give the damped step, and the share of its deviation that each unknown would move undamped."""
     damped = normal + damping * np.diag(np.diag(normal))
     step: Floats = np.linalg.solve(damped, gradient).astype(np.float64)
     deviations = np.sqrt(np.diag(np.linalg.inv(normal)))
-    shares = np.abs(np.linalg.solve(normal, gradient)) / deviations
-    return step, float(shares.max(initial=0.0))
+    shares: Floats = np.abs(np.linalg.solve(normal, gradient)) / deviations
+    return step, shares
 
 
 def _covariance(

@@ -6,10 +6,12 @@ by ``gauge_direction`` in the base frame.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.calibration.gaps import LONGEST_BRIDGE, interpolate
 from estimator.errors import InputError
 from estimator.model import Load
 from estimator.recording import Recording
@@ -19,8 +21,9 @@ from estimator.specimen import Specimen
 Floats = NDArray[np.float64]
 
 HOOK = "hook"
-SATURATED_REPEATS = 25
-SATURATION_SHARE = 0.995
+REPEATS = 8  # readings in a row that count as standing still
+UNLIKE_OTHERS = 3.0  # times longer, or farther, than at any other level
+LEAST_WAY = 1e-3  # m; less is noise
 LEAST_PULL = 0.02  # N; less is a slack cord
 
 
@@ -62,7 +65,7 @@ def known_pulls(
         if not np.nanmax(np.abs(tension), initial=0.0) > LEAST_PULL:
             continue
         section = gauged_section(recording, gauge, names)
-        require_unsaturated(recording, gauge)
+        require_unsaturated(recording, gauge, section)
         direction = cord_direction(recording, specimen, registration, section)
         unknown = np.full((len(tension), 3), np.nan)
         slack = np.abs(tension) <= LEAST_PULL
@@ -100,10 +103,10 @@ def cord_direction(
     """
     samples = len(recording.time)
     if HOOK in recording.markers:
-        hook = registration.to_base(recording.marker(HOOK))
+        hook = registration.to_base(_bridged(recording, recording.marker(HOOK)))
         knot = np.broadcast_to(np.array(specimen.section(section).frame_origin_m), (samples, 3))
         if section in recording.frames:
-            knot = registration.to_base(recording.pose(section)[:, :3])
+            knot = registration.to_base(_bridged(recording, recording.pose(section)[:, :3]))
         reach = hook - knot
         lengths = np.linalg.norm(reach, axis=1, keepdims=True)
         tied = np.asarray(np.isfinite(hook).all(axis=1))
@@ -115,22 +118,71 @@ def cord_direction(
     return np.broadcast_to(unit / np.linalg.norm(unit), (samples, 3))
 
 
-def require_unsaturated(recording: Recording, gauge: str) -> None:
-    """Refuse a gauge that stood at the end of its range.
+def _bridged(recording: Recording, places: Floats) -> Floats:
+    """Give places at the times of the gauge as well, which reads in between, shape (samples, 3)."""
+    time, seen = recording.time, np.isfinite(places).all(axis=1)
+    if not seen.any():
+        return places
+    known = np.flatnonzero(seen)
+    after = np.clip(np.searchsorted(known, np.arange(len(time))), 0, len(known) - 1)
+    gap = time[known[after]] - time[known[np.maximum(after - 1, 0)]]
+    bridged = np.column_stack([interpolate(time, time, column) for column in places.T])
+    return np.where((seen | (gap <= LONGEST_BRIDGE))[:, None], bridged, np.nan)
+
+
+def require_unsaturated(recording: Recording, gauge: str, section: str) -> None:
+    """Refuse a gauge that stood at the end of its range, however seldom.
 
     Raises:
-        InputError: Its largest reading repeats for long while it pulls.
+        InputError: Its largest reading repeats where it ought to change.
     """
-    tension = recording.gauge(gauge)
-    seen = tension[np.isfinite(tension)]
-    if len(seen) < 2 * SATURATED_REPEATS or seen.max() < 10 * LEAST_PULL:
-        return
-    top = np.asarray(seen == seen.max())
-    runs = np.diff(np.flatnonzero(np.concatenate([[True], ~top, [True]]))) - 1
-    moving = np.ptp(seen[~top]) > 0.5 * seen.max() if (~top).any() else False
-    if moving and runs.max() >= SATURATED_REPEATS and (seen > SATURATION_SHARE * seen.max()).mean() > 0.1:
+    level, repeats = saturation(recording, gauge, section)
+    if repeats:
         raise InputError(
             f"{recording.name}, gauge {gauge}",
-            f"it stood at {seen.max():.3g} N for {runs.max()} readings: the end of its range",
+            f"saturated gauge: it stood at {level:.3g} N for {repeats} readings, the end of its range",
             "pull less, or with a larger gauge",
         )
+
+
+def saturation(recording: Recording, gauge: str, section: str) -> tuple[float, int]:
+    """Find a gauge's largest reading, and how often it repeated at the end of the range.
+
+    Readings repeat in rests as well, where their steps are coarser than their noise. At the end of the range
+    they repeat far longer than at any other level, or while arm and hook move farther than at any other.
+
+    Args:
+        recording: What was recorded.
+        gauge: Name of the gauge.
+        section: Section that its cord is tied to.
+
+    Returns:
+        Largest reading [N], and its repeats in a row; 0 where the range did not end.
+    """
+    pull = np.abs(recording.gauge(gauge))
+    seen = np.flatnonzero(np.isfinite(pull))
+    values = pull[seen]
+    top = float(values.max(initial=0.0))
+    if top < 10 * LEAST_PULL or np.ptp(values) <= 0.5 * top:
+        return top, 0
+    apart = np.diff(recording.time[seen], prepend=-np.inf, append=np.inf) > LONGEST_BRIDGE
+    edges = np.flatnonzero(apart | (np.diff(values, prepend=np.nan, append=np.nan) != 0.0))
+    lengths, levels = np.diff(edges), values[edges[:-1]]
+    longest = int(lengths[levels == top].max())
+    if longest < REPEATS:
+        return top, 0
+    if longest > UNLIKE_OTHERS * lengths[levels < top].max():
+        return top, longest
+    runs = [slice(seen[first], seen[last - 1] + 1) for first, last in pairwise(edges)]
+    ways = np.array([_way(recording, section, run) for run in runs])
+    usual = ways[(levels < top) & (levels > LEAST_PULL)].max(initial=LEAST_WAY)
+    return top, longest if ways[levels == top].max() > UNLIKE_OTHERS * usual else 0
+
+
+def _way(recording: Recording, section: str, during: slice) -> float:
+    """Give how far hook or section moves meanwhile along any axis [m]."""
+    places = [recording.marker(HOOK)] if HOOK in recording.markers else []
+    places += [recording.pose(section)[:, :3]] if section in recording.frames else []
+    parts = [place[during] for place in places]
+    seen = [part[np.isfinite(part).all(axis=1)] for part in parts]
+    return max((float(np.ptp(part, axis=0).max()) for part in seen if len(part)), default=0.0)

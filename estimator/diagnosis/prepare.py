@@ -74,7 +74,7 @@ def prepare(
         gravity=np.tile(gravity, (samples, 1)),
         wrenches=_gauge_wrenches(recording, run, sections, notes),
         suite=run.suite,
-        readings=_same_signs(run.suite, run.readings),
+        readings=run.readings,
         sigma=np.zeros(run.suite.size),
         blocks=blocks_of(run.time),
         heldout=np.zeros(samples, dtype=bool),
@@ -234,19 +234,6 @@ def _orientations(suite: SensorSuite) -> list[slice]:
         if measurement.reading_size in (4, 7):
             found.append(slice(start - 4, start))
     return found
-
-
-def _same_signs(suite: SensorSuite, readings: Floats) -> Floats:
-    """Give quaternions that go on from one sample to the next, so that they can be averaged."""
-    out = readings.copy()
-    for own in _orientations(suite):
-        part = out[:, own]
-        seen = np.flatnonzero(np.isfinite(part).all(axis=1))
-        if len(seen) > 1:
-            steps = np.sign((part[seen[1:]] * part[seen[:-1]]).sum(axis=1))
-            signs = np.cumprod(np.concatenate([[1.0], np.where(steps < 0.0, -1.0, 1.0)]))
-            part[seen] *= signs[:, None]
-    return out
 
 
 def _unit(suite: SensorSuite, readings: Floats) -> Floats:

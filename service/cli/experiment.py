@@ -2,11 +2,14 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from service.cli.output import as_markdown, force_option, json_option, progress, say, show
+
+if TYPE_CHECKING:
+    from service.experiments.live import BenchSettings
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -29,6 +32,12 @@ def _common(command: Command) -> Command:
             "--recorded",
             is_flag=True,
             help="With --fake: record the manoeuvres faster than real time instead of live over zenoh.",
+        ),
+        click.option(
+            "--scenario",
+            type=click.Path(path_type=Path),
+            metavar="FILE",
+            help="With --fake: the fakes to start, with what is wrong with them.",
         ),
         click.option("--seeds", type=click.IntRange(1, 20), default=1, show_default=True, help="Fake arms."),
         click.option("--jobs", type=click.IntRange(1), help="Processes at a time; as many as processors."),
@@ -114,6 +123,7 @@ def _run(
     arm: str | None,
     endpoint: str | None,
     recorded: bool,
+    scenario: Path | None,
     seeds: int,
     jobs: int | None,
     specimen: str | None,
@@ -126,8 +136,13 @@ def _run(
         raise click.UsageError("give either --fake or --arm ID")
     if recorded and not fake:
         raise click.UsageError("--recorded goes with --fake")
+    if scenario is not None and (recorded or not fake):
+        raise click.UsageError("--scenario goes with --fake, live")
     if not recorded:
-        return _live(name, arm=arm, endpoint=endpoint, specimen=specimen, out=out, as_json=as_json)
+        from service.experiments.live import BenchSettings
+
+        bench = BenchSettings(out, arm=arm, endpoint=endpoint, specimen=specimen, scenario=scenario)
+        return _live(name, bench, as_json=as_json)
     return _recorded(
         name,
         seeds=seeds,
@@ -185,25 +200,25 @@ def _recorded(
     return int(bool(failed))
 
 
-def _live(
-    name: str, *, arm: str | None, endpoint: str | None, specimen: str | None, out: Path, as_json: bool
-) -> int:
+def _live(name: str, settings: "BenchSettings", *, as_json: bool) -> int:
+    from estimator.calibration import CalibrationRefusedError
     from service.experiments.live_tables import run_live
 
     def ask(sentence: str) -> None:
         click.prompt(f"{sentence} Press Enter", default="", show_default=False, err=True)
 
-    with progress(f"experiment {name}") as advance:
-        tables = run_live(
-            name,
-            arm=arm,
-            endpoint=endpoint,
-            specimen=specimen,
-            out=out,
-            seed=1,
-            ask=ask,
-            advance=lambda: advance(1),
-        )
+    if settings.arm is None:
+        say("starting fakes and service; the estimator warms up for half a minute at first")
+    try:
+        with progress(f"experiment {name}") as advance:
+            tables = run_live(name, settings, seed=1, ask=ask, tell=say, advance=lambda: advance(1))
+    except CalibrationRefusedError as refusal:
+        say(f"softarm: {refusal}")
+        return 1
+    out = settings.out
     show(*tables, as_json=as_json)
     (out / f"{name}.md").write_text(as_markdown(*tables) + "\n")
+    if name == "calibrate":
+        say(f"wrote {out / 'specimen.toml'}")
+    say(f"wrote {out / f'{name}.json'}, {name}.md and plots beside it")
     return 0

@@ -40,8 +40,8 @@ NOTES = {
         "Held out: calibrated on other recordings. Leave one out: refitted to the other poses of this one.",
     ),
     "force": (
-        "Not pressurised: the gauge moves away in a dozen steps in three directions, estimates while it "
-        "rests. Pressurised: pressures ramp up and down in 8 s against the cord, all estimates.",
+        "Not pressurised: the gauge moves away in about a dozen steps in several directions, estimates while "
+        "it rests. Pressurised: pressures ramp up and down in 8 s against the cord, all estimates.",
         "Errors are of the lateral part along the cord; range is that of the gauge in the run. The gauge is "
         "averaged over the same window as the readings, and each pull is tared by the rest just before it. "
         "Standard deviations are of the force before that: the tare takes out much of what the model lacks.",
@@ -177,8 +177,8 @@ _AIMS: tuple[tuple[str, str, Callable[[Cells], bool]], ...] = (
 )
 
 
-def write_json(results: Sequence[SeedResult], path: Path) -> None:
-    """Write every row and every plotted series."""
+def write_json(results: Sequence[SeedResult], path: Path, way: str = WAY) -> None:
+    """Write every row and every plotted series, and in which way they came about."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    document = {"schema": "softarm.experiments/1", "way": WAY, "seeds": [asdict(r) for r in results]}
+    document = {"schema": "softarm.experiments/1", "way": way, "seeds": [asdict(r) for r in results]}
     path.write_text(json.dumps(document, indent=1, default=str))

@@ -169,39 +169,52 @@ def base_to_laboratory(recording: Recording) -> Callable[[Floats], Floats]:
     return lambda points: points @ turn.T + first[:3]
 
 
+@dataclass(frozen=True)
+class BenchSettings:
+    """Where an experiment runs.
+
+    Args:
+        out: Folder of everything that it writes.
+        arm: Name of a served arm; ``None`` starts fakes.
+        endpoint: Where its service listens.
+        specimen: Specimen of the fakes' service, and what a served arm's figures rest on; that of the service
+            when left out.
+        scenario: Scenario of the fakes; that of the demo when left out.
+    """
+
+    out: Path
+    arm: str | None = None
+    endpoint: str | None = None
+    specimen: str | None = None
+    scenario: Path | None = None
+
+
 @contextmanager
 def live_bench(
-    arm: str | None,
-    endpoint: str | None,
-    specimen: str | None,
-    out: Path,
-    ask: Callable[[str], None],
-    sensors: tuple[str, ...] = ("orientation",),
+    settings: BenchSettings, ask: Callable[[str], None], sensors: tuple[str, ...] = ("orientation",)
 ) -> Iterator[LiveBench]:
     """Connect to an arm, or start fakes and a service on them.
 
     Args:
-        arm: Name of a served arm; ``None`` starts fakes.
-        endpoint: Where its service listens.
-        specimen: Specimen of the fakes' service; ignored for a served arm.
-        out: Folder of the fakes' logs and recordings.
+        settings: Which.
         ask: Tells a person what to do and returns when it is done.
         sensors: Kinds of sensors of the fakes' estimator.
     """
+    arm, endpoint, specimen = settings.arm, settings.endpoint, settings.specimen
     with ExitStack() as stack:
         if arm is not None:
             client = stack.enter_context(SoftarmClient(arm, endpoint or DEFAULT_ENDPOINT, name="experiment"))
             operator: Operator = Person(ask)
         else:
             chosen = specimen or str(EXAMPLES / "specimens" / "fake_arm.toml")
-            settings = RigSettings(
-                EXAMPLES / "scenarios" / "demo.toml",
+            started = RigSettings(
+                settings.scenario or EXAMPLES / "scenarios" / "demo.toml",
                 specimen=chosen,
                 endpoint=endpoint or free_endpoint(),
                 sensors=sensors,
                 patience=PATIENCE,
             )
-            rig = stack.enter_context(FakeRig(settings, out / "rig"))
+            rig = stack.enter_context(FakeRig(started, settings.out / "rig"))
             client = stack.enter_context(connect(rig))
             control = stack.enter_context(FakeControl(str(rig.announcement["control"])))
             operator = FakeOperator(control, laboratory_of(control))

@@ -1,6 +1,6 @@
 """Live experiments and their tables: run through the service, recorded by it, judged as recorded runs are."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,17 +11,17 @@ from estimator.calibration import Options, Run, arrange, calibrate, calibrated_s
 from estimator.calibration.complaints import complaints
 from estimator.recording import Recording
 from estimator.sensing import SensorSuite
-from estimator.specimen import Specimen, load_specimen, save_specimen
+from estimator.specimen import Specimen, save_specimen
 from service.cli.calibrate import tables as calibration_tables
 from service.cli.output import Table
 from service.experiments.campaign import tables_of, write_json
 from service.experiments.force_rows import PullCase, along_cord_row, follow_pull
 from service.experiments.holds import hold_windows, means
-from service.experiments.live import LiveBench, live_bench
+from service.experiments.live import BenchSettings, LiveBench, live_bench
 from service.experiments.live_runs import calibrate_live, force_live, teach_live, validate_live
 from service.experiments.models import known_force_solver
 from service.experiments.paper import FORCE_N
-from service.experiments.plots import plot_results
+from service.experiments.plots import plot_prediction, plot_results
 from service.experiments.seed import SeedResult, series_of
 from service.experiments.teaching import TaughtPoses, miss_rows, misses, pose_of
 from service.experiments.validation import pose_errors, rows
@@ -36,60 +36,66 @@ WAY = "Live over zenoh; figures are of the service's recording, by the service's
 
 def run_live(
     name: str,
+    settings: BenchSettings,
     *,
-    arm: str | None,
-    endpoint: str | None,
-    specimen: str | None,
-    out: Path,
     seed: int,
     ask: Callable[[str], None],
+    tell: Callable[[str], None],
     advance: Callable[[], None],
 ) -> tuple[Table, ...]:
     """Run one experiment live and give its tables; recordings, plots and JSON go to a folder.
 
     Args:
         name: ``calibrate``, ``validate``, ``teach`` or ``force``.
-        arm: Name of a served arm; ``None`` starts fakes.
-        endpoint: Where its service listens.
-        specimen: Specimen; that of the service when left out.
-        out: Folder of everything.
+        settings: Where it runs.
         seed: Of the random poses.
         ask: Tells a person what to do and returns when it is done.
+        tell: Takes what was written before the rest is done.
         advance: Called after each step.
     """
     sensors = ("pose",) if name == "teach" else ("orientation",)
-    with live_bench(arm, endpoint, specimen, out, ask, sensors) as bench:
+    out = settings.out
+    with live_bench(settings, ask, sensors) as bench:
         bench.advance = advance
         done = _RUNS[name](bench, seed)
         known = bench.specimen
-    for recording in done:
-        save_recording(recording, out / "recordings" / recording.name, force=True)
-    result = SeedResult(seed)
-    more: tuple[Table, ...] = ()
+    kept = [str(save_recording(r, out / "recordings" / r.name, force=True)[0].parent) for r in done]
+    tell(f"recorded: {', '.join(kept)}")
+    result, plots = SeedResult(seed), out / "plots"
     if name == "calibrate":
-        more = _calibrated(known, done, out, advance)
+        tables = _calibrated(known, done, out, advance)
+        result.tables = {table.title: list(map(dict, table.rows)) for table in tables}
+        plot_prediction(tables[-1].rows, plots / "calibration.png")
     else:
         _JUDGES[name](known, done, result)
-    write_json((result,), out / f"{name}.json")
-    plot_results((result,), out / "plots")
-    tables = tables_of((result,))
-    return (*(replace(table, notes=(*table.notes, WAY)) for table in tables), *more)
+        tables = tuple(_alone(table) for table in tables_of((result,)))
+        plot_results((result,), plots)
+    write_json((result,), out / f"{name}.json", WAY)
+    notes = (*complaints_of(known, done), *result.notes, WAY)
+    return (*tables[:-1], replace(tables[-1], notes=(*tables[-1].notes, *notes)))
+
+
+def _alone(table: Table) -> Table:
+    """Leave out the number of the arm: there is one."""
+    return replace(table, rows=[{k: v for k, v in row.items() if k != "seed"} for row in table.rows])
+
+
+def complaints_of(specimen: Specimen, recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Name what the recordings lack."""
+    loads = section_forces(specimen)
+    return tuple(told for r in recordings for told in complaints(r, arrange(r, specimen, None, loads)))
 
 
 def _calibrated(
-    specimen: Specimen, recordings: tuple[Recording, ...], out: Path, advance: Callable[[], None]
+    specimen: Specimen, recordings: Sequence[Recording], out: Path, advance: Callable[[], None]
 ) -> tuple[Table, ...]:
-    nominal = load_specimen(specimen.name) if specimen.calibration.recordings else specimen
-    loads = section_forces(nominal)
-    runs = [arrange(recording, nominal, None, loads) for recording in recordings]
-    lacking = [told for pair in zip(recordings, runs, strict=True) for told in complaints(*pair)]
-    solver = known_force_solver(nominal, lambda _: advance())
-    found = calibrate(solver, nominal, runs, Options(nodes=NODES, iterations=8))
+    loads = section_forces(specimen)
+    runs = [arrange(recording, specimen, None, loads) for recording in recordings]
+    solver = known_force_solver(specimen, lambda _: advance())
+    found = calibrate(solver, specimen, runs, Options(nodes=NODES, iterations=8))
     told = f"softarm experiment calibrate, {', '.join(run.name for run in runs)}"
-    save_specimen(calibrated_specimen(nominal, found, told), out / "specimen.toml")
-    first, *others = calibration_tables(found)
-    written = f"Written to {out / 'specimen.toml'}."
-    return (replace(first, notes=(*first.notes, *lacking, WAY, written)), *others)
+    save_specimen(calibrated_specimen(specimen, found, told), out / "specimen.toml")
+    return calibration_tables(found)
 
 
 def _validated(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedResult) -> None:

@@ -1,6 +1,6 @@
 """Plots of the experiments in the paper's form."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib as mpl
@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from service.cli.output import Cell
 from service.experiments.seed import SeedResult, Series
 
 DPI = 110
@@ -32,6 +33,30 @@ def plot_results(results: Sequence[SeedResult], folder: Path) -> tuple[Path, ...
         if "teach" in result.series:
             paths.append(_save(_teach(result.series["teach"]), folder / f"teach_seed{result.number}.png"))
     return tuple(paths)
+
+
+def plot_prediction(rows: Sequence[Mapping[str, Cell]], path: Path) -> Path:
+    """Draw how far the old calibration, the fit and its held-out check are off, one panel a unit.
+
+    Args:
+        rows: Rows of the table of prediction errors.
+        path: Where the picture goes.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    units = list(dict.fromkeys(str(row["unit"]) for row in rows))
+    figure = Figure(figsize=(4.8 * len(units), 3.2), layout="constrained")
+    panels = figure.subplots(1, len(units), squeeze=False)[0]
+    for panel, unit in zip(panels, units, strict=True):
+        chosen = [row for row in rows if row["unit"] == unit]
+        places = np.arange(len(chosen))
+        for number, name in enumerate(("old_calibration", "training", "held_out")):
+            values = [np.nan if (value := row[name]) is None else float(value) for row in chosen]
+            panel.bar(places + 0.27 * number, values, 0.25, label=name.replace("_", " "))
+        labels = [f"{row['sensor']} {row['component']}" for row in chosen]
+        panel.set_xticks(places + 0.27, labels, rotation=60, ha="right")
+        panel.set(ylabel=f"error, rms [{unit}]")
+        panel.legend()
+    return _save(figure, path)
 
 
 def _save(figure: Figure, path: Path) -> Path:

@@ -104,10 +104,41 @@ def test_a_pull_points_from_the_knot_to_the_hook() -> None:
     np.testing.assert_allclose(run.loads[-1], [0.0, 0.0, 0.0, 0.3, 0.4, 0.0], atol=1e-9)
 
 
+def test_a_gauge_that_reads_between_the_frames_pulls_along_its_cord() -> None:
+    specimen = load_specimen("sopra")
+    count = int(20.0 * RATE)
+    told = posed(gauge_cord_n=np.linspace(0.0, 0.5, count), **hook((0.6, 0.8, 0.0)))
+    odd = np.arange(count) % 2 == 1
+    columns = {
+        name: np.where(odd == name.startswith("gauge"), column, np.nan)
+        for name, column in told.columns.items()
+    }
+    for name in ("x", "y", "z"):
+        columns[f"marker_hook_{name}_m"][700:800] = np.nan  # taken off for two seconds
+    apart = Recording(told.name, told.time, columns, told.info)
+    run = arrange(apart, specimen, None, section_forces(specimen))
+    np.testing.assert_allclose(run.loads[200, 3:5], [0.12, 0.16], atol=1e-3)
+    assert np.isfinite(run.loads).all()
+    tied = pull_of(apart, specimen, run).tied
+    np.testing.assert_array_equal(
+        tied[[300, 349, 375, 399, 401, 450]], [True, True, False, False, True, True]
+    )
+
+
+def test_readings_of_one_orientation_with_either_sign_are_averaged() -> None:
+    told = posed()
+    columns = dict(told.columns)
+    for part in ("qw", "qx", "qy", "qz"):
+        columns[f"frame_tip_{part}"] = np.where(np.arange(len(told.time)) % 2, 1.0, -1.0) * (part == "qx")
+    run = arrange(Recording(told.name, told.time, columns, told.info), load_specimen("sopra"))
+    held = means(run, np.array([[1.0, 2.0]]))
+    np.testing.assert_allclose(np.abs(held.readings[0, -4:]), [0.0, 1.0, 0.0, 0.0])
+
+
 SICK = {
     "slack": (np.full(1000, 0.01), "the cord was slack; move the gauge away"),
     "silent": (np.full(1000, np.nan), "never answered; check its cable"),
-    "saturated": (np.minimum(np.linspace(0.0, 3.0, 1000), 1.5), "the end of its range; pull less"),
+    "saturated": (np.minimum(np.linspace(0.0, 1.5, 1000), 1.455), "saturated gauge: .*; pull less"),
 }
 
 
