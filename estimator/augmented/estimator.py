@@ -79,7 +79,8 @@ def estimator_of(
     segments = Segments.of(specimen, model.sections, rest)
     arm = SimulatedArm(stretched(model, specimen), segments)
     names = tuple(sensor.name for sensor in suite.measurements)
-    world = World.of(specimen, segments, model.sections, arm.stiffness(), names, pressures_measured)
+    stiffness, actuation = arm.stiffness(), settings.actuation
+    world = World.of(specimen, segments, model.sections, stiffness, names, pressures_measured, actuation)
     effects = accepted_physics(specimen, world)
     return AugmentedEstimator(arm, tuple(loads), world, effects, suite, settings)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.effects import World
-from estimator.effects.augmented import PlacedEffect, signals_of
+from estimator.effects.augmented import PRESSURES, PlacedEffect, signals_of
 from estimator.model import Frames
 from estimator.simulation import Arm, Drive, Response
 
@@ -91,7 +91,7 @@ class Solver:
         for placed in effects:
             hook = placed.effect.hook
             value, _ = placed.act(replace(signals, pressures=drive.pressures), ())
-            if hook in ("pressure", "command"):
+            if hook in PRESSURES:
                 drive = replace(drive, pressures=value)
             elif hook == "gravity":
                 drive = replace(drive, gravity=drive.gravity + value)

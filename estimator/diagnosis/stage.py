@@ -13,7 +13,7 @@ from estimator.calibration.pressures import by_unknown
 from estimator.diagnosis.session import Session, units
 from estimator.diagnosis.solver import Solver
 from estimator.effects import World
-from estimator.effects.augmented import PlacedEffect, signals_of, simulate_with
+from estimator.effects.augmented import PRESSURES, PlacedEffect, signals_of, simulate_with
 from estimator.model import Frames
 from estimator.rotations import exp
 from estimator.sensing import Scene, SensorSuite
@@ -208,7 +208,7 @@ class Stage:
         signals = signals_of(drive, self.world, response)
         value, _ = placed.act(signals, ())
         chambers = drive.pressures.shape[1]
-        if hook in ("pressure", "command"):
+        if hook in PRESSURES:
             return _applied(self.by_input[..., :chambers], value - drive.pressures)
         if hook == "gravity":
             return _applied(self.by_input[..., -3:], value)
@@ -322,7 +322,9 @@ def build_stage(model: Model, session: Session, setting: Setting, torsion: Float
     suite = setting.aligned(session.suite)
     sensors = tuple(m.name for m in suite.measurements)
     stiffness = stiffness_along(arm.segments, response.frames, response.by_wrench)
-    world = World.of(model.specimen, arm.segments, model.sections, stiffness, sensors)
+    world = World.of(
+        model.specimen, arm.segments, model.sections, stiffness, sensors, actuation=setting.actuation
+    )
     return Stage(session, setting, LinearisedArm(arm.segments, drive, response), arm, world, suite, drive)
 
 

@@ -27,6 +27,8 @@ FIRST_STEP = {"couple": 1.0, "load": 1e-4, "support": 1.0}
 """Share of the first gap to take: a stiff contact taken whole would throw the arm off the wall for good."""
 
 SMALLEST_STEP = 1e-6
+PRESSURES = ("pressure", "command")
+"""Where effects enter that change pressures."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +46,17 @@ class PlacedEffect:
     theta: Floats
 
     def act(self, signals: Signals, memory: Memory) -> tuple[Floats, Memory]:
-        """Run the effect over a stretch of time."""
-        return self.effect.act(signals, self.theta, self.spot, memory)
+        """Run the effect over a stretch of time.
+
+        What changes pressures changes those in the chambers. A calibration says what these are worth, and its
+        curve, be it of the winding or of the rubber, goes with the pressure that is there.
+        """
+        actuation = self.spot.world.actuation
+        if self.effect.hook not in PRESSURES or actuation is None:
+            return self.effect.act(signals, self.theta, self.spot, memory)
+        inside = actuation.to_measured(signals.pressures)
+        changed, memory = self.effect.act(replace(signals, pressures=inside), self.theta, self.spot, memory)
+        return signals.pressures + actuation.to_chamber(changed) - actuation.to_chamber(inside), memory
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.errors import InputError
+from estimator.sensing import ActuationMap
 from estimator.simulation import Segments
 from estimator.specimen import Specimen
 from estimator.specimen.physics import Place
@@ -29,6 +30,8 @@ class World:
             [N/m]; shape (segments, 4), or as matrices in every pose, (samples, segments, 4, 4).
         masses: Weighed masses, gathered at the sections' origins [kg], 0 where unknown; shape (sections,).
         pressures_measured: Whether pressures are those of sensors at the chambers, not set-points.
+        actuation: From the pressures in the chambers to those that drive the model; ``None`` where they are
+            the same.
     """
 
     segments: tuple[str, ...]
@@ -40,6 +43,7 @@ class World:
     stiffness: Floats
     masses: Floats
     pressures_measured: bool = False
+    actuation: ActuationMap | None = None
 
     @classmethod
     def of(
@@ -50,6 +54,7 @@ class World:
         stiffness: Floats,
         sensors: tuple[str, ...] = (),
         pressures_measured: bool = False,
+        actuation: ActuationMap | None = None,
     ) -> "World":
         """Describe a specimen whose segments' stiffness is known, as of ``SimulatedArm.stiffness``."""
         return cls(
@@ -62,6 +67,7 @@ class World:
             stiffness,
             _masses(specimen, segments, sections),
             pressures_measured,
+            actuation,
         )
 
     @property
