@@ -13,6 +13,7 @@ from estimator.errors import InputError
 from estimator.recording import Recording
 from estimator.rotations import from_quaternions
 from estimator.specimen import Specimen, load_specimen
+from service.api.messages import State
 from service.experiments.bench import FakeControl, laboratory_of, ramp_pressures
 from service.experiments.excitation import specimen_of_arm
 from service.experiments.operator import FakeOperator, Operator, Person
@@ -29,6 +30,8 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 LIFETIME_S = 5.0
 PATIENCE = 5.0
 """With devices that share the machine with everything else."""
+GAUGE_S = 5.0
+"""How long a gauge may take to tell its first reading."""
 AGAIN_S = 1.0
 """How long the way back to a pose takes after a fault."""
 
@@ -67,6 +70,26 @@ class LiveBench:
             if pose.section == section:
                 return np.array(pose.position_m)
         raise InputError(self.client.keys.arm, f"tells no pose of {section}", "see its findings")
+
+    def lost(self) -> list[str]:
+        """Name the sensors that the service finds silent, with what it says to do."""
+        silent = (finding for finding in self.client.state().findings if finding.code == "stale_sensor")
+        return [f"{finding.where}: {finding.message}; {finding.hint}" for finding in silent]
+
+    def require_gauge(self, section: str = "tip") -> None:
+        """Make sure that a gauge reads before anybody pulls.
+
+        Raises:
+            InputError: It tells nothing.
+        """
+        try:
+            self.client.wait_for("state", State, lambda s: s.gauges_n.get(section) is not None, GAUGE_S)
+        except TimeoutError:
+            raise InputError(
+                f"{self.client.keys.arm}, gauge of {section}",
+                "tells nothing",
+                "switch it on, check its cable and its entry in [[sensors]], then pull anew",
+            ) from None
 
     def go(self, pressures: Floats, ramp_s: float, hold_s: float) -> None:
         """Lead the pressures along a line and hold them."""

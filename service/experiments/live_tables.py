@@ -31,6 +31,8 @@ Floats = NDArray[np.float64]
 
 LOOK_S = 0.5
 NODES = 90
+PULLED = ("calibrate", "force")
+SAME = ("seed", "sensors", "unknown_loads", "paper_mean_n", "paper_max_n")
 WAY = "Live over zenoh; figures are of the service's recording, by the service's own estimator."
 
 
@@ -57,6 +59,10 @@ def run_live(
     out = settings.out
     with live_bench(settings, ask, sensors) as bench:
         bench.advance = advance
+        for lost in bench.lost():
+            tell(lost)
+        if name in PULLED:
+            bench.require_gauge()
         done = _RUNS[name](bench, seed)
         known = bench.specimen
     kept = [str(save_recording(r, out / "recordings" / r.name, force=True)[0].parent) for r in done]
@@ -68,16 +74,18 @@ def run_live(
         plot_prediction(tables[-1].rows, plots / "calibration.png")
     else:
         _JUDGES[name](known, done, result)
-        tables = tuple(_alone(table) for table in tables_of((result,)))
+        tables = tuple(_alone(table, seed) for table in tables_of((result,)))
         plot_results((result,), plots)
     write_json((result,), out / f"{name}.json", WAY)
-    notes = (*complaints_of(known, done), *result.notes, WAY)
+    notes = (*complaints_of(known, done), WAY)
     return (*tables[:-1], replace(tables[-1], notes=(*tables[-1].notes, *notes)))
 
 
-def _alone(table: Table) -> Table:
-    """Leave out the number of the arm: there is one."""
-    return replace(table, rows=[{k: v for k, v in row.items() if k != "seed"} for row in table.rows])
+def _alone(table: Table, seed: int) -> Table:
+    """Leave out what does not differ on one arm; the first row gives all headings that are left."""
+    names = [name for name in dict.fromkeys(n for row in table.rows for n in row) if name not in SAME]
+    notes = tuple(note.removeprefix(f"Seed {seed}: ") for note in table.notes)
+    return replace(table, rows=[{name: row.get(name) for name in names} for row in table.rows], notes=notes)
 
 
 def complaints_of(specimen: Specimen, recordings: Sequence[Recording]) -> tuple[str, ...]:
@@ -100,6 +108,7 @@ def _calibrated(
 
 def _validated(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedResult) -> None:
     run = arrange(recordings[0], specimen, None, section_forces(specimen))
+    pose_of(run, specimen.sections[-1].name)  # the paper's figures are of the tip
     holds = means(run, hold_windows(recordings[0]))
     errors = pose_errors(known_force_solver(specimen), specimen, holds)
     result.add("validation", rows(errors, "held out"))
@@ -133,7 +142,8 @@ def _taught(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedR
         result.add("teach", miss_rows(label, millimetres[reachable], degrees[reachable]))
     result.series["teach"] = {"mm_0": millimetres.tolist(), "degrees_0": degrees.tolist()}
     lost = f", {int((~seen).sum())} left out: not seen while shown or held" if not seen.all() else ""
-    result.notes.append(f"{len(held)} poses, {int(reachable.sum())} told reachable{lost}.")
+    told = f"{len(held)} poses, {int(reachable.sum())} told reachable to within the sensors' noise"
+    result.notes.append(f"{told}{lost}.")
 
 
 def _pose_before(run: Run, end: float) -> Floats:

@@ -148,7 +148,7 @@ def pose_of(run: Run, section: str) -> tuple[SectionPose, Floats]:
         start += sensor.reading_size
         if isinstance(sensor, SectionPose) and sensor.name == f"frame_{section}":
             return sensor, readings
-    raise InputError(run.name, f"has no pose of {section}", "record its body")
+    raise InputError(run.name, f"has no pose of {section}", "bring its markers into view, and record anew")
 
 
 def still_windows(time: Floats, positions: Floats, look: float = 0.5) -> Floats:

@@ -7,11 +7,16 @@ import numpy as np
 import pytest
 
 from estimator.calibration.solver import Response
+from estimator.errors import InputError
 from estimator.model import Inputs, Load
-from estimator.recording import Recording
+from estimator.recording import POSE_SUFFIXES, Recording
+from estimator.specimen import load_specimen
 from service.experiments.holds import hold_windows
+from service.experiments.live import LiveBench
+from service.experiments.live_tables import _validated
 from service.experiments.models import NEAR_N, NEAR_PA, Answers, WarmSolver
 from service.experiments.pulls import tare
+from service.experiments.seed import SeedResult
 from service.offline.track import Waypoints
 
 
@@ -75,3 +80,32 @@ def test_a_waypoint_serves_models_with_other_loads(names: tuple[str, ...]) -> No
     np.testing.assert_allclose(found[1].loads, [wanted.get(name, 0.0) for name in names])
     np.testing.assert_allclose(found[1].pressures, 1e4)
     assert found[0] == "state"
+
+
+def test_a_silent_gauge_is_named_before_anybody_pulls() -> None:
+    class Client:
+        keys = SimpleNamespace(arm="sopra")
+
+        def wait_for(self, stream: str, kind: type, accept: Any, timeout_s: float) -> Any:
+            if not accept(SimpleNamespace(gauges_n={"tip": None})):
+                raise TimeoutError
+            return None
+
+        def state(self) -> Any:
+            lost = {"where": "orientation_tip", "message": "no reading yet", "hint": "check its cable"}
+            return SimpleNamespace(
+                findings=[SimpleNamespace(code="stale_sensor", **lost), SimpleNamespace(code="other")]
+            )
+
+    bench = LiveBench(cast(Any, Client()), cast(Any, None), cast(Any, None))
+    with pytest.raises(InputError, match="sopra, gauge of tip: tells nothing; switch it on"):
+        bench.require_gauge()
+    assert bench.lost() == ["orientation_tip: no reading yet; check its cable"]
+
+
+def test_without_the_pose_of_the_tip_nothing_is_held_against_the_paper() -> None:
+    time = np.arange(0.0, 2.0, 0.01)
+    pose = {f"frame_intermediate_{part}": np.full(200, float(part == "qw")) for part in POSE_SUFFIXES}
+    recording = Recording("validate", time, pose | {"pressure_0_pa": np.zeros(200)})
+    with pytest.raises(InputError, match="has no pose of tip; bring its markers into view"):
+        _validated(load_specimen("sopra"), (recording,), SeedResult(1))
