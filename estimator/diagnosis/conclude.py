@@ -21,6 +21,7 @@ from estimator.diagnosis.result import (
     Rejected,
     Rival,
     Trace,
+    Unexplained,
 )
 from estimator.diagnosis.session import channels, units
 from estimator.diagnosis.stage import Stage
@@ -200,6 +201,26 @@ def findings_of(search: Search, choice: Choice) -> tuple[Finding, ...]:
         gain = float(predictions.before.sum() - predictions.after.sum())
         found.append((gain, _finding(search, choice, accepted, index, predictions)))
     return tuple(finding for _, finding in sorted(found, key=lambda entry: -entry[0]))
+
+
+def unknown(left: Unexplained, heldout: Heldout, search_p: float) -> Finding:
+    """Say that something is missing which no known effect explains.
+
+    Args:
+        left: Where it sits and what it varies with, as far as that is known.
+        heldout: The error on held-out data, which nothing lowers.
+        search_p: Chance that the whole search finds as much where nothing is missing.
+    """
+    sits = f" They differ most at {describe(left.where)}, varying with {left.when}." if left.when else ""
+    return Finding(
+        effect="unknown",
+        where=left.where,
+        when=left.when,
+        statement="Model and recordings differ, and no known effect predicts data that no fit has seen any "
+        f"better.{sits}",
+        parameters={},
+        evidence=Evidence(0.0, heldout.before, heldout.after, (0.0, 0.0), search_p),
+    )
 
 
 def _finding(

@@ -16,6 +16,7 @@ from estimator.diagnosis.conclude import (
     heldout_result,
     proven,
     traces_of,
+    unknown,
 )
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.form import form_columns
@@ -205,6 +206,9 @@ def _outcome(
     changed = remainder > STRUCTURE or _changed(search, choice)
     verdict = _verdict(choice, changed=changed, found=bool(findings))
     unexplained = _unexplained(verdict, remainder, left_map)
+    heldout = heldout_result(search, predictions, how)
+    if verdict == "unexplained":
+        findings = (unknown(unexplained, heldout, choice.alarm_p),)
     diagnosis = Diagnosis(
         specimen=evidence.specimen,
         recordings=tuple(stage.session.name for stage in suspects),
@@ -213,7 +217,7 @@ def _outcome(
         baseline=baseline,
         map=first_map,
         findings=findings,
-        heldout=heldout_result(search, predictions, how),
+        heldout=heldout,
         unexplained=unexplained,
         not_testable=_not_testable(search),
         notes=tuple(notes),

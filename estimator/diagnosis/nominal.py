@@ -16,6 +16,8 @@ WIDTHS = (0.01, 0.03, 0.06, 0.12, 0.25)
 """Standard deviations tried for what changes of each effect from run to run, in typical sizes."""
 WIDEST = 0.5
 """The same where something has changed."""
+MATERIAL = 0.1
+"""Changes by less, in typical sizes, are as between any two manoeuvres of one arm."""
 UNKNOWN = 0.03
 """The same where no nominal recording tells."""
 NUISANCE = 0.1
@@ -77,9 +79,9 @@ def predictive(belief: Belief, fold: Sequence[Products], share: float, size: int
 def evidence_of_change(
     evidence: Evidence, belief: Belief, width: float, parts: Sequence[Products], share: float
 ) -> float:
-    """Give how much likelier recordings are if more has changed in them than from one nominal run to another.
+    """Give how much likelier recordings are if more than a little has changed since the nominal ones.
 
-    No single effect need explain them: all may have changed a little.
+    No single effect need explain them: all may have changed.
 
     Args:
         evidence: All recordings.
@@ -89,12 +91,16 @@ def evidence_of_change(
         share: Share of independent samples.
 
     Returns:
-        Twice the logarithm of the ratio of the densities, at the likeliest of some widths.
+        Twice the log ratio of the densities, at the likeliest widths above and below ``MATERIAL``.
     """
-    usual = predictive(belief, parts, share, evidence.size)
-    wider = [w for w in (*WIDTHS, WIDEST) if w > width]
-    beliefs = [belief.wider(_spreads(evidence, float(np.sqrt(w**2 - width**2)))) for w in wider]
-    return max(predictive(one, parts, share, evidence.size) for one in beliefs) - usual
+
+    def likelihood(wider: float) -> float:
+        added = float(np.sqrt(wider**2 - width**2))
+        return predictive(belief.wider(_spreads(evidence, added)), parts, share, evidence.size)
+
+    tried = [width, *(w for w in (*WIDTHS, WIDEST) if w > width)]
+    little = [w for w in tried if w == width or w < MATERIAL]
+    return max(likelihood(w) for w in tried if w not in little) - max(likelihood(w) for w in little)
 
 
 def _sandwich(covariance: Floats, matrix: Floats, root: Floats) -> Floats:

@@ -103,6 +103,8 @@ def _finding(number: int, finding: Finding) -> str:
     evidence = finding.evidence
     low, high = (100.0 * gain for gain in evidence.heldout_gain_ci95)
     title = f"{number}. {finding.effect.replace('_', ' ')}, {describe(finding.where)}"
+    if finding.effect == "unknown":
+        return f"<h3>{escape(title)}</h3><p>{escape(finding.statement)}</p>"
     told = (
         f"Gain on held-out data: {low:.0f} to {high:.0f} %, from {evidence.heldout_before:.2f} to "
         f"{evidence.heldout_after:.2f} times the noise. The evidence is {evidence.delta_bic:.0f} in BIC"
