@@ -20,7 +20,7 @@ from estimator.diagnosis.result import (
     Unexplained,
     Verdict,
 )
-from estimator.diagnosis.valves import LAGS, Valve, predict, valves_of
+from estimator.diagnosis.valves import LAGS, OPEN, Valve, ceilings_of, predict, valves_of
 from estimator.recording import Recording
 from estimator.specimen.physics import EffectName, Place
 
@@ -75,19 +75,19 @@ class Split:
 def splits_of(recordings: Sequence[Recording]) -> list[Split]:
     """Learn each valve's law from the first half of its activity in each recording."""
     found = []
-    for recording in recordings:
-        for whole in valves_of(recording):
-            time = recording.time
-            asked = recording.columns[f"pressure_cmd_{whole.chamber}_pa"]
-            given = recording.columns[f"pressure_{whole.chamber}_pa"]
-            active = np.flatnonzero(np.nan_to_num(asked) > 500.0)
-            middle = float(0.5 * (time[active[0]] + time[active[-1]]))
+    ceilings = ceilings_of(recordings)
+    valves = [(recording, valve) for recording in recordings for valve in valves_of(recording, ceilings)]
+    for chamber in sorted({valve.chamber for _, valve in valves}):
+        own = [(recording, valve) for recording, valve in valves if valve.chamber == chamber]
+        middles = [_middle(recording, chamber) for recording, _ in own]
+        early = [r.window(np.asarray(r.time <= middle)) for (r, _), middle in zip(own, middles, strict=True)]
+        met = ceilings_of(early)
+        for (recording, whole), half, middle in zip(own, early, middles, strict=True):
+            time, asked, given = recording.time, *_columns(recording, chamber)
             if not np.isfinite(asked[time > middle] + given[time > middle]).any():
                 continue
-            early = recording.window(np.asarray(time <= middle))
-            learnt = {valve.chamber: valve for valve in valves_of(early)}
+            learnt = {valve.chamber: valve for valve in valves_of(half, met)}
             seen = np.isfinite(asked) & np.isfinite(given)
-            law = learnt.get(whole.chamber, whole)
             found.append(
                 Split(
                     recording.name,
@@ -95,11 +95,23 @@ def splits_of(recordings: Sequence[Recording]) -> list[Split]:
                     time[seen],
                     asked[seen],
                     given[seen],
-                    predict(law, time[seen], asked[seen]),
+                    predict(learnt.get(chamber, whole), time[seen], asked[seen]),
                     time[seen] > middle,
                 )
             )
     return found
+
+
+def _columns(recording: Recording, chamber: int) -> tuple[Floats, Floats]:
+    """Give set-points and pressures of a chamber [Pa], shape (samples,)."""
+    return recording.columns[f"pressure_cmd_{chamber}_pa"], recording.columns[f"pressure_{chamber}_pa"]
+
+
+def _middle(recording: Recording, chamber: int) -> float:
+    """Give the middle of the time in which a valve is open [s]."""
+    asked, _ = _columns(recording, chamber)
+    active = recording.time[np.nan_to_num(asked) > OPEN]
+    return float(0.5 * (active[0] + active[-1]))
 
 
 def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple[Finding, ...]:

@@ -5,6 +5,7 @@ F of time constant tau, and the static law S(u) = 0 where u is at most the dead 
 min((1 + g) (u - dead band) + b, ceiling). d and tau come from the changes, S from the holds.
 """
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -73,9 +74,37 @@ class Valve:
     noise: float
 
 
-def valves_of(recording: Recording) -> tuple[Valve, ...]:
-    """Describe every valve of which set-point and pressure were both recorded and that was opened."""
-    found = []
+def valves_of(recording: Recording, ceilings: Mapping[int, float]) -> tuple[Valve, ...]:
+    """Describe every valve of which set-point and pressure were both recorded and that was opened.
+
+    Args:
+        recording: The recording.
+        ceilings: Pressures that valves do not pass [Pa], of ``ceilings_of``, by their chambers.
+    """
+    return tuple(
+        _valve(chamber, time, asked, given, ceilings.get(chamber, float("inf")))
+        for chamber, time, asked, given in _opened(recording)
+    )
+
+
+def ceilings_of(recordings: Sequence[Recording]) -> dict[int, float]:
+    """Find the pressures [Pa] that valves do not pass in any of some recordings, by their chambers."""
+    levels: dict[int, list[Floats]] = {}
+    reached: dict[int, list[Floats]] = {}
+    for recording in recordings:
+        for chamber, time, asked, given in _opened(recording):
+            level, pressure = _holds(time, asked, given)
+            levels.setdefault(chamber, []).append(level)
+            reached.setdefault(chamber, []).append(pressure)
+    found = {
+        chamber: _ceiling(np.concatenate(own), np.concatenate(reached[chamber]))
+        for chamber, own in levels.items()
+    }
+    return {chamber: ceiling for chamber, ceiling in found.items() if np.isfinite(ceiling)}
+
+
+def _opened(recording: Recording) -> Iterator[tuple[int, Floats, Floats, Floats]]:
+    """Give chamber, time, set-points and pressures of each valve that was opened."""
     for chamber in recording.chambers:
         asked = recording.columns.get(f"pressure_cmd_{chamber}_pa")
         given = recording.columns.get(f"pressure_{chamber}_pa")
@@ -83,8 +112,7 @@ def valves_of(recording: Recording) -> tuple[Valve, ...]:
             continue
         seen = np.isfinite(asked) & np.isfinite(given)
         if seen.sum() > 50 and float(asked[seen].max()) > OPEN:
-            found.append(_valve(chamber, recording.time[seen], asked[seen], given[seen]))
-    return tuple(found)
+            yield chamber, recording.time[seen], asked[seen], given[seen]
 
 
 def predict(valve: Valve, time: Floats, asked: Floats) -> Floats:
@@ -100,8 +128,8 @@ def static(asked: Floats, bias: float, gain: float, deadband: float, ceiling: fl
     return np.where(asked > max(deadband, OPEN), np.maximum(target, 0.0), 0.0)
 
 
-def _valve(chamber: int, time: Floats, asked: Floats, given: Floats) -> Valve:
-    found = _static_law(time, asked, given, _settled(time, asked))
+def _valve(chamber: int, time: Floats, asked: Floats, given: Floats, ceiling: float) -> Valve:
+    found = _static_law(*_holds(time, asked, given), ceiling)
     law = found or Law()
     timed = bool(np.abs(np.interp(time + SUDDEN, time, asked) - asked).max() > LEAST_CHANGE)
     dead_time, lag = _timing(time, asked, given, law) if timed else (0.0, 0.0)
@@ -119,8 +147,9 @@ def _settled(time: Floats, asked: Floats) -> Flags:
     return np.asarray(time - last >= SETTLED)
 
 
-def _static_law(time: Floats, asked: Floats, given: Floats, holds: Flags) -> Law | None:
-    """Fit the settled law to the holds, each hold one point; ``None`` where the valve was never held open."""
+def _holds(time: Floats, asked: Floats, given: Floats) -> tuple[Floats, Floats]:
+    """Give the set-point and the pressure of each hold, shape (holds,)."""
+    holds = _settled(time, asked)
     numbers = np.cumsum(np.abs(np.diff(asked, prepend=asked[0])) > 1.0)
     levels, reached = [], []
     for number in np.unique(numbers[holds]):
@@ -129,7 +158,11 @@ def _static_law(time: Floats, asked: Floats, given: Floats, holds: Flags) -> Law
             late = own & (time > 0.5 * (time[own][0] + time[own][-1]))
             levels.append(float(np.median(asked[late])))
             reached.append(float(np.mean(given[late])))
-    level, pressure = np.array(levels), np.array(reached)
+    return np.array(levels), np.array(reached)
+
+
+def _static_law(level: Floats, pressure: Floats, ceiling: float) -> Law | None:
+    """Fit the settled law to the holds, each hold one point; ``None`` where the valve was never held open."""
     opened = level > OPEN
     if not opened.any():
         return None
@@ -138,7 +171,6 @@ def _static_law(time: Floats, asked: Floats, given: Floats, holds: Flags) -> Law
     deadband = 0.0
     if shut.any() and passing.any() and level[shut].max() < level[passing].min():
         deadband = float(level[shut].max())
-    ceiling = _ceiling(level[passing], pressure[passing])
     below = passing & (pressure < ceiling - 500.0)
     error = pressure[below] - level[below]
     if not len(error):
@@ -155,6 +187,8 @@ def _static_law(time: Floats, asked: Floats, given: Floats, holds: Flags) -> Law
 
 def _ceiling(level: Floats, pressure: Floats) -> float:
     """Find the pressure that several different set-points do not pass [Pa]."""
+    opened = level > OPEN
+    level, pressure = level[opened], pressure[opened]
     if len(level) < 3:
         return float("inf")
     highest = float(pressure.max())

@@ -25,7 +25,7 @@ def test_a_perfect_valve_has_no_finding() -> None:
 
 
 def test_dead_time_lag_and_bias_are_found() -> None:
-    (valve,) = valves_of(_recording("late", 0.05, 0.06, (-700.0, 0.0, 0.0, np.inf)))
+    (valve,) = valves_of(_recording("late", 0.05, 0.06, (-700.0, 0.0, 0.0, np.inf)), {})
     assert valve.dead_time == pytest.approx(0.05, abs=0.015)
     assert valve.lag == pytest.approx(0.06, abs=0.02)
     assert valve.bias == pytest.approx(-700.0, abs=60.0)
@@ -50,12 +50,22 @@ def test_a_ceiling_and_a_dead_band_are_told() -> None:
     assert found[0].parameters["band"].value == pytest.approx(2.5e3, abs=200.0)
 
 
+def test_a_ceiling_shows_across_recordings_of_one_level_each() -> None:
+    runs = []
+    for level in (10e3, 45e3, 52e3, 60e3):
+        asked = np.where((TIME > 10.0) & (TIME < 40.0) | (TIME > 50.0), level, 0.0)
+        noise = np.random.default_rng(3).normal(0.0, 30.0, len(TIME))
+        given = np.where(asked > 0.0, np.minimum(asked, 30e3), 0.0) + noise
+        runs.append(Recording(f"{level:.0f}", TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given}))
+    assert [f.effect for f in valve_findings(splits_of(runs), [])] == ["pressure_saturation"]
+
+
 def test_a_valve_that_was_never_held_tells_no_bias() -> None:
     held = _recording("known", law=(-700.0, 0.0, 0.0, np.inf))
     asked = 20e3 * (1.0 - np.cos(2.0 * np.pi * TIME / 20.0))
     given = static(asked, -700.0, 0.0, 0.0, np.inf) + np.random.default_rng(2).normal(0.0, 30.0, len(TIME))
     waves = Recording("waves", TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
-    (valve,) = valves_of(waves)
+    (valve,) = valves_of(waves, {})
     assert not valve.held
     assert valve_findings(splits_of([waves]), splits_of([held])) == ()
 
