@@ -10,7 +10,6 @@ Run it with: python examples/close_the_loop.py --out out/loop
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +26,7 @@ from service.diagnosis.report import Report, read_report
 from service.experiments.bench import FakeControl
 from service.experiments.excitation import Recorded, run_excitation, run_manoeuvre, specimen_of_arm
 from service.experiments.excitation_plan import manoeuvres_of
+from service.experiments.recovery import until_allowed
 from service.experiments.session import connect, wait_ready
 from service.network.client import CommandRefusedError, SoftarmClient
 from service.rig import FakeRig, RigSettings
@@ -36,9 +36,9 @@ NOMINAL = ("poses",)
 SUSPECT = ("each_alone",)
 WATCHED = "poses"
 SPECIMEN = "improved.toml"
-RETRIES, PATIENCE_S = 2, 20.0
+RETRIES = 2
 """What is concealed: a chamber that lost a quarter; what is run; the file that is written; how often
-a run is begun again that ends in a fault, as on a machine that is busy, and how long a fault may stand."""
+a run is begun again that ends in a fault, as on a machine that is busy."""
 
 Result = TypeVar("Result")
 
@@ -91,26 +91,8 @@ def patiently(client: SoftarmClient, work: Callable[[], Result]) -> Result:
             return work()
         except CommandRefusedError as refusal:
             say(f"{refusal}; clearing, and once more")
-            clear(client)
+            until_allowed(lambda: client.command("clear"))
     return work()
-
-
-def clear(client: SoftarmClient) -> None:
-    """Clear faults, waiting while they stand.
-
-    Raises:
-        CommandRefusedError: They stand for longer than ``PATIENCE_S``.
-    """
-    end = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            client.command("clear")
-        except CommandRefusedError:
-            if time.monotonic() > end:
-                raise
-            time.sleep(0.5)
-        else:
-            return
 
 
 def watch(client: SoftarmClient, manoeuvre: Manoeuvre) -> tuple[Watch, Recorded]:

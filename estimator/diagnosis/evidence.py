@@ -78,6 +78,11 @@ class Evidence:
         """Channels of each session."""
         return [channels(stage.suite) for stage in self.stages]
 
+    @cached_property
+    def typical(self) -> Floats:
+        """Standard deviation of each coefficient before any recording, effects in typical sizes."""
+        return np.asarray(np.sqrt(np.diag(self.prior(1.0, 1.0).covariance)), dtype=np.float64)
+
     def prior(self, background: float, form: float) -> Belief:
         """Give the belief before any recording.
 

@@ -41,8 +41,7 @@ def belief_before(evidence: Evidence, weights: Weights) -> tuple[Belief, float]:
 
 
 def _spreads(evidence: Evidence, width: float) -> Floats:
-    spreads = np.sqrt(np.diag(evidence.prior(1.0, 1.0).covariance))
-    changed = width * spreads
+    changed = width * evidence.typical
     changed[: evidence.nuisances] *= NUISANCE
     return changed
 

@@ -80,7 +80,7 @@ def splits_of(recordings: Sequence[Recording]) -> list[Split]:
     for chamber in sorted({valve.chamber for _, valve in valves}):
         own = [(recording, valve) for recording, valve in valves if valve.chamber == chamber]
         middles = [_middle(recording, chamber) for recording, _ in own]
-        early = [r.window(np.asarray(r.time <= middle)) for (r, _), middle in zip(own, middles, strict=True)]
+        early = [_until(r, chamber, middle) for (r, _), middle in zip(own, middles, strict=True)]
         met = ceilings_of(early)
         for (recording, whole), half, middle in zip(own, early, middles, strict=True):
             time, asked, given = recording.time, *_columns(recording, chamber)
@@ -105,6 +105,13 @@ def splits_of(recordings: Sequence[Recording]) -> list[Split]:
 def _columns(recording: Recording, chamber: int) -> tuple[Floats, Floats]:
     """Give set-points and pressures of a chamber [Pa], shape (samples,)."""
     return recording.columns[f"pressure_cmd_{chamber}_pa"], recording.columns[f"pressure_{chamber}_pa"]
+
+
+def _until(recording: Recording, chamber: int, end: float) -> Recording:
+    """Cut out what one valve did before a time [s]."""
+    asked, given = _columns(recording, chamber)
+    columns = {f"pressure_cmd_{chamber}_pa": asked, f"pressure_{chamber}_pa": given}
+    return replace(recording, columns=columns).window(np.asarray(recording.time <= end))
 
 
 def _middle(recording: Recording, chamber: int) -> float:

@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from service.experiments.bench import ramp_pressures
 from service.network.client import CommandRefusedError, SoftarmClient
@@ -10,6 +10,27 @@ from service.network.client import CommandRefusedError, SoftarmClient
 PATIENCE_S = 20.0
 PAUSE_S = 0.2
 ATTEMPTS = 3
+
+
+def until_allowed(ask: Callable[[], object]) -> None:
+    """Ask for something until it is not refused: a cause may take a while to pass.
+
+    Args:
+        ask: Sends the commands.
+
+    Raises:
+        CommandRefusedError: ``PATIENCE_S`` of waiting did not help.
+    """
+    deadline = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            ask()
+        except CommandRefusedError:
+            if time.monotonic() > deadline:
+                raise
+            threading.Event().wait(PAUSE_S)
+        else:
+            return
 
 
 def arm_again(client: SoftarmClient) -> None:
@@ -21,20 +42,15 @@ def arm_again(client: SoftarmClient) -> None:
     Raises:
         CommandRefusedError: It cannot be armed, and waiting did not help.
     """
-    deadline = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            mode = client.state().mode
-            if mode == "FAULTED":
-                client.command("clear")
-            if mode != "ARMED":
-                client.command("arm")
-        except CommandRefusedError:
-            if time.monotonic() > deadline:
-                raise
-            threading.Event().wait(PAUSE_S)
-        else:
-            return
+
+    def arm() -> None:
+        mode = client.state().mode
+        if mode == "FAULTED":
+            client.command("clear")
+        if mode != "ARMED":
+            client.command("arm")
+
+    until_allowed(arm)
 
 
 def lead(client: SoftarmClient, start: Sequence[float], goal: Sequence[float], duration_s: float) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from service.experiments.recovery import arm_again
 from service.network.client import SoftarmClient
 from service.recordings import load_recording
 from tests.service.live.helpers import (
@@ -45,7 +46,7 @@ def test_killed_service_leaves_the_arm_vented_and_its_recording_readable(rig, cl
     with SoftarmClient(rig.settings.arm, rig.settings.endpoint, name="last") as last, last.lease():
         path = Path(str(last.command("record/start", name="torn").applied["path"]))
         threading.Event().wait(2.5)  # the file is flushed every second
-        last.command("arm")
+        arm_again(last)
         last.command("set_pressures", pressures_pa=[2e4] * 6, lifetime_s=10.0)
         begin = time.monotonic()
         while setpoints(fakes) == VENTED_MBAR:
