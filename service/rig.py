@@ -1,7 +1,6 @@
 """A rig of fakes and a service on them, each a process of its own: for demo, experiments and benches."""
 
 import json
-import os
 import signal
 import socket
 import subprocess
@@ -150,11 +149,8 @@ class Process:
         self._process: subprocess.Popen[str] | None = None
 
     def __enter__(self) -> Self:
-        environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         with self._log.open("a") as log:
-            self._process = subprocess.Popen(
-                self._arguments, stdout=subprocess.PIPE, stderr=log, text=True, env=environment
-            )
+            self._process = subprocess.Popen(self._arguments, stdout=subprocess.PIPE, stderr=log, text=True)
         return self
 
     @property

@@ -6,8 +6,6 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from threadpoolctl import threadpool_limits
-
 from estimator.rod.archive import from_bytes, shape_key, shipped_rod, to_bytes
 from estimator.rod.fit import FittedRod, adapted, fit_rod, sampled_model
 from estimator.rod.model import CalibratedRod
@@ -88,7 +86,7 @@ def fitted_rod(specimen: Specimen, progress: Progress | None = None) -> FittedRo
 
 def fit_now(specimen: Specimen, progress: Progress | None = None) -> FittedRod:
     """Fit the rod of a specimen's shape anew."""
-    with threadpool_limits(limits=1), ThreadPoolExecutor(min(THREADS, os.cpu_count() or 1)) as executor:
+    with ThreadPoolExecutor(min(THREADS, os.cpu_count() or 1)) as executor:
         return fit_rod(specimen, sampled_model(specimen), progress, executor)
 
 

@@ -1,15 +1,12 @@
 """``softarm bench plant``: how much faster than real time the fake arm runs on one core."""
 
 import json
-import os
 import subprocess
 import sys
 
 import click
 
 from service.cli.output import Table, json_option, progress, quick_option, show
-
-ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 @click.command()
@@ -23,9 +20,7 @@ def command(as_json: bool, quick: bool) -> None:
     """
     arguments = [sys.executable, "-m", "sim_fakes.plant.speed", "4" if quick else "30"]
     with progress("running the fake arm"):
-        done = subprocess.run(
-            arguments, env=os.environ | ONE_CORE, capture_output=True, text=True, check=False
-        )
+        done = subprocess.run(arguments, capture_output=True, text=True, check=False)
     if done.returncode:
         last = done.stderr.strip().splitlines()[-1:] or ["no message"]
         raise click.ClickException(f"the fake arm stopped: {last[0]}")

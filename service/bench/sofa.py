@@ -9,7 +9,6 @@ from typing import Any
 
 import click
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from estimator.errors import InputError
 from estimator.fem import FiniteElementModel, Material, Section
@@ -195,7 +194,7 @@ def command(folder: Path, quick: bool, as_json: bool) -> int:
     """
     names = MESHES[:1] if quick else MESHES
     references = [read_reference(folder, name) for name in names]
-    with threadpool_limits(1), progress("SOFA", len(references) * 2) as advance:
+    with progress("SOFA", len(references) * 2) as advance:
         forward_rows: list[dict[str, Cell]] = []
         inverse_rows = []
         for reference in references:

@@ -9,7 +9,6 @@ from typing import Any
 import click
 import numpy as np
 from scipy.sparse.linalg import splu
-from threadpoolctl import threadpool_limits
 
 from estimator.arm import model_on_mesh
 from estimator.fem import FiniteElementModel, Refactoriser, TrackingModel
@@ -232,7 +231,7 @@ def command(name: str, quick: bool, as_json: bool) -> int:
         meshes["linear tetrahedra"] = to_elements(build_mesh(specimen, LINEAR), "tet4")
     larger = [build_mesh(specimen, r) for r in (GROWTH[:2] if quick else GROWTH)]
     tables = []
-    with threadpool_limits(1), progress("Timing", 8 * len(meshes) + len(larger)) as advance:
+    with progress("Timing", 8 * len(meshes) + len(larger)) as advance:
         for kind, mesh in meshes.items():
             model = model_on_mesh(specimen, mesh)
             suite = orientations(specimen, model.sections)

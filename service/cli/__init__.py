@@ -12,6 +12,8 @@ from service.errors import WorkFailedError
 
 TRACEBACK = "SOFTARM_TRACEBACK"
 """Environment variable that lets a mistake of softarm itself show where it happened."""
+THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"
+"""Environment variables for how many threads linear algebra may use; libraries read them as they load."""
 
 COMMANDS = {
     "demo": "Start fakes, service and page, and run the force experiment on them.",
@@ -71,6 +73,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Args:
         arguments: The words after ``softarm``; those of the process when left out.
     """
+    for name in THREADS:  # more than one wait for each other, ruinously so where cores are shared
+        os.environ.setdefault(name, "1")
     try:
         status = run(arguments)
     except Exception as error:

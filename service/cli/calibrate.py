@@ -64,8 +64,6 @@ def command(
 
     Example: softarm calibrate run1 run2 --specimen sopra --out my_sopra.toml
     """
-    from threadpoolctl import threadpool_limits
-
     from estimator.arm import build_arm
     from estimator.calibration import (
         CalibrationRefusedError,
@@ -103,7 +101,7 @@ def command(
         return int(any(drift.stale for drift in drifts))
     options = Options(nodes=nodes, search_axes=axes)
     try:
-        with progress(f"calibrating {robot.name}") as advance, threadpool_limits(limits=1):
+        with progress(f"calibrating {robot.name}") as advance:
             found = calibrate(NodeSolver(model, advance), robot, runs, options)
     except CalibrationRefusedError as refusal:
         say(f"softarm: {refusal}")

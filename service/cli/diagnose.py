@@ -110,8 +110,6 @@ def command(
 
     Example: softarm diagnose run1 run2 --nominal known1 --specimen sopra --out report
     """
-    from threadpoolctl import threadpool_limits
-
     from estimator.specimen import save_specimen
     from service.diagnosis.done import digest_of, done_before, write_digest, write_report
     from service.diagnosis.html import write_html
@@ -131,11 +129,7 @@ def command(
         return 0
     if write_specimen is not None:
         refuse_existing(write_specimen, force=force)
-    with (
-        threadpool_limits(limits=1),  # more threads only wait for each other
-        workers(jobs, dask) as executor,
-        progress("diagnosing", sum(SHARES.values())) as advance,
-    ):
+    with workers(jobs, dask) as executor, progress("diagnosing", sum(SHARES.values())) as advance:
         outcome = run(request, executor, _Steps(advance).tell)
     report = report_of(outcome.diagnosis)
     if out is not None:

@@ -1,13 +1,10 @@
 """Who does the independent work of a diagnosis: this process, others, or a Dask cluster."""
 
-import importlib
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import get_context
 from typing import Any
-
-from threadpoolctl import threadpool_limits
 
 from estimator.errors import InputError
 
@@ -44,14 +41,8 @@ def workers(jobs: int, dask: str | None = None, patience: float = 10.0) -> Itera
     if jobs == 1:
         yield Inline()
         return
-    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_one_thread) as executor:
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as executor:
         yield executor
-
-
-def _one_thread() -> None:
-    """Let linear algebra keep to one thread: the processes share the cores already."""
-    importlib.import_module("scipy.linalg")  # only what is loaded can be limited
-    threadpool_limits(limits=1)
 
 
 @contextmanager

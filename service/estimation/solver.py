@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from estimator.arm import build_arm, default_loads
 from estimator.augmented import AugmentedEstimator, Follower, estimator_of
@@ -88,7 +87,6 @@ class Solver:
 
     def __init__(self, settings: SolverSettings) -> None:
         specimen = settings.specimen
-        self._threads = threadpool_limits(limits=1)
         self._model: FiniteElementModel = bounded(
             build_arm(specimen, default_loads(specimen, settings.control.forces_on))
         )

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from estimator.calibration import Options, Run, arrange, calibrate, calibrated_specimen, section_forces
 from estimator.calibration.complaints import complaints
@@ -69,15 +68,14 @@ def run_live(
     kept = [str(save_recording(r, out / "recordings" / r.name, force=True)[0].parent) for r in done]
     tell(f"recorded: {', '.join(kept)}")
     result, plots = SeedResult(seed), out / "plots"
-    with threadpool_limits(limits=1):  # more threads only wait for each other
-        if name == "calibrate":
-            tables = _calibrated(known, done, out, advance)
-            result.tables = {table.title: list(map(dict, table.rows)) for table in tables}
-            plot_prediction(tables[-1].rows, plots / "calibration.png")
-        else:
-            _JUDGES[name](known, done, result)
-            tables = tuple(_alone(table, seed) for table in tables_of((result,)))
-            plot_results((result,), plots)
+    if name == "calibrate":
+        tables = _calibrated(known, done, out, advance)
+        result.tables = {table.title: list(map(dict, table.rows)) for table in tables}
+        plot_prediction(tables[-1].rows, plots / "calibration.png")
+    else:
+        _JUDGES[name](known, done, result)
+        tables = tuple(_alone(table, seed) for table in tables_of((result,)))
+        plot_results((result,), plots)
     write_json((result,), out / f"{name}.json", WAY)
     notes = (*complaints_of(known, done), WAY)
     return (*tables[:-1], replace(tables[-1], notes=(*tables[-1].notes, *notes)))

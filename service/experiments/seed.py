@@ -7,7 +7,6 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from estimator.arm import default_loads
 from estimator.calibration import (
@@ -180,18 +179,17 @@ def run_seed(plan: SeedPlan) -> SeedResult:
         result = SeedResult(**json.loads(kept.read_text()))
         result.failed.clear()
         result.notes = [note for note in result.notes if FAILED not in note]
-    with threadpool_limits(limits=1):
-        bench = SeedBench(plan)
-        for name in plan.experiments:
-            if name in result.done:
-                continue
-            try:
-                steps[name](bench, result)
-                result.done.append(name)
-            except (InputError, WorkFailedError) as error:  # one experiment fails, the others go on
-                result.notes.append(f"{name}{FAILED}{error}")
-                result.failed.append(name)
-            kept.write_text(json.dumps(asdict(result), indent=1, default=str))
+    bench = SeedBench(plan)
+    for name in plan.experiments:
+        if name in result.done:
+            continue
+        try:
+            steps[name](bench, result)
+            result.done.append(name)
+        except (InputError, WorkFailedError) as error:  # one experiment fails, the others go on
+            result.notes.append(f"{name}{FAILED}{error}")
+            result.failed.append(name)
+        kept.write_text(json.dumps(asdict(result), indent=1, default=str))
     return result
 
 
