@@ -26,12 +26,11 @@ from estimator.calibration import (
 from estimator.calibration.nodes import Flags, block_of, training_blocks
 from estimator.calibration.regression import fit_line
 from estimator.errors import InputError
-from estimator.geometry import Resolution
 from estimator.model import Inputs
 from estimator.recording import Floats, Recording
 from estimator.sensing import Registration, Scene
 from estimator.sensors import SpecimenSensors
-from estimator.specimen import Calibration, Specimen, Value, load_specimen
+from estimator.specimen import Calibration, Specimen, load_specimen
 from service.cli.output import Cell, Table, as_markdown, json_option, progress, quick_option, say, show
 from service.offline.alignment import quick_solver
 from service.offline.inputs import cut, load_recordings
