@@ -239,7 +239,7 @@ def segment_tables(folder: Path, advance: Callable[[float], None]) -> tuple[Tabl
 
 def segment_rows(recordings: Sequence[Recording], advance: Callable[[float], None]) -> list[dict[str, Cell]]:
     """Leave out one step after the other, as far as the time goes."""
-    specimen = load_specimen("single_segment")
+    specimen = described("single_segment")
     model = build_arm(specimen, ())
     bounded = replace(model.settings, total_iterations=LINEAR_SOLVES)
     solver = NodeSolver(replace(model, settings=bounded), advance)

@@ -10,6 +10,9 @@ from service.cli.output import Cell, Table
 
 AIMS = {"single": 0.95, "pair": 0.85, "null": 0.01, "foreign": 0.90}
 EXCITATIONS = ("designed", "ordinary")
+ALIKE = "line_leak"
+"""Not identifiable: a leak of the fake arm's short lines takes a fixed share of a pressure, as a gain does."""
+IDENTIFIABLE = "identifiable effects named and placed"
 
 
 def wilson(hits: int, trials: int) -> tuple[float, float]:
@@ -45,6 +48,7 @@ def summary(scores: Sequence[Score]) -> Table:
             "the data cannot tell from it. Interval: Wilson, 95 %.",
             "Designed: the manoeuvres that tell effects apart, in two mounts. Ordinary: random poses and "
             "ramps of the same arms. One that ended without a report named nothing.",
+            "Identifiable: all but leaks, which in the fake arm's short lines are lost gains.",
         ),
     )
 
@@ -55,7 +59,9 @@ def _counts(kind: str, scores: Sequence[Score]) -> list[tuple[str, int, int]]:
         return [("false alarms", sum(s.false_alarm for s in scores), len(scores))]
     if kind == "foreign":
         return [("called unknown", sum(s.called_unknown for s in scores), len(scores))]
+    known = [hit for hit in hits if hit.effect != ALIKE]
     counts = [
+        (IDENTIFIABLE, sum(hit.named and bool(hit.placed) for hit in known), len(known)),
         ("effects named and placed", sum(hit.named and bool(hit.placed) for hit in hits), len(hits)),
         ("effects in the set", sum(hit.in_set for hit in hits), len(hits)),
         ("trials with a surplus name", sum(bool(s.surplus) for s in scores), len(scores)),
@@ -68,7 +74,7 @@ def _counts(kind: str, scores: Sequence[Score]) -> list[tuple[str, int, int]]:
 
 def _row(kind: str, excitation: str, what: str, hits: int, count: int) -> dict[str, Cell]:
     low, high = wilson(hits, count)
-    aimed = what in ("false alarms", "called unknown", "effects named and placed") and kind != "pair"
+    aimed = what in ("false alarms", "called unknown", IDENTIFIABLE) and kind != "pair"
     aim = AIMS[kind] if aimed or what == "both named and placed" else None
     sign = "at most" if kind == "null" else "at least"
     return {
@@ -112,22 +118,28 @@ def improvement(scores: Sequence[Score]) -> Table:
     """Say how much better held-out data are predicted, by kind of trial."""
     rows: list[dict[str, Cell]] = []
     for excitation in EXCITATIONS:
+        unchanged = [score.heldout[1] for score in _of(scores, "null", excitation) if score.ran]
         for kind in AIMS:
             parts = np.array([score.heldout for score in _of(scores, kind, excitation) if score.ran])
             if len(parts):
+                after = float(np.median(parts[:, 1]))
                 rows.append(
                     {
                         "excitation": excitation,
                         "trials": kind,
                         "heldout_before": float(np.median(parts[:, 0])),
-                        "heldout_after": float(np.median(parts[:, 1])),
+                        "heldout_after": after,
                         "worst_after": float(parts[:, 1].max()),
+                        "after_over_null": after / float(np.median(unchanged)) if unchanged else None,
                     }
                 )
     return Table(
         "Mismatch on held-out data, in units of noise (medians)",
         rows,
-        ("Aim: 1.2 after, with what can be identified.",),
+        (
+            "Aim: 1.2 times the floor. Noise alone is a floor for sensors; what the model leaves of arms in "
+            "which nothing was concealed (null) is one for diagnoses, and the last column is over that.",
+        ),
     )
 
 
