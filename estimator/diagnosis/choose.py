@@ -39,6 +39,8 @@ SECOND = 0.5
 """Share of an accepted effect's gain that decides for another one so."""
 SWINGING = ("tip_payload", "distributed_mass", "base_compliance")
 """Effects beside those of the material that change how the arm swings."""
+SWUNG = 0.05
+"""Share of the gain of an effect that changes the swing below which a delay beside it is its consequence."""
 CLOSE = 0.8
 """Share of the best gain in the criterion below which a hypothesis is no candidate."""
 MOVING = 0.5
@@ -234,8 +236,7 @@ class Search:
         """
         turned_down = None
         certain = max([CERTAIN, *(SECOND * one.candidate.delta_bic for one in accepted)])
-        weighty = any(self.changes_swing(one.candidate) for one in accepted)
-        field = [one for one in field if not (weighty and self.changes_swing(one) and self.only_moves(one))]
+        field = [one for one in field if not self.another_swing(one, accepted)]
         highest = max((one.delta_bic for one in field), default=0.0)
         for moving, share in ((False, MOVING), (True, CLOSE)):
             own = [one for one in field if self.only_moves(one) == moving]
@@ -248,6 +249,13 @@ class Search:
                     return Accepted(candidate, judgement, tuple(field)), None
                 turned_down = turned_down or (candidate, judgement)
         return None, turned_down
+
+    def another_swing(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
+        """Tell whether a candidate only moves as accepted effects on stiffness or mass make the arm swing."""
+        weighty = [one.candidate.delta_bic for one in accepted if self.changes_swing(one.candidate)]
+        if not weighty or not self.only_moves(candidate):
+            return False
+        return self.changes_swing(candidate) or candidate.delta_bic < SWUNG * max(weighty)
 
     def changes_swing(self, candidate: Candidate) -> bool:
         """Tell whether a candidate changes stiffness or mass, and with them how the arm swings."""
