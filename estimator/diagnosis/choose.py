@@ -41,6 +41,8 @@ SWINGING = ("tip_payload", "distributed_mass", "base_compliance")
 """Effects beside those of the material that change how the arm swings."""
 SWUNG = 0.05
 """Share of the gain of an effect that changes the swing below which a delay beside it is its consequence."""
+ALONG = 0.2
+"""Lateral share of a force up to which it acts along the arm."""
 CLOSE = 0.8
 """Share of the best gain in the criterion below which a hypothesis is no candidate."""
 MOVING = 0.5
@@ -236,7 +238,11 @@ class Search:
         """
         turned_down = None
         certain = max([CERTAIN, *(SECOND * one.candidate.delta_bic for one in accepted)])
-        field = [one for one in field if not self.another_swing(one, accepted)]
+        field = [
+            one
+            for one in field
+            if not self.another_swing(one, accepted) and not self.another_stretch(one, accepted)
+        ]
         highest = max((one.delta_bic for one in field), default=0.0)
         for moving, share in ((False, MOVING), (True, CLOSE)):
             own = [one for one in field if self.only_moves(one) == moving]
@@ -256,6 +262,19 @@ class Search:
         if not weighty or not self.only_moves(candidate):
             return False
         return self.changes_swing(candidate) or candidate.delta_bic < SWUNG * max(weighty)
+
+    def another_stretch(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
+        """Tell whether a candidate is a force along the arm that a law of bending leaves of the stretch."""
+        hypotheses = self.evidence.library.hypotheses
+        material = [
+            one.candidate.delta_bic
+            for one in accepted
+            if hypotheses[one.candidate.number].effect.hook == "couple"
+        ]
+        if not material or hypotheses[candidate.number].name != "external_force":
+            return False
+        x, y, z = candidate.fit.thetas[-1].tolist()
+        return bool(np.hypot(x, y) < ALONG * abs(z) and candidate.delta_bic < SECOND * max(material))
 
     def changes_swing(self, candidate: Candidate) -> bool:
         """Tell whether a candidate changes stiffness or mass, and with them how the arm swings."""

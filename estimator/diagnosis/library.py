@@ -26,11 +26,16 @@ SHAPES: dict[str, tuple[tuple[float, ...], ...]] = {
     "material_softening": ((1.0,), (2.0,)),
     "line_leak": ((0.3,), (3.0,), (30.0,)),
     "thermal_drift": ((150.0,), (600.0,), (3000.0,)),
-    "tether_stiffness": ((0.002,), (0.01,), (0.02,), (0.04,)),
+    "base_tilt": ((0.0,), (1.0,)),
+    "tether_stiffness": tuple(
+        (slack, angle)
+        for slack in (0.0, 0.02, 0.04)
+        for angle in np.radians(np.arange(-180.0, 180.0, 45.0)).tolist()
+    ),
     "local_stiffness_defect": tuple((float(angle),) for angle in np.radians(np.arange(-150.0, 181.0, 60.0))),
     "contact_obstacle": tuple(
         (distance, angle)
-        for distance in (0.01, 0.03, 0.05)
+        for distance in (0.01, 0.03, 0.05, 0.07)
         for angle in np.radians(np.arange(-180.0, 180.0, 45.0)).tolist()
     ),
 }

@@ -12,7 +12,7 @@ from estimator.calibration.parameters import Layout, Setting
 from estimator.calibration.pressures import by_unknown
 from estimator.diagnosis.session import Session, units
 from estimator.diagnosis.solver import Solver
-from estimator.effects import World
+from estimator.effects import World, base_tilt
 from estimator.effects.augmented import PRESSURES, PlacedEffect, signals_of, simulate_with
 from estimator.model import Frames
 from estimator.rotations import exp
@@ -184,7 +184,7 @@ class Stage:
         """Give what the model itself says under effects, against the prediction, shape (nodes, rows)."""
         nodes = self._solver.nodes
         drive, response = self._solver.under(effects)
-        back = np.swapaxes(exp(self._usual(drive)[nodes]), -1, -2)
+        back = np.swapaxes(exp(self._usual(drive, effects)[nodes]), -1, -2)
         frames = Frames(
             np.einsum("tij,tsj->tsi", back, response.frames.positions),
             back[:, None] @ response.frames.rotations,
@@ -218,13 +218,16 @@ class Stage:
         if hook == "couple":
             return _applied(self.by_free, (value - signals.strains).reshape(drive.samples, -1))
         turned = replace(drive, base_rotation=drive.base_rotation + value.reshape(drive.samples, 3))
-        usual = replace(drive, base_rotation=self._usual(turned))
+        usual = replace(drive, base_rotation=self._usual(turned, (placed,)))
         return _applied(self.by_twist, self.arm.twists(turned) - self.arm.rigid(usual))
 
-    def _usual(self, drive: Drive) -> Floats:
+    def _usual(self, drive: Drive, effects: Sequence[PlacedEffect]) -> Floats:
         """Give the turn of the base that the laboratory's registration has taken out, shape (samples, 3)."""
-        mean = np.mean(drive.base_rotation, axis=0) if self._registered else np.zeros(3)
-        return np.broadcast_to(mean, drive.base_rotation.shape)
+        taken = np.zeros(3)
+        if self._registered:
+            tilts = [placed.theta for placed in effects if placed.effect.name == "base_tilt"]
+            taken = np.mean(drive.base_rotation, axis=0) - sum(map(base_tilt.hidden, tilts), taken)
+        return np.broadcast_to(taken, drive.base_rotation.shape)
 
     @cached_property
     def _registered(self) -> bool:

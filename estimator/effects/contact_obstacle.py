@@ -14,6 +14,9 @@ from estimator.effects.world import (
 
 Floats = NDArray[np.float64]
 
+SOFTEST = 25.0
+"""Stiffness [N/m] below which what holds a section back is no obstacle."""
+
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
     """Push the section back from the wall."""
@@ -29,7 +32,7 @@ EFFECT = Effect(
     name="contact_obstacle",
     hook="load",
     parameters=(
-        Parameter("stiffness", "N/m", 20.0, 0.0, 5000.0, spread=100.0),
+        Parameter("stiffness", "N/m", 30.0, SOFTEST, 5000.0, spread=100.0),
         Parameter("distance", "m", 0.01, -0.5, 0.5, "shape", "linear", spread=0.1),
         Parameter(
             "azimuth", "rad", 0.0, -3.141592653589793, 3.141592653589793, "shape", "linear", spread=2.0

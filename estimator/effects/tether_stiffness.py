@@ -1,8 +1,13 @@
-"""Hoses or a cord that pull a section back once slack is used up: f = -k max(|x| - l, 0) x / |x|."""
+"""Hoses or a cord that pull a section to one side once slack is used up: f = k max(-n . x - l, 0) n.
+
+n = (cos a, sin a, 0) points to where the cord is tied, far away; l is its slack while the arm hangs straight.
+A cord is soft where an obstacle is hard: what holds back with less than ``SOFTEST`` is a cord.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.effects.contact_obstacle import SOFTEST
 from estimator.effects.effect import Effect, Memory, Parameter, Signals
 from estimator.effects.world import (
     Spot,
@@ -13,13 +18,12 @@ Floats = NDArray[np.float64]
 
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
-    """Pull the section towards the axis."""
-    stiffness, slack = theta
-    lateral = signals.positions[:, spot.section, :2]
-    away = np.linalg.norm(lateral, axis=1)
-    pull = stiffness * np.maximum(away - slack, 0.0) / np.maximum(away, 1e-12)
+    """Pull the section to where the cord is tied."""
+    stiffness, slack, azimuth = theta
+    direction = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    stretch = np.maximum(-signals.positions[:, spot.section] @ direction - slack, 0.0)
     wrenches = np.zeros((len(signals.time), len(spot.world.sections), 6))
-    wrenches[:, spot.section, :2] = -pull[:, None] * lateral
+    wrenches[:, spot.section, :3] = stiffness * stretch[:, None] * direction
     return wrenches, memory
 
 
@@ -27,13 +31,14 @@ EFFECT = Effect(
     name="tether_stiffness",
     hook="load",
     parameters=(
-        Parameter("stiffness", "N/m", 5.0, 0.0, 5000.0, spread=20.0),
-        Parameter("slack", "m", 0.005, 0.0005, 0.5, "shape", "log", spread=1.0),
+        Parameter("stiffness", "N/m", 5.0, 0.0, SOFTEST, spread=20.0),
+        Parameter("slack", "m", 0.01, -0.1, 0.5, "shape", "linear", spread=0.05),
+        Parameter("azimuth", "rad", 0.0, -np.pi, np.pi, "shape", "linear", spread=2.0),
     ),
     places=moving_sections,
     act=act,
-    statement="Hoses or a cord hold {where} back: beyond {slack} m from the axis they pull with "
-    "{stiffness} N/m.",
+    statement="Hoses or a cord pull {where} in the direction {azimuth} rad: once it is {slack} m away from "
+    "there they pull with {stiffness} N/m.",
     source="Unilateral spring",
     needs=frozenset({"large_pressures"}),
     splits=(

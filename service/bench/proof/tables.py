@@ -11,7 +11,7 @@ from service.cli.output import Cell, Table
 AIMS = {"single": 0.95, "pair": 0.85, "null": 0.01, "foreign": 0.90}
 EXCITATIONS = ("designed", "ordinary")
 ALIKE = "line_leak"
-"""Not identifiable: a leak of the fake arm's short lines takes a fixed share of a pressure, as a gain does."""
+"""Not identifiable: a leak of the fake arm's short lines takes a share of a pressure, as a gain does."""
 IDENTIFIABLE = "identifiable effects named and placed"
 
 

@@ -49,7 +49,7 @@ CASES = [
     ("segment_stiffness", [0.3], {"segment": "lower"}),
     ("chamber_gain", [0.15], {"chamber": 1}),
     ("distributed_mass", [0.4], {}),
-    ("base_tilt", [0.06, -0.04], {}),
+    ("base_tilt", [0.06, -0.04, 0.5], {}),
     ("viscoelastic_creep", [0.2, 0.7, 0.0], {}),
     ("sensor_bias", [0.03, -0.02], {"sensor": "orientation_tip"}),
     ("line_lag", [0.4], {}),

@@ -169,7 +169,7 @@ def test_a_yielding_base_turns_all_sections_alike():
 
 def test_a_tilted_base_tilts_an_unloaded_arm_rigidly():
     drive = drive_of(np.arange(2.0), np.zeros((2, 6)), WEIGHTLESS)
-    frames = run(drive, placed("base_tilt", [0.1, -0.2])).response.frames
+    frames = run(drive, placed("base_tilt", [0.1, -0.2, 0.5])).response.frames
     assert np.allclose(frames.rotations, exp(np.array([0.1, -0.2, 0.0])))
 
 
