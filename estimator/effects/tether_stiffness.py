@@ -32,7 +32,7 @@ EFFECT = Effect(
     hook="load",
     parameters=(
         Parameter("stiffness", "N/m", 5.0, 0.0, SOFTEST, spread=20.0),
-        Parameter("slack", "m", 0.01, -0.1, 0.5, "shape", "linear", spread=0.05),
+        Parameter("slack", "m", 0.01, 0.0, 0.5, "shape", "linear", spread=0.05),
         Parameter("azimuth", "rad", 0.0, -np.pi, np.pi, "shape", "linear", spread=2.0),
     ),
     places=moving_sections,
