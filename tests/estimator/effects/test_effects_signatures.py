@@ -158,6 +158,17 @@ def test_contact_acts_on_one_side_and_balances(stiffness: float):
     assert np.allclose(bends(drive, away), bends(drive))
 
 
+def test_a_cord_pulls_to_its_side_once_taut():
+    drive = ramps(10.0)
+    done = run(drive, placed("tether_stiffness", [8.0, 0.01, np.pi], section="tip"))
+    assert done.settled
+    stretch = np.maximum(done.response.frames.positions[:, 1, 0] - 0.01, 0.0)
+    assert stretch.max() > 1e-3
+    assert np.allclose(done.drive.wrenches[:, 1, 0], -8.0 * stretch, atol=1e-5)
+    other = placed("tether_stiffness", [8.0, 0.01, 0.0], section="tip")
+    assert np.allclose(bends(drive, other), bends(drive))
+
+
 def test_a_yielding_base_turns_all_sections_alike():
     drive = drive_of(np.arange(2.0), np.zeros((2, 6)), (3.0, 0.0, 9.0))
     turned = run(drive, placed("base_compliance", [0.2])).response.frames.rotations

@@ -1,0 +1,51 @@
+"""What effects change in a session, where the recorded base tells where the laboratory is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.diagnosis.calibration import calibrate_sessions
+from estimator.diagnosis.stage import Stage
+from estimator.effects import EFFECTS, Spot
+from estimator.effects.augmented import PlacedEffect
+from estimator.rotations import exp
+from estimator.sensing import Registration, SensorSuite
+from estimator.sensors import SpecimenSensors
+from estimator.specimen import load_specimen
+from estimator.specimen.physics import Place
+from tests.estimator.diagnosis.linear_arm import SECTIONS, model, session
+
+TILT = 0.01, -0.02
+
+
+def stage(registration: Registration) -> Stage:
+    """A straight arm without weight or pressure, seen by orientations in the laboratory."""
+    make = SpecimenSensors(load_specimen("sopra"), SECTIONS, registration)
+    suite = SensorSuite(tuple(make.orientation(section) for section in SECTIONS))
+    known = session("nominal", 0, nominal=True)
+    still = replace(
+        known,
+        pressures=np.zeros_like(known.pressures),
+        suite=suite,
+        readings=np.tile([1.0, 0.0, 0.0, 0.0], (known.samples, len(SECTIONS))),
+        sigma=np.full(suite.size, 1e-3),
+    )
+    return calibrate_sessions(model(), [known]).stage(model(), still)
+
+
+def tilted(own: Stage, beneath: float) -> np.ndarray:
+    """What a tilt of the base changes in the orientations, shape (sections, 3)."""
+    placed = PlacedEffect(EFFECTS["base_tilt"], Spot(own.world, Place()), np.array([*TILT, beneath]))
+    return own.change([placed])[0].reshape(len(SECTIONS), 3)
+
+
+@pytest.mark.parametrize("beneath", [0.0, 1.0])
+def test_without_a_recorded_base_all_of_a_tilt_shows(beneath: float) -> None:
+    assert np.allclose(tilted(stage(Registration()), beneath), [*TILT, 0.0], atol=1e-6)
+
+
+def test_a_recorded_base_hides_the_tilt_that_it_follows() -> None:
+    own = stage(Registration(exp(np.array([np.pi, 0.0, 0.0]))))
+    assert np.allclose(tilted(own, 0.0), 0.0, atol=1e-9)
+    assert np.allclose(tilted(own, 1.0), [*TILT, 0.0], atol=1e-6)
