@@ -207,8 +207,9 @@ class CalibratedRod:
         rotations = np.empty((samples, sections, 3, 3))
         strains = np.full((samples, links, 6), np.nan) if start is None else np.array(start)
         shapes = self._shapes
-        width = columns + links + shapes.shape[1] if slopes else 0
-        sizes = np.zeros((samples, shapes.shape[1])) if free is None else _dense(free).reshape(samples, -1)
+        ways = shapes.shape[1]
+        width = columns + links + ways if slopes else 0
+        sizes = np.zeros((samples, ways)) if free is None else _dense(free).reshape(samples, ways)
         twists = np.zeros((samples, 6 * sections, width))
         counts = np.zeros(samples, dtype=np.int64)
         respond_all(
@@ -220,7 +221,7 @@ class CalibratedRod:
         by_factor, by_free = twists[..., columns : columns + links], twists[..., columns + links :]
         by_region = by_factor @ self._membership if slopes else by_factor
         motion = np.concatenate([twists[..., :columns], by_region], axis=-1)
-        by_free = by_free.reshape(samples, 6 * sections, -1, 4) if slopes else by_free[..., None]
+        by_free = by_free.reshape(samples, 6 * sections, ways // 4 if slopes else 0, 4)
         frames = Frames(places, rotations @ self.chain.section_rotation)
         return Batch(frames, motion, by_free, counts > 0, strains)
 

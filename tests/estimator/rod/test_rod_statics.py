@@ -99,6 +99,13 @@ def test_motion_is_the_derivative_by_pressures_and_loads() -> None:
     assert derivative_error(twists, step.motion, vector, steps) < 1e-5
 
 
+def test_a_batch_may_be_empty() -> None:
+    rod = linear_rod(8, curl=0.05, quadratic=1e-3, scaled=True)
+    batch = rod.evaluate(np.zeros((0, 6)), np.zeros((0, 4)), np.zeros((0, 3)))
+    assert batch.frames.positions.shape[0] == 0
+    assert batch.by_free.shape[0] == 0
+
+
 def test_a_batch_gives_single_answers_and_derivatives_by_gravity_and_stiffness() -> None:
     rod = linear_rod(8, curl=0.05, quadratic=1e-3, scaled=True).with_scales({"upper": 1.3, "lower": 0.8})
     pressures, loads = RANDOM.uniform(0.0, 5e4, (5, 6)), RANDOM.normal(size=(5, 4)) * 0.1
