@@ -25,6 +25,7 @@ from estimator.diagnosis.ring import Ring
 from estimator.diagnosis.screen import null_scores, screen
 from estimator.diagnosis.stage import ANSWERING, Stage
 from estimator.diagnosis.weights import Weights
+from estimator.effects import Effect
 
 Floats = NDArray[np.float64]
 
@@ -265,25 +266,26 @@ class Search:
 
     def another_stretch(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
         """Tell whether a candidate is a force along the arm that a law of bending leaves of the stretch."""
-        hypotheses = self.evidence.library.hypotheses
         material = [
-            one.candidate.delta_bic
-            for one in accepted
-            if hypotheses[one.candidate.number].effect.hook == "couple"
+            one.candidate.delta_bic for one in accepted if self.effect(one.candidate).hook == "couple"
         ]
-        if not material or hypotheses[candidate.number].name != "external_force":
+        if not material or self.effect(candidate).name != "external_force":
             return False
         x, y, z = candidate.fit.thetas[-1].tolist()
         return bool(np.hypot(x, y) < ALONG * abs(z) and candidate.delta_bic < SECOND * max(material))
 
     def changes_swing(self, candidate: Candidate) -> bool:
         """Tell whether a candidate changes stiffness or mass, and with them how the arm swings."""
-        effect = self.evidence.library.hypotheses[candidate.number].effect
+        effect = self.effect(candidate)
         return effect.hook == "couple" or effect.name in SWINGING
 
     def only_moves(self, candidate: Candidate) -> bool:
         """Tell whether a candidate leaves the arm at rest as it is."""
-        return "delay" in self.evidence.library.hypotheses[candidate.number].effect.equivalence
+        return "delay" in self.effect(candidate).equivalence
+
+    def effect(self, candidate: Candidate) -> Effect:
+        """Give the effect of a candidate."""
+        return self.evidence.library.hypotheses[candidate.number].effect
 
     def judge(self, candidate: Candidate, fit: Fit | None, null: Floats) -> Judgement:
         """Judge a candidate by what it predicts where it was not fitted."""

@@ -19,6 +19,8 @@ from estimator.specimen.physics import EffectName, Place
 
 Floats = NDArray[np.float64]
 
+AROUND = tuple(np.radians(np.arange(-180.0, 180.0, 45.0)).tolist())
+"""Directions in the cross-section in which what acts on one side is tried [rad]."""
 SHAPES: dict[str, tuple[tuple[float, ...], ...]] = {
     "viscoelastic_creep": ((0.7,), (2.0,), (6.0,), (20.0,), (60.0,)),
     "hysteresis": ((0.03,), (0.1,), (0.3,)),
@@ -27,17 +29,9 @@ SHAPES: dict[str, tuple[tuple[float, ...], ...]] = {
     "line_leak": ((0.3,), (3.0,), (30.0,)),
     "thermal_drift": ((150.0,), (600.0,), (3000.0,)),
     "base_tilt": ((0.0,), (1.0,)),
-    "tether_stiffness": tuple(
-        (slack, angle)
-        for slack in (0.0, 0.02, 0.04)
-        for angle in np.radians(np.arange(-180.0, 180.0, 45.0)).tolist()
-    ),
+    "tether_stiffness": tuple((slack, angle) for slack in (0.0, 0.02, 0.04) for angle in AROUND),
     "local_stiffness_defect": tuple((float(angle),) for angle in np.radians(np.arange(-150.0, 181.0, 60.0))),
-    "contact_obstacle": tuple(
-        (distance, angle)
-        for distance in (0.01, 0.03, 0.05, 0.07)
-        for angle in np.radians(np.arange(-180.0, 180.0, 45.0)).tolist()
-    ),
+    "contact_obstacle": tuple((distance, angle) for distance in (0.01, 0.03, 0.05, 0.07) for angle in AROUND),
 }
 """Values of the shape parameters, in their order, at which an effect is tried."""
 CUT = (0.9, 0.75, 0.6)

@@ -7,6 +7,7 @@ A cord is soft where an obstacle is hard: what holds back with less than ``SOFTE
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.effects import contact_obstacle
 from estimator.effects.contact_obstacle import SOFTEST
 from estimator.effects.effect import Effect, Memory, Parameter, Signals
 from estimator.effects.world import (
@@ -16,15 +17,13 @@ from estimator.effects.world import (
 
 Floats = NDArray[np.float64]
 
+OPPOSITE = np.array([0.0, 0.0, np.pi])
+"""From the parameters of a cord to those of the wall that would push to where it is tied."""
+
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
     """Pull the section to where the cord is tied."""
-    stiffness, slack, azimuth = theta
-    direction = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    stretch = np.maximum(-signals.positions[:, spot.section] @ direction - slack, 0.0)
-    wrenches = np.zeros((len(signals.time), len(spot.world.sections), 6))
-    wrenches[:, spot.section, :3] = stiffness * stretch[:, None] * direction
-    return wrenches, memory
+    return contact_obstacle.act(signals, theta + OPPOSITE, spot, memory)
 
 
 EFFECT = Effect(

@@ -295,7 +295,7 @@ def beam_tables(folder: Path, advance: Callable[[float], None]) -> tuple[Table, 
     """Find the bare beam's modulus from its sag and predict the loaded beam with it."""
     specimen = described("beam")
     (bare,) = load_recordings([folder / BARE])
-    model = build_arm(specimen, ())
+    model = build_arm(specimen)
     options = Options(fit_lag=False)
     runs = [arrange(cut(bare, settled(bare)), specimen, model.sections)]
     found = calibrate(NodeSolver(model.with_loads(()), advance), specimen, runs, options)

@@ -41,7 +41,7 @@ def workers(jobs: int, dask: str | None = None, patience: float = 10.0) -> Itera
     if jobs == 1:
         yield Inline()
         return
-    with ProcessPoolExecutor(jobs, get_context("spawn")) as executor:
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as executor:
         yield executor
 
 

@@ -49,6 +49,11 @@ class Hit:
     error: float | None
     taken_for: str
 
+    @property
+    def right(self) -> bool:
+        """Whether it was named at its place."""
+        return self.named and bool(self.placed)
+
 
 @dataclass(frozen=True)
 class Score:

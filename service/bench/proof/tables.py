@@ -61,13 +61,13 @@ def _counts(kind: str, scores: Sequence[Score]) -> list[tuple[str, int, int]]:
         return [("called unknown", sum(s.called_unknown for s in scores), len(scores))]
     known = [hit for hit in hits if hit.effect != ALIKE]
     counts = [
-        (IDENTIFIABLE, sum(hit.named and bool(hit.placed) for hit in known), len(known)),
-        ("effects named and placed", sum(hit.named and bool(hit.placed) for hit in hits), len(hits)),
+        (IDENTIFIABLE, sum(hit.right for hit in known), len(known)),
+        ("effects named and placed", sum(hit.right for hit in hits), len(hits)),
         ("effects in the set", sum(hit.in_set for hit in hits), len(hits)),
         ("trials with a surplus name", sum(bool(s.surplus) for s in scores), len(scores)),
     ]
     if kind == "pair":
-        both = sum(all(hit.named and hit.placed for hit in s.hits) for s in scores)
+        both = sum(all(hit.right for hit in s.hits) for s in scores)
         counts.insert(0, ("both named and placed", both, len(scores)))
     return counts
 
@@ -168,7 +168,7 @@ def _right(score: Score) -> bool:
         return not score.false_alarm
     if kind == "foreign":
         return score.called_unknown
-    return all(hit.named and bool(hit.placed) for hit in score.hits) and not score.surplus
+    return all(hit.right for hit in score.hits) and not score.surplus
 
 
 def _of(scores: Sequence[Score], kind: str, excitation: str) -> list[Score]:
