@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 from estimator.augmented.model import ShapedModel, ShapedStep, Spread
 from estimator.effects.accepted import accepted_physics
-from estimator.effects.augmented import PlacedEffect, advance_with, signals_of, standing_pressures
+from estimator.effects.augmented import (
+    PlacedEffect,
+    advance_with,
+    recorded_turn,
+    signals_of,
+    simulate_with,
+    standing_pressures,
+)
 from estimator.effects.effect import Memory
 from estimator.effects.readings import QUATERNION, turns
 from estimator.effects.world import World
@@ -32,6 +39,8 @@ Step = TypeVar("Step", bound=Linearisation)
 
 UNSHAPING = 8
 """Passes of the search for the pressures behind those that act: enough where an effect halves them."""
+ALONG = 20
+"""Samples of a recording by which the mean turn of its base is found."""
 
 
 class Follower(Protocol[State]):
@@ -57,6 +66,7 @@ def estimator_of(
     *,
     pressures_measured: bool,
     guide: ArmModel[Any, Any] | None = None,
+    recorded: tuple[Floats, Floats] | None = None,
 ) -> Follower[State]:
     """Make the estimator of a specimen, with its physics where it has any.
 
@@ -68,6 +78,8 @@ def estimator_of(
         settings: What the estimator assumes.
         pressures_measured: Whether pressures are readings at the arm, not set-points.
         guide: A fast model with ``loads``, at whose answer the search starts where there are no physics.
+        recorded: Times [s], shape (samples,), and measured pressures [Pa], shape (samples, chambers), of the
+            recording by whose base the sensors were registered, where they were.
 
     Raises:
         InputError: The model's loads are others, or an effect does not fit the arm.
@@ -82,7 +94,21 @@ def estimator_of(
     stiffness, actuation = arm.stiffness(), settings.actuation
     world = World.of(specimen, segments, model.sections, stiffness, names, pressures_measured, actuation)
     effects = accepted_physics(specimen, world)
+    if recorded is not None and suite.base_recorded and any(e.effect.hook == "support" for e in effects):
+        time, pressures = _some(*recorded)
+        acting = actuation.to_chamber(pressures)
+        gravity = np.array(specimen.gravity_m_s2)
+        drive = Drive.of(time, acting, gravity, len(model.sections), segments.count)
+        turned = simulate_with(effects, arm, world, drive).drive.base_rotation
+        suite = suite.turned(recorded_turn(turned, effects))
     return AugmentedEstimator(arm, tuple(loads), world, effects, suite, settings)
+
+
+def _some(time: Floats, pressures: Floats) -> tuple[Floats, Floats]:
+    """Keep about ``ALONG`` samples with all pressures, evenly spread."""
+    whole = np.flatnonzero(np.isfinite(pressures).all(axis=1))
+    chosen = whole[np.unique(np.linspace(0, len(whole) - 1, min(ALONG, len(whole))).astype(int))]
+    return time[chosen], pressures[chosen]
 
 
 class AugmentedEstimator(Generic[State, Step]):
@@ -122,6 +148,7 @@ class AugmentedEstimator(Generic[State, Step]):
         self._couples = np.zeros((1, self._arm.segments.count, 4))
         self._world = replace(self._world, stiffness=self._rest)
         self._last: Response | None = None
+        self._pull = np.zeros((1, len(self._arm.model.sections), 6))
         self._turn = np.eye(3)
 
     def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> Estimate[State]:
@@ -130,7 +157,9 @@ class AugmentedEstimator(Generic[State, Step]):
         lost = ~np.isfinite(acting)
         drive = self._drive(time, np.where(lost, 0.0, acting), gravity)
         seen = self._last or self._at_rest(drive)
-        shaped, self._memories = advance_with(self._effects, self._world, drive, seen, self._memories)
+        pulled = replace(drive, wrenches=self._pull)
+        shaped, self._memories = advance_with(self._effects, self._world, pulled, seen, self._memories)
+        shaped = replace(shaped, wrenches=shaped.wrenches - self._pull)
         self._couples, self._turn = shaped.couples, exp(shaped.base_rotation[0])
         inner = self._arm.segments.wrenches(self._own(seen.frames), shaped.couples)
         self._estimator.follow(self._shaped((shaped.wrenches + inner).ravel(), self._turn))
@@ -140,6 +169,7 @@ class AugmentedEstimator(Generic[State, Step]):
         )
         if np.isfinite(estimate.vector).all() and estimate.status != "diverged":
             self._last = self._response(estimate.frames)
+            self._pull = (self._spread.matrix @ estimate.inputs.loads).reshape(self._pull.shape)
             self._bend(shaped, estimate)
         return estimate
 

@@ -18,7 +18,7 @@ from estimator.diagnosis.candidates import (
 )
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.fit import Fit, Ground, View, fit_effects, gain_of
-from estimator.diagnosis.gram import Products, total, with_column
+from estimator.diagnosis.gram import Products, total, with_columns
 from estimator.diagnosis.judge import CERTAIN, Judgement, judge
 from estimator.diagnosis.nominal import UNKNOWN
 from estimator.diagnosis.ring import Ring
@@ -198,7 +198,7 @@ class Search:
     def weighed(self, number: int, fit: Fit) -> Candidate:
         """Set the gain of a fit against the price of its parameters."""
         theta = fit.thetas[-1]
-        bic = fit.gain - np.log(max(self.count(), 2.0)) * len(theta) - surprise(fit)
+        bic = fit.gain - self.price * len(theta) - surprise(fit)
         return Candidate(number, fit, fit.gain, bic)
 
     def resolved(self, candidate: Candidate, ground: Ground) -> Candidate:
@@ -220,13 +220,14 @@ class Search:
         kinds = {h.effect.hook for h in fit.hypotheses}
         return kinds <= self.solve and not any(h.name in ANSWERING for h in fit.hypotheses)
 
-    def count(self) -> float:
-        """Give the effective number of searched samples."""
+    @property
+    def price(self) -> float:
+        """What a parameter costs: the logarithm of the effective number of searched samples."""
         seen = 0
         for stage, residual in zip(self.evidence.stages, self.evidence.residuals, strict=True):
             if not stage.session.nominal:
                 seen += int(np.isfinite(residual[~stage.session.heldout]).sum())
-        return seen * self.weights.share
+        return float(np.log(max(seen * self.weights.share, 2.0)))
 
     def best(
         self, field: Sequence[Candidate], fit: Fit | None, null: Floats, accepted: Sequence[Accepted]
@@ -302,11 +303,11 @@ class Search:
         for number, stage in enumerate(self.evidence.stages):
             if stage.session.nominal:
                 continue
-            found += with_column(
+            found += with_columns(
                 [part for part in plain if part.session == number],
                 before[number],
                 self.evidence.columns[number],
-                self.change(stage, candidate.fit),
+                self.change(stage, candidate.fit)[..., None],
                 self.evidence.scale(self.weights, number),
                 stage.session.blocks,
             )

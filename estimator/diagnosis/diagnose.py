@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,7 @@ from estimator.diagnosis.stage import Model, Stage
 from estimator.diagnosis.stuck import Stuck, find_stuck, stuck_findings, without_stuck
 from estimator.diagnosis.swapped import refuse_swapped
 from estimator.diagnosis.swing import fit_swing, swinging
+from estimator.diagnosis.unnamed import Law, better_law
 from estimator.diagnosis.words import EXCITATION
 from estimator.effects import EFFECTS, describe
 from estimator.effects.augmented import PlacedEffect
@@ -156,8 +157,12 @@ def diagnose(
             *notes,
             f"Fitted but not proven on held-out data, and so not reported: {', '.join(dropped)}.",
         )
+    law = better_law(search, choice)
+    if law is not None:
+        notes = (*notes, law.tell(choice))
+        choice = replace(choice, accepted=(), fit=None)
     advance("judging")
-    return _outcome(search, choice, how, notes, stuck)
+    return _outcome(search, choice, how, notes, stuck, law)
 
 
 def _require_predictions(stages: Sequence[Stage]) -> None:
@@ -192,7 +197,12 @@ def _notes(width: float, known: Sequence[Session]) -> list[str]:
 
 
 def _outcome(
-    search: Search, choice: Choice, how: str, notes: Sequence[str], stuck: tuple[Stuck, ...]
+    search: Search,
+    choice: Choice,
+    how: str,
+    notes: Sequence[str],
+    stuck: tuple[Stuck, ...],
+    law: Law | None = None,
 ) -> Outcome:
     evidence = search.evidence
     suspects = [stage for stage in evidence.stages if not stage.session.nominal]
@@ -203,9 +213,9 @@ def _outcome(
     first_map = _map(search, None)
     left_map = _map(search, choice) if choice.fit is not None else first_map
     baseline = _baseline(suspects, evidence.floors)
-    changed = remainder > STRUCTURE or _changed(search, choice)
+    changed = law is not None or remainder > STRUCTURE or _changed(search, choice)
     verdict = _verdict(choice, changed=changed, found=bool(findings))
-    unexplained = _unexplained(verdict, remainder, left_map)
+    unexplained = _unexplained(verdict, remainder, left_map, law)
     heldout = heldout_result(search, predictions, how)
     if verdict == "unexplained":
         findings = (unknown(unexplained, heldout, choice.alarm_p),)
@@ -295,7 +305,9 @@ def _verdict(choice: Choice, *, changed: bool, found: bool) -> Verdict:
     return "unexplained" if changed or (doubtful and choice.alarm_p < SIGNIFICANT) else "consistent"
 
 
-def _unexplained(verdict: Verdict, remainder: float, found: LocationMap) -> Unexplained:
+def _unexplained(verdict: Verdict, remainder: float, found: LocationMap, law: Law | None) -> Unexplained:
+    if law is not None:
+        return Unexplained(remainder, law.place, law.regime, found)
     best = found.best
     if verdict in ("consistent", "explained") or best is None or best.p_value > SIGNIFICANT:
         return Unexplained(remainder, Place(), "", found)

@@ -30,6 +30,8 @@ NOVELTY = 2.0
 """Largest scatter of the recordings in question over that of nominal ones."""
 BACKGROUND = 0.3
 """Spread of what every arm may have of an effect, in typical sizes: the belief before nominal recordings."""
+ABSENT = 0.01
+"""Share of it for effects that no arm has of itself, which nominal runs need not have come near."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,13 @@ class Evidence:
         # It pulls towards what was known beforehand, not towards the values at which residuals are taken.
         mean[:count] = np.linalg.lstsq(rows, known, rcond=None)[0]
         return Belief(mean, covariance)
+
+    def sound(self, form: float) -> Belief:
+        """Give the belief about an arm that is well, before any recording; see ``prior``."""
+        prior = self.prior(BACKGROUND, form)
+        innate = [self.library.hypotheses[d.hypothesis].effect.innate for d in self.library.directions]
+        size = np.concatenate([np.ones(self.nuisances), np.where(innate, 1.0, ABSENT)])
+        return Belief(prior.mean, prior.covariance * np.outer(size, size))
 
     def products(self, weights: Weights, residuals: Sequence[Floats] | None = None) -> list[Products]:
         """Multiply residuals and columns, stretch by stretch; the columns' own products are kept."""

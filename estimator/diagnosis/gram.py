@@ -92,41 +92,38 @@ def renewed(
     for part, (_, own, seen, weight) in zip(parts, stretches, strict=True):
         left = residual[own][seen] * weight
         scaled = np.where(seen, np.nan_to_num(residual[own]) / spread[own] ** 2, 0.0)
-        vector = _pull(columns[own], scaled)
+        vector = _pull(columns[own], scaled.ravel())
         found.append(replace(part, vector=vector, power=float(left @ left)))
     return found
 
 
-def with_column(
+def with_columns(
     parts: Sequence[Products],
     residual: Floats,
     columns: Floats | NDArray[np.float32],
-    change: Floats,
+    more: Floats,
     scale: Floats,
     blocks: NDArray[np.int64],
 ) -> list[Products]:
-    """Give the products of a session with one more column, shape (samples, rows); see ``products_of``."""
+    """Give the products of a session with more columns, shape (samples, rows, more); see ``products_of``."""
     found = []
     spread = np.broadcast_to(scale, residual.shape)
     stretches = _stretches(residual, scale, blocks)
     for part, (_, own, seen, _) in zip(parts, stretches, strict=True):
-        weighted = np.where(seen, np.nan_to_num(change[own]) / spread[own] ** 2, 0.0)
-        cross = _pull(columns[own], weighted)
-        size = len(cross)
-        matrix = np.empty((size + 1, size + 1))
-        matrix[:size, :size] = part.matrix
-        matrix[size, :size] = matrix[:size, size] = cross
-        matrix[size, size] = float((weighted * np.nan_to_num(change[own])).sum())
-        pull = float((weighted * np.nan_to_num(residual[own])).sum())
-        found.append(replace(part, matrix=matrix, vector=np.append(part.vector, pull)))
+        added = np.nan_to_num(more[own]).reshape(-1, more.shape[-1])
+        weight = np.where(seen, 1.0 / spread[own] ** 2, 0.0).reshape(-1, 1)
+        cross = _pull(columns[own], weight * added)
+        inner = added.T @ (weight * added)
+        pull = (weight * added).T @ np.nan_to_num(residual[own]).ravel()
+        matrix = np.block([[part.matrix, cross], [cross.T, inner]])
+        found.append(replace(part, matrix=matrix, vector=np.concatenate([part.vector, pull])))
     return found
 
 
 def _pull(columns: Floats | NDArray[np.float32], weighted: Floats) -> Floats:
-    """Multiply columns, shape (samples, rows, columns), by weighted residuals, in the columns' precision."""
+    """Multiply columns, shape (samples, rows, columns), by what has as many rows, in their precision."""
     flat = columns.reshape(-1, columns.shape[-1])
-    single = weighted.ravel().astype(np.float32) if columns.dtype == np.float32 else weighted.ravel()
-    return np.asarray(np.dot(flat.T, single), dtype=np.float64)
+    return np.asarray(np.dot(flat.T, weighted.astype(columns.dtype)), dtype=np.float64)
 
 
 def _stretches(

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.belief import Belief, Marginal
-from estimator.diagnosis.evidence import BACKGROUND, Evidence
+from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.gram import Products, total
 from estimator.diagnosis.weights import Weights
 
@@ -14,6 +14,8 @@ Floats = NDArray[np.float64]
 
 WIDTHS = (0.01, 0.03, 0.06, 0.12, 0.25)
 """Standard deviations tried for what changes of each effect from run to run, in typical sizes."""
+FORMS = (1.0, 0.3, 0.1, 0.03)
+"""Spreads of the model form that are tried: nominal recordings tell how wrong the law of an arm is."""
 WIDEST = 0.5
 """The same where something has changed."""
 MATERIAL = 0.1
@@ -34,7 +36,9 @@ def belief_before(evidence: Evidence, weights: Weights) -> tuple[Belief, float]:
     parts = [part for part in evidence.products(weights) if part.nominal]
     if not parts:
         return evidence.prior(UNKNOWN, UNKNOWN), UNKNOWN
-    prior = evidence.prior(BACKGROUND, 1.0)
+    prior = max(
+        (evidence.sound(f) for f in FORMS), key=lambda p: predictive(p, parts, weights.share, evidence.size)
+    )
     width = _width(evidence, prior, parts, weights.share)
     learnt = prior.updated(total(parts, evidence.size), weights.share)
     return learnt.wider(_spreads(evidence, width)), width

@@ -12,8 +12,8 @@ from estimator.calibration.parameters import Layout, Setting
 from estimator.calibration.pressures import by_unknown
 from estimator.diagnosis.session import Session, units
 from estimator.diagnosis.solver import Solver
-from estimator.effects import World, base_tilt
-from estimator.effects.augmented import PRESSURES, PlacedEffect, signals_of, simulate_with
+from estimator.effects import World
+from estimator.effects.augmented import PRESSURES, PlacedEffect, recorded_turn, signals_of, simulate_with
 from estimator.model import Frames
 from estimator.rotations import exp
 from estimator.sensing import Scene, SensorSuite
@@ -223,17 +223,8 @@ class Stage:
 
     def _usual(self, drive: Drive, effects: Sequence[PlacedEffect]) -> Floats:
         """Give the turn of the base that the laboratory's registration has taken out, shape (samples, 3)."""
-        taken = np.zeros(3)
-        if self._registered:
-            tilts = [placed.theta for placed in effects if placed.effect.name == "base_tilt"]
-            taken = np.mean(drive.base_rotation, axis=0) - sum(map(base_tilt.hidden, tilts), taken)
+        taken = recorded_turn(drive.base_rotation, effects) if self.suite.base_recorded else np.zeros(3)
         return np.broadcast_to(taken, drive.base_rotation.shape)
-
-    @cached_property
-    def _registered(self) -> bool:
-        """Whether the recorded base, at its mean pose, tells where the laboratory is."""
-        known = [m.registration for m in self.suite.measurements if m.registration is not None]
-        return any(not np.array_equal(one.rotation, np.eye(3)) for one in known)
 
     def _misread(self, placed: PlacedEffect, truth: Floats) -> Floats:
         """Give stacked readings as an effect of sensing turns them, shape (samples, readings)."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.effects import base_tilt
 from estimator.effects.effect import Effect, Memory, Signals
 from estimator.effects.world import Spot, World
 from estimator.sensing import SensorSuite
@@ -167,6 +168,21 @@ def standing_pressures(effects: Sequence[PlacedEffect], world: World, drive: Dri
     """Give what effects make of pressures that have long stood still, shape (samples, chambers)."""
     none: tuple[Memory, ...] = ((),) * len(effects)
     return _shape_drive(effects, world, drive, none, list(none)).pressures
+
+
+def recorded_turn(base_rotation: Floats, effects: Sequence[PlacedEffect]) -> Floats:
+    """Give the turn that a recorded base shows at its mean pose, by which the laboratory is found [rad].
+
+    Args:
+        base_rotation: Turn of the base along the recording, shape (samples, 3).
+        effects: The effects that turn it, some of them beneath what is recorded.
+
+    Returns:
+        Shape (3,).
+    """
+    tilts = [placed.theta for placed in effects if placed.effect.name == "base_tilt"]
+    shown: Floats = base_rotation.mean(axis=0) - sum(map(base_tilt.hidden, tilts), np.zeros(3))
+    return shown
 
 
 def _answers(placed: PlacedEffect) -> bool:

@@ -43,6 +43,7 @@ EFFECT = Effect(
     statement="Something is in the way of {where}: beyond {distance} m in the direction {azimuth} rad "
     "it is pushed back with {stiffness} N/m.",
     source="Penalty contact with a half space",
+    innate=False,
     needs=frozenset({"each_chamber"}),
     splits=(
         ("material_stiffening", "reach one pose by different chambers"),

@@ -109,6 +109,7 @@ class Effect:
         statement: Plain sentence, with the fields ``where`` and the parameters' names.
         source: Where the equation comes from.
         equivalence: Structural classes: effects that share one look alike to orientation and pressure.
+        innate: Whether an arm that is well may have a little of it.
         needs: Excitation without which it cannot be tested.
         splits: Rival effect to the manoeuvre that tells the two apart.
     """
@@ -121,6 +122,7 @@ class Effect:
     statement: str
     source: str
     equivalence: tuple[str, ...] = ()
+    innate: bool = True
     needs: frozenset[Excitation] = frozenset()
     splits: tuple[tuple[EffectName, str], ...] = ()
 

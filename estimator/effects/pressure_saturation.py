@@ -28,6 +28,7 @@ EFFECT = Effect(
     statement="The pressure in {where} never comes nearer than {shortfall} Pa to the limit that it "
     "should reach.",
     source="Valve or supply limit",
+    innate=False,
     needs=frozenset({"large_pressures"}),
     splits=(
         ("material_stiffening", "raise each chamber alone to its limit"),

@@ -39,6 +39,7 @@ EFFECT = Effect(
     statement="Hoses or a cord pull {where} in the direction {azimuth} rad: once it is {slack} m away from "
     "there they pull with {stiffness} N/m.",
     source="Unilateral spring",
+    innate=False,
     needs=frozenset({"large_pressures"}),
     splits=(
         ("material_stiffening", "loosen the hoses and repeat"),

@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 from estimator.errors import InputError
 from estimator.model import Frames
 from estimator.rotations import skew
+from estimator.sensing.marker import Marker
 from estimator.sensing.measurement import Measurement, Scene, Sensitivity
+from estimator.sensing.orientation import Orientation
+from estimator.sensing.section_pose import SectionPose
 
 Floats = NDArray[np.float64]
 
@@ -191,6 +194,27 @@ class SensorSuite:
         parts = np.split(np.asarray(values, dtype=np.float64), ends[:-1])
         aligned = (m.with_parameters(part) for m, part in zip(self.measurements, parts, strict=True))
         return replace(self, measurements=tuple(aligned))
+
+    @cached_property
+    def base_recorded(self) -> bool:
+        """Whether the recorded base tells where the laboratory is."""
+        known = [m.registration for m in self.measurements if m.registration is not None]
+        return any(not np.array_equal(one.rotation, np.eye(3)) for one in known)
+
+    def turned(self, turn: Floats) -> "SensorSuite":
+        """Turn the laboratory about the base's origin by a rotation vector [rad], shape (3,)."""
+        twist = np.concatenate([np.zeros(3), turn])
+        known = {id(m.registration): m.registration for m in self.measurements}
+        moved = {key: one.moved(twist) for key, one in known.items() if one is not None}
+        return replace(
+            self,
+            measurements=tuple(
+                replace(m, registration=moved[id(m.registration)])
+                if isinstance(m, SectionPose | Orientation | Marker)
+                else m
+                for m in self.measurements
+            ),
+        )
 
     def parameter_rows(self, scene: Scene, readings: Floats) -> Floats:
         """Give the derivative by all alignment parameters, shape (..., size, parameters)."""

@@ -184,6 +184,7 @@ def _estimator(
         settings(model.loads, specimen, run),
         pressures_measured="commanded" not in run.pressure_source,
         guide=guide,
+        recorded=(run.time, run.pressures),
     )
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from estimator.diagnosis.belief import Belief, Factor, Marginal
-from estimator.diagnosis.gram import products_of, renewed, total, with_column
+from estimator.diagnosis.gram import products_of, renewed, total, with_columns
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_the_gain_of_extra_coefficients_is_the_fall_of_the_cost(data: tuple[np.n
     assert gain == pytest.approx(marginal.cost - after, rel=1e-3)
 
 
-def test_products_of_another_residual_and_of_one_more_column(data: tuple[np.ndarray, np.ndarray]) -> None:
+def test_products_of_another_residual_and_of_more_columns(data: tuple[np.ndarray, np.ndarray]) -> None:
     residual, columns = data
     scale = np.array([0.1, 0.2])
     first = _products(residual, columns)
@@ -54,8 +54,8 @@ def test_products_of_another_residual_and_of_one_more_column(data: tuple[np.ndar
     for a, b in zip(renewed(first, other, columns, scale, BLOCKS), _products(other, columns), strict=True):
         assert a.vector == pytest.approx(b.vector)
         assert a.power == pytest.approx(b.power)
-    wider = with_column(first, residual, columns[..., :], columns[..., 2] ** 2, scale, BLOCKS)
-    direct = _products(residual, np.concatenate([columns, columns[..., 2:3] ** 2], axis=-1))
+    wider = with_columns(first, residual, columns[..., :], columns[..., 2:4] ** 2, scale, BLOCKS)
+    direct = _products(residual, np.concatenate([columns, columns[..., 2:4] ** 2], axis=-1))
     for a, b in zip(wider, direct, strict=True):
         assert a.matrix == pytest.approx(b.matrix)
         assert a.vector == pytest.approx(b.vector)

@@ -1,0 +1,152 @@
+"""Laws that the library does not state: whatever bends, pressures or neighbouring chambers might do.
+
+A law is piecewise linear in what it depends on, sum_k c_k max(x - x_k, 0), with free coefficients; it states
+no physics and so claims none. Where one explains far more than all effects that were accepted, for the price
+of its coefficients, what was left out is not in the library, and the nearest name would be wrong.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.diagnosis.belief import Marginal
+from estimator.diagnosis.candidates import Choice
+from estimator.diagnosis.choose import Search
+from estimator.diagnosis.gram import Total, total, with_columns
+from estimator.diagnosis.stage import Stage
+from estimator.effects import describe
+from estimator.specimen.physics import Place
+
+Floats = NDArray[np.float64]
+
+KNOTS = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75])
+"""Where a law may bend, as shares of the largest bend or pressure."""
+BETTER = 1.15
+SURE = 40.0
+"""Factor and difference in the criterion by which a law must outdo the best that has a name."""
+ALONE = 0.9
+"""Share that it must explain of what all that were accepted explain: one law stands for one effect."""
+ANY_SIZE = 100.0
+"""Variance of a coefficient, over that with which it would explain all."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """What a law without a name explains.
+
+    Args:
+        place: Where it acts.
+        regime: What it varies with.
+        delta_bic: By how much it lowers the cost, less the price of its coefficients.
+    """
+
+    place: Place
+    regime: str
+    delta_bic: float
+
+    def tell(self, choice: Choice) -> str:
+        """Say how far what has a name falls short of it."""
+        told = f"A law of the {self.regime} at {describe(self.place)} is at work that the library lacks."
+        if choice.fit is None:
+            return told
+        names = ", ".join(hypothesis.name for hypothesis in choice.fit.hypotheses)
+        return f"{told} The nearest that has a name, {names}, explains far less, and so is not reported."
+
+
+def better_law(search: Search, choice: Choice) -> Law | None:
+    """Give the law without a name that explains far more than what was accepted, if there is one."""
+    best = max(laws(search), key=lambda law: law.delta_bic)
+    strongest = max((one.candidate.delta_bic for one in choice.accepted), default=0.0)
+    every = choice.fit.gain - search.price * sum(map(len, choice.fit.thetas)) if choice.fit else 0.0
+    return best if best.delta_bic > max(BETTER * strongest, ALONE * every) + SURE else None
+
+
+def laws(search: Search) -> list[Law]:
+    """Fit every law alone."""
+    stages = [(k, s) for k, s in enumerate(search.evidence.stages) if not s.session.nominal]
+    suspects = [stage for _, stage in stages]
+    world = max((stage.world for stage in suspects), key=lambda one: len(one.sensors))
+    highest = max(float(s.session.pressures.max(initial=0.0)) for s in suspects)
+    found = []
+    for index, segment in enumerate(world.segments):
+        bends = [bend(stage, index) for stage in suspects]
+        knots = KNOTS * max(float(b.max(initial=0.0)) for b in bends)
+        columns = [by_bend(stage, index, knots) for stage in suspects]
+        found.append(_fitted(search, stages, columns, Place(segment=segment), "pose"))
+    columns = [by_pressure(stage, KNOTS[1:] * highest) for stage in suspects]
+    found.append(_fitted(search, stages, columns, Place(), "pressure level"))
+    columns = [by_neighbours(stage, highest) for stage in suspects]
+    found.append(_fitted(search, stages, columns, Place(), "pressure level"))
+    return found
+
+
+def bend(stage: Stage, segment: int) -> Floats:
+    """Give the size of a segment's bend [rad], shape (samples,)."""
+    size: Floats = np.linalg.norm(stage.arm.baseline.strains[:, segment, :2], axis=-1)
+    return size
+
+
+def by_bend(stage: Stage, segment: int, knots: Floats) -> Floats:
+    """Let a segment bend further in its own direction, shape (samples, rows, knots)."""
+    size = bend(stage, segment)
+    along = stage.arm.baseline.strains[:, segment, :2] / np.maximum(size, 1e-6)[:, None]
+    slope = np.einsum("tra,ta->tr", stage.by_free[..., 4 * segment : 4 * segment + 2], along)
+    columns: Floats = slope[..., None] * np.maximum(size[:, None] - knots, 0.0)[:, None]
+    return columns
+
+
+def by_pressure(stage: Stage, knots: Floats) -> Floats:
+    """Let every chamber push more from some pressure on, shape (samples, rows, knots)."""
+    pressures = stage.session.pressures
+    slopes = stage.by_input[..., : pressures.shape[1]]
+    columns: Floats = np.einsum("trc,tck->trk", slopes, np.maximum(pressures[..., None] - knots, 0.0))
+    return columns
+
+
+def by_neighbours(stage: Stage, highest: float) -> Floats:
+    """Let chambers of a segment act on one another.
+
+    For each segment: each chamber pushes more the fuller its neighbours are; or it takes from one neighbour
+    what it gives the other.
+
+    Returns:
+        Shape (samples, rows, 2 segments).
+    """
+    pressures = stage.session.pressures
+    slopes = stage.by_input[..., : pressures.shape[1]]
+    columns = []
+    for index in range(len(stage.world.segments)):
+        own = [c for c, segment in enumerate(stage.world.chamber_segment) if segment == index]
+        inside = pressures[:, own]
+        together = inside * (inside.sum(axis=1, keepdims=True) - inside) / max(highest, 1.0)
+        around = np.roll(inside, 1, axis=1) - np.roll(inside, -1, axis=1)
+        columns += [np.einsum("trc,tc->tr", slopes[..., own], change) for change in (together, around)]
+    return np.stack(columns, axis=-1)
+
+
+def _fitted(
+    search: Search, stages: Sequence[tuple[int, Stage]], columns: Sequence[Floats], place: Place, regime: str
+) -> Law:
+    """Fit the coefficients of a law to the searched stretches, beside what is common to all recordings."""
+    evidence, weights = search.evidence, search.weights
+    known = [part for part in evidence.products(weights) if not part.nominal]
+    parts = []
+    for (number, stage), own in zip(stages, columns, strict=True):
+        parts += with_columns(
+            [part for part in known if part.session == number],
+            evidence.residuals[number],
+            evidence.columns[number],
+            own,
+            evidence.scale(weights, number),
+            stage.session.blocks,
+        )
+    size, extra = evidence.size, columns[0].shape[-1]
+    seen = total([part for part in parts if not part.heldout], size + extra)
+    plain = Total(seen.count, seen.matrix[:size, :size], seen.vector[:size], seen.power)
+    belief = search.belief
+    for own_power in np.diag(seen.matrix)[size:].tolist():
+        belief = belief.beside(0.0, ANY_SIZE * seen.power / max(own_power, 1e-300))
+    before = Marginal.cost_of(search.belief, plain, weights.share)
+    return Law(place, regime, before - Marginal.cost_of(belief, seen, weights.share) - search.price * extra)
