@@ -315,13 +315,19 @@ class Search:
 
     def pruned(self, accepted: list[Accepted], fit: Fit) -> tuple[list[Accepted], Fit | None, frozenset[int]]:
         """Drop effects whose sizes are no longer told from none once all are fitted together."""
-        needed = [k for k in range(len(accepted)) if is_told(fit, k)]
+        needed = [k for k in range(len(accepted)) if is_told(fit, k) or self.missed(fit, k)]
         if len(needed) == len(accepted):
             return accepted, fit, frozenset()
         dropped = frozenset(accepted[k].candidate.number for k in range(len(accepted)) if k not in needed)
         left = self.subset(fit, needed)
         kept = [accepted[k] for k in needed]
         return kept, self.refit(left) if left is not None else None, dropped
+
+    def missed(self, fit: Fit, number: int) -> bool:
+        """Tell whether the others explain much less without an effect, as where a wall is hard."""
+        others = self.subset(fit, [k for k in range(len(fit.thetas)) if k != number])
+        left = self.refit(others).gain if others is not None else 0.0
+        return fit.gain - left > LEAST_BIC + self.price * len(fit.thetas[number])
 
     def without(self, choice: Choice, dropped: Sequence[int]) -> Choice:
         """Take effects back, and fit the others again."""
