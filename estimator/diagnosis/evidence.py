@@ -106,9 +106,9 @@ class Evidence:
         mean[:count] = np.linalg.lstsq(rows, known, rcond=None)[0]
         return Belief(mean, covariance)
 
-    def sound(self, form: float) -> Belief:
+    def sound(self) -> Belief:
         """Give the belief about an arm that is well, before any recording; see ``prior``."""
-        prior = self.prior(BACKGROUND, form)
+        prior = self.prior(BACKGROUND, 1.0)
         innate = [self.library.hypotheses[d.hypothesis].effect.innate for d in self.library.directions]
         size = np.concatenate([np.ones(self.nuisances), np.where(innate, 1.0, ABSENT)])
         return Belief(prior.mean, prior.covariance * np.outer(size, size))

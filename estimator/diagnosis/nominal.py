@@ -14,8 +14,6 @@ Floats = NDArray[np.float64]
 
 WIDTHS = (0.01, 0.03, 0.06, 0.12, 0.25)
 """Standard deviations tried for what changes of each effect from run to run, in typical sizes."""
-FORMS = (1.0, 0.3, 0.1, 0.03)
-"""Spreads of the model form that are tried: nominal recordings tell how wrong the law of an arm is."""
 WIDEST = 0.5
 """The same where something has changed."""
 MATERIAL = 0.1
@@ -36,9 +34,7 @@ def belief_before(evidence: Evidence, weights: Weights) -> tuple[Belief, float]:
     parts = [part for part in evidence.products(weights) if part.nominal]
     if not parts:
         return evidence.prior(UNKNOWN, UNKNOWN), UNKNOWN
-    prior = max(
-        (evidence.sound(f) for f in FORMS), key=lambda p: predictive(p, parts, weights.share, evidence.size)
-    )
+    prior = evidence.sound()
     width = _width(evidence, prior, parts, weights.share)
     learnt = prior.updated(total(parts, evidence.size), weights.share)
     return learnt.wider(_spreads(evidence, width)), width
