@@ -28,7 +28,7 @@ from estimator.inverse import Estimate, Estimator, TrackerSettings
 from estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
 from estimator.rotations import exp, from_quaternions, to_quaternions
 from estimator.sensing import Scene, SensorSuite
-from estimator.simulation import Drive, Response, Segments, SimulatedArm
+from estimator.simulation import Arm, Drive, Response, Segments, SimulatedArm
 from estimator.simulation.compliance import bounded_inverse
 from estimator.specimen import Specimen
 from estimator.stretch import stretched
@@ -94,14 +94,31 @@ def estimator_of(
     stiffness, actuation = arm.stiffness(), settings.actuation
     world = World.of(specimen, segments, model.sections, stiffness, names, pressures_measured, actuation)
     effects = accepted_physics(specimen, world)
-    if recorded is not None and suite.base_recorded and any(e.effect.hook == "support" for e in effects):
+    if recorded is not None:
         time, pressures = _some(*recorded)
-        acting = actuation.to_chamber(pressures)
         gravity = np.array(specimen.gravity_m_s2)
+        acting = actuation.to_chamber(pressures)
         drive = Drive.of(time, acting, gravity, len(model.sections), segments.count)
-        turned = simulate_with(effects, arm, world, drive).drive.base_rotation
-        suite = suite.turned(recorded_turn(turned, effects))
+        suite = registered_again(suite, arm, world, effects, drive)
     return AugmentedEstimator(arm, tuple(loads), world, effects, suite, settings)
+
+
+def registered_again(
+    suite: SensorSuite, arm: Arm, world: World, effects: Sequence[PlacedEffect], drive: Drive
+) -> SensorSuite:
+    """Find the laboratory by the base at rest, where the base that was recorded had turned.
+
+    Args:
+        suite: Sensors, registered by the mean pose of the recorded base or not at all.
+        arm: The arm without effects.
+        world: What the effects refer to.
+        effects: The effects, of which some may turn the base.
+        drive: What acted along the recording without them.
+    """
+    if not suite.base_recorded or all(placed.effect.hook != "support" for placed in effects):
+        return suite
+    turned = simulate_with(effects, arm, world, drive).drive.base_rotation
+    return suite.turned(recorded_turn(turned, effects))
 
 
 def _some(time: Floats, pressures: Floats) -> tuple[Floats, Floats]:

@@ -1,12 +1,14 @@
 """With the right physics in the model no force is left; without it, there seems to be one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from estimator.augmented import AugmentedEstimator, ShapedModel, Spread
-from estimator.augmented.estimator import undo
+from estimator.augmented.estimator import registered_again, undo
 from estimator.effects import EFFECTS, Spot, World
-from estimator.effects.augmented import PlacedEffect, simulate_with, standing_pressures
+from estimator.effects.augmented import PlacedEffect, recorded_turn, simulate_with, standing_pressures
 from estimator.errors import InputError
 from estimator.inverse import Estimator, LoadProcess, TrackerSettings
 from estimator.model import Inputs, Load
@@ -31,6 +33,7 @@ SUITE = SensorSuite(
 )
 NAMES = tuple(sensor.name for sensor in SUITE.measurements)
 GRAVITY = np.array([0.0, 0.0, 9.81])
+TURNED = np.array([9.81, 0.0, 0.0])
 ACTUATION = ActuationMap(np.linspace(0.9, 1.1, 6), np.linspace(-300.0, 300.0, 6), 5.0)
 SETTINGS = TrackerSettings(LoadProcess(np.full(4, 0.5), 0.0), ACTUATION, np.full(6, 65e3))
 ARM = toy()
@@ -72,9 +75,11 @@ def recorded(effect: PlacedEffect, samples: int = 22) -> tuple[np.ndarray, np.nd
     return time, measured, np.concatenate([done.readings[name] for name in NAMES], axis=1)
 
 
-def forces(estimator: Estimator | AugmentedEstimator, time, measured, readings) -> np.ndarray:
+def forces(
+    estimator: Estimator | AugmentedEstimator, time, measured, readings, gravity: np.ndarray = GRAVITY
+) -> np.ndarray:
     found = [
-        estimator.update(float(t), y, p, GRAVITY) for t, p, y in zip(time, measured, readings, strict=True)
+        estimator.update(float(t), y, p, gravity) for t, p, y in zip(time, measured, readings, strict=True)
     ]
     assert all(estimate.converged for estimate in found)
     return np.array([estimate.inputs.loads for estimate in found])
@@ -88,6 +93,24 @@ def test_physics_in_the_model_is_no_longer_taken_for_a_force(name: str, theta: l
     better = AugmentedEstimator(ARM, LOADS, WORLD, (effect,), SUITE, SETTINGS)
     wrong, right = (np.sqrt((forces(one, *data) ** 2).mean()) for one in (plain, better))
     assert wrong > 2e-3
+    assert right < 0.2 * wrong
+
+
+@pytest.mark.parametrize(
+    ("name", "theta"), [("base_tilt", [0.06, -0.04, 0.0]), ("base_compliance", [0.4])], ids=["tilt", "yields"]
+)
+def test_a_laboratory_found_by_a_base_that_had_turned_is_turned_back(name: str, theta: list[float]):
+    effect = placed(name, theta, {})
+    found_at_rest = Registration(exp(np.array([np.pi, 0.0, 0.0])))
+    rested = SensorSuite(tuple(replace(m, registration=found_at_rest) for m in SUITE.measurements))
+    time, measured, _ = recorded(effect)
+    drive = Drive.of(time, ACTUATION.to_chamber(measured), TURNED, 2, 2)
+    done = simulate_with([effect], ARM, WORLD, drive, rested)
+    data = time, measured, np.concatenate([done.readings[name] for name in NAMES], axis=1), TURNED
+    suite = rested.turned(-recorded_turn(done.drive.base_rotation, [effect]))
+    again = registered_again(suite, ARM, WORLD, [effect], drive)
+    estimators = [AugmentedEstimator(ARM, LOADS, WORLD, (effect,), own, SETTINGS) for own in (suite, again)]
+    wrong, right = (np.sqrt((forces(one, *data) ** 2).mean()) for one in estimators)
     assert right < 0.2 * wrong
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from estimator.diagnosis.prepare import blocks_of
 from estimator.diagnosis.session import Session
 from estimator.diagnosis.stage import Model
-from estimator.effects import EFFECTS, Spot
+from estimator.effects import EFFECTS, Effect, Spot
 from estimator.effects.augmented import PlacedEffect, simulate_with
 from estimator.sensing import Registration, SensorSuite
 from estimator.sensors import SpecimenSensors
@@ -18,6 +18,8 @@ from estimator.specimen.physics import Place
 from tests.estimator.simulation.straight_arm import SEGMENTS, straight_arm, world
 
 SECTIONS = ("intermediate", "tip")
+Concealed = Sequence[tuple[str | Effect, Place, Sequence[float]]]
+"""Effects by name, or of one's own, with their places and parameters."""
 NOISE = 4e-4
 STEP = 0.2
 
@@ -70,7 +72,7 @@ def holds(seed: int, seconds: float = 45.0) -> np.ndarray:
 def session(
     name: str,
     seed: int,
-    effects: Sequence[tuple[str, Place, Sequence[float]]] = (),
+    effects: Concealed = (),
     *,
     nominal: bool = False,
     scales: tuple[float, float] = (1.1, 0.93),
@@ -81,7 +83,11 @@ def session(
     gravity = np.zeros((len(time), 3))
     background = [("viscoelastic_creep", Place(), (0.02, 5.0, 0.0))]
     placed = [
-        PlacedEffect(EFFECTS[effect], Spot(world(("bend_intermediate", "bend_tip")), place), np.array(theta))
+        PlacedEffect(
+            effect if isinstance(effect, Effect) else EFFECTS[effect],
+            Spot(world(("bend_intermediate", "bend_tip")), place),
+            np.array(theta),
+        )
         for effect, place, theta in [*background, *effects]
     ]
     sensors = suite()
@@ -106,7 +112,7 @@ def session(
     )
 
 
-def trial(effects: Sequence[tuple[str, Place, Sequence[float]]]) -> list[Session]:
+def trial(effects: Concealed) -> list[Session]:
     """Two nominal recordings and four in question."""
     known = [session(f"nominal_{k}", k, nominal=True) for k in range(2)]
     return [*known, *(session(f"run_{k}", 10 + k, effects) for k in range(4))]

@@ -7,6 +7,8 @@ from estimator.diagnosis import diagnose as whole
 from estimator.diagnosis.diagnose import Outcome, diagnose
 from estimator.diagnosis.session import Session
 from estimator.diagnosis.split import hold_out
+from estimator.effects import EFFECTS, Spot
+from estimator.effects.effect import Memory, Signals
 from estimator.specimen.physics import Place
 from service.diagnosis.report import report_of
 from service.diagnosis.workers import Inline
@@ -21,6 +23,21 @@ TRIED = (
     "pressure_bias",
 )
 WEAK = ("chamber_gain", Place(chamber=1), (-0.15,))
+
+
+def _lock(signals: Signals, theta: np.ndarray, spot: Spot, memory: Memory) -> tuple[np.ndarray, Memory]:
+    """Let a segment bend ``theta[1]`` less than it would of all that is beyond ``theta[0]`` rad."""
+    start, lost = theta
+    bend = np.linalg.norm(signals.strains[..., :2], axis=-1, keepdims=True)
+    left = 1.0 - lost * np.maximum(bend - start, 0.0) / np.maximum(bend, 1e-9)
+    chosen = spot.segments[:, None] > 0.0
+    strains = signals.strains.copy()
+    strains[..., :2] = np.where(chosen, strains[..., :2] * left, strains[..., :2])
+    return strains, memory
+
+
+LOCKING = replace(EFFECTS["material_stiffening"], act=_lock)
+"""Physics that the library lacks."""
 
 
 def _diagnose(sessions: list[Session]) -> Outcome:
@@ -117,6 +134,32 @@ def test_a_structure_outside_the_library_is_unknown() -> None:
     assert found.verdict in ("unexplained", "partly_explained")
     assert [finding.effect for finding in found.findings] == ["unknown"] or found.verdict != "unexplained"
     assert found.unexplained.normalised_rms > whole.STRUCTURE
+
+
+def test_an_obstacle_is_found_where_nominal_runs_hardly_were() -> None:
+    """No arm has a wall of itself: that they never met one says nothing about what every arm may have."""
+    wall = ("contact_obstacle", Place(section="tip"), (300.0, 0.03, 0.5))
+    tried = ("chamber_gain", "segment_stiffness", "sensor_scale", "contact_obstacle", "material_stiffening")
+    (finding,) = diagnose(model(), trial([wall]), Inline(), effects=tried).diagnosis.findings
+    assert (finding.effect, finding.where) == ("contact_obstacle", Place(section="tip"))
+    assert finding.parameters["distance"].value == pytest.approx(0.03, abs=0.005)
+    assert finding.parameters["azimuth"].value == pytest.approx(0.5, abs=0.2)
+
+
+def test_a_segment_that_locks_is_not_called_one_that_stiffens() -> None:
+    """Both bend less the further they bend; only one of the two laws is in the library."""
+    tried = (*TRIED, "material_stiffening", "material_softening")
+    places = {"material_stiffening": Place(segment="lower"), LOCKING: Place(segment="lower")}
+    sizes = {"material_stiffening": (2.0,), LOCKING: (0.3, 0.7)}
+    found = {
+        effect: diagnose(model(), trial([(effect, place, sizes[effect])]), Inline(), effects=tried).diagnosis
+        for effect, place in places.items()
+    }
+    assert [f.effect for f in found["material_stiffening"].findings] == ["material_stiffening"]
+    (finding,) = found[LOCKING].findings
+    assert found[LOCKING].verdict == "unexplained"
+    assert (finding.effect, finding.where, finding.when) == ("unknown", Place(segment="lower"), "pose")
+    assert any("A law of the pose at segment lower" in note for note in found[LOCKING].notes)
 
 
 def test_physics_that_is_not_tried_leaves_something_unexplained() -> None:
