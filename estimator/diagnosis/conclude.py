@@ -25,6 +25,7 @@ from estimator.diagnosis.result import (
 )
 from estimator.diagnosis.session import channels, units
 from estimator.diagnosis.stage import Stage
+from estimator.diagnosis.unnamed import Law
 from estimator.diagnosis.words import WHEN, manoeuvre
 from estimator.effects import EFFECTS, describe
 from estimator.specimen.physics import EffectName, Place
@@ -203,23 +204,26 @@ def findings_of(search: Search, choice: Choice) -> tuple[Finding, ...]:
     return tuple(finding for _, finding in sorted(found, key=lambda entry: -entry[0]))
 
 
-def unknown(left: Unexplained, heldout: Heldout, search_p: float) -> Finding:
+def unknown(left: Unexplained, heldout: Heldout, search_p: float, law: Law | None) -> Finding:
     """Say that something is missing which no known effect explains.
 
     Args:
         left: Where it sits and what it varies with, as far as that is known.
         heldout: The error on held-out data, which nothing lowers.
         search_p: Chance that the whole search finds as much where nothing is missing.
+        law: A law without a name that explains it, where there is one.
     """
     sits = f" They differ most at {describe(left.where)}, varying with {left.when}." if left.when else ""
+    differ = "Model and recordings differ, and no known effect predicts data that no fit has seen any better."
     return Finding(
         effect="unknown",
         where=left.where,
         when=left.when,
-        statement="Model and recordings differ, and no known effect predicts data that no fit has seen any "
-        f"better.{sits}",
+        statement=differ + sits if law is None else law.tell(),
         parameters={},
-        evidence=Evidence(0.0, heldout.before, heldout.after, (0.0, 0.0), search_p),
+        evidence=Evidence(
+            0.0 if law is None else law.delta_bic, heldout.before, heldout.after, (0.0, 0.0), search_p
+        ),
     )
 
 

@@ -159,7 +159,6 @@ def diagnose(
         )
     law = better_law(search, choice)
     if law is not None:
-        notes = (*notes, law.tell(choice))
         choice = replace(choice, accepted=(), fit=None)
     advance("judging")
     return _outcome(search, choice, how, notes, stuck, law)
@@ -218,7 +217,7 @@ def _outcome(
     unexplained = _unexplained(verdict, remainder, left_map, law)
     heldout = heldout_result(search, predictions, how)
     if verdict == "unexplained":
-        findings = (unknown(unexplained, heldout, choice.alarm_p),)
+        findings = (unknown(unexplained, heldout, choice.alarm_p, law),)
     diagnosis = Diagnosis(
         specimen=evidence.specimen,
         recordings=tuple(stage.session.name for stage in suspects),

@@ -6,7 +6,7 @@ of its coefficients, what was left out is not in the library, and the nearest na
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from estimator.diagnosis.choose import Search
 from estimator.diagnosis.gram import Total, total, with_columns
 from estimator.diagnosis.stage import Stage
 from estimator.effects import describe
-from estimator.specimen.physics import Place
+from estimator.specimen.physics import EffectName, Place
 
 Floats = NDArray[np.float64]
 
@@ -40,27 +40,34 @@ class Law:
         place: Where it acts.
         regime: What it varies with.
         delta_bic: By how much it lowers the cost, less the price of its coefficients.
+        nearest: Names of the effects that explain most, and far less.
     """
 
     place: Place
     regime: str
     delta_bic: float
+    nearest: tuple[EffectName, ...] = ()
 
-    def tell(self, choice: Choice) -> str:
-        """Say how far what has a name falls short of it."""
-        told = f"A law of the {self.regime} at {describe(self.place)} is at work that the library lacks."
-        if choice.fit is None:
-            return told
-        names = ", ".join(hypothesis.name for hypothesis in choice.fit.hypotheses)
+    def tell(self) -> str:
+        """Say what is seen, and how far what has a name falls short of it."""
+        told = f"Some law of the {self.regime} at {describe(self.place)} is at work that the library lacks."
+        if not self.nearest:
+            return f"{told} No known effect explains it."
+        names = ", ".join(self.nearest)
         return f"{told} The nearest that has a name, {names}, explains far less, and so is not reported."
 
 
 def better_law(search: Search, choice: Choice) -> Law | None:
     """Give the law without a name that explains far more than what was accepted, if there is one."""
     best = max(laws(search), key=lambda law: law.delta_bic)
-    strongest = max((one.candidate.delta_bic for one in choice.accepted), default=0.0)
-    every = choice.fit.gain - search.price * sum(map(len, choice.fit.thetas)) if choice.fit else 0.0
-    return best if best.delta_bic > max(BETTER * strongest, ALONE * every) + SURE else None
+    fit = choice.fit
+    if fit is None:
+        return best if best.delta_bic > SURE else None
+    strongest = max(one.candidate.delta_bic for one in choice.accepted)
+    every = fit.gain - search.price * sum(map(len, fit.thetas))
+    nearest = tuple(hypothesis.name for hypothesis in fit.hypotheses)
+    better = best.delta_bic > max(BETTER * strongest, ALONE * every) + SURE
+    return replace(best, nearest=nearest) if better else None
 
 
 def laws(search: Search) -> list[Law]:
