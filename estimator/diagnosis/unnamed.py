@@ -74,19 +74,15 @@ def laws(search: Search) -> list[Law]:
     """Fit every law alone."""
     stages = [(k, s) for k, s in enumerate(search.evidence.stages) if not s.session.nominal]
     suspects = [stage for _, stage in stages]
-    world = max((stage.world for stage in suspects), key=lambda one: len(one.sensors))
-    highest = max(float(s.session.pressures.max(initial=0.0)) for s in suspects)
-    found = []
-    for index, segment in enumerate(world.segments):
-        bends = [bend(stage, index) for stage in suspects]
-        knots = KNOTS * max(float(b.max(initial=0.0)) for b in bends)
-        columns = [by_bend(stage, index, knots) for stage in suspects]
-        found.append(_fitted(search, stages, columns, Place(segment=segment), "pose"))
-    columns = [by_pressure(stage, KNOTS[1:] * highest) for stage in suspects]
-    found.append(_fitted(search, stages, columns, Place(), "pressure level"))
-    columns = [by_neighbours(stage, highest) for stage in suspects]
-    found.append(_fitted(search, stages, columns, Place(), "pressure level"))
-    return found
+    highest = max(float(stage.session.pressures.max(initial=0.0)) for stage in suspects)
+    tried = []
+    for index, segment in enumerate(suspects[0].world.segments):
+        largest = max(float(bend(stage, index).max(initial=0.0)) for stage in suspects)
+        columns = [by_bend(stage, index, KNOTS * largest) for stage in suspects]
+        tried.append((Place(segment=segment), "pose", columns))
+    tried.append((Place(), "pressure level", [by_pressure(s, KNOTS[1:] * highest) for s in suspects]))
+    tried.append((Place(), "pressure level", [by_neighbours(s, highest) for s in suspects]))
+    return [_fitted(search, stages, columns, place, regime) for place, regime, columns in tried]
 
 
 def bend(stage: Stage, segment: int) -> Floats:
