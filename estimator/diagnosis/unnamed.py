@@ -150,6 +150,6 @@ def _fitted(
     plain = Total(seen.count, seen.matrix[:size, :size], seen.vector[:size], seen.power)
     belief = search.belief
     for own_power in np.diag(seen.matrix)[size:].tolist():
-        belief = belief.beside(0.0, ANY_SIZE * seen.power / max(own_power, 1e-300))
+        belief = belief.beside(0.0, ANY_SIZE * seen.power / own_power if own_power > 0.0 else 1.0)
     before = Marginal.cost_of(search.belief, plain, weights.share)
     return Law(place, regime, before - Marginal.cost_of(belief, seen, weights.share) - search.price * extra)
