@@ -118,7 +118,7 @@ def registered_again(
     if not suite.base_recorded or all(placed.effect.hook != "support" for placed in effects):
         return suite
     turned = simulate_with(effects, arm, world, drive).drive.base_rotation
-    return suite.turned(recorded_turn(turned, effects))
+    return suite.moved(np.concatenate([np.zeros(3), recorded_turn(turned, effects)]))
 
 
 def _some(time: Floats, pressures: Floats) -> tuple[Floats, Floats]:

@@ -11,7 +11,6 @@ from estimator.rotations import exp
 from estimator.sensing import (
     ActuationMap,
     Bend,
-    Marker,
     Measurement,
     Orientation,
     Registration,
@@ -123,7 +122,7 @@ class Setting:
         turned = suite.with_parameters(values)
         if not self.base.any():
             return turned
-        return SensorSuite(tuple(self._registered(sensor) for sensor in turned.measurements))
+        return turned.moved(self.base)
 
     def gravity(self, gravity: Floats) -> Floats:
         """Tilt gravity [m/s2], shape (3,)."""
@@ -137,11 +136,6 @@ class Setting:
         turn = exp(np.array([0.0, 0.0, self.cord_azimuth]))
         turned: Floats = (loads.reshape(len(loads), -1, 3) @ turn.T).reshape(loads.shape)
         return turned
-
-    def _registered(self, sensor: Measurement) -> Measurement:
-        if not isinstance(sensor, SectionPose | Orientation | Marker):
-            return sensor
-        return replace(sensor, registration=sensor.registration.moved(self.base))
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from estimator.diagnosis.candidates import (
 )
 from estimator.diagnosis.evidence import Evidence
 from estimator.diagnosis.fit import Fit, Ground, View, fit_effects, gain_of
-from estimator.diagnosis.gram import Products, total, with_columns
+from estimator.diagnosis.gram import Products, total
 from estimator.diagnosis.judge import CERTAIN, Judgement, judge
 from estimator.diagnosis.nominal import UNKNOWN
 from estimator.diagnosis.ring import Ring
@@ -220,7 +221,7 @@ class Search:
         kinds = {h.effect.hook for h in fit.hypotheses}
         return kinds <= self.solve and not any(h.name in ANSWERING for h in fit.hypotheses)
 
-    @property
+    @cached_property
     def price(self) -> float:
         """What a parameter costs: the logarithm of the effective number of searched samples."""
         seen = 0
@@ -297,21 +298,9 @@ class Search:
 
     def extended(self, candidate: Candidate, fit: Fit | None) -> list[Products]:
         """Give the products with the candidate's change as one more column."""
-        before = self.residuals(fit)
-        plain = self.evidence.products(self.weights, before)
-        found = []
-        for number, stage in enumerate(self.evidence.stages):
-            if stage.session.nominal:
-                continue
-            found += with_columns(
-                [part for part in plain if part.session == number],
-                before[number],
-                self.evidence.columns[number],
-                self.change(stage, candidate.fit)[..., None],
-                self.evidence.scale(self.weights, number),
-                stage.session.blocks,
-            )
-        return found
+        return self.evidence.widened(
+            self.weights, lambda stage: self.change(stage, candidate.fit)[..., None], self.residuals(fit)
+        )
 
     def pruned(self, accepted: list[Accepted], fit: Fit) -> tuple[list[Accepted], Fit | None, frozenset[int]]:
         """Drop effects whose sizes are no longer told from none once all are fitted together."""

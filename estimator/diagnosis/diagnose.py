@@ -201,7 +201,7 @@ def _outcome(
     how: str,
     notes: Sequence[str],
     stuck: tuple[Stuck, ...],
-    law: Law | None = None,
+    law: Law | None,
 ) -> Outcome:
     evidence = search.evidence
     suspects = [stage for stage in evidence.stages if not stage.session.nominal]

@@ -1,6 +1,6 @@
 """The recordings of a diagnosis as residuals and columns, and their products under a noise model."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from estimator.diagnosis.belief import Belief
 from estimator.diagnosis.calibration import Fitted
-from estimator.diagnosis.gram import Products, products_of, renewed, total
+from estimator.diagnosis.gram import Products, products_of, renewed, total, with_columns
 from estimator.diagnosis.library import Library
 from estimator.diagnosis.session import channels, units
 from estimator.diagnosis.stage import Stage
@@ -125,6 +125,28 @@ class Evidence:
         for number, stage in enumerate(self.stages):
             scale, blocks = self.scale(weights, number), stage.session.blocks
             found += renewed(self.kept[key][number], residuals[number], self.columns[number], scale, blocks)
+        return found
+
+    def widened(
+        self,
+        weights: Weights,
+        more: Callable[[Stage], Floats],
+        residuals: Sequence[Floats] | None = None,
+    ) -> list[Products]:
+        """Give the products of the recordings in question with more columns, shape (samples, rows, more)."""
+        plain = self.products(weights, residuals)
+        left = self.residuals if residuals is None else residuals
+        found = []
+        for number, stage in enumerate(self.stages):
+            if not stage.session.nominal:
+                found += with_columns(
+                    [part for part in plain if part.session == number],
+                    left[number],
+                    self.columns[number],
+                    more(stage),
+                    self.scale(weights, number),
+                    stage.session.blocks,
+                )
         return found
 
     def scale(self, weights: Weights, number: int) -> Floats:

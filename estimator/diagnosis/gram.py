@@ -149,6 +149,10 @@ class Total:
     vector: Floats
     power: float
 
+    def first(self, size: int) -> "Total":
+        """Leave the last columns out."""
+        return replace(self, matrix=self.matrix[:size, :size], vector=self.vector[:size])
+
 
 def total(parts: Sequence[Products], size: int) -> Total:
     """Add products up."""

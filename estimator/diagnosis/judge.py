@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.diagnosis.belief import Belief, Marginal
-from estimator.diagnosis.gram import Products, Total, total
+from estimator.diagnosis.gram import Products, total
 
 Floats = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ def judge(
         learnt = extended.updated(total(rest, size + 1), share)
         known = belief.beside(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
         seen = total(fold, size + 1)
-        before.append(Marginal.cost_of(belief, _cut(seen, size), share))
+        before.append(Marginal.cost_of(belief, seen.first(size), share))
         after.append(Marginal.cost_of(known, seen, share))
         counts.append(share * seen.count)
         own = Marginal.of(extended, seen, share)
@@ -149,8 +149,3 @@ def _heterogeneity(sizes: Floats, precisions: Floats) -> float:
     weight = precisions.sum() - (precisions**2).sum() / precisions.sum()
     between = max(excess, 0.0) / max(weight, 1e-12)
     return float(np.sqrt(between))
-
-
-def _cut(whole: Total, size: int) -> Total:
-    """Leave the last columns out."""
-    return Total(whole.count, whole.matrix[:size, :size], whole.vector[:size], whole.power)

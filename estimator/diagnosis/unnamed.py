@@ -5,8 +5,9 @@ no physics and so claims none. Where one explains far more than all effects that
 of its coefficients, what was left out is not in the library, and the nearest name would be wrong.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from estimator.diagnosis.belief import Marginal
 from estimator.diagnosis.candidates import Choice
 from estimator.diagnosis.choose import Search
-from estimator.diagnosis.gram import Total, total, with_columns
+from estimator.diagnosis.gram import total
 from estimator.diagnosis.stage import Stage
 from estimator.effects import describe
 from estimator.specimen.physics import EffectName, Place
@@ -72,17 +73,16 @@ def better_law(search: Search, choice: Choice) -> Law | None:
 
 def laws(search: Search) -> list[Law]:
     """Fit every law alone."""
-    stages = [(k, s) for k, s in enumerate(search.evidence.stages) if not s.session.nominal]
-    suspects = [stage for _, stage in stages]
+    suspects = [stage for stage in search.evidence.stages if not stage.session.nominal]
     highest = max(float(stage.session.pressures.max(initial=0.0)) for stage in suspects)
-    tried = []
+    found = []
     for index, segment in enumerate(suspects[0].world.segments):
         largest = max(float(bend(stage, index).max(initial=0.0)) for stage in suspects)
-        columns = [by_bend(stage, index, KNOTS * largest) for stage in suspects]
-        tried.append((Place(segment=segment), "pose", columns))
-    tried.append((Place(), "pressure level", [by_pressure(s, KNOTS[1:] * highest) for s in suspects]))
-    tried.append((Place(), "pressure level", [by_neighbours(s, highest) for s in suspects]))
-    return [_fitted(search, stages, columns, place, regime) for place, regime, columns in tried]
+        own = partial(by_bend, segment=index, knots=KNOTS * largest)
+        found.append(_fitted(search, own, Place(segment=segment), "pose"))
+    alone = partial(by_pressure, knots=KNOTS[1:] * highest)
+    together = partial(by_neighbours, highest=highest)
+    return [*found, *(_fitted(search, one, Place(), "pressure level") for one in (alone, together))]
 
 
 def bend(stage: Stage, segment: int) -> Floats:
@@ -129,27 +129,15 @@ def by_neighbours(stage: Stage, highest: float) -> Floats:
     return np.stack(columns, axis=-1)
 
 
-def _fitted(
-    search: Search, stages: Sequence[tuple[int, Stage]], columns: Sequence[Floats], place: Place, regime: str
-) -> Law:
+def _fitted(search: Search, columns: Callable[[Stage], Floats], place: Place, regime: str) -> Law:
     """Fit the coefficients of a law to the searched stretches, beside what is common to all recordings."""
     evidence, weights = search.evidence, search.weights
-    known = [part for part in evidence.products(weights) if not part.nominal]
-    parts = []
-    for (number, stage), own in zip(stages, columns, strict=True):
-        parts += with_columns(
-            [part for part in known if part.session == number],
-            evidence.residuals[number],
-            evidence.columns[number],
-            own,
-            evidence.scale(weights, number),
-            stage.session.blocks,
-        )
-    size, extra = evidence.size, columns[0].shape[-1]
-    seen = total([part for part in parts if not part.heldout], size + extra)
-    plain = Total(seen.count, seen.matrix[:size, :size], seen.vector[:size], seen.power)
+    parts = [part for part in evidence.widened(weights, columns) if not part.heldout]
+    seen = total(parts, len(parts[0].vector))
+    powers = np.diag(seen.matrix)[evidence.size :].tolist()
     belief = search.belief
-    for own_power in np.diag(seen.matrix)[size:].tolist():
+    for own_power in powers:
         belief = belief.beside(0.0, ANY_SIZE * seen.power / own_power if own_power > 0.0 else 1.0)
-    before = Marginal.cost_of(search.belief, plain, weights.share)
-    return Law(place, regime, before - Marginal.cost_of(belief, seen, weights.share) - search.price * extra)
+    before = Marginal.cost_of(search.belief, seen.first(evidence.size), weights.share)
+    gain = before - Marginal.cost_of(belief, seen, weights.share)
+    return Law(place, regime, gain - search.price * len(powers))

@@ -201,9 +201,8 @@ class SensorSuite:
         known = [m.registration for m in self.measurements if m.registration is not None]
         return any(not np.array_equal(one.rotation, np.eye(3)) for one in known)
 
-    def turned(self, turn: Floats) -> "SensorSuite":
-        """Turn the laboratory about the base's origin by a rotation vector [rad], shape (3,)."""
-        twist = np.concatenate([np.zeros(3), turn])
+    def moved(self, twist: Floats) -> "SensorSuite":
+        """Move what the registrations map to by a twist (v [m], w [rad]), shape (6,)."""
         known = {id(m.registration): m.registration for m in self.measurements}
         moved = {key: one.moved(twist) for key, one in known.items() if one is not None}
         return replace(

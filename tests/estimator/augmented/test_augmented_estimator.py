@@ -107,7 +107,8 @@ def test_a_laboratory_found_by_a_base_that_had_turned_is_turned_back(name: str, 
     drive = Drive.of(time, ACTUATION.to_chamber(measured), TURNED, 2, 2)
     done = simulate_with([effect], ARM, WORLD, drive, rested)
     data = time, measured, np.concatenate([done.readings[name] for name in NAMES], axis=1), TURNED
-    suite = rested.turned(-recorded_turn(done.drive.base_rotation, [effect]))
+    turn = recorded_turn(done.drive.base_rotation, [effect])
+    suite = rested.moved(np.concatenate([np.zeros(3), -turn]))
     again = registered_again(suite, ARM, WORLD, [effect], drive)
     estimators = [AugmentedEstimator(ARM, LOADS, WORLD, (effect,), own, SETTINGS) for own in (suite, again)]
     wrong, right = (np.sqrt((forces(one, *data) ** 2).mean()) for one in estimators)

@@ -149,16 +149,16 @@ def test_an_obstacle_is_found_where_nominal_runs_hardly_were() -> None:
 def test_a_segment_that_locks_is_not_called_one_that_stiffens() -> None:
     """Both bend less the further they bend; only one of the two laws is in the library."""
     tried = (*TRIED, "material_stiffening", "material_softening")
-    places = {"material_stiffening": Place(segment="lower"), LOCKING: Place(segment="lower")}
+    lower = Place(segment="lower")
     sizes = {"material_stiffening": (2.0,), LOCKING: (0.3, 0.7)}
     found = {
-        effect: diagnose(model(), trial([(effect, place, sizes[effect])]), Inline(), effects=tried).diagnosis
-        for effect, place in places.items()
+        effect: diagnose(model(), trial([(effect, lower, theta)]), Inline(), effects=tried).diagnosis
+        for effect, theta in sizes.items()
     }
     assert [f.effect for f in found["material_stiffening"].findings] == ["material_stiffening"]
     (finding,) = found[LOCKING].findings
     assert found[LOCKING].verdict == "unexplained"
-    assert (finding.effect, finding.where, finding.when) == ("unknown", Place(segment="lower"), "pose")
+    assert (finding.effect, finding.where, finding.when) == ("unknown", lower, "pose")
     assert "Some law of the pose at segment lower" in finding.statement
 
 
