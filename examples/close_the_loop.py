@@ -17,19 +17,18 @@ from typing import Any, TypeVar
 
 import click
 import numpy as np
-
-from estimator.excitation import Choice, Manoeuvre
-from service.api.messages import Estimate, Message, Mismatch
-from service.cli.demo import EXAMPLES, fake_specimen
-from service.cli.output import Table, say, show
-from service.diagnosis.report import Report, read_report
-from service.experiments.bench import FakeControl
-from service.experiments.excitation import Recorded, run_excitation, run_manoeuvre, specimen_of_arm
-from service.experiments.excitation_plan import manoeuvres_of
-from service.experiments.recovery import until_allowed
-from service.experiments.session import connect, wait_ready
-from service.network.client import CommandRefusedError, SoftarmClient
-from service.rig import FakeRig, RigSettings
+from softarm.analysis.diagnosis.report import Report, read_report
+from softarm.api.messages import Estimate, Message, Mismatch
+from softarm.cli.demo import EXAMPLES, fake_specimen
+from softarm.cli.output import Table, say, show
+from softarm.client.client import CommandRefusedError, SoftarmClient
+from softarm.estimator.excitation import Choice, Manoeuvre
+from softarm.experiments.bench import FakeControl
+from softarm.experiments.excitation import Recorded, run_excitation, run_manoeuvre, specimen_of_arm
+from softarm.experiments.excitation_plan import manoeuvres_of
+from softarm.experiments.recovery import until_allowed
+from softarm.experiments.rig import FakeRig, RigSettings
+from softarm.experiments.session import connect, wait_ready
 
 EFFECT: dict[str, Any] = {"where": {"chamber": 0}, "change": -0.25}
 NOMINAL = ("poses",)
@@ -115,7 +114,7 @@ def diagnose(suspect: Sequence[Recorded], nominal: Sequence[Recorded], specimen:
     for run in nominal:
         words += ["--nominal", run.path]
     words += ["--write-specimen", str(out / SPECIMEN)]
-    subprocess.run([sys.executable, "-m", "service", *words], check=True)
+    subprocess.run([sys.executable, "-m", "softarm", *words], check=True)
     return read_report(out)
 
 

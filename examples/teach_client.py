@@ -9,9 +9,9 @@ import argparse
 import time
 from collections.abc import Callable
 
-from service.api.messages import State
-from service.network.client import SoftarmClient
-from service.network.session import DEFAULT_ENDPOINT
+from softarm.api.messages import State
+from softarm.client.client import SoftarmClient
+from softarm.client.session import DEFAULT_ENDPOINT
 
 RAMP_S = 2.0
 SETTLED_PA = 2000.0

@@ -6,14 +6,13 @@ Run from the root of the repository: .venv/bin/python examples/recordings/make.p
 from pathlib import Path
 
 import numpy as np
-
-from estimator.arm import build_arm
-from estimator.model import Frames, Inputs
-from estimator.recording import Recording
-from estimator.sensing import Registration, Scene
-from estimator.sensors import SpecimenSensors
-from estimator.specimen import load_specimen
-from service.recordings import save_recording
+from softarm.estimator.arm import build_arm
+from softarm.estimator.model import Frames, Inputs
+from softarm.estimator.recording import Recording
+from softarm.estimator.sensing import Registration, Scene
+from softarm.estimator.sensors import SpecimenSensors
+from softarm.estimator.specimen import load_specimen
+from softarm.recordings import save_recording
 
 FOLDER = Path(__file__).parent / "sopra_pull"
 RATE = 20.0  # Hz

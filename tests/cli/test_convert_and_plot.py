@@ -3,11 +3,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from estimator.recording import Recording
-from service.cli import run
-from service.plots.recording import amplitude_spectrum
-from service.recordings import load_recording, save_recording
+from softarm.analysis.plots.recording import amplitude_spectrum
+from softarm.cli import run
+from softarm.estimator.recording import Recording
+from softarm.recordings import load_recording, save_recording
 
 PNG = b"\x89PNG\r\n\x1a\n"
 

@@ -5,13 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from estimator.arm import build_arm
-from estimator.model import Inputs
-from estimator.recording import Recording
-from estimator.specimen import Specimen, load_specimen, save_specimen
-from service.cli import run
-from service.recordings import load_recording, save_recording
+from softarm.cli import run
+from softarm.estimator.arm import build_arm
+from softarm.estimator.model import Inputs
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Specimen, load_specimen, save_specimen
+from softarm.recordings import load_recording, save_recording
 
 SCALE = 1.3
 WEIGHT = -0.3  # N along x, which points up

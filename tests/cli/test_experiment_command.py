@@ -1,11 +1,10 @@
 """What ``softarm experiment`` takes and refuses, and how its tables are joined."""
 
 import pytest
-
-from service.cli import run
-from service.experiments.campaign import default_jobs, summary, tables_of
-from service.experiments.page import experiments_page
-from service.experiments.seed import SeedResult
+from softarm.cli import run
+from softarm.experiments.campaign import default_jobs, summary, tables_of
+from softarm.experiments.page import experiments_page
+from softarm.experiments.seed import SeedResult
 
 REFUSED = {
     "nothing named": (["force"], "give either --fake or --arm ID"),

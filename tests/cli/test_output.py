@@ -1,10 +1,9 @@
 import json
 
 import pytest
-
-from service.cli import run
-from service.cli.bench import BENCHES, command, module_name
-from service.cli.output import Table, as_markdown, progress, show, text
+from softarm.cli import run
+from softarm.cli.bench import BENCHES, command, module_name
+from softarm.cli.output import Table, as_markdown, progress, show, text
 
 
 def test_table_prints_rows_and_notes(capsys: pytest.CaptureFixture[str]) -> None:
@@ -58,7 +57,7 @@ def test_absent_benchmark_is_not_listed(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(BENCHES, "not-there-yet", "Nothing.")
-    assert module_name("not-there-yet") == "service.bench.not_there_yet"
+    assert module_name("not-there-yet") == "softarm.bench.not_there_yet"
     assert run(["bench", "--help"]) == 0
     assert "not-there-yet" not in capsys.readouterr().out
     assert run(["bench", "not-there-yet"]) == 2

@@ -1,8 +1,7 @@
 """A mistake of softarm itself ends in one line too, and shows where on request."""
 
 import pytest
-
-from service import cli
+from softarm import cli
 
 
 def test_a_mistake_of_its_own_is_one_line(

@@ -4,10 +4,10 @@ import os
 import subprocess
 import sys
 
-from service.cli import THREADS
+from softarm.cli import THREADS
 
 CODE = """
-import contextlib, service.cli as cli
+import contextlib, softarm.cli as cli
 with contextlib.suppress(SystemExit):
     cli.main(["--version"])
 import scipy.linalg, threadpoolctl

@@ -5,13 +5,12 @@ from pathlib import Path
 
 import pytest
 import trustme
-
-from estimator.errors import InputError
-from service.api.commands import Applied
-from service.api.messages import Mismatch, Stamp
-from service.network.bus import Bus
-from service.network.client import CommandRefusedError, SoftarmClient
-from service.network.session import NetworkSettings, listening_endpoint
+from softarm.api.commands import Applied
+from softarm.api.messages import Mismatch, Stamp
+from softarm.client.client import CommandRefusedError, SoftarmClient
+from softarm.client.session import NetworkSettings, listening_endpoint
+from softarm.daemon.network.bus import Bus
+from softarm.estimator.errors import InputError
 
 EXAMPLES = Path(__file__).parents[2] / "deploy" / "zenoh"
 MESSAGE = Mismatch(

@@ -6,9 +6,8 @@ from random import Random
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from drivers.clock import Ticker
-from drivers.clock_map import ClockMap
+from softarm.drivers.clock import Ticker
+from softarm.drivers.clock_map import ClockMap
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000

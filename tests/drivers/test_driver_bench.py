@@ -1,9 +1,8 @@
 """The parts of ``softarm bench drivers`` that need no second process, in small."""
 
 import pytest
-
-from service.bench import driver_decoding
-from service.bench.driver_decoding import Case, against_qtm_rt, cases, load, zero_size_header
+from softarm.bench import driver_decoding
+from softarm.bench.driver_decoding import Case, against_qtm_rt, cases, load, zero_size_header
 
 
 @pytest.mark.parametrize("case", cases(), ids=lambda case: case.device)

@@ -5,9 +5,8 @@ import tomllib
 from pathlib import Path
 
 import pytest
-
-from drivers.registry import KINDS, load_devices
-from drivers.supervisor import TRANSITIONS, State
+from softarm.drivers.registry import KINDS, load_devices
+from softarm.drivers.supervisor import TRANSITIONS, State
 
 PAGE = (Path(__file__).parents[2] / "docs" / "drivers.md").read_text(encoding="utf-8")
 

@@ -3,13 +3,12 @@
 import math
 
 import pytest
-
-from drivers.gauges.force import Force
-from drivers.qualisys.motion import MotionFrame
-from drivers.qualisys.poses import BodyPose
-from drivers.reading import Reading
-from drivers.valves import BankReading
-from service.bench.driver_soak import Judge, Outcome, Soak
+from softarm.bench.driver_soak import Judge, Outcome, Soak
+from softarm.drivers.gauges.force import Force
+from softarm.drivers.qualisys.motion import MotionFrame
+from softarm.drivers.qualisys.poses import BodyPose
+from softarm.drivers.reading import Reading
+from softarm.drivers.valves import BankReading
 
 
 def reading(index, **changes):

@@ -6,12 +6,11 @@ import struct
 import time
 
 import pytest
-
-from drivers.errors import ConnectionLost, ProtocolError
-from drivers.health import Health
-from drivers.valves.link import NoAnswer, Refused
-from drivers.valves.modbus import ModbusTcpLink
-from drivers.valves.registers import MpaLayout
+from softarm.drivers.errors import ConnectionLost, ProtocolError
+from softarm.drivers.health import Health
+from softarm.drivers.valves.link import NoAnswer, Refused
+from softarm.drivers.valves.modbus import ModbusTcpLink
+from softarm.drivers.valves.registers import MpaLayout
 
 
 class Peer:

@@ -1,9 +1,8 @@
 """The configuration of devices: every mistake at once, each with its place and its cure."""
 
 import pytest
-
-from drivers.errors import DeviceErrors
-from drivers.registry import KINDS, load_devices
+from softarm.drivers.errors import DeviceErrors
+from softarm.drivers.registry import KINDS, load_devices
 
 VALVES = {
     "name": "valves",

@@ -3,10 +3,9 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from drivers.health import COUNTERS, Health
-from drivers.histogram import Histogram
-from drivers.stream import Stream
+from softarm.drivers.health import COUNTERS, Health
+from softarm.drivers.histogram import Histogram
+from softarm.drivers.stream import Stream
 
 
 class HandClock:

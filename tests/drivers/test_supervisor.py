@@ -6,13 +6,12 @@ from random import Random
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from drivers.alarms import Alarms
-from drivers.backoff import Backoff
-from drivers.device import SupervisedDevice, close_all, connect_all
-from drivers.errors import ConfigurationError, ConnectionLost, DeviceErrors
-from drivers.health import Health
-from drivers.supervisor import STALE, TRANSITIONS, State, Supervisor, Timing
+from softarm.drivers.alarms import Alarms
+from softarm.drivers.backoff import Backoff
+from softarm.drivers.device import SupervisedDevice, close_all, connect_all
+from softarm.drivers.errors import ConfigurationError, ConnectionLost, DeviceErrors
+from softarm.drivers.health import Health
+from softarm.drivers.supervisor import STALE, TRANSITIONS, State, Supervisor, Timing
 
 LOST = ConnectionLost("gauge", "was unplugged", "plug it in")
 MISFIT = ConfigurationError("gauge", "is another device", "correct the port")

@@ -5,13 +5,12 @@ import math
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-
-from drivers.errors import LimitError
-from drivers.valves.echo import EchoMonitor, Verdict
-from drivers.valves.limits import PressureLimits, limit_lifetime, limit_step
-from drivers.valves.pressures import ChamberMap
-from drivers.valves.registers import MpaLayout, SlotStatus, VtemLayout, signed_all, unsigned
-from drivers.valves.tracking import TrackingMonitor
+from softarm.drivers.errors import LimitError
+from softarm.drivers.valves.echo import EchoMonitor, Verdict
+from softarm.drivers.valves.limits import PressureLimits, limit_lifetime, limit_step
+from softarm.drivers.valves.pressures import ChamberMap
+from softarm.drivers.valves.registers import MpaLayout, SlotStatus, VtemLayout, signed_all, unsigned
+from softarm.drivers.valves.tracking import TrackingMonitor
 
 words = st.integers(0, 0xFFFF)
 counts = st.integers(-0x8000, 0x7FFF)

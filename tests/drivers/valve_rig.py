@@ -3,10 +3,10 @@
 import asyncio
 from random import Random
 
-from drivers.errors import ConnectionLost
-from drivers.valves.bank import ValveBank
-from drivers.valves.config import MpaConfig, VtemConfig
-from drivers.valves.link import NoAnswer, Refused
+from softarm.drivers.errors import ConnectionLost
+from softarm.drivers.valves.bank import ValveBank
+from softarm.drivers.valves.config import MpaConfig, VtemConfig
+from softarm.drivers.valves.link import NoAnswer, Refused
 
 TIMEOUT_S = 0.1
 FILL_S = 0.05

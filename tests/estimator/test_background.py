@@ -3,8 +3,7 @@
 from threading import Event
 
 import pytest
-
-from estimator.background import Background
+from softarm.estimator.background import Background
 
 
 def test_what_waits_is_replaced_by_what_is_newer() -> None:

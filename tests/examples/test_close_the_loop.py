@@ -7,9 +7,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 from click.testing import CliRunner
-
-from service.api.messages import Estimate, LoadEstimate, Mismatch
-from service.experiments.excitation_plan import manoeuvres_of
+from softarm.api.messages import Estimate, LoadEstimate, Mismatch
+from softarm.experiments.excitation_plan import manoeuvres_of
 
 FILE = Path(__file__).parents[2] / "examples" / "close_the_loop.py"
 
@@ -54,7 +53,7 @@ def test_nothing_seen_is_no_number(loop: ModuleType):
 
 
 def test_its_manoeuvres_are_on_the_menu_of_the_fake_arm(loop: ModuleType):
-    from estimator.specimen import load_specimen
+    from softarm.estimator.specimen import load_specimen
 
     menu = {manoeuvre.name for manoeuvre in manoeuvres_of(load_specimen(loop.fake_specimen()))}
     assert {*loop.NOMINAL, *loop.SUSPECT, loop.WATCHED} <= menu

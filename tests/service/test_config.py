@@ -3,8 +3,7 @@
 from pathlib import Path
 
 import pytest
-
-from service.config import ConfigError, load_config
+from softarm.daemon.config import ConfigError, load_config
 
 WRONG = """
 arm = "my arm"

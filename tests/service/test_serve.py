@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from estimator.recording import Recording
-from service.api.messages import State
-from service.network.client import CommandRefusedError, SoftarmClient
-from service.recordings import save_recording
+from softarm.api.messages import State
+from softarm.client.client import CommandRefusedError, SoftarmClient
+from softarm.estimator.recording import Recording
+from softarm.recordings import save_recording
 
 pytestmark = pytest.mark.timeout(300)  # the estimator compiles its kernels in a fresh checkout
 
@@ -59,7 +58,7 @@ class Daemon:
         self.socket.bind(str(folder / "notify"))
         self.socket.settimeout(100.0)
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "service", "serve", "--config", config, *arguments],
+            [sys.executable, "-m", "softarm", "serve", "--config", config, *arguments],
             env=os.environ | {"NOTIFY_SOCKET": str(folder / "notify")},
         )
 

@@ -2,15 +2,15 @@
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from softarm.fakes.devices import Surroundings, build_instrument, catalogue
+from softarm.fakes.faults import FaultBoard
+from softarm.fakes.parts import PART_OF_KIND, SerialPart
+from softarm.fakes.qtm.discovery import discovery_reply
+from softarm.fakes.qtm.session import Session
+from softarm.fakes.scenario import check_scenario
+from softarm.fakes.still import StillArm
+from softarm.fakes.valves.modbus import LONGEST_PDU, execute
 
-from sim_fakes.devices import Surroundings, build_instrument, catalogue
-from sim_fakes.faults import FaultBoard
-from sim_fakes.parts import PART_OF_KIND, SerialPart
-from sim_fakes.qtm.discovery import discovery_reply
-from sim_fakes.qtm.session import Session
-from sim_fakes.scenario import check_scenario
-from sim_fakes.still import StillArm
-from sim_fakes.valves.modbus import LONGEST_PDU, execute
 from tests.sim_fakes.test_qtm import Software
 from tests.sim_fakes.test_valves import terminal
 

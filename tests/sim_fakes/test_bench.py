@@ -7,16 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from estimator.errors import InputError
-from sim_fakes.control import ControlPort, serve
-from sim_fakes.faults import Fault, FaultBoard
-from sim_fakes.plant.state import Cord, Hand
-from sim_fakes.rig import running
-from sim_fakes.scenario import check_scenario, read_scenario
-from sim_fakes.still import StillArm
-from sim_fakes.warp import WarpLoop
-from sim_fakes.world import World
+from softarm.estimator.errors import InputError
+from softarm.fakes.control import ControlPort, serve
+from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.plant.state import Cord, Hand
+from softarm.fakes.rig import running
+from softarm.fakes.scenario import check_scenario, read_scenario
+from softarm.fakes.still import StillArm
+from softarm.fakes.warp import WarpLoop
+from softarm.fakes.world import World
 
 SCENARIOS = Path(__file__).parents[2] / "examples" / "scenarios"
 TABLE = {

@@ -6,8 +6,7 @@ import signal
 import sys
 
 import tomli_w
-
-from service.cli import run
+from softarm.cli import run
 
 TABLE = {
     "name": "small",
@@ -24,7 +23,7 @@ async def test_ready_line_control_and_end(tmp_path):
     scenario = tmp_path / "small.toml"
     scenario.write_text(tomli_w.dumps({**TABLE, "runtime_dir": str(tmp_path / "run")}))
     process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "service", "fakes", "--scenario", str(scenario), "--json",
+        sys.executable, "-m", "softarm", "fakes", "--scenario", str(scenario), "--json",
         stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
     )  # fmt: skip
     ready = json.loads(await asyncio.wait_for(process.stdout.readline(), 60))

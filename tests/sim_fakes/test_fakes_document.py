@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from sim_fakes.control import REQUEST
-from sim_fakes.devices import catalogue
-from sim_fakes.parts import PART_OF_KIND, BodyPart
-from sim_fakes.scenario import CordPart, FaultPart, PlantPart, Scenario, check_scenario
+from softarm.fakes.control import REQUEST
+from softarm.fakes.devices import catalogue
+from softarm.fakes.parts import PART_OF_KIND, BodyPart
+from softarm.fakes.scenario import CordPart, FaultPart, PlantPart, Scenario, check_scenario
 
 TEXT = (Path(__file__).parents[2] / "docs" / "fakes.md").read_text()
 

@@ -6,12 +6,11 @@ import struct
 
 import numpy as np
 import pytest
-
-from sim_fakes.devices import Surroundings, build_instrument, catalogue
-from sim_fakes.faults import FaultBoard
-from sim_fakes.plant.state import Cord, PlantInputs
-from sim_fakes.scenario import check_scenario
-from sim_fakes.still import StillArm
+from softarm.fakes.devices import Surroundings, build_instrument, catalogue
+from softarm.fakes.faults import FaultBoard
+from softarm.fakes.plant.state import Cord, PlantInputs
+from softarm.fakes.scenario import check_scenario
+from softarm.fakes.still import StillArm
 
 TAUT = Cord("tip", (0.0, 0.0, -0.5), 0.2)
 

@@ -4,15 +4,14 @@ import struct
 import xml.etree.ElementTree as ET
 
 import pytest
-
-from sim_fakes.faults import FaultBoard
-from sim_fakes.qtm import packets
-from sim_fakes.qtm.measurement import Body, Cameras, Measurement, measurement_faults
-from sim_fakes.qtm.packets import Frame
-from sim_fakes.qtm.server import SERVER_FAULTS, spoil
-from sim_fakes.qtm.session import Session, parse_stream
-from sim_fakes.qtm.settings import parameters
-from sim_fakes.still import StillArm
+from softarm.fakes.faults import FaultBoard
+from softarm.fakes.qtm import packets
+from softarm.fakes.qtm.measurement import Body, Cameras, Measurement, measurement_faults
+from softarm.fakes.qtm.packets import Frame
+from softarm.fakes.qtm.server import SERVER_FAULTS, spoil
+from softarm.fakes.qtm.session import Session, parse_stream
+from softarm.fakes.qtm.settings import parameters
+from softarm.fakes.still import StillArm
 
 NAMES = ("base", "intermediate", "tip")
 

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-
-from sim_fakes.faults import FaultBoard
-from sim_fakes.valves.modbus import execute
-from sim_fakes.valves.mpa import MpaBank, bank_faults
-from sim_fakes.valves.node import CpxNode, ModbusError, node_faults
-from sim_fakes.valves.pneumatics import Pneumatics, Regulators
-from sim_fakes.valves.server import WIRE_FAULTS
-from sim_fakes.valves.vtem import VtemBank, vtem_faults
+from softarm.fakes.faults import FaultBoard
+from softarm.fakes.valves.modbus import execute
+from softarm.fakes.valves.mpa import MpaBank, bank_faults
+from softarm.fakes.valves.node import CpxNode, ModbusError, node_faults
+from softarm.fakes.valves.pneumatics import Pneumatics, Regulators
+from softarm.fakes.valves.server import WIRE_FAULTS
+from softarm.fakes.valves.vtem import VtemBank, vtem_faults
 
 STEP = 0.002
 

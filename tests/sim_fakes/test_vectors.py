@@ -4,20 +4,19 @@ import tomllib
 from pathlib import Path
 
 import pytest
-
-from sim_fakes.faults import FaultBoard
-from sim_fakes.qtm import packets
-from sim_fakes.qtm.discovery import discovery_reply
-from sim_fakes.qtm.packets import BodyPose, Frame
-from sim_fakes.qtm.session import WELCOME
-from sim_fakes.serial.bno import MILLI_G, rvc_frame
-from sim_fakes.serial.lutron import lutron_frame
-from sim_fakes.serial.sauter import sauter_reply
-from sim_fakes.serial.witmotion import witmotion_frame
-from sim_fakes.serial.xbus import DATA, xbus_message
-from sim_fakes.valves.modbus import MBAP, execute
-from sim_fakes.valves.mpa import MpaBank, bank_faults
-from sim_fakes.valves.node import CpxNode, node_faults
+from softarm.fakes.faults import FaultBoard
+from softarm.fakes.qtm import packets
+from softarm.fakes.qtm.discovery import discovery_reply
+from softarm.fakes.qtm.packets import BodyPose, Frame
+from softarm.fakes.qtm.session import WELCOME
+from softarm.fakes.serial.bno import MILLI_G, rvc_frame
+from softarm.fakes.serial.lutron import lutron_frame
+from softarm.fakes.serial.sauter import sauter_reply
+from softarm.fakes.serial.witmotion import witmotion_frame
+from softarm.fakes.serial.xbus import DATA, xbus_message
+from softarm.fakes.valves.modbus import MBAP, execute
+from softarm.fakes.valves.mpa import MpaBank, bank_faults
+from softarm.fakes.valves.node import CpxNode, node_faults
 
 VECTORS = tomllib.loads((Path(__file__).parents[1] / "drivers" / "vectors.toml").read_text())
 

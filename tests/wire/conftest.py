@@ -5,11 +5,10 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
-
-from drivers.registry import load_devices
-from sim_fakes.rig import Rig, running
-from sim_fakes.scenario import check_scenario
-from sim_fakes.warp import WarpLoop
+from softarm.drivers.registry import load_devices
+from softarm.fakes.rig import Rig, running
+from softarm.fakes.scenario import check_scenario
+from softarm.fakes.warp import WarpLoop
 
 SPEED = 10.0
 

@@ -1,8 +1,7 @@
 """Every kind of device at once under random faults, on real sockets and terminals, against the truth."""
 
 import pytest
-
-from service.bench import fault_run
+from softarm.bench import fault_run
 
 
 @pytest.mark.timeout(300)

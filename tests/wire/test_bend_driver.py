@@ -5,8 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-
-from drivers.supervisor import State
+from softarm.drivers.supervisor import State
 
 SPEED = 40.0
 FAKE = {"name": "bend", "kind": "bendlabs", "boot_s": 0.5}

@@ -3,9 +3,8 @@
 import asyncio
 
 import pytest
-
-from drivers.errors import DeviceErrors, InterlockError
-from drivers.supervisor import State
+from softarm.drivers.errors import DeviceErrors, InterlockError
+from softarm.drivers.supervisor import State
 
 LUTRON = ({"kind": "lutron"}, {"kind": "lutron"})
 LINE = ({"kind": "line_gauge"}, {"kind": "line_gauge"})

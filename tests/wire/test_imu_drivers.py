@@ -4,9 +4,8 @@ import asyncio
 
 import numpy as np
 import pytest
-
-from drivers.errors import DeviceErrors
-from drivers.supervisor import State
+from softarm.drivers.errors import DeviceErrors
+from softarm.drivers.supervisor import State
 
 SPEED = 40.0
 BNO = ({"kind": "bno08x_rvc"}, {"kind": "bno08x_rvc"})

@@ -8,9 +8,8 @@ from itertools import pairwise
 import pytest
 import qtm_rt
 from pymodbus.client import AsyncModbusTcpClient
-
-from sim_fakes.rig import running
-from sim_fakes.scenario import check_scenario
+from softarm.fakes.rig import running
+from softarm.fakes.scenario import check_scenario
 
 QTM = {"name": "qtm", "kind": "qualisys", "rate_hz": 200.0, "discovery_port": 0}
 READERS = {"6deuler": "get_6d_euler", "6dres": "get_6d_residual", "6deulerres": "get_6d_euler_residual"}

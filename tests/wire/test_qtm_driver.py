@@ -3,10 +3,9 @@
 import asyncio
 
 import pytest
-
-from drivers.errors import DeviceErrors
-from drivers.qualisys.discovery import discover
-from drivers.supervisor import State
+from softarm.drivers.errors import DeviceErrors
+from softarm.drivers.qualisys.discovery import discover
+from softarm.drivers.supervisor import State
 
 FAKE = {"name": "qtm", "kind": "qualisys", "rate_hz": 100.0}
 SPEED = 30.0

@@ -5,9 +5,8 @@ import contextlib
 from itertools import pairwise
 
 import pytest
-
-from drivers.errors import DeviceErrors, InterlockError
-from drivers.supervisor import State
+from softarm.drivers.errors import DeviceErrors, InterlockError
+from softarm.drivers.supervisor import State
 
 FAKE = {"name": "valves", "kind": "festo_mpa", "valve_map": [3, 2, 1, 0, 4, 5]}
 DRIVER = {

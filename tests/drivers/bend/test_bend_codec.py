@@ -3,9 +3,8 @@
 from typing import Any
 
 import pytest
-
-from drivers.bend.bendlabs import BendLine, BendStatus, bend_codec, parse_line
-from drivers.framing import FrameFault
+from softarm.drivers.bend.bendlabs import BendLine, BendStatus, bend_codec, parse_line
+from softarm.drivers.framing import FrameFault
 
 
 def test_lines_of_the_sketch(vectors: dict[str, Any]) -> None:

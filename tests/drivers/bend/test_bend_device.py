@@ -5,10 +5,9 @@ from math import radians
 from typing import Any
 
 import pytest
-
-from drivers.bend.device import BendAngles, BendConfig, BendSensors
-from drivers.errors import InterlockError
-from drivers.reading import Reading
+from softarm.drivers.bend.device import BendAngles, BendConfig, BendSensors
+from softarm.drivers.errors import InterlockError
+from softarm.drivers.reading import Reading
 
 LINE = b"1.00,2.00,3.00,4.00,5.00,6.00\r\n"
 

@@ -5,13 +5,12 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from drivers.framing import FrameFault
-from drivers.gauges.line import parse_line
-from drivers.gauges.lutron import lutron_codec
-from drivers.gauges.mark10 import Mark10Error, Mark10Settings, mark10_codec, parse_reply
-from drivers.gauges.sample import NEWTON_PER, GaugeSample, unit_named
-from drivers.gauges.sauter import SauterCodec
+from softarm.drivers.framing import FrameFault
+from softarm.drivers.gauges.line import parse_line
+from softarm.drivers.gauges.lutron import lutron_codec
+from softarm.drivers.gauges.mark10 import Mark10Error, Mark10Settings, mark10_codec, parse_reply
+from softarm.drivers.gauges.sample import NEWTON_PER, GaugeSample, unit_named
+from softarm.drivers.gauges.sauter import SauterCodec
 
 Vectors = dict[str, Any]
 

@@ -5,13 +5,12 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
-
-from drivers.errors import ConnectionLost, InterlockError
-from drivers.gauges.device import LineGaugeConfig, LutronConfig, StreamingGauge
-from drivers.gauges.force import Force, ForceScale
-from drivers.gauges.polled import Mark10Config, Mark10Gauge, PolledGauge, SauterConfig, SauterGauge
-from drivers.gauges.sample import GaugeSample
-from drivers.reading import Reading
+from softarm.drivers.errors import ConnectionLost, InterlockError
+from softarm.drivers.gauges.device import LineGaugeConfig, LutronConfig, StreamingGauge
+from softarm.drivers.gauges.force import Force, ForceScale
+from softarm.drivers.gauges.polled import Mark10Config, Mark10Gauge, PolledGauge, SauterConfig, SauterGauge
+from softarm.drivers.gauges.sample import GaugeSample
+from softarm.drivers.reading import Reading
 
 MS = 1_000_000
 

@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-
-from drivers.framing import FrameFault
-from drivers.imu.bno08x import bno08x_codec
-from drivers.imu.quaternion_line import parse_line
-from drivers.imu.sample import ImuSample, Quaternion, normalised, quaternion_from_yaw_pitch_roll
-from drivers.imu.witmotion import ANGLES, WitCodec, configuration, content_mask
-from drivers.imu.xbus import GO_TO_CONFIG, GO_TO_MEASUREMENT, XbusMessage, encode_message, xbus_codec
+from softarm.drivers.framing import FrameFault
+from softarm.drivers.imu.bno08x import bno08x_codec
+from softarm.drivers.imu.quaternion_line import parse_line
+from softarm.drivers.imu.sample import ImuSample, Quaternion, normalised, quaternion_from_yaw_pitch_roll
+from softarm.drivers.imu.witmotion import ANGLES, WitCodec, configuration, content_mask
+from softarm.drivers.imu.xbus import GO_TO_CONFIG, GO_TO_MEASUREMENT, XbusMessage, encode_message, xbus_codec
 
 Vectors = dict[str, Any]
 Matrix = NDArray[np.float64]

@@ -8,14 +8,13 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from drivers.errors import ProtocolError
-from drivers.imu.device import Bno08xConfig, QuaternionLineConfig, XbusConfig
-from drivers.imu.sample import ImuSample
-from drivers.imu.sequence import IndexTracker, RateMonitor
-from drivers.imu.wit_device import WitConfig, WitImu
-from drivers.imu.xbus import encode_message
-from drivers.reading import Reading
+from softarm.drivers.errors import ProtocolError
+from softarm.drivers.imu.device import Bno08xConfig, QuaternionLineConfig, XbusConfig
+from softarm.drivers.imu.sample import ImuSample
+from softarm.drivers.imu.sequence import IndexTracker, RateMonitor
+from softarm.drivers.imu.wit_device import WitConfig, WitImu
+from softarm.drivers.imu.xbus import encode_message
+from softarm.drivers.reading import Reading
 
 MS = 1_000_000
 PERIOD = 10 * MS

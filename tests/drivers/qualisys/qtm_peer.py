@@ -6,13 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-
-from drivers.errors import DeviceErrors
-from drivers.qualisys.connection import Connection
-from drivers.qualisys.device import MotionCapture, QualisysConfig
-from drivers.qualisys.motion import MotionFrame
-from drivers.qualisys.session import QtmSession
-from drivers.reading import Reading
+from softarm.drivers.errors import DeviceErrors
+from softarm.drivers.qualisys.connection import Connection
+from softarm.drivers.qualisys.device import MotionCapture, QualisysConfig
+from softarm.drivers.qualisys.motion import MotionFrame
+from softarm.drivers.qualisys.session import QtmSession
+from softarm.drivers.reading import Reading
 
 IDENTITY = [1.0, 0, 0, 0, 1, 0, 0, 0, 1]
 

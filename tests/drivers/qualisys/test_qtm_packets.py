@@ -10,11 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from qtm_rt.packet import QRTPacketType
 from qtm_rt.receiver import Receiver
-
-from drivers.framing import FrameFault
-from drivers.qualisys.bodies import BodyFrame, Component, decode_bodies
-from drivers.qualisys.discovery import Host, encode_discover, parse_reply
-from drivers.qualisys.packets import Packet, PacketKind, PacketParser, encode_command, packet_text
+from softarm.drivers.framing import FrameFault
+from softarm.drivers.qualisys.bodies import BodyFrame, Component, decode_bodies
+from softarm.drivers.qualisys.discovery import Host, encode_discover, parse_reply
+from softarm.drivers.qualisys.packets import Packet, PacketKind, PacketParser, encode_command, packet_text
 
 Vectors = dict[str, Any]
 quick = settings(max_examples=60, deadline=None, derandomize=True)

@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-
-from drivers.framing import FrameFault
-from drivers.qualisys.bodies import BodyFrame, Component
-from drivers.qualisys.parameters import Parameters, parse_parameters
-from drivers.qualisys.poses import BodyPose, poses, quaternion_from_angles, quaternion_from_columns
+from softarm.drivers.framing import FrameFault
+from softarm.drivers.qualisys.bodies import BodyFrame, Component
+from softarm.drivers.qualisys.parameters import Parameters, parse_parameters
+from softarm.drivers.qualisys.poses import BodyPose, poses, quaternion_from_angles, quaternion_from_columns
 
 Matrix = NDArray[np.float64]
 ALL_BITS = struct.unpack("<f", b"\xff" * 4)[0]

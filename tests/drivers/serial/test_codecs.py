@@ -9,16 +9,15 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from drivers.bend.bendlabs import bend_codec
-from drivers.framing import Codec, Decoded
-from drivers.gauges.line import line_gauge_codec
-from drivers.gauges.lutron import lutron_codec
-from drivers.gauges.mark10 import mark10_codec
-from drivers.imu.bno08x import bno08x_codec
-from drivers.imu.quaternion_line import quaternion_line_codec
-from drivers.imu.witmotion import ANGLES, WitCodec
-from drivers.imu.xbus import xbus_codec
+from softarm.drivers.bend.bendlabs import bend_codec
+from softarm.drivers.framing import Codec, Decoded
+from softarm.drivers.gauges.line import line_gauge_codec
+from softarm.drivers.gauges.lutron import lutron_codec
+from softarm.drivers.gauges.mark10 import mark10_codec
+from softarm.drivers.imu.bno08x import bno08x_codec
+from softarm.drivers.imu.quaternion_line import quaternion_line_codec
+from softarm.drivers.imu.witmotion import ANGLES, WitCodec
+from softarm.drivers.imu.xbus import xbus_codec
 
 words = st.integers(-(2**15), 2**15 - 1)
 

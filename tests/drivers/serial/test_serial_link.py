@@ -10,15 +10,14 @@ from pathlib import Path
 
 import pytest
 import serial
-
-from drivers import serial_link
-from drivers.clock import monotonic
-from drivers.errors import ConnectionLost, ProtocolError
-from drivers.gauges.device import LineGaugeConfig
-from drivers.gauges.force import Force
-from drivers.reading import Reading
-from drivers.serial_link import SerialLink, SerialSettings, open_serial
-from drivers.supervisor import State
+from softarm.drivers import serial_link
+from softarm.drivers.clock import monotonic
+from softarm.drivers.errors import ConnectionLost, ProtocolError
+from softarm.drivers.gauges.device import LineGaugeConfig
+from softarm.drivers.gauges.force import Force
+from softarm.drivers.reading import Reading
+from softarm.drivers.serial_link import SerialLink, SerialSettings, open_serial
+from softarm.drivers.supervisor import State
 
 
 class Terminal:

@@ -4,19 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from softarm.estimator.augmented import AugmentedEstimator, ShapedModel, Spread
+from softarm.estimator.augmented.estimator import registered_again, undo
+from softarm.estimator.effects import EFFECTS, Spot, World
+from softarm.estimator.effects.augmented import PlacedEffect, recorded_turn, simulate_with, standing_pressures
+from softarm.estimator.errors import InputError
+from softarm.estimator.inverse import Estimator, LoadProcess, TrackerSettings
+from softarm.estimator.model import Inputs, Load
+from softarm.estimator.rotations import exp, to_quaternions
+from softarm.estimator.sensing import ActuationMap, Orientation, Registration, SensorSuite
+from softarm.estimator.simulation import Drive
+from softarm.estimator.simulation.compliance import bounded_inverse
+from softarm.estimator.specimen.physics import Place
 
-from estimator.augmented import AugmentedEstimator, ShapedModel, Spread
-from estimator.augmented.estimator import registered_again, undo
-from estimator.effects import EFFECTS, Spot, World
-from estimator.effects.augmented import PlacedEffect, recorded_turn, simulate_with, standing_pressures
-from estimator.errors import InputError
-from estimator.inverse import Estimator, LoadProcess, TrackerSettings
-from estimator.model import Inputs, Load
-from estimator.rotations import exp, to_quaternions
-from estimator.sensing import ActuationMap, Orientation, Registration, SensorSuite
-from estimator.simulation import Drive
-from estimator.simulation.compliance import bounded_inverse
-from estimator.specimen.physics import Place
 from tests.estimator.simulation.straight_arm import AZIMUTHS, MASSES
 from tests.estimator.simulation.test_simulation_arm import toy
 

@@ -2,13 +2,11 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from toy import toy
-
-from estimator.recording import Recording
-from estimator.rotations import to_quaternions
-from estimator.sensing import Registration, Scene
-from estimator.sensors import SpecimenSensors
-from estimator.specimen import (
+from softarm.estimator.recording import Recording
+from softarm.estimator.rotations import to_quaternions
+from softarm.estimator.sensing import Registration, Scene
+from softarm.estimator.sensors import SpecimenSensors
+from softarm.estimator.specimen import (
     BendCalibration,
     Calibration,
     ChamberCalibration,
@@ -17,6 +15,7 @@ from estimator.specimen import (
     Value,
     load_specimen,
 )
+from toy import toy
 
 Floats = NDArray[np.float64]
 

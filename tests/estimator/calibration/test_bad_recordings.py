@@ -5,10 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from synthetic import record
-from toy import toy
-
-from estimator.calibration import (
+from softarm.estimator.calibration import (
     CalibrationRefusedError,
     NodeSolver,
     Options,
@@ -17,13 +14,15 @@ from estimator.calibration import (
     calibrate,
     check_drift,
 )
-from estimator.calibration.complaints import complaints
-from estimator.calibration.nodes import choose_nodes
-from estimator.calibration.scatter import PRESSURISED_PULLS, VENTED_PULLS, scatter_in
-from estimator.errors import InputError
-from estimator.model import Load
-from estimator.recording import Recording
-from estimator.specimen import Specimen, load_specimen
+from softarm.estimator.calibration.complaints import complaints
+from softarm.estimator.calibration.nodes import choose_nodes
+from softarm.estimator.calibration.scatter import PRESSURISED_PULLS, VENTED_PULLS, scatter_in
+from softarm.estimator.errors import InputError
+from softarm.estimator.model import Load
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Specimen, load_specimen
+from synthetic import record
+from toy import toy
 
 SECTIONS = ("base", "intermediate", "tip")
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}

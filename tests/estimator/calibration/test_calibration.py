@@ -2,10 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import GAINS, SCALES, record, true_specimen
-from toy import toy
-
-from estimator.calibration import (
+from softarm.estimator.calibration import (
     CalibrationRefusedError,
     NodeSolver,
     Options,
@@ -15,15 +12,17 @@ from estimator.calibration import (
     calibrated_specimen,
     check_drift,
 )
-from estimator.calibration.fit import fit
-from estimator.calibration.forward import Forward, by_azimuth
-from estimator.calibration.nodes import choose_nodes
-from estimator.calibration.parameters import Setting, build_layout, gravity_axes
-from estimator.calibration.regression import estimate_lag
-from estimator.errors import InputError
-from estimator.recording import Recording
-from estimator.sensing import ActuationMap
-from estimator.specimen import Specimen, Value, load_specimen
+from softarm.estimator.calibration.fit import fit
+from softarm.estimator.calibration.forward import Forward, by_azimuth
+from softarm.estimator.calibration.nodes import choose_nodes
+from softarm.estimator.calibration.parameters import Setting, build_layout, gravity_axes
+from softarm.estimator.calibration.regression import estimate_lag
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Recording
+from softarm.estimator.sensing import ActuationMap
+from softarm.estimator.specimen import Specimen, Value, load_specimen
+from synthetic import GAINS, SCALES, record, true_specimen
+from toy import toy
 
 SECTIONS = ("base", "intermediate", "tip")
 QUICK = Options(nodes=40, iterations=8)

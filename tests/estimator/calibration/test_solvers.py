@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from softarm.estimator.calibration import BatchSolver, NodeSolver
+from softarm.estimator.model import Frames, Inputs
 from toy import ToyModel, toy, twists
-
-from estimator.calibration import BatchSolver, NodeSolver
-from estimator.model import Frames, Inputs
 
 Floats = NDArray[np.float64]
 GRAVITY = np.array([0.0, 0.0, 9.81])

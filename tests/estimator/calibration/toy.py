@@ -9,9 +9,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-
-from estimator.model import Frames, Inputs, Load
-from estimator.rotations import exp
+from softarm.estimator.model import Frames, Inputs, Load
+from softarm.estimator.rotations import exp
 
 Floats = NDArray[np.float64]
 

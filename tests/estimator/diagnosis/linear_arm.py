@@ -4,17 +4,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from softarm.estimator.diagnosis.prepare import blocks_of
+from softarm.estimator.diagnosis.session import Session
+from softarm.estimator.diagnosis.stage import Model
+from softarm.estimator.effects import EFFECTS, Effect, Spot
+from softarm.estimator.effects.augmented import PlacedEffect, simulate_with
+from softarm.estimator.sensing import Registration, SensorSuite
+from softarm.estimator.sensors import SpecimenSensors
+from softarm.estimator.simulation import Drive, LinearisedArm, Response
+from softarm.estimator.specimen import load_specimen
+from softarm.estimator.specimen.physics import Place
 
-from estimator.diagnosis.prepare import blocks_of
-from estimator.diagnosis.session import Session
-from estimator.diagnosis.stage import Model
-from estimator.effects import EFFECTS, Effect, Spot
-from estimator.effects.augmented import PlacedEffect, simulate_with
-from estimator.sensing import Registration, SensorSuite
-from estimator.sensors import SpecimenSensors
-from estimator.simulation import Drive, LinearisedArm, Response
-from estimator.specimen import load_specimen
-from estimator.specimen.physics import Place
 from tests.estimator.simulation.straight_arm import SEGMENTS, straight_arm, world
 
 SECTIONS = ("intermediate", "tip")

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
-
-from estimator.diagnosis.admit import admit
-from estimator.errors import InputError
-from estimator.recording import Recording
-from estimator.specimen import load_specimen
+from softarm.estimator.diagnosis.admit import admit
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import load_specimen
 
 SOPRA = load_specimen("sopra")
 

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
-
-from estimator.diagnosis.belief import Belief, Factor, Marginal
-from estimator.diagnosis.gram import products_of, renewed, total, with_columns
+from softarm.estimator.diagnosis.belief import Belief, Factor, Marginal
+from softarm.estimator.diagnosis.gram import products_of, renewed, total, with_columns
 
 
 @pytest.fixture

@@ -2,16 +2,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from softarm.analysis.diagnosis.report import report_of
+from softarm.analysis.diagnosis.workers import Inline
+from softarm.estimator.diagnosis import diagnose as whole
+from softarm.estimator.diagnosis.diagnose import Outcome, diagnose
+from softarm.estimator.diagnosis.session import Session
+from softarm.estimator.diagnosis.split import hold_out
+from softarm.estimator.effects import EFFECTS, Spot
+from softarm.estimator.effects.effect import Memory, Signals
+from softarm.estimator.specimen.physics import Place
 
-from estimator.diagnosis import diagnose as whole
-from estimator.diagnosis.diagnose import Outcome, diagnose
-from estimator.diagnosis.session import Session
-from estimator.diagnosis.split import hold_out
-from estimator.effects import EFFECTS, Spot
-from estimator.effects.effect import Memory, Signals
-from estimator.specimen.physics import Place
-from service.diagnosis.report import report_of
-from service.diagnosis.workers import Inline
 from tests.estimator.diagnosis.linear_arm import model, session, trial
 
 TRIED = (

@@ -5,15 +5,15 @@ from typing import cast
 
 import numpy as np
 import pytest
+from softarm.estimator.diagnosis.belief import Belief
+from softarm.estimator.diagnosis.fit import Ground, View, fit_effects
+from softarm.estimator.diagnosis.gram import products_of, total
+from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.effects import EFFECTS
+from softarm.estimator.effects.augmented import PlacedEffect
+from softarm.estimator.specimen.physics import Place
 
-from estimator.diagnosis.belief import Belief
-from estimator.diagnosis.fit import Ground, View, fit_effects
-from estimator.diagnosis.gram import products_of, total
-from estimator.diagnosis.library import Hypothesis
-from estimator.diagnosis.stage import Stage
-from estimator.effects import EFFECTS
-from estimator.effects.augmented import PlacedEffect
-from estimator.specimen.physics import Place
 from tests.estimator.simulation.straight_arm import world
 
 SHAPE = np.sin(np.linspace(0.0, 9.0, 400))[:, None] + np.array([[0.3, -0.2]])

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-
-from estimator.diagnosis.prepare import averaged, prepare
-from estimator.errors import InputError
-from estimator.recording import Recording
-from estimator.specimen import load_specimen
+from softarm.estimator.diagnosis.prepare import averaged, prepare
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import load_specimen
 
 SOPRA = load_specimen("sopra")
 SECTIONS = ("base", "intermediate", "tip")

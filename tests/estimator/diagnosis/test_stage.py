@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from softarm.estimator.diagnosis.calibration import calibrate_sessions
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.effects import EFFECTS, Spot
+from softarm.estimator.effects.augmented import PlacedEffect
+from softarm.estimator.rotations import exp
+from softarm.estimator.sensing import Registration, SensorSuite
+from softarm.estimator.sensors import SpecimenSensors
+from softarm.estimator.specimen import load_specimen
+from softarm.estimator.specimen.physics import Place
 
-from estimator.diagnosis.calibration import calibrate_sessions
-from estimator.diagnosis.stage import Stage
-from estimator.effects import EFFECTS, Spot
-from estimator.effects.augmented import PlacedEffect
-from estimator.rotations import exp
-from estimator.sensing import Registration, SensorSuite
-from estimator.sensors import SpecimenSensors
-from estimator.specimen import load_specimen
-from estimator.specimen.physics import Place
 from tests.estimator.diagnosis.linear_arm import SECTIONS, model, session
 
 TILT = 0.01, -0.02

@@ -4,17 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from estimator.diagnosis.calibration import calibrate_sessions
-from estimator.diagnosis.stage import Stage
-from estimator.diagnosis.stuck import (
+from softarm.estimator.diagnosis.calibration import calibrate_sessions
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.diagnosis.stuck import (
     find_stuck,
     stuck_findings,
     stuck_pressures,
     without_pressures,
     without_stuck,
 )
-from estimator.recording import Recording
+from softarm.estimator.recording import Recording
+
 from tests.estimator.diagnosis.linear_arm import model, session
 
 

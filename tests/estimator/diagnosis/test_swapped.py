@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from softarm.estimator.diagnosis.calibration import calibrate_sessions
+from softarm.estimator.diagnosis.session import Session
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.diagnosis.swapped import refuse_swapped, refuse_swapped_channels
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import load_specimen
 
-from estimator.diagnosis.calibration import calibrate_sessions
-from estimator.diagnosis.session import Session
-from estimator.diagnosis.stage import Stage
-from estimator.diagnosis.swapped import refuse_swapped, refuse_swapped_channels
-from estimator.errors import InputError
-from estimator.recording import Recording
-from estimator.specimen import load_specimen
 from tests.estimator.diagnosis.linear_arm import model, session
 
 SOPRA = load_specimen("sopra")

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
-
-from estimator.diagnosis.valve_stage import splits_of, valve_findings
-from estimator.diagnosis.valves import static, valves_of
-from estimator.recording import Recording
-from estimator.simulation.filters import first_order
+from softarm.estimator.diagnosis.valve_stage import splits_of, valve_findings
+from softarm.estimator.diagnosis.valves import static, valves_of
+from softarm.estimator.recording import Recording
+from softarm.estimator.simulation.filters import first_order
 
 TIME = np.arange(0.0, 80.0, 0.01)
 

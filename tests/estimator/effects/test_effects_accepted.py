@@ -1,17 +1,17 @@
 import numpy as np
 import pytest
+from softarm.estimator.effects import EFFECTS
+from softarm.estimator.effects.accepted import accepted_physics, physics_entry
+from softarm.estimator.effects.excitation import inventory, missing
+from softarm.estimator.effects.readings import from_vector, to_vector
+from softarm.estimator.effects.world import World
+from softarm.estimator.errors import InputError
+from softarm.estimator.model import Frames
+from softarm.estimator.rotations import exp, from_quaternions, log, to_quaternions
+from softarm.estimator.simulation import Segments
+from softarm.estimator.specimen import load_specimen
+from softarm.estimator.specimen.physics import Physics, Place
 
-from estimator.effects import EFFECTS
-from estimator.effects.accepted import accepted_physics, physics_entry
-from estimator.effects.excitation import inventory, missing
-from estimator.effects.readings import from_vector, to_vector
-from estimator.effects.world import World
-from estimator.errors import InputError
-from estimator.model import Frames
-from estimator.rotations import exp, from_quaternions, log, to_quaternions
-from estimator.simulation import Segments
-from estimator.specimen import load_specimen
-from estimator.specimen.physics import Physics, Place
 from tests.estimator.effects.effects_bench import WORLD, placed
 
 

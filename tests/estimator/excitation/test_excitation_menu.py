@@ -4,10 +4,9 @@ from typing import get_args
 
 import numpy as np
 import pytest
-
-from estimator.effects.effect import Excitation
-from estimator.effects.excitation import inventory
-from estimator.excitation import Limits, Manoeuvre, menu
+from softarm.estimator.effects.effect import Excitation
+from softarm.estimator.effects.excitation import inventory
+from softarm.estimator.excitation import Limits, Manoeuvre, menu
 
 SEGMENTS = (0, 0, 0, 1, 1, 1)
 LIMITS = Limits(np.full(6, 65e3), slew=100e3)

@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from estimator.fem import FiniteElementModel, Material, Membrane
-from estimator.fem.structured import box, with_nodes, with_surface
-from estimator.mesh import ElementKind, Mesh
-from estimator.model import Load
+from softarm.estimator.fem import FiniteElementModel, Material, Membrane
+from softarm.estimator.fem.structured import box, with_nodes, with_surface
+from softarm.estimator.mesh import ElementKind, Mesh
+from softarm.estimator.model import Load
 
 WIDTH, LENGTH = 0.04, 0.12
 LOADS = (

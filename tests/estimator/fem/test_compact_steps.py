@@ -4,13 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-
-from estimator.fem import FiniteElementModel
-from estimator.fem.lanes import SINGLE_LANES
-from estimator.fem.section_fit import build_section_fit
-from estimator.fem.sections import Section, build_section
-from estimator.model import Inputs
-from estimator.rotations import exp
+from softarm.estimator.fem import FiniteElementModel
+from softarm.estimator.fem.lanes import SINGLE_LANES
+from softarm.estimator.fem.section_fit import build_section_fit
+from softarm.estimator.fem.sections import Section, build_section
+from softarm.estimator.model import Inputs
+from softarm.estimator.rotations import exp
 
 WIDTH = 0.04
 ArmOf = Callable[..., FiniteElementModel]

@@ -4,11 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-
-from estimator.derivatives import central_difference
-from estimator.fem import FiniteElementModel, FiniteElementState
-from estimator.mesh import ElementKind
-from estimator.model import Inputs
+from softarm.estimator.derivatives import central_difference
+from softarm.estimator.fem import FiniteElementModel, FiniteElementState
+from softarm.estimator.mesh import ElementKind
+from softarm.estimator.model import Inputs
 
 ArmOf = Callable[..., FiniteElementModel]
 

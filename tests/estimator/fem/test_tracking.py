@@ -4,9 +4,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-
-from estimator.fem import FiniteElementModel, Refactoriser, TrackingModel, TrackingState, predict_state
-from estimator.model import Inputs
+from softarm.estimator.fem import (
+    FiniteElementModel,
+    Refactoriser,
+    TrackingModel,
+    TrackingState,
+    predict_state,
+)
+from softarm.estimator.model import Inputs
 
 ArmOf = Callable[..., FiniteElementModel]
 GRAVITY = np.array([0.0, 0.0, 9.81])

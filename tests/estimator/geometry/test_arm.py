@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-
-from estimator.arm import build_arm, default_loads, fibres, region_materials
-from estimator.fem import FiniteElementModel, Membrane, Springs
-from estimator.geometry import Resolution, build_mesh
-from estimator.model import Inputs
-from estimator.specimen import SHIPPED, Calibration, Fibres, Value, load_specimen
+from softarm.estimator.arm import build_arm, default_loads, fibres, region_materials
+from softarm.estimator.fem import FiniteElementModel, Membrane, Springs
+from softarm.estimator.geometry import Resolution, build_mesh
+from softarm.estimator.model import Inputs
+from softarm.estimator.specimen import SHIPPED, Calibration, Fibres, Value, load_specimen
 
 
 @pytest.fixture(scope="module")

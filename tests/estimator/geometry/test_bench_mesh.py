@@ -4,10 +4,9 @@ import json
 
 import pytest
 from click.testing import CliRunner
-
-from estimator.geometry import DEFAULTS
-from estimator.specimen import load_specimen
-from service.bench.mesh import Trial, command, judge, respond
+from softarm.bench.mesh import Trial, command, judge, respond
+from softarm.estimator.geometry import DEFAULTS
+from softarm.estimator.specimen import load_specimen
 
 
 def test_the_verdict_holds_every_error_and_their_spread_to_its_limit() -> None:

@@ -7,13 +7,12 @@ from typing import Any
 import meshio
 import numpy as np
 import pytest
-
-from estimator.errors import InputError
-from estimator.geometry import Resolution, build_mesh
-from estimator.geometry.checks import chamber_volume, element_volumes
-from estimator.geometry.convert import to_elements
-from estimator.mesh import ElementKind, Mesh
-from estimator.specimen import Specimen, load_specimen, specimen_table
+from softarm.estimator.errors import InputError
+from softarm.estimator.geometry import Resolution, build_mesh
+from softarm.estimator.geometry.checks import chamber_volume, element_volumes
+from softarm.estimator.geometry.convert import to_elements
+from softarm.estimator.mesh import ElementKind, Mesh
+from softarm.estimator.specimen import Specimen, load_specimen, specimen_table
 
 CELLS = {"hex20": "hexahedron20", "hex8": "hexahedron", "tet4": "tetra", "tet10": "tetra10"}
 FACETS = {"hex20": "quad8", "hex8": "quad", "tet4": "triangle", "tet10": "triangle6"}

@@ -5,14 +5,20 @@ import pytest
 import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from estimator.errors import InputError
-from estimator.geometry import Resolution, build_mesh
-from estimator.geometry.checks import chamber_volume, element_volumes, jacobians
-from estimator.geometry.convert import to_elements
-from estimator.geometry.faces import boundary_faces, open_edges
-from estimator.mesh import ElementKind, Mesh
-from estimator.specimen import SHIPPED, Specimen, SweptLobes, load_specimen, parse_specimen, specimen_table
+from softarm.estimator.errors import InputError
+from softarm.estimator.geometry import Resolution, build_mesh
+from softarm.estimator.geometry.checks import chamber_volume, element_volumes, jacobians
+from softarm.estimator.geometry.convert import to_elements
+from softarm.estimator.geometry.faces import boundary_faces, open_edges
+from softarm.estimator.mesh import ElementKind, Mesh
+from softarm.estimator.specimen import (
+    SHIPPED,
+    Specimen,
+    SweptLobes,
+    load_specimen,
+    parse_specimen,
+    specimen_table,
+)
 
 
 def volume(mesh: Mesh) -> float:

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
-
-from estimator.inverse import (
+from softarm.estimator.inverse import (
     Tolerances,
     Unknowns,
     approach,
@@ -10,8 +9,8 @@ from estimator.inverse import (
     replace_loads,
     settle,
 )
-from estimator.model import Inputs
-from estimator.sensing import Orientation, Scene, SensorSuite
+from softarm.estimator.model import Inputs
+from softarm.estimator.sensing import Orientation, Scene, SensorSuite
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 PRESSURES = np.array([20e3, 12e3, 16e3, 18e3, 21e3, 15e3])

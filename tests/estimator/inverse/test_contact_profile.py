@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
-
-from estimator.inverse import ContactProfile, Unknowns, forces_problem, independent_prior
-from estimator.model import Inputs, Load
-from estimator.sensing import Orientation, Scene, SectionPose, SensorSuite
+from softarm.estimator.inverse import ContactProfile, Unknowns, forces_problem, independent_prior
+from softarm.estimator.model import Inputs, Load
+from softarm.estimator.sensing import Orientation, Scene, SectionPose, SensorSuite
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 PRESSURES = np.array([30e3, 5e3, 12e3, 8e3, 41e3, 20e3])

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
-
-from estimator.errors import InputError
-from estimator.inverse import ContactSearch, locate_force
-from estimator.model import Inputs, Load
-from estimator.sensing import Orientation, Scene, SectionPose, SensorSuite
+from softarm.estimator.errors import InputError
+from softarm.estimator.inverse import ContactSearch, locate_force
+from softarm.estimator.model import Inputs, Load
+from softarm.estimator.sensing import Orientation, Scene, SectionPose, SensorSuite
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 PRESSURES = np.array([30e3, 5e3, 12e3, 8e3, 41e3, 20e3])

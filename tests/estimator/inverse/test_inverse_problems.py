@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from estimator.inverse import (
+from softarm.estimator.inverse import (
     Estimator,
     LoadProcess,
     Prior,
@@ -15,9 +14,9 @@ from estimator.inverse import (
     inputs_problem,
     reach_pose,
 )
-from estimator.model import Inputs
-from estimator.rotations import exp, log
-from estimator.sensing import ActuationMap, Bend, Marker, Orientation, Scene, SectionPose, SensorSuite
+from softarm.estimator.model import Inputs
+from softarm.estimator.rotations import exp, log
+from softarm.estimator.sensing import ActuationMap, Bend, Marker, Orientation, Scene, SectionPose, SensorSuite
 
 RANDOM = np.random.default_rng(11)
 GRAVITY = np.array([0.0, 0.0, 9.81])

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
-
-from estimator.errors import InputError
-from estimator.inverse import Limits, QuadraticProgram, solve_program
-from estimator.inverse.unknowns import Unknowns
+from softarm.estimator.errors import InputError
+from softarm.estimator.inverse import Limits, QuadraticProgram, solve_program
+from softarm.estimator.inverse.unknowns import Unknowns
 
 RANDOM = np.random.default_rng(3)
 SIZE = 7

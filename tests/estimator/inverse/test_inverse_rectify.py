@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
-
-from estimator.errors import InputError
-from estimator.inverse import rectify
-from estimator.model import Frames, Inputs
-from estimator.sensing import Bend, Orientation, Scene, SensorSuite
+from softarm.estimator.errors import InputError
+from softarm.estimator.inverse import rectify
+from softarm.estimator.model import Frames, Inputs
+from softarm.estimator.sensing import Bend, Orientation, Scene, SensorSuite
 
 RANDOM = np.random.default_rng(8)
 SIGMA = 0.002

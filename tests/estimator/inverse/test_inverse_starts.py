@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-
-from estimator.inverse import Estimator, LoadProcess, TrackerSettings
-from estimator.model import Inputs
-from estimator.sensing import ActuationMap, Orientation, Scene, SensorSuite
+from softarm.estimator.inverse import Estimator, LoadProcess, TrackerSettings
+from softarm.estimator.model import Inputs
+from softarm.estimator.sensing import ActuationMap, Orientation, Scene, SensorSuite
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 SIGMA = np.radians(0.1)

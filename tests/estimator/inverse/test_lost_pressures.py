@@ -1,8 +1,7 @@
 import numpy as np
-
-from estimator.inverse import Estimator, LoadProcess, TrackerSettings
-from estimator.model import Inputs
-from estimator.sensing import ActuationMap, Orientation, Scene, SensorSuite
+from softarm.estimator.inverse import Estimator, LoadProcess, TrackerSettings
+from softarm.estimator.model import Inputs
+from softarm.estimator.sensing import ActuationMap, Orientation, Scene, SensorSuite
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 SUITE = SensorSuite((Orientation("upper", 0, 2e-3), Orientation("lower", 1, 2e-3)))

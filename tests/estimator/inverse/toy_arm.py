@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
-
-from estimator.model import Frames, Inputs, Load
-from estimator.rotations import exp_kernel, jacobian_kernel
+from softarm.estimator.model import Frames, Inputs, Load
+from softarm.estimator.rotations import exp_kernel, jacobian_kernel
 
 LENGTH = 0.13
 LINKS = 2

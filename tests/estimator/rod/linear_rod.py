@@ -1,12 +1,11 @@
 """A straight, uniform, linearly elastic rod with pressures that bend it: laws that are known exactly."""
 
 import numpy as np
-
-from estimator.model import Load
-from estimator.rod.arrays import Laws
-from estimator.rod.chain import Chain, point_weights
-from estimator.rod.laws import term_table
-from estimator.rod.model import CalibratedRod
+from softarm.estimator.model import Load
+from softarm.estimator.rod.arrays import Laws
+from softarm.estimator.rod.chain import Chain, point_weights
+from softarm.estimator.rod.laws import term_table
+from softarm.estimator.rod.model import CalibratedRod
 
 LENGTH, BENDING, TORSION, STRETCH, SHEAR = 0.27, 0.03, 0.02, 60.0, 40.0
 LINEAR_DENSITY = 0.8  # kg/m

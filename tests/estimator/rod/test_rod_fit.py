@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
-
-from estimator.arm import build_arm
-from estimator.model import Inputs
-from estimator.rod import Recipe, shape_key
-from estimator.rod.archive import from_bytes
-from estimator.rod.load_stiffness import exact_moves
-from estimator.rod.samples import Plan, sampling_loads
-from estimator.rod.stations import cut
-from estimator.specimen import load_specimen
+from softarm.estimator.arm import build_arm
+from softarm.estimator.model import Inputs
+from softarm.estimator.rod import Recipe, shape_key
+from softarm.estimator.rod.archive import from_bytes
+from softarm.estimator.rod.load_stiffness import exact_moves
+from softarm.estimator.rod.samples import Plan, sampling_loads
+from softarm.estimator.rod.stations import cut
+from softarm.estimator.specimen import load_specimen
 
 SMALL = Recipe(plan=Plan(rays=6), check=Plan(rays=2, seed=101, pressure=1.0))
 

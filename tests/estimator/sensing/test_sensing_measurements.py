@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from estimator.derivatives import derivative_error
-from estimator.errors import InputError
-from estimator.model import Frames
-from estimator.rotations import exp
-from estimator.sensing import (
+from softarm.estimator.derivatives import derivative_error
+from softarm.estimator.errors import InputError
+from softarm.estimator.model import Frames
+from softarm.estimator.rotations import exp
+from softarm.estimator.sensing import (
     ActuationMap,
     Bend,
     GaugeForce,

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
-
-from estimator.derivatives import derivative_error
-from estimator.rotations import (
+from softarm.estimator.derivatives import derivative_error
+from softarm.estimator.rotations import (
     exp,
     from_quaternions,
     inverse_left_jacobian,

@@ -1,10 +1,9 @@
 """A linear arm of two segments about its straight rest pose, known in closed form."""
 
 import numpy as np
-
-from estimator.effects import World
-from estimator.model import Frames
-from estimator.simulation import Drive, LinearisedArm, Response, Segments
+from softarm.estimator.effects import World
+from softarm.estimator.model import Frames
+from softarm.estimator.simulation import Drive, LinearisedArm, Response, Segments
 
 HEIGHTS = np.array([0.13, 0.27])
 STIFFNESS = np.array([[0.04, 0.04, 0.03, 60.0], [0.03, 0.03, 0.02, 50.0]])

@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from estimator.mesh import Floats
-from estimator.sensing.registration import register
-from estimator.specimen import Specimen, load_specimen
-from service.recordings import load_recording
+from softarm.estimator.mesh import Floats
+from softarm.estimator.sensing.registration import register
+from softarm.estimator.specimen import Specimen, load_specimen
+from softarm.recordings import load_recording
 
 BESIDE = Path(__file__).parents[4] / "shared" / "recordings"
 RECORDINGS = Path(os.environ.get("SOFTARM_RECORDINGS", BESIDE))

@@ -5,9 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from estimator.errors import InputError
-from estimator.specimen import (
+from softarm.estimator.errors import InputError
+from softarm.estimator.specimen import (
     SHIPPED,
     Calibration,
     Parameter,
@@ -20,7 +19,9 @@ from estimator.specimen import (
     save_specimen,
 )
 
-TEXT = (Path(__file__).parents[3] / "estimator/specimen/shipped/sopra.toml").read_text("utf-8")
+TEXT = (Path(__file__).parents[3] / "estimator/softarm/estimator/specimen/shipped/sopra.toml").read_text(
+    "utf-8"
+)
 
 
 def mistake(*changes: tuple[str, str]) -> InputError:
@@ -142,6 +143,7 @@ def test_an_absent_file_suggests_the_shipped_name() -> None:
 
 
 def test_importing_the_description_stays_light() -> None:
-    code = "import sys, estimator.specimen; print([m for m in ('numpy','scipy','numba') if m in sys.modules])"
+    heavy = "('numpy', 'scipy', 'numba')"
+    code = f"import sys, softarm.estimator.specimen; print([m for m in {heavy} if m in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"

@@ -3,15 +3,14 @@
 from pathlib import Path
 
 from pydantic import BaseModel
-
-from estimator.specimen.page import TABLES, specimen_page
+from softarm.estimator.specimen.page import TABLES, specimen_page
 
 PAGE = Path(__file__).parents[3] / "docs" / "specimen.md"
 
 
 def test_the_page_is_in_step_with_the_models() -> None:
     assert PAGE.read_text("utf-8") == specimen_page(), (
-        "run python -m estimator.specimen.page > docs/specimen.md"
+        "run python -m softarm.estimator.specimen.page > docs/specimen.md"
     )
 
 

@@ -5,16 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad
-
-from estimator.arm import build_arm
-from estimator.fem import TrackingModel
-from estimator.geometry import Resolution
-from estimator.model import Frames, Inputs, Load
-from estimator.rod.archive import shape_key, shipped_rod
-from estimator.rod.fit import adapted
-from estimator.rotations import exp, log
-from estimator.specimen import Specimen, Value, load_specimen
-from estimator.stretch import StretchedModel, StretchLaw, stretched
+from softarm.estimator.arm import build_arm
+from softarm.estimator.fem import TrackingModel
+from softarm.estimator.geometry import Resolution
+from softarm.estimator.model import Frames, Inputs, Load
+from softarm.estimator.rod.archive import shape_key, shipped_rod
+from softarm.estimator.rod.fit import adapted
+from softarm.estimator.rotations import exp, log
+from softarm.estimator.specimen import Specimen, Value, load_specimen
+from softarm.estimator.stretch import StretchedModel, StretchLaw, stretched
 
 SECTIONS = ("base", "intermediate", "tip")
 GAIN = 1.3

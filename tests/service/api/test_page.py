@@ -1,15 +1,14 @@
 from pathlib import Path
 
 from jsonschema import Draft202012Validator
-
-from service.api.commands import VERBS
-from service.api.page import render, schemas
+from softarm.api.commands import VERBS
+from softarm.api.page import render, schemas
 
 PAGE = Path(__file__).parents[3] / "docs" / "api.md"
 
 
 def test_page_is_that_of_the_messages():
-    assert PAGE.read_text() == render(), "run: python -m service.api.page > docs/api.md"
+    assert PAGE.read_text() == render(), "run: python -m softarm.api.page > docs/api.md"
 
 
 def test_every_verb_has_a_schema():

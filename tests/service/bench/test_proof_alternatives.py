@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-
-from service.bench.proof.alternatives import SMOOTH, Bends, alignment, chosen_by, faded, learned, sindy
-from service.bench.proof.schedule import SealedTrial
-from service.bench.proof.trial import Folders, forget
+from softarm.bench.proof.alternatives import SMOOTH, Bends, alignment, chosen_by, faded, learned, sindy
+from softarm.bench.proof.schedule import SealedTrial
+from softarm.bench.proof.trial import Folders, forget
 
 PLAIN = (1e-3, 1.0)
 """Ridge and width."""

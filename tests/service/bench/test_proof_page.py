@@ -1,7 +1,7 @@
 """The page of the proof is renewed table by table."""
 
-from service.bench.proof.page import renewed
-from service.cli.output import Table
+from softarm.bench.proof.page import renewed
+from softarm.cli.output import Table
 
 HEAD = "# The proof\n\nSome words.\n"
 

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from service.bench.proof.schedule import SealedTrial
-from service.bench.proof.trial import Outcome, add_outcome, read_outcomes
+from softarm.bench.proof.schedule import SealedTrial
+from softarm.bench.proof.trial import Outcome, add_outcome, read_outcomes
 
 ONE = Outcome(SealedTrial("single", 7), "designed", 12.5, 640.0, 0, "", {"verdict": "explained"})
 

@@ -5,13 +5,12 @@ from typing import Any
 
 import pytest
 import tomli_w
-
-from estimator.effects import EFFECTS
-from estimator.errors import InputError
-from service.bench.proof.schedule import PATTERN, SealedTrial, schedule
-from service.bench.proof.score import SAME, Score, score
-from service.bench.proof.tables import proof_tables, ran_table, wilson
-from service.bench.proof.trial import Folders, Outcome, chosen, read_outcomes
+from softarm.bench.proof.schedule import PATTERN, SealedTrial, schedule
+from softarm.bench.proof.score import SAME, Score, score
+from softarm.bench.proof.tables import proof_tables, ran_table, wilson
+from softarm.bench.proof.trial import Folders, Outcome, chosen, read_outcomes
+from softarm.estimator.effects import EFFECTS
+from softarm.estimator.errors import InputError
 
 
 def conceal(folders: Folders, trial: SealedTrial, *effects: dict[str, Any]) -> None:

@@ -1,8 +1,7 @@
 """A minute of faults, stalled clients and recordings beside a running service."""
 
 import pytest
-
-from service.bench.soak_run import Soak, SoakSettings
+from softarm.bench.soak_run import Soak, SoakSettings
 
 pytestmark = pytest.mark.timeout(240)
 SECONDS = 60.0

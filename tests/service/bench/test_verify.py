@@ -3,9 +3,8 @@
 from collections.abc import Callable, Iterator
 
 import pytest
-
-from service.bench.verification import bodies, elements
-from service.bench.verification.held import Result
+from softarm.bench.verification import bodies, elements
+from softarm.bench.verification.held import Result
 
 
 @pytest.mark.parametrize("checks", [elements.element_results, bodies.body_results])

@@ -3,10 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-
-from estimator.errors import InputError
-from service.control.hold import HoldGoal, HoldLimits, advance_hold, begin_hold
-from service.control.poses import PoseStore, SavedPose
+from softarm.daemon.control.hold import HoldGoal, HoldLimits, advance_hold, begin_hold
+from softarm.daemon.control.poses import PoseStore, SavedPose
+from softarm.estimator.errors import InputError
 
 LIMITS = HoldLimits(rate=1.0, authority=10e3, maximum=np.full(6, 65e3))
 PRESSURES = arrays(float, 6, elements=st.floats(0.0, 65e3))

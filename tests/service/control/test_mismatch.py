@@ -1,6 +1,5 @@
 import numpy as np
-
-from service.control.mismatch import MismatchTest
+from softarm.daemon.control.mismatch import MismatchTest
 
 
 def run(test, values, begin=0.0, dof=2.0):

@@ -1,8 +1,8 @@
 """When a packet of the leading device is complete."""
 
-from service.config import SafetySettings, SensorSettings
-from service.control.channels import Sample
-from service.control.readings import Readings, leading_channels
+from softarm.daemon.config import SafetySettings, SensorSettings
+from softarm.daemon.control.channels import Sample
+from softarm.daemon.control.readings import Readings, leading_channels
 
 SENSORS = (
     SensorSettings(kind="bend", section="tip", device="bend", channel="1"),

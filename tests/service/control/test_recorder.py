@@ -4,11 +4,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-
-from service.control.recorder import PART_SUFFIX, Document, Recorder, RecorderError, Sample
-from service.control.streams import RecordedStreams
-from service.recordings import load_recording
-from service.recordings.mcap_writer import Stamp, Stream
+from softarm.daemon.control.recorder import PART_SUFFIX, Document, Recorder, RecorderError, Sample
+from softarm.daemon.control.streams import RecordedStreams
+from softarm.recordings import load_recording
+from softarm.recordings.mcap_writer import Stamp, Stream
 
 PRESSURES = Stream("pressures", ("chamber_0_pa", "chamber_1_pa"), "fake+modbus://127.0.0.1:502")
 

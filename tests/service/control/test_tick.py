@@ -1,7 +1,6 @@
 from hypothesis import given
 from hypothesis import strategies as st
-
-from service.control.tick import Ticker, TickSchedule
+from softarm.daemon.control.tick import Ticker, TickSchedule
 
 INTERVAL = 10_000_000
 

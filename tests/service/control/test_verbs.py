@@ -6,21 +6,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from drivers.errors import LimitError
-from estimator.model import Load
-from service.api.commands import VERBS, Applied, Refused
-from service.config import ControlSettings, SafetySettings
-from service.control.controller import Controller
-from service.control.knowledge import RECENT_S, Knowledge
-from service.control.poses import PoseStore
-from service.control.recorder import Recorder
-from service.control.verbs import Context, Verbs
-from service.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
-from service.recordings.info import parse_info
-from service.recordings.mcap_reader import read_contents
-from service.safety.findings import Finding
-from service.safety.modes import PRESSURISED, Event, Mode
+from softarm.api.commands import VERBS, Applied, Refused
+from softarm.daemon.config import ControlSettings, SafetySettings
+from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.knowledge import RECENT_S, Knowledge
+from softarm.daemon.control.poses import PoseStore
+from softarm.daemon.control.recorder import Recorder
+from softarm.daemon.control.verbs import Context, Verbs
+from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
+from softarm.daemon.safety.findings import Finding
+from softarm.daemon.safety.modes import PRESSURISED, Event, Mode
+from softarm.drivers.errors import LimitError
+from softarm.estimator.model import Load
+from softarm.recordings.info import parse_info
+from softarm.recordings.mcap_reader import read_contents
 
 LIMIT = 65e3
 LOADS = tuple(

@@ -1,8 +1,7 @@
 """A diagnosis as the pipeline would give it, with every part filled."""
 
 import numpy as np
-
-from estimator.diagnosis.result import (
+from softarm.estimator.diagnosis.result import (
     Baseline,
     Cell,
     Diagnosis,
@@ -18,7 +17,7 @@ from estimator.diagnosis.result import (
     Trace,
     Unexplained,
 )
-from estimator.specimen.physics import Place
+from softarm.estimator.specimen.physics import Place
 
 TIME = np.linspace(0.0, 60.0, 900)
 

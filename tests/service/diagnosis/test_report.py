@@ -3,8 +3,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from estimator.diagnosis.result import (
+from softarm.analysis.diagnosis.report import FILE, read_report, report_of
+from softarm.cli import run
+from softarm.estimator.diagnosis.result import (
     Baseline,
     Diagnosis,
     Evidence,
@@ -16,10 +17,8 @@ from estimator.diagnosis.result import (
     Rival,
     Unexplained,
 )
-from estimator.errors import InputError
-from estimator.specimen.physics import Place
-from service.cli import run
-from service.diagnosis.report import FILE, read_report, report_of
+from softarm.estimator.errors import InputError
+from softarm.estimator.specimen.physics import Place
 
 
 def _diagnosis() -> Diagnosis:

@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from softarm.analysis.diagnosis.run import Request, improved_specimen, run
+from softarm.analysis.diagnosis.workers import Inline
+from softarm.cli.demo import fake_specimen
+from softarm.estimator.diagnosis.diagnose import Outcome
+from softarm.estimator.effects import EFFECTS, Spot, World
+from softarm.estimator.effects.augmented import PlacedEffect
+from softarm.estimator.errors import InputError
+from softarm.estimator.specimen import Specimen, load_specimen
+from softarm.estimator.specimen.physics import Place
 
-from estimator.diagnosis.diagnose import Outcome
-from estimator.effects import EFFECTS, Spot, World
-from estimator.effects.augmented import PlacedEffect
-from estimator.errors import InputError
-from estimator.specimen import Specimen, load_specimen
-from estimator.specimen.physics import Place
-from service.cli.demo import fake_specimen
-from service.diagnosis.run import Request, improved_specimen, run
-from service.diagnosis.workers import Inline
 from tests.estimator.simulation.straight_arm import world
 from tests.service.diagnosis.made_diagnosis import diagnosis
 

@@ -1,9 +1,8 @@
 """The same work, in this process, in others, or on a Dask cluster."""
 
 import pytest
-
-from estimator.errors import InputError
-from service.diagnosis.workers import workers
+from softarm.analysis.diagnosis.workers import workers
+from softarm.estimator.errors import InputError
 
 
 def test_work_in_this_process_hands_on_its_errors() -> None:

@@ -4,11 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-from estimator.inverse import Compensation
-from estimator.sensing import ActuationMap
-from service.estimation import holding
-from service.estimation.holding import Arm, Holding
+from softarm.daemon.estimation import holding
+from softarm.daemon.estimation.holding import Arm, Holding
+from softarm.estimator.inverse import Compensation
+from softarm.estimator.sensing import ActuationMap
 
 
 @pytest.mark.parametrize("converged", [True, False])

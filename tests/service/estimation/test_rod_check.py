@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
-
-from estimator.arm import build_arm
-from estimator.model import Frames, Inputs
-from estimator.rotations import exp
-from estimator.specimen import load_specimen
-from service.estimation.rod_check import RodCheck
-from service.safety.checks import check_rod
-from service.safety.modes import Mode
-from service.safety.observation import Estimator, Observation, Recorder, Valves
+from softarm.daemon.estimation.rod_check import RodCheck
+from softarm.daemon.safety.checks import check_rod
+from softarm.daemon.safety.modes import Mode
+from softarm.daemon.safety.observation import Estimator, Observation, Recorder, Valves
+from softarm.estimator.arm import build_arm
+from softarm.estimator.model import Frames, Inputs
+from softarm.estimator.rotations import exp
+from softarm.estimator.specimen import load_specimen
 
 
 def observation(off: float | None) -> Observation:

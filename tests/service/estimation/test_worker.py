@@ -4,8 +4,7 @@ import signal
 from functools import partial
 
 import pytest
-
-from service.estimation.worker import RESTARTS_ALLOWED, STUCK_S, Worker
+from softarm.daemon.estimation.worker import RESTARTS_ALLOWED, STUCK_S, Worker
 
 
 def double():

@@ -2,22 +2,21 @@
 
 import numpy as np
 import pytest
-
-from estimator.calibration import arrange, section_forces
-from estimator.errors import InputError
-from estimator.model import Frames
-from estimator.recording import Recording
-from estimator.sensing import Bend, Orientation, SectionPose
-from estimator.specimen import load_specimen
-from service.experiments.figures import beside, error_figures, inside, without_unit
-from service.experiments.holds import hold_windows, means
-from service.experiments.leave_one_out import without_each
-from service.experiments.live import with_hooks
-from service.experiments.paper import FORCE_N, TEACH_MM
-from service.experiments.pulls import at_looks, look_windows, pull_of, rested
-from service.experiments.recorded import holds_table
-from service.experiments.subsets import subset
-from service.experiments.teaching import TeachResult, out_of_reach, still_windows
+from softarm.estimator.calibration import arrange, section_forces
+from softarm.estimator.errors import InputError
+from softarm.estimator.model import Frames
+from softarm.estimator.recording import Recording
+from softarm.estimator.sensing import Bend, Orientation, SectionPose
+from softarm.estimator.specimen import load_specimen
+from softarm.experiments.figures import beside, error_figures, inside, without_unit
+from softarm.experiments.holds import hold_windows, means
+from softarm.experiments.leave_one_out import without_each
+from softarm.experiments.live import with_hooks
+from softarm.experiments.paper import FORCE_N, TEACH_MM
+from softarm.experiments.pulls import at_looks, look_windows, pull_of, rested
+from softarm.experiments.recorded import holds_table
+from softarm.experiments.subsets import subset
+from softarm.experiments.teaching import TeachResult, out_of_reach, still_windows
 
 RATE = 50.0
 

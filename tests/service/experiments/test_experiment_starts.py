@@ -5,19 +5,18 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-
-from estimator.calibration.solver import Response
-from estimator.errors import InputError
-from estimator.model import Inputs, Load
-from estimator.recording import POSE_SUFFIXES, Recording
-from estimator.specimen import load_specimen
-from service.experiments.holds import hold_windows
-from service.experiments.live import LiveBench
-from service.experiments.live_tables import _validated
-from service.experiments.models import NEAR_N, NEAR_PA, Answers, WarmSolver
-from service.experiments.pulls import tare
-from service.experiments.seed import SeedResult
-from service.offline.track import Waypoints
+from softarm.analysis.offline.track import Waypoints
+from softarm.estimator.calibration.solver import Response
+from softarm.estimator.errors import InputError
+from softarm.estimator.model import Inputs, Load
+from softarm.estimator.recording import POSE_SUFFIXES, Recording
+from softarm.estimator.specimen import load_specimen
+from softarm.experiments.holds import hold_windows
+from softarm.experiments.live import LiveBench
+from softarm.experiments.live_tables import _validated
+from softarm.experiments.models import NEAR_N, NEAR_PA, Answers, WarmSolver
+from softarm.experiments.pulls import tare
+from softarm.experiments.seed import SeedResult
 
 
 def test_each_pull_is_tared_by_the_rest_before_it() -> None:

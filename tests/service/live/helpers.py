@@ -5,10 +5,9 @@ import threading
 import time
 
 import numpy as np
-
-from service.api.messages import State
-from service.experiments.recovery import arm_again
-from service.network.client import CommandRefusedError
+from softarm.api.messages import State
+from softarm.client.client import CommandRefusedError
+from softarm.experiments.recovery import arm_again
 
 PATIENCE_S = 20.0
 """For what is waited for, not timed."""

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from softarm.api.messages import Estimate, Occurrence, State
+from softarm.bench.safety_processes import other_client
+from softarm.client.session import client_settings, open_session
+from softarm.recordings import load_recording
 
 from examples.teach_client import teach
-from service.api.messages import Estimate, Occurrence, State
-from service.bench.safety_processes import other_client
-from service.network.session import client_settings, open_session
-from service.recordings import load_recording
 from tests.service.live.helpers import (
     PATIENCE_S,
     VENTED_MBAR,
@@ -56,7 +56,7 @@ def test_poses_taught_by_hand_are_held_saved_and_found_again(client, fakes):
 
 
 def test_recording_from_the_command_line(rig):
-    command = [sys.executable, "-m", "service", "record", "--arm", rig.settings.arm, "--name", "cli"]
+    command = [sys.executable, "-m", "softarm", "record", "--arm", rig.settings.arm, "--name", "cli"]
     words = ["--endpoint", rig.settings.endpoint, "--seconds", "1", "--json"]
     done = subprocess.run([*command, *words], capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr
@@ -160,7 +160,7 @@ def send(session, client, verb, fields):
 
 
 def test_second_service_for_the_arm_refuses_to_start(rig):
-    command = [sys.executable, "-m", "service", "serve", "--config", str(rig.config_path)]
+    command = [sys.executable, "-m", "softarm", "serve", "--config", str(rig.config_path)]
     second = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert second.returncode == 2
     assert second.stderr.strip().count("\n") == 0

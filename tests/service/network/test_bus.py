@@ -3,14 +3,13 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-
-from estimator.errors import InputError
-from service.api.commands import Applied, Refused
-from service.api.messages import Mismatch, Stamp
-from service.network.bus import COMMANDS_WAITING, Bus
-from service.network.client import CommandRefusedError, SoftarmClient
-from service.network.inbox import Inbox
-from service.network.session import NetworkSettings, listening_endpoint
+from softarm.api.commands import Applied, Refused
+from softarm.api.messages import Mismatch, Stamp
+from softarm.client.client import CommandRefusedError, SoftarmClient
+from softarm.client.session import NetworkSettings, listening_endpoint
+from softarm.daemon.network.bus import COMMANDS_WAITING, Bus
+from softarm.daemon.network.inbox import Inbox
+from softarm.estimator.errors import InputError
 
 FREE_PORT = NetworkSettings(listen=("tcp/127.0.0.1:0",))
 

@@ -1,6 +1,6 @@
 import asyncio
 
-from service.network.inbox import Inbox, serve_each
+from softarm.daemon.network.inbox import Inbox, serve_each
 
 
 async def test_what_takes_long_keeps_nothing_waiting():

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-
-from estimator.recording import Recording
-from estimator.specimen import Calibration, Specimen, load_specimen
-from service.offline.alignment import aligned
-from service.rods import rod_for
+from softarm.analysis.offline.alignment import aligned
+from softarm.common.rods import rod_for
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Calibration, Specimen, load_specimen
 
 TURN = np.radians(100.0)
 

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-
-from estimator.errors import InputError
-from estimator.recording import Recording
-from estimator.specimen import load_specimen
-from service.offline.inputs import in_its_mount
+from softarm.analysis.offline.inputs import in_its_mount
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import load_specimen
 
 
 def recording(**info: object) -> Recording:

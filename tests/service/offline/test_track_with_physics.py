@@ -4,16 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from softarm.analysis.offline.inputs import load_recordings
+from softarm.analysis.offline.resample import resample
+from softarm.analysis.offline.track import track
+from softarm.estimator.arm import build_arm
+from softarm.estimator.calibration import arrange
+from softarm.estimator.errors import InputError
+from softarm.estimator.specimen import Specimen, load_specimen
+from softarm.estimator.specimen.calibration import Value
+from softarm.estimator.specimen.physics import Parameter, Physics, Place
 
-from estimator.arm import build_arm
-from estimator.calibration import arrange
-from estimator.errors import InputError
-from estimator.specimen import Specimen, load_specimen
-from estimator.specimen.calibration import Value
-from estimator.specimen.physics import Parameter, Physics, Place
-from service.offline.inputs import load_recordings
-from service.offline.resample import resample
-from service.offline.track import track
 from tests.cli.test_estimate_and_calibrate import SCALE, WEIGHT, record
 
 MASS = -WEIGHT / 9.81

@@ -6,22 +6,21 @@ import time
 
 import numpy as np
 import pytest
-
-from estimator.arm import default_loads
-from estimator.specimen import load_specimen
-from service.config import ControlSettings, SafetySettings
-from service.control.controller import Controller
-from service.control.knowledge import Knowledge
-from service.control.poses import PoseStore
-from service.control.publishing import Publisher
-from service.control.recorder import Recorder
-from service.control.verbs import Context, Verbs
-from service.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
-from service.network.bus import Bus
-from service.network.session import NetworkSettings, listening_endpoint
-from service.safety.checks import ALL_CHECKS
-from service.safety.findings import FindingBook
-from service.safety.modes import Event
+from softarm.client.session import NetworkSettings, listening_endpoint
+from softarm.daemon.config import ControlSettings, SafetySettings
+from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.knowledge import Knowledge
+from softarm.daemon.control.poses import PoseStore
+from softarm.daemon.control.publishing import Publisher
+from softarm.daemon.control.recorder import Recorder
+from softarm.daemon.control.verbs import Context, Verbs
+from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
+from softarm.daemon.network.bus import Bus
+from softarm.daemon.safety.checks import ALL_CHECKS
+from softarm.daemon.safety.findings import FindingBook
+from softarm.daemon.safety.modes import Event
+from softarm.estimator.arm import default_loads
+from softarm.estimator.specimen import load_specimen
 
 TICK_S = 0.02
 SPECIMEN = load_specimen("sopra")

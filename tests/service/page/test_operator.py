@@ -1,9 +1,8 @@
 import pytest
-
-from service.api.commands import Applied, Refused
-from service.network.client import CommandRefusedError
-from service.page.operator import GRACE_S, Operator
-from service.safety.modes import Mode
+from softarm.api.commands import Applied, Refused
+from softarm.client.client import CommandRefusedError
+from softarm.daemon.safety.modes import Mode
+from softarm.page.operator import GRACE_S, Operator
 
 AFTER = {"arm": Mode.ARMED, "teach/start": Mode.TEACH, "teach/hold": Mode.HOLDING, "teach/goto": Mode.HOLDING}
 APPLIED = {

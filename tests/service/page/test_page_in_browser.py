@@ -4,9 +4,8 @@ import shutil
 import socket
 
 import pytest
-
-from service.network.client import SoftarmClient
-from service.safety.modes import Mode
+from softarm.client.client import SoftarmClient
+from softarm.daemon.safety.modes import Mode
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed: softarm[dev]")
 pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
@@ -64,9 +63,9 @@ class Browser:
 
 @pytest.fixture
 def page(service, monkeypatch):
-    from service.page.app import Page
+    from softarm.page.app import Page
 
-    monkeypatch.setattr("service.page.operator.GRACE_S", 6.0)  # without a graphics card a click takes long
+    monkeypatch.setattr("softarm.page.operator.GRACE_S", 6.0)  # without a graphics card a click takes long
     client = SoftarmClient("page", service.endpoint, name="operator page")
     with client, Page(client, "127.0.0.1", free_port()) as running:
         yield running

@@ -3,8 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from estimator.recording import Recording
+from softarm.estimator.recording import Recording
 
 
 @pytest.fixture

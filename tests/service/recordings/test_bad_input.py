@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from estimator.errors import InputError
-from estimator.recording import Recording
-from service.recordings import load_recording, save_recording
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Recording
+from softarm.recordings import load_recording, save_recording
 
 PRESSURES = "".join(f"{i / 100},{1000.0 * i}\n" for i in range(40))
 LOW = "".join(f"{i / 100},{1.5 * i}\n" for i in range(40))

@@ -3,10 +3,9 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-
-from estimator.errors import InputError
-from service.recordings import load_recording, read_attachments
-from service.recordings.mcap_writer import NANOSECONDS, Stamp, Stream, StreamWriter
+from softarm.estimator.errors import InputError
+from softarm.recordings import load_recording, read_attachments
+from softarm.recordings.mcap_writer import NANOSECONDS, Stamp, Stream, StreamWriter
 
 PRESSURES = Stream("pressures", ("chamber_0_pa", "chamber_1_pa"), "fake+modbus://x")
 MARKER = Stream("marker/tip1", ("x_m", "y_m", "z_m"))

@@ -3,9 +3,8 @@ from pathlib import Path
 import ezc3d
 import numpy as np
 import pytest
-
-from estimator.errors import InputError
-from service.recordings import load_recording
+from softarm.estimator.errors import InputError
+from softarm.recordings import load_recording
 
 HEADER_3D = (
     "NO_OF_FRAMES\t2\nNO_OF_CAMERAS\t8\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nNO_OF_ANALOG\t0\n"

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from estimator.recording import Recording
-from service.recordings import load_recording, read_attachments, save_recording
-from service.recordings.columns import column_name, place
+from softarm.estimator.recording import Recording
+from softarm.recordings import load_recording, read_attachments, save_recording
+from softarm.recordings.columns import column_name, place
 
 CELL = st.one_of(st.just(float("nan")), st.floats(-40.0, 40.0), st.floats(-1e-300, 1e-300))
 UNIT_CELL = st.sampled_from([float("nan"), 0.25, -1.0])

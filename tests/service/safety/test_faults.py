@@ -1,10 +1,9 @@
 """Every fault of valves and motion capture, and some of the others, in a mode each: where is the arm left?"""
 
 import pytest
-
-from service.bench.safety_cases import Outcome
-from service.bench.safety_run import BENCHES, parts, quick, run
-from service.safety.modes import Mode
+from softarm.bench.safety_cases import Outcome
+from softarm.bench.safety_run import BENCHES, parts, quick, run
+from softarm.daemon.safety.modes import Mode
 
 PRESSED = (Mode.ARMED, Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT)
 

@@ -2,12 +2,11 @@ from dataclasses import replace
 
 from hypothesis import given
 from hypothesis import strategies as st
-
-from service.safety.checks import ALL_CHECKS
-from service.safety.checks.inputs import FOLLOWING_THE_POSE
-from service.safety.findings import FindingBook
-from service.safety.modes import PRESSURISED, Mode
-from service.safety.observation import Estimator, Input, Observation, Recorder, Valves
+from softarm.daemon.safety.checks import ALL_CHECKS
+from softarm.daemon.safety.checks.inputs import FOLLOWING_THE_POSE
+from softarm.daemon.safety.findings import FindingBook
+from softarm.daemon.safety.modes import PRESSURISED, Mode
+from softarm.daemon.safety.observation import Estimator, Input, Observation, Recorder, Valves
 
 HEALTHY = Observation(
     mode=Mode.ARMED,

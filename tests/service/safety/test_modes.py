@@ -1,8 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
-
-from service.safety.modes import (
+from softarm.daemon.safety.modes import (
     PRESSURISED,
     TRANSITIONS,
     Event,

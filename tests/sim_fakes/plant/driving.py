@@ -3,9 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-
-from sim_fakes.plant.arm import FakeArm
-from sim_fakes.plant.state import PlantInputs, PlantState
+from softarm.fakes.plant.arm import FakeArm
+from softarm.fakes.plant.state import PlantInputs, PlantState
 
 MakeArm = Callable[..., FakeArm]
 

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
-
-from sim_fakes.plant.effects import INSTRUMENT_EFFECTS, Concealed, Filter, filters
-from sim_fakes.plant.instruments import bends_of
-from sim_fakes.plant.rotations import product, quaternion_vector, vector_quaternion
+from softarm.fakes.plant.effects import INSTRUMENT_EFFECTS, Concealed, Filter, filters
+from softarm.fakes.plant.instruments import bends_of
+from softarm.fakes.plant.rotations import product, quaternion_vector, vector_quaternion
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 SIGNALS = {

@@ -5,15 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-
-from estimator.errors import InputError
-from service.recordings.load import load_recording
-from sim_fakes.plant.__main__ import main, parse_effect
-from sim_fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, Concealed
-from sim_fakes.plant.generate import Generated, Laboratory, generate
-from sim_fakes.plant.instruments import Instruments, Streams
-from sim_fakes.plant.manoeuvre import Manoeuvre, chain
-from sim_fakes.plant.manoeuvres import (
+from softarm.estimator.errors import InputError
+from softarm.fakes.plant.__main__ import main, parse_effect
+from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, Concealed
+from softarm.fakes.plant.generate import Generated, Laboratory, generate
+from softarm.fakes.plant.instruments import Instruments, Streams
+from softarm.fakes.plant.manoeuvre import Manoeuvre, chain
+from softarm.fakes.plant.manoeuvres import (
     LIBRARY,
     directions,
     each_alone,
@@ -23,12 +21,13 @@ from sim_fakes.plant.manoeuvres import (
     rest,
     taught,
 )
-from sim_fakes.plant.mounts import MOUNTS, turned
-from sim_fakes.plant.parameters import ArmParameters
-from sim_fakes.plant.speed import real_time_factor
-from sim_fakes.plant.trials import KINDS, draw
-from sim_fakes.plant.variants import variant
-from sim_fakes.plant.write import write
+from softarm.fakes.plant.mounts import MOUNTS, turned
+from softarm.fakes.plant.parameters import ArmParameters
+from softarm.fakes.plant.speed import real_time_factor
+from softarm.fakes.plant.trials import KINDS, draw
+from softarm.fakes.plant.variants import variant
+from softarm.fakes.plant.write import write
+from softarm.recordings.load import load_recording
 
 
 @pytest.fixture(scope="module")

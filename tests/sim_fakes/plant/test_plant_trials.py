@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-
-from estimator.effects import EFFECTS
-from estimator.effects.excitation import LONG, inventory, missing
-from sim_fakes.plant.chain import gravity_in_base
-from sim_fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, effect
-from sim_fakes.plant.manoeuvre import SAMPLE
-from sim_fakes.plant.trials import Trial, draw
+from softarm.estimator.effects import EFFECTS
+from softarm.estimator.effects.excitation import LONG, inventory, missing
+from softarm.fakes.plant.chain import gravity_in_base
+from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, effect
+from softarm.fakes.plant.manoeuvre import SAMPLE
+from softarm.fakes.plant.trials import Trial, draw
 
 LIMITS = np.full(6, 65e3)
 SEEDS = range(30)

@@ -1,0 +1,136 @@
+"""A device is verbs: building does nothing, `connect` is the only I/O entry, `close` leaves it safe."""
+
+import asyncio
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from random import Random
+from typing import Protocol
+
+from softarm.drivers.alarms import Alarms
+from softarm.drivers.backoff import Backoff
+from softarm.drivers.clock import Clock, monotonic
+from softarm.drivers.errors import DeviceError, DeviceErrors
+from softarm.drivers.health import Health
+from softarm.drivers.supervisor import Session, State, Supervisor, Timing
+
+
+class Device(Protocol):
+    """What every driver offers."""
+
+    @property
+    def name(self) -> str:
+        """The device, as the configuration names it."""
+
+    @property
+    def source(self) -> str:
+        """Where its readings come from."""
+
+    @property
+    def state(self) -> State:
+        """Where it stands."""
+
+    @property
+    def health(self) -> Health:
+        """Counters and alarms."""
+
+    async def connect(self) -> None:
+        """Open, identify and start streaming.
+
+        Raises:
+            DeviceErrors: The first attempt failed. Unless it was a configuration error, attempts go on
+                until `close`.
+        """
+
+    async def close(self) -> None:
+        """Leave the device safe and let it go."""
+
+
+class SupervisedDevice(ABC):
+    """A device whose sessions a supervisor keeps alive; a driver gives `open`.
+
+    Args:
+        name: What readings, errors and logs call the device.
+        source: Where its readings come from.
+        timing: Deadlines.
+        clock: Host monotonic time.
+        backoff: Waits between attempts.
+        random: Source of their jitter.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        source: str,
+        *,
+        timing: Timing,
+        clock: Clock = monotonic,
+        backoff: Backoff | None = None,
+        random: Random | None = None,
+    ) -> None:
+        self.name = name
+        self.source = source
+        self.clock = clock
+        self.health = Health(Alarms(clock))
+        self.supervisor = Supervisor(
+            name,
+            self.open,
+            self.health,
+            timing=timing,
+            backoff=backoff,
+            random=random,
+            clock=clock,
+            observer=self.on_state,
+        )
+
+    @abstractmethod
+    async def open(self) -> Session:
+        """Open the transport and give the session on it."""
+
+    def on_state(self, before: State, after: State) -> None:  # noqa: B027  a driver need not care
+        """Follow a change of state; the driver may act on it."""
+
+    @property
+    def state(self) -> State:
+        """Where the device stands."""
+        return self.supervisor.state
+
+    async def connect(self) -> None:
+        """Open, identify and start streaming.
+
+        Raises:
+            DeviceErrors: The first attempt failed. Unless it was a configuration error, attempts go on
+                until `close`.
+        """
+        try:
+            await self.supervisor.start()
+        except DeviceError as error:
+            raise DeviceErrors(f"{self.name} is not connected", [error]) from None
+
+    async def close(self) -> None:
+        """Leave the device safe and let it go."""
+        await self.supervisor.stop()
+
+
+async def connect_all(devices: Iterable[Device]) -> None:
+    """Connect devices side by side.
+
+    Raises:
+        DeviceErrors: One entry for each device that is not connected; the others are.
+    """
+    outcomes = await asyncio.gather(*(device.connect() for device in devices), return_exceptions=True)
+    failures: list[DeviceError] = []
+    for outcome in outcomes:
+        if isinstance(outcome, DeviceErrors):
+            failures.extend(outcome.leaves())
+        elif isinstance(outcome, BaseException):
+            raise outcome
+    if failures:
+        raise DeviceErrors(f"{len(failures)} of {len(outcomes)} devices are not connected", failures)
+
+
+async def close_all(devices: Iterable[Device]) -> None:
+    """Close devices side by side; each is closed even if another fails to."""
+    outcomes = await asyncio.gather(*(device.close() for device in devices), return_exceptions=True)
+    for outcome in outcomes:
+        if isinstance(outcome, BaseException):
+            raise outcome

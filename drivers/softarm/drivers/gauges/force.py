@@ -1,0 +1,94 @@
+"""From what a gauge shows to a force: unit, direction, tare, and what the operator did to the instrument."""
+
+from dataclasses import dataclass, field
+from typing import Final
+
+from softarm.drivers.gauges.sample import NEWTON_PER, GaugeSample
+
+STEP: Final = 0.2
+"""Smallest load [N] whose fall to zero from one reading to the next may be somebody pressing zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class Force:
+    """One reading of a force gauge.
+
+    Args:
+        force: Pull on the gauge, less the tare [N].
+        gross: Pull on the gauge as it shows [N].
+        resolution: One step of its display [N].
+        unit: Unit of its display.
+        stable: What the gauge says of its own settling, where it does.
+    """
+
+    force: float
+    gross: float
+    resolution: float
+    unit: str
+    stable: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """A force, whether it may be used, and why not or what is special."""
+
+    force: Force
+    valid: bool
+    flags: tuple[str, ...]
+    events: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class ForceScale:
+    """Turns samples into forces and notices what the operator changes on the instrument.
+
+    Args:
+        pull_sign: Sign of a pull on the display, +1 or -1.
+        unit: Unit where the instrument does not send it.
+        tare: Pull that counts as zero [N].
+    """
+
+    pull_sign: int
+    unit: str | None
+    tare: float = 0.0
+    _shown: tuple[str, int] | None = field(default=None)
+    _last: float | None = field(default=None)
+
+    def restart(self) -> None:
+        """Forget the last sample: the connection is new."""
+        self._last = None
+
+    def gross(self, sample: GaugeSample, unit: str | None = None) -> float:
+        """Return the pull that a sample shows [N], 0 if its unit is not known."""
+        return self.pull_sign * sample.value * NEWTON_PER.get(sample.unit or unit or self.unit or "", 0.0)
+
+    def judge(self, sample: GaugeSample, unit: str | None = None) -> Judged:
+        """Return the force that a sample shows.
+
+        Args:
+            sample: What the instrument sent.
+            unit: Its unit, where the sample lacks it and the instrument told it otherwise.
+        """
+        known = sample.unit or unit or self.unit
+        per = NEWTON_PER.get(known or "", 0.0)
+        gross = self.gross(sample, unit)
+        force = Force(gross - self.tare, gross, per / 10**sample.decimals, known or "", sample.stable)
+        flags = [
+            flag for flag, holds in (("over_range", sample.over_range), ("unit_unknown", not per)) if holds
+        ]
+        events = self._changes(sample, known, gross, force.resolution) if not flags else []
+        return Judged(force, not flags, (*flags, *events), tuple(events))
+
+    def _changes(self, sample: GaugeSample, unit: str | None, gross: float, resolution: float) -> list[str]:
+        """Name what differs from the sample before."""
+        shown = (unit or "", sample.decimals)
+        before, self._shown = self._shown, shown
+        last, self._last = self._last, gross
+        events = []
+        if before is not None and before[0] != shown[0]:
+            events.append("unit_changed")
+        if before is not None and before[1] != shown[1] and before[0] == shown[0]:
+            events.append("decimals_changed")
+        if last is not None and abs(last) >= STEP and abs(gross) <= 2 * resolution:
+            events.append("step_to_zero")
+        return events

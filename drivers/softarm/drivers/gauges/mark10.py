@@ -1,0 +1,94 @@
+"""Replies of a Mark-10 gauge that speaks GCL2 (Series 4 and 5 manuals): CRLF lines, polled with `?`."""
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from softarm.drivers.framing import FrameFault, LineCodec, LineParser
+from softarm.drivers.gauges.sample import GaugeSample, unit_named
+
+READ: Final = b"?\r\n"
+LIST: Final = b"LIST\r\n"
+ZERO: Final = b"Z\r\n"
+
+_READING: Final = re.compile(rb"([+-]?)(\d{1,9})(?:\.(\d{0,6}))?(?:\s+([A-Za-z]{1,4}))?")
+_OVERLOAD: Final = re.compile(rb"-{3,9}(?:\s+[A-Za-z]{1,4})?")
+_ERRORS: Final = {
+    b"*10": "illegal command",
+    b"*11": "command does not apply",
+    b"*12": "invalid specifier",
+    b"*22": "value too large",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Mark10Settings:
+    """The reply to `LIST`: firmware first, battery last.
+
+    Args:
+        fields: All fields in the order of the reply, in capitals.
+    """
+
+    fields: tuple[str, ...]
+
+    @property
+    def unit(self) -> str | None:
+        """The unit that the gauge is set to, a key of `NEWTON_PER`."""
+        return next((unit for unit in map(unit_named, self.fields[1:-1]) if unit), None)
+
+    @property
+    def sends_unit(self) -> bool:
+        """Whether readings carry their unit."""
+        return "FULL" in self.fields
+
+    @property
+    def sends_polarity(self) -> bool:
+        """Whether readings carry their sign, negative for tension; inverted and omitted both say no."""
+        return "POL" in self.fields
+
+    @property
+    def battery(self) -> int | None:
+        """0 full to 3 nearly empty."""
+        last = self.fields[-1]
+        return int(last[1]) if re.fullmatch(r"B[0-3]", last) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Mark10Error:
+    """An error reply, such as `*10`.
+
+    Args:
+        code: The reply.
+        meaning: What the manual says of it.
+    """
+
+    code: str
+    meaning: str
+
+
+Mark10Reply = GaugeSample | Mark10Settings | Mark10Error
+
+
+def mark10_codec() -> LineCodec[Mark10Reply]:
+    """Return a new parser of replies, polled or continuous."""
+    return LineCodec(parse_reply, LineParser(longest=160, discard_first=False))
+
+
+def parse_reply(line: bytes) -> Mark10Reply | FrameFault:
+    """Return what one line says, without its end."""
+    text = line.strip()
+    if text in _ERRORS:
+        return Mark10Error(text.decode("ascii"), _ERRORS[text])
+    if text.count(b";") >= 3 and text.isascii():
+        return Mark10Settings(tuple(part.strip().upper() for part in text.decode("ascii").split(";")))
+    if _OVERLOAD.fullmatch(text):
+        return GaugeSample(0.0, None, 0, over_range=True)
+    match = _READING.fullmatch(text)
+    if match is None:
+        return FrameFault("text", f"neither a reading nor a reply: {text[:40]!r}")
+    sign, whole, fraction, unit = match.groups()
+    known = unit_named(unit.decode("ascii")) if unit else None
+    if unit and known is None:
+        return FrameFault("unit", f"unit {unit!r} is none that a force gauge shows")
+    value = float(whole + b"." + (fraction or b"0"))
+    return GaugeSample(-value if sign == b"-" else value, known, len(fraction or b""))

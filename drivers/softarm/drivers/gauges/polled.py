@@ -1,0 +1,244 @@
+"""Force gauges that answer when asked: Mark-10 (GCL2) and Sauter FH."""
+
+import asyncio
+from abc import abstractmethod
+from typing import Annotated, Generic, Literal
+
+from pydantic import Field
+from softarm.drivers.clock import NANOSECONDS, Clock, Ticker, monotonic
+from softarm.drivers.config import Seconds
+from softarm.drivers.framing import Codec
+from softarm.drivers.gauges import mark10, sauter
+from softarm.drivers.gauges.device import ForceGauge, GaugeConfig, UnitName
+from softarm.drivers.gauges.mark10 import Mark10Error, Mark10Reply, Mark10Settings, mark10_codec
+from softarm.drivers.gauges.sample import GaugeSample
+from softarm.drivers.gauges.sauter import SauterCodec
+from softarm.drivers.reading import Sink, ignore
+from softarm.drivers.serial_device import FrameT
+from softarm.drivers.serial_link import SerialLink
+
+POLARITY = "polarity"
+TURNED_N = 0.2
+"""Load [N] on both sides of zero from which on a turn makes the settings doubtful."""
+
+
+class PolledConfig(GaugeConfig):
+    """Settings of a gauge that is asked.
+
+    Attributes:
+        poll_hz: How often [Hz].
+        answer_s: Time for an answer [s].
+    """
+
+    poll_hz: Annotated[float, Field(gt=0, le=100)] = 20.0
+    answer_s: Annotated[float, Field(gt=0, le=5)] = 0.2
+
+
+class PolledGauge(ForceGauge[FrameT], Generic[FrameT]):
+    """A gauge that is asked for each reading; one question is open at a time.
+
+    Args:
+        config: Its settings.
+        codec: Parser of its answers.
+        expected: What its answers look like.
+        sink: Takes each reading.
+        clock: Host monotonic time.
+        observe: Send nothing that changes a setting.
+    """
+
+    def __init__(
+        self,
+        config: PolledConfig,
+        codec: Codec[FrameT],
+        expected: str,
+        sink: Sink = ignore,
+        clock: Clock = monotonic,
+        *,
+        observe: bool = False,
+    ) -> None:
+        super().__init__(config, codec, expected, sink, clock, observe=observe)
+        self._period_ns = round(NANOSECONDS / config.poll_hz)
+        self._answer_s = config.answer_s
+        self._pending: asyncio.Future[FrameT] | None = None
+
+    @abstractmethod
+    async def poll(self, link: SerialLink) -> bool:
+        """Ask for a reading, and tell whether an answer came."""
+
+    async def begin(self, link: SerialLink) -> None:
+        """Ask until a first answer comes."""
+        while not await self.poll(link):
+            pass
+
+    async def run(self, link: SerialLink) -> None:
+        """Ask at the configured rate."""
+        ticker = Ticker(self._period_ns, self.clock)
+        while True:
+            tick = await ticker.wait()
+            self.health.overruns += tick.skipped
+            await self.poll(link)
+
+    async def ask(self, link: SerialLink, question: bytes) -> FrameT | None:
+        """Send a question and return its answer, or None if none comes in time; both are counted."""
+        link.flush()
+        self.codec.reset()
+        self._pending = asyncio.get_running_loop().create_future()
+        asked_ns = self.clock()
+        link.write(question)
+        try:
+            async with asyncio.timeout(self._answer_s):
+                answer = await self._pending
+        except TimeoutError:
+            self.health.timeouts += 1
+            return None
+        finally:
+            self._pending = None
+        self.health.round_trip.add(self.clock() - asked_ns)
+        return answer
+
+    def answered(self, frame: FrameT) -> None:
+        """Hand an answer to whoever asked."""
+        if self._pending is not None and not self._pending.done():
+            self._pending.set_result(frame)
+
+
+class Mark10Gauge(PolledGauge[Mark10Reply]):
+    """A Mark-10 gauge. Its readings are trusted while `LIST` says that they carry their sign.
+
+    Whether somebody has inverted the sign cannot be seen in a reading, but a load that turns over from one
+    reading to the next is what it would look like: then the settings are asked for before anything is trusted
+    again.
+    """
+
+    def __init__(self, config: "Mark10Config", sink: Sink, clock: Clock, *, observe: bool) -> None:
+        super().__init__(config, mark10_codec(), "GCL2 replies", sink, clock, observe=observe)
+        self._settings: Mark10Settings | None = None
+        self._check_ns = round(config.settings_s * NANOSECONDS)
+        self._checked_ns = 0
+        self._last_gross = 0.0
+        self._doubtful = False
+
+    def restarted(self) -> None:
+        """Forget the settings, which may have been changed meanwhile."""
+        super().restarted()
+        self._settings = None
+        self._last_gross = 0.0
+
+    async def begin(self, link: SerialLink) -> None:
+        """Read the settings, then a first reading."""
+        while not await self._check_settings(link):
+            pass
+        await super().begin(link)
+
+    async def poll(self, link: SerialLink) -> bool:
+        """Ask for the displayed reading; from time to time for the settings before."""
+        if self._doubtful or self.clock() - self._checked_ns > self._check_ns:
+            await self._check_settings(link)
+        return isinstance(await self.ask(link, mark10.READ), GaugeSample)
+
+    def take(self, frame: Mark10Reply, arrival_ns: int) -> None:
+        """Publish a reading, which may also come unasked; keep settings; count errors."""
+        if isinstance(frame, GaugeSample):
+            self._publish(frame, arrival_ns)
+        elif isinstance(frame, Mark10Error):
+            self.health.rejected += 1
+            self.health.events[f"error {frame.code}: {frame.meaning}"] += 1
+        self.answered(frame)
+
+    def _publish(self, sample: GaugeSample, arrival_ns: int) -> None:
+        settings = self._settings
+        unit = settings.unit if settings else None
+        gross = self.scale.gross(sample, unit)
+        if min(abs(gross), abs(self._last_gross)) >= TURNED_N and gross * self._last_gross < 0:
+            self._doubtful = True
+        self._last_gross = gross
+        trusted = settings is not None and settings.sends_polarity and not self._doubtful
+        self.publish(sample, arrival_ns, unit=unit, trusted=trusted)
+
+    async def _check_settings(self, link: SerialLink) -> bool:
+        reply = await self.ask(link, mark10.LIST)
+        if not isinstance(reply, Mark10Settings):
+            return False
+        self._settings, self._checked_ns, self._doubtful = reply, self.clock(), False
+        self.health.facts.update(firmware=reply.fields[0], settings=";".join(reply.fields))
+        if not reply.sends_polarity:
+            cure = "set the output to send polarity in the gauge's menu"
+            self.health.alarms.set(POLARITY, "the gauge inverts or omits the sign", cure)
+        elif POLARITY in self.health.alarms:
+            self.health.alarms.clear(POLARITY)
+        return True
+
+
+class SauterGauge(PolledGauge[GaugeSample]):
+    """A Sauter FH or FL gauge; an answer ends with silence."""
+
+    def __init__(self, config: "SauterConfig", sink: Sink, clock: Clock, *, observe: bool) -> None:
+        self._codec = SauterCodec()
+        super().__init__(config, self._codec, "7 characters such as 1021.15", sink, clock, observe=observe)
+        self._silence_s = config.silence_s
+        self._timer: asyncio.TimerHandle | None = None
+
+    async def poll(self, link: SerialLink) -> bool:
+        """Ask for the displayed reading."""
+        self._stop_timer()
+        try:
+            return await self.ask(link, sauter.REQUEST) is not None
+        finally:
+            self._stop_timer()
+
+    def receive(self, data: bytes, arrival_ns: int) -> None:
+        """Collect bytes until none has come for a while."""
+        super().receive(data, arrival_ns)
+        self._stop_timer()
+        loop = asyncio.get_running_loop()
+        self._timer = loop.call_later(self._silence_s, self._silence, arrival_ns)
+
+    def take(self, frame: GaugeSample, arrival_ns: int) -> None:
+        """Publish the answer."""
+        self.publish(frame, arrival_ns)
+        self.answered(frame)
+
+    def _silence(self, arrival_ns: int) -> None:
+        self.accept(self._codec.silence(), arrival_ns)
+
+    def _stop_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+
+
+class Mark10Config(PolledConfig):
+    """A Mark-10 gauge with GCL2; it shows a pull as negative.
+
+    Attributes:
+        settings_s: How often its settings are read again, for the operator may change them [s].
+    """
+
+    kind: Literal["mark10"] = "mark10"
+    baud: Annotated[int, Field(ge=300, le=4_000_000)] = 115200
+    pull_sign: Literal[-1, 1] = -1
+    settings_s: Seconds = 1.0
+
+    def build(self, sink: Sink = ignore, clock: Clock = monotonic, *, observe: bool = False) -> Mark10Gauge:
+        """Build the device; no I/O before its `connect`."""
+        return Mark10Gauge(self, sink, clock, observe=observe)
+
+
+class SauterConfig(PolledConfig):
+    """A Sauter FH or FL gauge; it does not send its unit.
+
+    Attributes:
+        unit: Unit of the display; the gauge does not send it.
+        silence_s: Silence that ends an answer [s]; a USB adapter delivers in portions up to 16 ms apart.
+        latency_s: An answer of 7 characters at 9600 baud takes 7 ms [s].
+    """
+
+    kind: Literal["sauter"] = "sauter"
+    baud: Annotated[int, Field(ge=300, le=4_000_000)] = 9600
+    unit: UnitName
+    silence_s: Annotated[float, Field(gt=0, le=0.1)] = 0.025
+    latency_s: Annotated[float, Field(ge=0, le=1)] = 0.007
+    poll_hz: Annotated[float, Field(gt=0, le=25)] = 15.0
+
+    def build(self, sink: Sink = ignore, clock: Clock = monotonic, *, observe: bool = False) -> SauterGauge:
+        """Build the device; no I/O before its `connect`."""
+        return SauterGauge(self, sink, clock, observe=observe)

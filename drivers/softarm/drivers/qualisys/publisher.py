@@ -1,0 +1,143 @@
+"""From the bodies of a data packet to a reading, with names, ages of lost bodies and epochs."""
+
+from collections.abc import Mapping
+
+from softarm.drivers.clock import NANOSECONDS
+from softarm.drivers.health import Health
+from softarm.drivers.qualisys.bodies import BodyFrame
+from softarm.drivers.qualisys.continuity import Continuity
+from softarm.drivers.qualisys.motion import MotionFrame
+from softarm.drivers.qualisys.parameters import Parameters
+from softarm.drivers.qualisys.poses import BodyPose, poses
+from softarm.drivers.stream import Stream
+
+BODIES = "bodies"
+SETTLE_NS = NANOSECONDS // 10
+"""How long frames in the old order may still come after QTM has said that its settings have changed [ns]."""
+
+
+class MotionPublisher:
+    """Publishes frames of one device.
+
+    Bodies in a packet have no names: they stand in the order of the settings. While the settings are not
+    known to fit, no body is published under a name that may be another's.
+
+    Args:
+        stream: Where readings go.
+        health: Counters and alarms.
+        renamed: Names of bodies in QTM, to names here; all, as they are named, when empty.
+        stride: Frame numbers from one frame to the next.
+        latency_ns: From the exposure to the arrival [ns], where known.
+        lost_after_ns: Time after which a lost body is an alarm [ns].
+    """
+
+    def __init__(
+        self,
+        stream: Stream[MotionFrame],
+        health: Health,
+        renamed: Mapping[str, str],
+        stride: int,
+        latency_ns: int,
+        lost_after_ns: int,
+    ) -> None:
+        self._stream = stream
+        self._health = health
+        self._renamed = dict(renamed)
+        self._stride = stride
+        self._latency_ns = latency_ns
+        self._lost_after_ns = lost_after_ns
+        self._continuity = Continuity(stride)
+        self._parameters: Parameters | None = None
+        self._labels: list[tuple[int, str]] | None = None
+        self._count = -1
+        self._named_from_ns = 0
+        self._seen_ns: dict[str, int] = {}
+
+    def connected(self) -> None:
+        """Begin with a new connection: nothing is known."""
+        self._continuity = Continuity(self._stride)
+        self._stream.start_epoch("connected")
+        self._seen_ns.clear()
+        self.forget_names()
+
+    def forget_names(self, now_ns: int | None = None) -> None:
+        """Names may stand for other bodies now.
+
+        Args:
+            now_ns: When QTM said so [ns]; frames that were on their way then come in the old order.
+        """
+        self._parameters = None
+        self._labels = None
+        self._named_from_ns = 0 if now_ns is None else now_ns + SETTLE_NS
+
+    def learn_names(self, parameters: Parameters) -> None:
+        """Take settings that hold from now on."""
+        self._parameters = parameters
+        self._labels = None
+        self._count = -1
+        missing = sorted(set(self._renamed) - set(parameters.bodies))
+        if missing:
+            what = f"QTM has no body {', '.join(map(repr, missing))}; it has {', '.join(parameters.bodies)}"
+            self._health.alarms.set(BODIES, what, "name the bodies in QTM as in `bodies`, and enable them")
+        else:
+            self._health.alarms.clear(BODIES)
+
+    def publish(self, frame: BodyFrame, arrival_ns: int) -> bool:
+        """Publish a frame, and tell whether the names of its bodies are known."""
+        step = self._continuity.step(frame.timestamp_us, frame.frame)
+        if step.restarted:
+            self._stream.start_epoch("measurement restarted")
+        self._health.gaps += step.lost
+        known = self._fit(len(frame.values))
+        named = known and arrival_ns >= self._named_from_ns
+        found = poses(frame) if named else []
+        by_name = {name: found[index] for index, name in (self._labels or ()) if named}
+        device_ns = frame.timestamp_us * 1000
+        measured_ns = (
+            self._stream.clock_map.update(device_ns, arrival_ns, self._stream.epoch) - self._latency_ns
+        )
+        lost = self._lost(by_name, measured_ns)
+        flags = [flag for flag, holds in (("frozen", step.frozen), ("names_unknown", not named)) if holds]
+        self._stream.publish(
+            MotionFrame(by_name, lost, frame.drop_rate, frame.out_of_sync_rate),
+            host_ns=arrival_ns,
+            device_time_ns=device_ns,
+            measured_ns=measured_ns,
+            sequence=frame.frame,
+            valid=not step.frozen and any(pose is not None for pose in by_name.values()),
+            flags=(*flags, *(f"lost:{name}" for name in lost)),
+        )
+        return known
+
+    def _fit(self, count: int) -> bool:
+        """Find the labels for a number of bodies; they are kept while it stays."""
+        if count != self._count:
+            self._count, self._labels = count, None
+        if self._labels is None and self._parameters is not None:
+            names = self._parameters.names(count)
+            if names is not None:
+                self._labels = [
+                    (index, self._renamed.get(name, name))
+                    for index, name in enumerate(names)
+                    if not self._renamed or name in self._renamed
+                ]
+        return self._labels is not None
+
+    def _lost(self, by_name: Mapping[str, BodyPose | None], measured_ns: int) -> dict[str, float]:
+        """Tell how long bodies have been lost [s], and raise or take back their alarms."""
+        lost: dict[str, float] = {}
+        alarms = self._health.alarms
+        for name, pose in by_name.items():
+            key = f"lost:{name}"
+            if pose is not None:
+                self._seen_ns[name] = measured_ns
+                if key in alarms:
+                    alarms.clear(key)
+                continue
+            age_ns = measured_ns - self._seen_ns.setdefault(name, measured_ns)
+            lost[name] = age_ns / NANOSECONDS
+            if age_ns >= self._lost_after_ns and key not in alarms:
+                cure = "check its markers and what hides them from the cameras"
+                limit = self._lost_after_ns / NANOSECONDS
+                alarms.set(key, f"the cameras have lost body {name!r}", cure, limit=limit, unit="s")
+        return lost

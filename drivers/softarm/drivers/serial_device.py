@@ -1,0 +1,206 @@
+"""What instruments on a serial line have in common: settings, from bytes to readings, and a session."""
+
+import asyncio
+from abc import abstractmethod
+from typing import Annotated, Any, Generic, Literal, TypeVar
+
+from pydantic import Field
+from softarm.drivers.clock import NANOSECONDS, Clock
+from softarm.drivers.config import DriverConfig
+from softarm.drivers.device import SupervisedDevice
+from softarm.drivers.errors import ConnectionLost, ProtocolError
+from softarm.drivers.framing import Codec, Decoded, FrameFault
+from softarm.drivers.reading import Sink, Value
+from softarm.drivers.serial_link import SerialLink, SerialSettings, open_serial
+from softarm.drivers.stream import Stream
+from softarm.drivers.supervisor import Timing
+
+FrameT = TypeVar("FrameT")
+
+FIRST_GARBAGE_LIMIT = 512
+"""Bytes without a first good frame after which speed or protocol must be wrong."""
+
+GARBAGE_LIMIT = 2048
+"""Bytes without a good frame after which that is so although there were good ones before."""
+
+PREPARE_S = 3.0
+"""Time for questions and settings after the first good frame [s]."""
+
+
+class SerialConfig(DriverConfig):
+    """Settings of an instrument on a serial line.
+
+    Attributes:
+        port: The device file, best one below `/dev/serial/by-id`.
+        baud: Speed [bit/s].
+        parity: N, E or O.
+        dtr: Whether to `hold` the control line or to `reset` an Arduino at each connection.
+        latency_s: Time from the measurement to the last byte of its frame [s]: the instrument's and the
+            line's.
+        identify_s: Time for the first good frame [s]; an Arduino takes up to three seconds to boot.
+    """
+
+    port: Annotated[str, Field(min_length=1)]
+    baud: Annotated[int, Field(ge=300, le=4_000_000)]
+    parity: Literal["N", "E", "O"] = "N"
+    dtr: Literal["hold", "reset"] = "hold"
+    latency_s: Annotated[float, Field(ge=0, le=1)] = 0.0
+    identify_s: Annotated[float, Field(gt=0, le=60)] = 5.0
+
+    def address(self) -> str:
+        """Give the address as a URL."""
+        return f"serial://{self.port}?baud={self.baud}"
+
+    @property
+    def settings(self) -> SerialSettings:
+        """How to open the port."""
+        return SerialSettings(self.port, self.baud, self.parity, self.dtr)
+
+    @property
+    def timing(self) -> Timing:
+        """Deadlines of the supervisor."""
+        return Timing(self.stale_after_s, self.lost_after_s, identify_s=self.identify_s + PREPARE_S)
+
+
+class SerialDevice(SupervisedDevice, Generic[FrameT, Value]):
+    """An instrument that sends frames of its own accord; a driver gives `codec` and `take`.
+
+    Args:
+        config: Its settings.
+        codec: Parser of its bytes.
+        expected: What its frames look like, for the error when none comes.
+        sink: Takes each reading.
+        clock: Host monotonic time.
+        observe: Send nothing that changes a setting.
+    """
+
+    def __init__(
+        self,
+        config: SerialConfig,
+        codec: Codec[FrameT],
+        expected: str,
+        sink: Sink,
+        clock: Clock,
+        *,
+        observe: bool = False,
+    ) -> None:
+        super().__init__(config.name, config.source, timing=config.timing, clock=clock)
+        self.settings = config.settings
+        self.codec = codec
+        self.expected = expected
+        self.observe = observe
+        self.identify_s = config.identify_s
+        self.joined = asyncio.Event()
+        self.latency_ns = round(config.latency_s * NANOSECONDS)
+        self.stream: Stream[Value] = Stream(
+            config.name,
+            config.source,
+            config.stale_after_s,
+            health=self.health,
+            sink=sink,
+            heard=self.supervisor.heard,
+            clock=clock,
+        )
+
+    async def open(self) -> "SerialSession":
+        """Open the port."""
+        link = await open_serial(self.name, self.settings, self.clock)
+        self.codec.reset()
+        self.codec.counts.since_frame = 0
+        self.joined.clear()
+        self.stream.start_epoch("connected")
+        self.restarted()
+        return SerialSession(self, link)
+
+    @abstractmethod
+    def take(self, frame: FrameT, arrival_ns: int) -> None:
+        """Make of one good frame a reading, an event or an alarm."""
+
+    def receive(self, data: bytes, arrival_ns: int) -> None:
+        """Decode a portion of bytes."""
+        self.accept(self.codec.feed(data), arrival_ns)
+
+    def accept(self, decoded: Decoded[FrameT], arrival_ns: int) -> None:
+        """Count faults and take frames."""
+        for fault in decoded.faults:
+            self.count(fault)
+        for frame in decoded.frames:
+            self.take(frame, arrival_ns)
+            self.joined.set()
+
+    def restarted(self) -> None:
+        """Forget what held before the connection: sequence, device time."""
+
+    async def begin(self, link: SerialLink) -> None:
+        """Ask until the first good frame comes."""
+
+    async def prepare(self, link: SerialLink) -> None:
+        """Ask and set what is needed, after the first good frame."""
+
+    async def run(self, link: SerialLink) -> None:
+        """Exchange data until the link is lost."""
+        await link.wait_lost()
+
+    def count(self, fault: FrameFault) -> None:
+        """Count something on the line that is no frame."""
+        if fault.kind == "checksum":
+            self.health.bad_checksum += 1
+        elif fault.kind == "framing":
+            self.health.resyncs += 1
+        elif fault.kind in ("range", "unit"):
+            self.health.rejected += 1
+        else:
+            self.health.malformed += 1
+
+    def garbage(self) -> ProtocolError:
+        """Tell that what comes is no frame of this instrument."""
+        what = f"no valid frame in {self.codec.counts.since_frame} bytes at {self.settings.baud} baud"
+        return ProtocolError(self.name, what, f"wrong baud rate or wrong protocol; expected {self.expected}")
+
+
+class SerialSession:
+    """One connection of a `SerialDevice`.
+
+    Args:
+        device: Whose it is.
+        link: The open port.
+    """
+
+    def __init__(self, device: SerialDevice[Any, Any], link: SerialLink) -> None:
+        self._device = device
+        self._link = link
+        link.on_bytes = self._on_bytes
+
+    async def identify(self) -> None:
+        """Wait for the first good frame, then let the driver ask and set.
+
+        Raises:
+            ConnectionLost: Nothing comes, or the device is unplugged.
+            ProtocolError: What comes is no frame.
+        """
+        device, link = self._device, self._link
+        try:
+            async with asyncio.timeout(device.identify_s):
+                await link.while_open(device.begin(link))
+                await link.while_open(device.joined.wait())
+        except TimeoutError:
+            if device.codec.counts.since_frame:
+                raise device.garbage() from None
+            cure = f"switch it on, check cable, port and baud rate; expected {device.expected}"
+            what = f"sends nothing at {device.settings.baud} baud"
+            raise ConnectionLost(device.name, what, cure, limit=device.identify_s, unit="s") from None
+        await link.while_open(device.prepare(link))
+
+    async def stream(self) -> None:
+        """Exchange data until the link is lost."""
+        await self._link.while_open(self._device.run(self._link))
+
+    async def close(self) -> None:
+        """Release the port."""
+        self._link.close()
+
+    def _on_bytes(self, data: bytes, arrival_ns: int) -> None:
+        self._device.receive(data, arrival_ns)
+        limit = GARBAGE_LIMIT if self._device.joined.is_set() else FIRST_GARBAGE_LIMIT
+        if self._device.codec.counts.since_frame > limit:
+            self._link.fail(self._device.garbage())

@@ -1,0 +1,233 @@
+"""One serial port on the event loop: opened exclusively, read as bytes arrive, gone when the device is.
+
+The port is read through its file descriptor. After a hang-up such a descriptor is readable for ever and gives
+nothing, which would spin the loop, so the reader is taken off at the first empty read. Opening, which a USB
+adapter may stretch to many milliseconds, happens in a worker thread.
+"""
+
+import asyncio
+import contextlib
+import errno
+import os
+import termios
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from typing import Any, Literal, TypeVar
+
+import serial
+from softarm.drivers.clock import Clock, monotonic
+from softarm.drivers.errors import ConnectionLost, DeviceError, ProtocolError
+
+Result = TypeVar("Result")
+
+_CHUNK = 4096
+_CAUSES = {
+    errno.ENOENT: ("is not there", "plug it in; `ls /dev/serial/by-id` shows what is there"),
+    errno.EACCES: ("may not be opened", "add the user to the group of the port, often dialout"),
+    errno.EBUSY: ("is in use", "close the other program"),
+    errno.EAGAIN: ("is in use", "close the other program"),
+    errno.EWOULDBLOCK: ("is in use", "close the other program"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class SerialSettings:
+    """How to open a port.
+
+    Args:
+        path: The device file; one below `/dev/serial/by-id` keeps its name when the device is plugged in
+            again.
+        baud: Speed [bit/s]; always eight data bits, one stop bit.
+        parity: None, even or odd.
+        dtr: `hold` keeps the control line as it is between connections, so that an Arduino starts anew only
+            when it is plugged in; `reset` pulls it, so that an Arduino starts anew at each connection.
+    """
+
+    path: str
+    baud: int
+    parity: Literal["N", "E", "O"] = "N"
+    dtr: Literal["hold", "reset"] = "hold"
+
+
+class SerialLink:
+    """An open port; `on_bytes` is called with each portion and its arrival [ns] until it is lost or closed.
+
+    Args:
+        device: The device, as the configuration names it.
+        port: The open port.
+        clock: Host monotonic time.
+    """
+
+    def __init__(self, device: str, port: serial.Serial, clock: Clock = monotonic) -> None:
+        self.device = device
+        self.on_bytes: Callable[[bytes, int], None] = _drop
+        self._port = port
+        self._clock = clock
+        self._loop = asyncio.get_running_loop()
+        self._lost: asyncio.Future[None] = self._loop.create_future()
+        self._reading = True
+        self._loop.add_reader(port.fileno(), self._on_readable)
+
+    @property
+    def baud(self) -> int:
+        """Speed [bit/s]."""
+        return int(self._port.baudrate)
+
+    def write(self, data: bytes) -> None:
+        """Send a command.
+
+        Raises:
+            ConnectionLost: The device is gone, or takes nothing.
+        """
+        try:
+            sent = os.write(self._port.fileno(), data)
+        except (OSError, serial.SerialException) as error:
+            raise ConnectionLost(
+                self.device, f"takes no commands: {error}", "check cable and power"
+            ) from error
+        if sent != len(data):
+            raise ConnectionLost(self.device, "takes no more commands", "check cable and power")
+
+    def flush(self) -> None:
+        """Drop bytes that have come and are not read yet."""
+        with contextlib.suppress(OSError, termios.error):
+            self._port.reset_input_buffer()
+
+    def fail(self, error: DeviceError) -> None:
+        """End the link with an error that `wait_lost` raises."""
+        self._stop_reading()
+        if not self._lost.done():
+            self._lost.set_exception(error)
+
+    async def while_open(self, work: Coroutine[Any, Any, Result]) -> Result:
+        """Do work on the link and return its result.
+
+        Raises:
+            DeviceError: The link was lost before the work was done; it is cancelled.
+        """
+        task = asyncio.ensure_future(work)
+        try:
+            either: set[asyncio.Future[Any]] = {task, self._lost}
+            await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
+            if not task.done():
+                self._lost.result()
+            return await task
+        finally:
+            task.cancel()
+            await asyncio.wait({task})
+
+    async def wait_lost(self) -> None:
+        """Wait until the link is lost, and raise what ended it."""
+        await asyncio.shield(self._lost)
+
+    def close(self) -> None:
+        """Release the port; what is not yet sent is dropped, or the kernel would wait for it."""
+        self._stop_reading()
+        if self._lost.done():
+            self._lost.exception()
+        else:
+            self._lost.cancel()
+        with contextlib.suppress(OSError, termios.error, serial.SerialException):
+            self._port.reset_output_buffer()
+        with contextlib.suppress(OSError, termios.error):
+            self._port.close()
+
+    def _on_readable(self) -> None:
+        try:
+            data = os.read(self._port.fileno(), _CHUNK)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self._hang_up(str(error))
+            return
+        if not data:
+            self._hang_up("end of file")
+            return
+        self.on_bytes(data, self._clock())
+
+    def _hang_up(self, why: str) -> None:
+        self.fail(ConnectionLost(self.device, f"was unplugged ({why})", "plug it in again"))
+
+    def _stop_reading(self) -> None:
+        if self._reading:
+            self._reading = False
+            self._loop.remove_reader(self._port.fileno())
+
+
+async def open_serial(device: str, settings: SerialSettings, clock: Clock = monotonic) -> SerialLink:
+    """Open a port and drop what came before.
+
+    Raises:
+        ConnectionLost: The port is not there, in use, or may not be opened.
+        ProtocolError: The port cannot run at this speed.
+    """
+    opening = asyncio.get_running_loop().run_in_executor(None, _open, settings)
+    try:
+        port = await asyncio.shield(opening)
+    except asyncio.CancelledError:
+        opening.add_done_callback(_close_unwanted)
+        raise
+    except (serial.SerialException, OSError, termios.error) as error:
+        what, cure = _CAUSES.get(_error_number(error), (f"cannot be opened: {error}", "check cable and path"))
+        raise ConnectionLost(device, f"{settings.path} {what}", cure) from error
+    except ValueError as error:
+        raise ProtocolError(
+            device, f"{settings.path} cannot run at {settings.baud} baud", "set baud"
+        ) from error
+    return SerialLink(device, port, clock)
+
+
+def _open(settings: SerialSettings) -> serial.Serial:
+    port = serial.Serial(
+        port=settings.path,
+        baudrate=settings.baud,
+        parity=settings.parity,
+        timeout=0,
+        write_timeout=0,
+        exclusive=True,
+    )
+    try:
+        os.set_blocking(port.fileno(), False)
+        if settings.dtr == "hold":
+            _keep_control_lines(port.fileno())
+        else:
+            _pull_dtr(port)
+        with contextlib.suppress(OSError, ValueError):
+            port.set_low_latency_mode(True)
+        port.reset_input_buffer()
+    except BaseException:
+        port.close()
+        raise
+    return port
+
+
+def _keep_control_lines(descriptor: int) -> None:
+    """Let the lines stand when the port is closed: an edge at the next opening would reset an Arduino."""
+    attributes = termios.tcgetattr(descriptor)
+    attributes[2] &= ~termios.HUPCL
+    termios.tcsetattr(descriptor, termios.TCSANOW, attributes)
+
+
+def _pull_dtr(port: serial.Serial) -> None:
+    """Drop and raise DTR; a pseudo-terminal has none."""
+    with contextlib.suppress(OSError):
+        port.dtr = False
+        port.dtr = True
+
+
+def _close_unwanted(opening: asyncio.Future[serial.Serial]) -> None:
+    if not opening.cancelled() and opening.exception() is None:
+        opening.result().close()
+
+
+def _error_number(error: BaseException) -> int:
+    """Return the error number; pyserial's error for a port in use hides it in its cause."""
+    for candidate in (error, error.__cause__, error.__context__):
+        number = getattr(candidate, "errno", None)
+        if number:
+            return int(number)
+    return 0
+
+
+def _drop(data: bytes, arrival_ns: int) -> None:
+    pass

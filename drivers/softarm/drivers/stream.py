@@ -1,0 +1,143 @@
+"""The readings of one device: the latest, a bounded history, and how old they are."""
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from typing import Generic
+
+from softarm.drivers.clock import NANOSECONDS, Clock, monotonic
+from softarm.drivers.clock_map import ClockMap
+from softarm.drivers.health import Health
+from softarm.drivers.reading import Reading, Sink, Value, ignore
+
+logger = logging.getLogger(__name__)
+
+HISTORY = 256
+
+
+class Stream(Generic[Value]):
+    """Publishes the readings of one device and remembers the last of them.
+
+    Args:
+        device: The device, as the configuration names it.
+        source: Where the readings come from.
+        stale_after_s: Age from which a reading no longer counts as fresh [s].
+        health: Counters to keep.
+        sink: Takes each reading; what it raises is counted and logged, never passed on.
+        heard: Told after each reading whether it was valid.
+        clock: Host monotonic time.
+        history: How many readings to remember.
+    """
+
+    def __init__(
+        self,
+        device: str,
+        source: str,
+        stale_after_s: float,
+        *,
+        health: Health,
+        sink: Sink = ignore,
+        heard: Callable[[bool], object] = bool,
+        clock: Clock = monotonic,
+        history: int = HISTORY,
+    ) -> None:
+        self.device = device
+        self.source = source
+        self.stale_after_ns = round(stale_after_s * NANOSECONDS)
+        self.clock_map = ClockMap()
+        self.history: deque[Reading[Value]] = deque(maxlen=history)
+        self.epoch = 0
+        self.latest: Reading[Value] | None = None
+        self.latest_valid: Reading[Value] | None = None
+        self._health = health
+        self._sink = sink
+        self._heard = heard
+        self._clock = clock
+        self._count = 0
+
+    def start_epoch(self, reason: str) -> None:
+        """Say that device time and counter may start again from here.
+
+        Args:
+            reason: Why, for the counters, such as ``measurement restarted``.
+        """
+        self.epoch += 1
+        self._count = 0
+        self._health.events[reason] += 1
+
+    def publish(
+        self,
+        value: Value,
+        *,
+        host_ns: int | None = None,
+        device_time_ns: int | None = None,
+        measured_ns: int | None = None,
+        sequence: int | None = None,
+        valid: bool = True,
+        flags: tuple[str, ...] = (),
+    ) -> Reading[Value]:
+        """Pass one sample on.
+
+        Args:
+            value: The sample, in SI units.
+            host_ns: Host monotonic time of arrival [ns]; now when left out.
+            device_time_ns: Device time [ns]; maps to the host clock by the fastest arrivals.
+            measured_ns: Host monotonic time of the measurement [ns], where the driver knows it better.
+            sequence: The device's own counter; counted on here when left out.
+            valid: Whether the value may be used.
+            flags: Why it is invalid, or what is special about it.
+
+        Returns:
+            The reading as the sink got it.
+        """
+        arrival_ns = self._clock() if host_ns is None else host_ns
+        if measured_ns is None:
+            measured_ns = (
+                arrival_ns
+                if device_time_ns is None
+                else self.clock_map.update(device_time_ns, arrival_ns, self.epoch)
+            )
+        number = self._count if sequence is None else sequence
+        reading = Reading(
+            self.device,
+            value,
+            device_time_ns,
+            arrival_ns,
+            measured_ns,
+            number,
+            self.epoch,
+            valid,
+            self.source,
+            flags,
+        )
+        # A sample without a counter, among others that have one, takes the next number, not an older one.
+        self._count = number + 1
+        self._remember(reading)
+        self._pass_on(reading)
+        return reading
+
+    def fresh(self, now_ns: int | None = None) -> Reading[Value] | None:
+        """Give the latest valid reading, or nothing when it is older than the deadline."""
+        reading = self.latest_valid
+        if reading is None:
+            return None
+        now_ns = self._clock() if now_ns is None else now_ns
+        return reading if reading.age_ns(now_ns) <= self.stale_after_ns else None
+
+    def _remember(self, reading: Reading[Value]) -> None:
+        if self.latest is not None and self.latest.epoch == reading.epoch:
+            self._health.interval.add(reading.host_monotonic_ns - self.latest.host_monotonic_ns)
+        self._health.frames += 1
+        self.latest = reading
+        if reading.valid:
+            self.latest_valid = reading
+        self.history.append(reading)
+        self._heard(reading.valid)
+
+    def _pass_on(self, reading: Reading[Value]) -> None:
+        try:
+            self._sink(reading)
+        except Exception:
+            self._health.sink_errors += 1
+            if self._health.sink_errors == 1:
+                logger.exception("%s: the receiver of its readings failed", self.device)

@@ -1,0 +1,7 @@
+"""Proportional valves: Festo MPA on CPX and VTEM, over Modbus TCP."""
+
+from softarm.drivers.valves.bank import ValveBank
+from softarm.drivers.valves.config import MpaConfig, VtemConfig
+from softarm.drivers.valves.pressures import Applied, BankReading
+
+__all__ = ["Applied", "BankReading", "MpaConfig", "ValveBank", "VtemConfig"]

@@ -1,0 +1,192 @@
+"""Configuration of a valve bank."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+from softarm.drivers.clock import Clock, monotonic
+from softarm.drivers.config import DriverConfig, Seconds
+from softarm.drivers.reading import Sink, ignore
+from softarm.drivers.supervisor import Timing
+from softarm.drivers.valves.bank import ValveBank
+from softarm.drivers.valves.limits import PressureLimits
+from softarm.drivers.valves.link import RegisterLink
+from softarm.drivers.valves.modbus import ModbusTcpLink
+from softarm.drivers.valves.pressures import ChamberMap
+from softarm.drivers.valves.registers import MPA_VALVES, VTEM_SLOTS, Layout, MpaLayout, VtemLayout
+from softarm.drivers.valves.session import CycleSettings
+
+COUNT_LIMIT = 0x7FFF
+WATCHDOG_MIN_MS = 100
+PASSES_PER_WATCHDOG = 3
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+def _listed(value: Any) -> Any:
+    """Take one number as a list of one, so that a mistake in it is told once."""
+    return (value,) if isinstance(value, (int, float)) else value
+
+
+class ValveConfig(DriverConfig):
+    """What every valve terminal is told.
+
+    Attributes:
+        host: Address of the terminal.
+        port: TCP port.
+        unit: Modbus unit.
+        chambers: Valve index of each chamber, from 0.
+        maximum_pa: Highest gauge pressure [Pa], for all chambers or one each.
+        slew_pa_per_s: Fastest change of a set-point [Pa/s].
+        max_lifetime_s: Longest lifetime of a set-point [s].
+        rate_hz: Passes per second.
+        watchdog_ms: Time-out to set in the terminal [ms].
+        response_timeout_s: Time for one answer [s].
+        lost_after_misses: Passes in a row without an answer after which the connection counts as lost.
+        verify_every: Every so many passes the echo is read before the write. At 1 nothing that others
+            wrote goes unseen; above, a pass mostly takes one request, and what was overwritten within a
+            few passes may go unseen.
+        echo_lag_s: How long a write may take to show in the echo [s].
+        reach_s: Time in which a set-point must be reached [s].
+        tracking_tolerance_pa: Allowed deviation of a measured pressure [Pa].
+        tracking_confirm_s: A deviation counts once it has lasted so long [s].
+        pascal_per_count: What a count of the terminal's words is worth [Pa]; 100 where it counts in mbar.
+    """
+
+    host: Annotated[str, Field(min_length=1)]
+    port: Annotated[int, Field(ge=1, le=65535)] = 502
+    unit: Annotated[int, Field(ge=0, le=255)] = 1
+    chambers: Annotated[tuple[int, ...], Field(min_length=1)]
+    maximum_pa: Annotated[tuple[Positive, ...], BeforeValidator(_listed)]
+    slew_pa_per_s: Positive = 200_000.0
+    max_lifetime_s: Seconds = 1.0
+    rate_hz: Annotated[float, Field(gt=0, le=500)] = 100.0
+    watchdog_ms: Annotated[int, Field(ge=WATCHDOG_MIN_MS, le=65535)] = 180
+    response_timeout_s: Annotated[float, Field(gt=0, le=0.1)] = 0.1
+    lost_after_misses: Annotated[int, Field(ge=1)] = 3
+    verify_every: Annotated[int, Field(ge=1)] = 1
+    echo_lag_s: Seconds = 0.1
+    reach_s: Seconds = 1.5
+    tracking_tolerance_pa: Positive = 3_000.0
+    tracking_confirm_s: Seconds = 0.2
+    pascal_per_count: Positive = 100.0
+    stale_after_s: Seconds = 0.15
+
+    def layout(self) -> Layout:
+        """Where the terminal keeps its valves."""
+        raise NotImplementedError
+
+    @property
+    def maximum(self) -> tuple[float, ...]:
+        """Highest gauge pressure of each chamber [Pa]."""
+        return self.maximum_pa * len(self.chambers) if len(self.maximum_pa) == 1 else self.maximum_pa
+
+    @model_validator(mode="after")
+    def _chambers_fit(self) -> "ValveConfig":
+        valves = self.layout().valves
+        taken: dict[int, int] = {}
+        for chamber, valve in enumerate(self.chambers):
+            if not 0 <= valve < valves:
+                raise ValueError(
+                    f"chamber {chamber} names valve {valve}, but they run from 0 to {valves - 1}"
+                )
+            if valve in taken:
+                raise ValueError(f"chambers {taken[valve]} and {chamber} are both mapped to valve {valve}")
+            taken[valve] = chamber
+        return self
+
+    @model_validator(mode="after")
+    def _pressures_fit(self) -> "ValveConfig":
+        if len(self.maximum) != len(self.chambers):
+            raise ValueError(f"maximum_pa has {len(self.maximum)} entries for {len(self.chambers)} chambers")
+        most = COUNT_LIMIT * self.pascal_per_count
+        if max(self.maximum) > most:
+            raise ValueError(f"maximum_pa {max(self.maximum):g} exceeds the {most:g} Pa that a word can hold")
+        return self
+
+    @model_validator(mode="after")
+    def _watchdog_fits(self) -> "ValveConfig":
+        least_ms = PASSES_PER_WATCHDOG * 1000.0 / self.rate_hz
+        if self.watchdog_ms < least_ms:
+            raise ValueError(
+                f"watchdog_ms {self.watchdog_ms} is less than {PASSES_PER_WATCHDOG} passes ({least_ms:g} ms)"
+            )
+        return self
+
+    def address(self) -> str:
+        """Give the address as a URL."""
+        return f"modbus+tcp://{self.host}:{self.port}"
+
+    def build(self, sink: Sink = ignore, clock: Clock = monotonic, *, observe: bool = False) -> ValveBank:
+        """Build the bank; no I/O before its `connect`."""
+        layout = self.layout()
+        slow = isinstance(layout, VtemLayout)
+        return ValveBank(
+            self.name,
+            self.source,
+            self._open_link,
+            layout=layout,
+            chambers=ChamberMap(self.chambers, layout.valves, self.pascal_per_count),
+            limits=PressureLimits(self.maximum, self.slew_pa_per_s, self.max_lifetime_s),
+            settings=self._settings(observe),
+            timing=Timing(
+                stale_after_s=self.stale_after_s,
+                lost_after_s=self.lost_after_s,
+                identify_s=25.0 if slow else 3.0,
+                close_s=15.0 if slow else 1.0,
+            ),
+            sink=sink,
+            clock=clock,
+        )
+
+    def _settings(self, observe: bool) -> CycleSettings:
+        return CycleSettings(
+            period_s=1.0 / self.rate_hz,
+            watchdog_ms=self.watchdog_ms,
+            verify_every=self.verify_every,
+            lost_after_misses=self.lost_after_misses,
+            echo_lag_s=self.echo_lag_s,
+            reach_s=self.reach_s,
+            tolerance=self.tracking_tolerance_pa,
+            confirm_s=self.tracking_confirm_s,
+            observe=observe,
+        )
+
+    async def _open_link(self, bank: ValveBank) -> RegisterLink:
+        link = ModbusTcpLink(
+            self.name,
+            self.host,
+            self.port,
+            unit=self.unit,
+            timeout_s=self.response_timeout_s,
+            open_s=bank.supervisor.timing.open_s,
+            health=bank.health,
+            clock=bank.clock,
+        )
+        await link.open()
+        return link
+
+
+class MpaConfig(ValveConfig):
+    """MPA proportional valves on a CPX terminal."""
+
+    kind: Literal["festo_mpa"]
+    valves: Annotated[int, Field(ge=1, le=41)] = MPA_VALVES
+
+    def layout(self) -> Layout:
+        """Where the terminal keeps its valves."""
+        return MpaLayout(self.valves)
+
+
+class VtemConfig(ValveConfig):
+    """A VTEM Motion Terminal; valve ``2 * slot`` is A of a slot, the next one B.
+
+    Attributes:
+        slots: How many slots are fitted.
+    """
+
+    kind: Literal["festo_vtem"]
+    slots: Annotated[int, Field(ge=1, le=VTEM_SLOTS)] = VTEM_SLOTS
+
+    def layout(self) -> Layout:
+        """Where the terminal keeps its valves."""
+        return VtemLayout(self.slots)

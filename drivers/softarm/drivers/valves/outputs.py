@@ -1,0 +1,154 @@
+"""What the valves are to be told: a set-point that expires, behind an interlock that never arms itself."""
+
+import asyncio
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from softarm.drivers.clock import NANOSECONDS, Clock, monotonic
+from softarm.drivers.errors import DeviceError, InterlockError
+from softarm.drivers.valves.limits import PressureLimits, limit_lifetime, limit_step
+from softarm.drivers.valves.pressures import Applied, ChamberMap, Pressures
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """One write.
+
+    Attributes:
+        setpoint: What was asked [Pa]; None when the chambers are to be vented.
+        applied: What the counts amount to [Pa].
+        counts: Set-point of every valve [counts].
+        slewing: Whether the slew limit still holds back more than a count.
+        expired: Whether a set-point ran out just now.
+        acknowledge: Whether to have the terminal let go of errors that it keeps.
+    """
+
+    setpoint: Pressures | None
+    applied: Pressures
+    counts: tuple[int, ...]
+    slewing: bool = False
+    expired: bool = False
+    acknowledge: bool = False
+
+
+class Outputs:
+    """Holds the set-point in force and turns it into writes.
+
+    Args:
+        device: The device, for errors.
+        limits: What the chambers bear.
+        chambers: Which valve feeds which chamber.
+        clock: Host monotonic time.
+    """
+
+    def __init__(
+        self, device: str, limits: PressureLimits, chambers: ChamberMap, clock: Clock = monotonic
+    ) -> None:
+        self.limits = limits
+        self.chambers = chambers
+        self.armed = False
+        self.reason = "it was not armed yet"
+        self._device = device
+        self._clock = clock
+        self._setpoint: Pressures | None = None
+        self._deadline_ns = 0
+        self._acknowledge_until_ns = clock()
+        self._level: Pressures = (0.0,) * len(limits.maximum)
+        self._waiting: list[asyncio.Future[Applied]] = []
+
+    def arm(self) -> None:
+        """Accept set-points from now on; the chambers stay vented until one comes."""
+        self.armed = True
+        self.reason = ""
+
+    def vent(self, reason: str) -> None:
+        """Drop the set-point, write zeros from the next pass on, and accept no set-point until `arm`.
+
+        Args:
+            reason: Why, for whoever tries to command it.
+        """
+        if self.armed:
+            self.armed = False
+            self.reason = reason
+        self._drop(InterlockError(self._device, f"was vented: {reason}", "clear the cause and arm it again"))
+
+    def acknowledge(self, seconds: float) -> None:
+        """Have the terminal let go of errors that it keeps, in the passes of a time [s].
+
+        Raises:
+            InterlockError: The bank is armed; acknowledging interrupts regulation.
+        """
+        if self.armed:
+            raise InterlockError(self._device, "is armed", "vent before its errors are acknowledged")
+        self._acknowledge_until_ns = self._clock() + round(seconds * NANOSECONDS)
+
+    def command(self, setpoint: Sequence[float], lifetime_s: float) -> None:
+        """Put a set-point in force.
+
+        Args:
+            setpoint: Gauge pressure of each chamber [Pa].
+            lifetime_s: After so long the chambers vent unless it is renewed [s].
+
+        Raises:
+            InterlockError: The bank is not armed.
+            LimitError: A pressure or the lifetime is out of range; nothing changes.
+        """
+        if not self.armed:
+            raise InterlockError(self._device, f"takes no set-point: {self.reason}", "arm it first")
+        limit_lifetime(self._device, lifetime_s, self.limits)
+        limit_step(self._device, setpoint, self._level, self.limits, 0.0)
+        self._setpoint = tuple(float(pressure) for pressure in setpoint)
+        self._deadline_ns = self._clock() + round(lifetime_s * NANOSECONDS)
+
+    def written(self) -> asyncio.Future[Applied]:
+        """Give the outcome of the next write of the set-point in force."""
+        future: asyncio.Future[Applied] = asyncio.get_running_loop().create_future()
+        self._waiting.append(future)
+        return future
+
+    def plan(self, seconds: float) -> Plan:
+        """Decide what to write now.
+
+        Args:
+            seconds: Time since the last write that slew may use [s].
+        """
+        expired = self._setpoint is not None and self._clock() >= self._deadline_ns
+        if expired:
+            self._drop(InterlockError(self._device, "set-point expired", "renew it within its lifetime"))
+        if self._setpoint is not None:
+            self._level = limit_step(self._device, self._setpoint, self._level, self.limits, seconds)
+        counts = self.chambers.to_counts(self._level, self.limits.maximum)
+        applied = self.chambers.to_pressures(counts)
+        acknowledge = not self.armed and self._clock() < self._acknowledge_until_ns
+        return Plan(self._setpoint, applied, counts, self._slewing(), expired, acknowledge)
+
+    def confirm(self, plan: Plan) -> None:
+        """Tell those who wait that this plan was written."""
+        if plan.setpoint is None:
+            return
+        answer = Applied(plan.setpoint, plan.applied, self._clock(), plan.slewing)
+        for future in self._take_waiting():
+            future.set_result(answer)
+
+    def fail(self, error: DeviceError) -> None:
+        """Tell those who wait that nobody knows what was written."""
+        for future in self._take_waiting():
+            future.set_exception(error)
+
+    def _slewing(self) -> bool:
+        if self._setpoint is None:
+            return False
+        count = self.chambers.pascal_per_count
+        return any(
+            abs(asked - level) > count for asked, level in zip(self._setpoint, self._level, strict=True)
+        )
+
+    def _drop(self, error: InterlockError) -> None:
+        self._setpoint = None
+        # Also without a pass in between: whoever arms and commands at once starts from zero.
+        self._level = (0.0,) * len(self._level)
+        self.fail(error)
+
+    def _take_waiting(self) -> list[asyncio.Future[Applied]]:
+        waiting, self._waiting = self._waiting, []
+        return [future for future in waiting if not future.done()]

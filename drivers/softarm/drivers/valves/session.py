@@ -1,0 +1,251 @@
+"""One connection to a valve terminal: a block read and a block write per pass, each answer judged."""
+
+import asyncio
+from dataclasses import dataclass
+
+from softarm.drivers.clock import NANOSECONDS, Clock, Tick, Ticker
+from softarm.drivers.errors import ConfigurationError, ConnectionLost, DeviceError, ProtocolError
+from softarm.drivers.health import Health
+from softarm.drivers.stream import Stream
+from softarm.drivers.valves.alarms import ValveAlarms
+from softarm.drivers.valves.echo import EchoMonitor, Verdict
+from softarm.drivers.valves.identify import guard, look, look_at_watchdog
+from softarm.drivers.valves.link import NoAnswer, Refused
+from softarm.drivers.valves.outputs import Outputs
+from softarm.drivers.valves.pressures import BankReading, Pressures
+from softarm.drivers.valves.registers import OUTPUTS, VtemLayout
+from softarm.drivers.valves.terminal import Sample, Terminal
+from softarm.drivers.valves.tracking import TrackingMonitor
+from softarm.drivers.valves.vtem import deactivate
+from softarm.drivers.valves.watchdog import WatchdogState
+
+CLOSE_ATTEMPTS = 3
+QUIET_NS = NANOSECONDS // 4
+CALM_NS = NANOSECONDS
+
+
+@dataclass(frozen=True, slots=True)
+class CycleSettings:
+    """How the bank talks to the terminal.
+
+    Attributes:
+        period_s: Time between passes [s].
+        watchdog_ms: Time-out to set in the terminal [ms].
+        verify_every: Every so many passes the echo is read before the write; it shows what others wrote
+            since, which function 23 cannot, as it writes first.
+        lost_after_misses: Passes in a row without an answer after which the connection counts as lost.
+        echo_lag_s: How long a write may take to show in the echo [s].
+        reach_s: Time in which a set-point must be reached [s].
+        tolerance: Allowed deviation of a measured pressure [Pa].
+        confirm_s: A deviation counts once it has lasted so long [s].
+        observe: Write nothing at all.
+    """
+
+    period_s: float
+    watchdog_ms: int
+    verify_every: int
+    lost_after_misses: int
+    echo_lag_s: float
+    reach_s: float
+    tolerance: float
+    confirm_s: float
+    observe: bool = False
+
+
+class BankSession:
+    """Runs the passes of one connection.
+
+    Args:
+        device: The device, for errors.
+        terminal: The terminal, connected.
+        outputs: What to write.
+        stream: Where the readings go.
+        health: Counters and alarms.
+        settings: How to talk to the terminal.
+        clock: Host monotonic time.
+    """
+
+    def __init__(
+        self,
+        device: str,
+        terminal: Terminal,
+        outputs: Outputs,
+        stream: Stream[BankReading],
+        health: Health,
+        settings: CycleSettings,
+        clock: Clock,
+    ) -> None:
+        self._device = device
+        self._terminal = terminal
+        self._outputs = outputs
+        self._stream = stream
+        self._health = health
+        self._settings = settings
+        self._clock = clock
+        valve_of = outputs.chambers.valve_of
+        self._echo = EchoMonitor(round(settings.echo_lag_s * NANOSECONDS))
+        self._tracking = TrackingMonitor(
+            len(valve_of),
+            round(settings.reach_s * NANOSECONDS),
+            settings.tolerance,
+            round(settings.confirm_s * NANOSECONDS),
+        )
+        self._alarms = ValveAlarms(health.alarms, valve_of, settings.reach_s)
+        self._watchdog = WatchdogState(None, "not probed")
+        self._zeros = (0,) * terminal.layout.valves
+        self._applied: Pressures = (0.0,) * len(valve_of)
+        self._setpoint: Pressures | None = None
+        self._wrote = False
+        self._unknown = False
+        self._misses = 0
+        self._answered_ns = self._odd_ns = clock() - CALM_NS
+        self._verdict = Verdict.OURS
+
+    async def identify(self) -> None:
+        """Look at the terminal; unless only observing, vent it and set its watchdog."""
+        standing = await look(self._terminal, self._device, self._health)
+        if self._settings.observe:
+            self._watchdog = await look_at_watchdog(self._terminal, self._health)
+            return
+        self._wrote = True
+        if standing is not None:
+            # What an earlier host left may still show in the first echoes; it is no foreign writer.
+            self._echo.attempted(standing, self._clock())
+        self._echo.attempted(self._zeros, self._clock())
+        self._watchdog = await guard(
+            self._terminal, self._device, self._health, self._clock, self._settings.watchdog_ms
+        )
+
+    async def stream(self) -> None:
+        """Run passes at a fixed rate until the connection is lost."""
+        ticker = Ticker(round(self._settings.period_s * NANOSECONDS), self._clock)
+        self._answered_ns = self._clock()
+        while True:
+            tick = await ticker.wait()
+            self._health.drift.add(tick.drift_ns)
+            self._health.overruns += tick.skipped
+            await self.run_pass(tick)
+
+    async def close(self) -> None:
+        """Vent whatever was written to, and release the connection."""
+        try:
+            if self._wrote and self._terminal.link.connected:
+                await self._leave_vented()
+        finally:
+            self._terminal.link.close()
+
+    async def run_pass(self, tick: Tick) -> None:
+        """Run one pass: look, write, look again, and pass on what was measured."""
+        self._verdict = Verdict.OURS
+        try:
+            sample = await self._read() if self._must_read(tick) else None
+            if not self._settings.observe:
+                sample = await self._write() or sample
+        except Refused as refusal:
+            if not refusal.busy:
+                raise ConfigurationError(self._device, refusal.what, refusal.cure) from refusal
+            self._health.events["terminal busy"] += 1
+            return
+        except (NoAnswer, ProtocolError) as error:
+            self._miss(error)
+            return
+        self._misses = 0
+        self._answered_ns = self._clock()
+        if sample is not None:
+            self._publish(sample)
+
+    def _must_read(self, tick: Tick) -> bool:
+        """Decide whether to read before writing: to see what happened, not what this pass will make of it."""
+        if not self._terminal.exchanges or self._unknown or tick.index % self._settings.verify_every == 0:
+            return True
+        quiet_ns = self._watchdog.milliseconds * 500_000 if self._watchdog.milliseconds else QUIET_NS
+        return self._clock() - self._answered_ns > quiet_ns
+
+    async def _read(self) -> Sample:
+        sample = await self._terminal.read()
+        self._judge(sample)
+        self._unknown = False
+        self._alarms.outputs(unknown=False)
+        return sample
+
+    async def _write(self) -> Sample | None:
+        plan = self._outputs.plan(self._settings.period_s)
+        self._alarms.expired(plan.expired, plan.setpoint is not None)
+        self._health.events["set-point expired"] += plan.expired
+        self._echo.attempted(plan.counts, self._clock())
+        self._unknown = True
+        try:
+            sample = await self._terminal.write(plan.counts, plan.acknowledge)
+        except Refused:
+            self._unknown = False
+            raise
+        self._unknown = False
+        self._applied, self._setpoint = plan.applied, plan.setpoint
+        self._outputs.confirm(plan)
+        if sample is not None:
+            self._judge(sample)
+        return sample
+
+    def _judge(self, sample: Sample) -> None:
+        if self._settings.observe or sample.inputs.echo is None:
+            return
+        verdict = self._echo.judge(sample.inputs.echo, sample.arrival_ns)
+        if verdict is Verdict.OURS:
+            if sample.arrival_ns - self._odd_ns >= CALM_NS:
+                self._alarms.echo_is_ours()
+            return
+        self._odd_ns = sample.arrival_ns
+        self._verdict = verdict
+        if verdict is Verdict.ZEROED:
+            new, reason = self._alarms.watchdog_fired(), "the terminal cleared its outputs"
+        else:
+            new, reason = self._alarms.foreign_writer(), "another master wrote to the valves"
+        self._health.events[reason] += new
+        self._outputs.vent(reason)
+
+    def _miss(self, error: DeviceError) -> None:
+        self._health.last_error = error
+        self._misses += 1
+        self._alarms.outputs(self._unknown)
+        if self._misses >= self._settings.lost_after_misses:
+            what = f"left {self._misses} requests in a row without a usable answer, the last: {error.what}"
+            raise ConnectionLost(self._device, what, error.cure) from error
+
+    def _publish(self, sample: Sample) -> None:
+        chambers = self._outputs.chambers
+        inputs = sample.inputs
+        readback = chambers.to_pressures(inputs.actual)
+        diagnosis = chambers.pick(inputs.diagnosis)
+        self._alarms.diagnosis(diagnosis)
+        if not self._settings.observe:
+            deviations = self._tracking.update(self._applied, readback, sample.arrival_ns)
+            self._alarms.tracking(deviations, self._applied)
+        ours = self._verdict is Verdict.OURS
+        echo = None if inputs.echo is None else chambers.to_pressures(inputs.echo)
+        self._stream.publish(
+            BankReading(self._setpoint, self._applied, echo, readback, diagnosis, self._outputs.armed),
+            host_ns=sample.arrival_ns,
+            measured_ns=sample.measured_ns,
+            valid=ours,
+            flags=() if ours else (self._verdict.value,),
+        )
+
+    async def _leave_vented(self) -> None:
+        """Write zeros until the terminal holds them."""
+        terminal = self._terminal
+        for _ in range(CLOSE_ATTEMPTS):
+            try:
+                await terminal.link.write(OUTPUTS, terminal.layout.encode(self._zeros))
+                echo = (await terminal.read()).inputs.echo
+            except (NoAnswer, ProtocolError, Refused):
+                continue
+            if echo is None or not any(echo):
+                break
+            await asyncio.sleep(self._settings.echo_lag_s / CLOSE_ATTEMPTS)
+        else:
+            told = self._watchdog.fact
+            raise ConnectionLost(
+                self._device, f"could not be vented (watchdog: {told})", "shut off the supply"
+            )
+        if isinstance(terminal.layout, VtemLayout):
+            await deactivate(terminal.link, terminal.layout, self._device, self._clock)

@@ -1,6 +1,0 @@
-"""Estimation with a model that contains accepted physics."""
-
-from estimator.augmented.estimator import AugmentedEstimator, Follower, estimator_of
-from estimator.augmented.model import ShapedModel, Spread
-
-__all__ = ["AugmentedEstimator", "Follower", "ShapedModel", "Spread", "estimator_of"]

@@ -1,0 +1,281 @@
+"""The tracking estimator on a model that contains accepted physics.
+
+At each instant the effects shape the pressures and gravity, load the sections and turn the base as the last
+estimate lets them, and sensors' effects are undone in the readings; what remains is the estimator's problem.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.augmented.model import ShapedModel, ShapedStep, Spread
+from softarm.estimator.effects.accepted import accepted_physics
+from softarm.estimator.effects.augmented import (
+    PlacedEffect,
+    advance_with,
+    recorded_turn,
+    signals_of,
+    simulate_with,
+    standing_pressures,
+)
+from softarm.estimator.effects.effect import Memory
+from softarm.estimator.effects.readings import QUATERNION, turns
+from softarm.estimator.effects.world import World
+from softarm.estimator.inverse import Estimate, Estimator, TrackerSettings
+from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
+from softarm.estimator.rotations import exp, from_quaternions, to_quaternions
+from softarm.estimator.sensing import Scene, SensorSuite
+from softarm.estimator.simulation import Arm, Drive, Response, Segments, SimulatedArm
+from softarm.estimator.simulation.compliance import bounded_inverse
+from softarm.estimator.specimen import Specimen
+from softarm.estimator.stretch import stretched
+
+Floats = NDArray[np.float64]
+State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
+
+UNSHAPING = 8
+"""Passes of the search for the pressures behind those that act: enough where an effect halves them."""
+ALONG = 20
+"""Samples of a recording by which the mean turn of its base is found."""
+
+
+class Follower(Protocol[State]):
+    """What follows an arm through time: the plain estimator or the one with physics."""
+
+    def reset(self) -> None:
+        """Forget the past."""
+
+    @property
+    def model(self) -> Any:
+        """The model it runs on, with the unknown loads."""
+
+    def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> Estimate[State]:
+        """Estimate at an instant; see ``softarm.estimator.inverse.Estimator.update``."""
+
+
+def estimator_of(
+    specimen: Specimen,
+    model: ArmModel[State, Step],
+    loads: Sequence[Load],
+    suite: SensorSuite,
+    settings: TrackerSettings,
+    *,
+    pressures_measured: bool,
+    guide: ArmModel[Any, Any] | None = None,
+    recorded: tuple[Floats, Floats] | None = None,
+) -> Follower[State]:
+    """Make the estimator of a specimen, with its physics where it has any.
+
+    Args:
+        specimen: The robot.
+        model: Its model, with ``section_loads(model.sections)`` where it has physics, else ``loads``.
+        loads: The unknown loads.
+        suite: The sensors.
+        settings: What the estimator assumes.
+        pressures_measured: Whether pressures are readings at the arm, not set-points.
+        guide: A fast model with ``loads``, at whose answer the search starts where there are no physics.
+        recorded: Times [s], shape (samples,), and measured pressures [Pa], shape (samples, chambers), of the
+            recording by whose base the sensors were registered, where they were.
+
+    Raises:
+        InputError: The model's loads are others, or an effect does not fit the arm.
+    """
+    if not specimen.physics:
+        return Estimator(stretched(model, specimen), suite, settings, guide)
+    start = Inputs(np.zeros(model.chambers), np.zeros(len(model.loads)), np.zeros(3))
+    rest = model.linearise(model.rest(), start).frames
+    segments = Segments.of(specimen, model.sections, rest)
+    arm = SimulatedArm(stretched(model, specimen), segments)
+    names = tuple(sensor.name for sensor in suite.measurements)
+    stiffness, actuation = arm.stiffness(), settings.actuation
+    world = World.of(specimen, segments, model.sections, stiffness, names, pressures_measured, actuation)
+    effects = accepted_physics(specimen, world)
+    if recorded is not None:
+        time, pressures = _some(*recorded)
+        gravity = np.array(specimen.gravity_m_s2)
+        acting = actuation.to_chamber(pressures)
+        drive = Drive.of(time, acting, gravity, len(model.sections), segments.count)
+        suite = registered_again(suite, arm, world, effects, drive)
+    return AugmentedEstimator(arm, tuple(loads), world, effects, suite, settings)
+
+
+def registered_again(
+    suite: SensorSuite, arm: Arm, world: World, effects: Sequence[PlacedEffect], drive: Drive
+) -> SensorSuite:
+    """Find the laboratory by the base at rest, where the base that was recorded had turned.
+
+    Args:
+        suite: Sensors, registered by the mean pose of the recorded base or not at all.
+        arm: The arm without effects.
+        world: What the effects refer to.
+        effects: The effects, of which some may turn the base.
+        drive: What acted along the recording without them.
+    """
+    if not suite.base_recorded or all(placed.effect.hook != "support" for placed in effects):
+        return suite
+    turned = simulate_with(effects, arm, world, drive).drive.base_rotation
+    return suite.moved(np.concatenate([np.zeros(3), recorded_turn(turned, effects)]))
+
+
+def _some(time: Floats, pressures: Floats) -> tuple[Floats, Floats]:
+    """Keep about ``ALONG`` samples with all pressures, evenly spread."""
+    whole = np.flatnonzero(np.isfinite(pressures).all(axis=1))
+    chosen = whole[np.unique(np.linspace(0, len(whole) - 1, min(ALONG, len(whole))).astype(int))]
+    return time[chosen], pressures[chosen]
+
+
+class AugmentedEstimator(Generic[State, Step]):
+    """Follows an arm whose model contains effects.
+
+    Args:
+        arm: Model of the arm without them, and its segments.
+        loads: The unknown loads.
+        world: What the effects refer to.
+        effects: The effects.
+        suite: The sensors.
+        settings: What the estimator assumes.
+    """
+
+    def __init__(
+        self,
+        arm: SimulatedArm[State, Step],
+        loads: tuple[Load, ...],
+        world: World,
+        effects: tuple[PlacedEffect, ...],
+        suite: SensorSuite,
+        settings: TrackerSettings,
+    ) -> None:
+        self._arm, self._world, self._effects = arm, world, effects
+        self._rest = world.stiffness
+        self._suite, self._settings = suite, settings
+        self._spread = Spread(loads, arm.model.sections)
+        self._estimator: Estimator[State, ShapedStep[State, Step]] = Estimator(
+            self._shaped(np.zeros(6 * len(arm.model.sections)), np.eye(3)), suite, settings
+        )
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past, that of the effects included."""
+        self._estimator.reset()
+        self._memories: tuple[Memory, ...] = ((),) * len(self._effects)
+        self._couples = np.zeros((1, self._arm.segments.count, 4))
+        self._world = replace(self._world, stiffness=self._rest)
+        self._last: Response | None = None
+        self._pull = np.zeros((1, len(self._arm.model.sections), 6))
+        self._turn = np.eye(3)
+
+    def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> Estimate[State]:
+        """Estimate at an instant; see ``softarm.estimator.inverse.Estimator.update``."""
+        acting = self._settings.actuation.to_chamber(pressures)
+        lost = ~np.isfinite(acting)
+        drive = self._drive(time, np.where(lost, 0.0, acting), gravity)
+        seen = self._last or self._at_rest(drive)
+        pulled = replace(drive, wrenches=self._pull)
+        shaped, self._memories = advance_with(self._effects, self._world, pulled, seen, self._memories)
+        shaped = replace(shaped, wrenches=shaped.wrenches - self._pull)
+        self._couples, self._turn = shaped.couples, exp(shaped.base_rotation[0])
+        inner = self._arm.segments.wrenches(self._own(seen.frames), shaped.couples)
+        self._estimator.follow(self._shaped((shaped.wrenches + inner).ravel(), self._turn))
+        given = self._settings.actuation.to_measured(shaped.pressures[0])
+        estimate = self._estimator.update(
+            time, self._undone(readings, shaped, seen), np.where(lost, np.nan, given), shaped.gravity[0]
+        )
+        if np.isfinite(estimate.vector).all() and estimate.status != "diverged":
+            self._last = self._response(estimate.frames)
+            self._pull = (self._spread.matrix @ estimate.inputs.loads).reshape(self._pull.shape)
+            self._bend(shaped, estimate)
+        return estimate
+
+    @property
+    def model(self) -> ArmModel[State, ShapedStep[State, Step]]:
+        """The model under what the effects did at the last instant; its loads are the unknown ones."""
+        return self._estimator.model
+
+    def unshaped(self, pressures: Floats) -> Floats:
+        """Give the pressures that the effects turn into given ones once they stand still.
+
+        Args:
+            pressures: As they act in the chambers [Pa], shape (chambers,).
+
+        Returns:
+            As they are measured, but for the sensors' gains [Pa]; none is below zero.
+        """
+        found = np.maximum(pressures, 0.0)
+        for _ in range(UNSHAPING):
+            drive = self._drive(0.0, found, np.zeros(3))
+            acting = standing_pressures(self._effects, self._world, drive)[0]
+            found = np.maximum(found + pressures - acting, 0.0)
+        return found
+
+    def _bend(self, drive: Drive, estimate: Estimate[State]) -> None:
+        """Take the stiffness of the segments in the pose of an estimate; the couples keep their strains."""
+        if not any(placed.effect.hook == "couple" for placed in self._effects):
+            return
+        shaped = self._shaped(drive.wrenches.ravel(), self._turn)
+        step = self._arm.model.linearise(estimate.state, shaped.own_inputs(estimate.inputs))
+        rows = self._arm.segments.rows(step.frames)
+        _, motion = step.response(rows.reshape(-1, rows.shape[-1]))
+        by_wrench = motion[:, self._arm.model.chambers :].reshape(rows.shape)
+        compliance = np.einsum("gai,gbi->gab", by_wrench, rows)
+        strains = self._world.strains(self._couples)
+        self._world = replace(self._world, stiffness=bounded_inverse(compliance, self._rest)[None])
+        self._couples = self._world.couples(strains)
+
+    def _shaped(self, wrenches: Floats, turn: Floats) -> ShapedModel[State, Step]:
+        return ShapedModel(self._arm.model, self._spread, wrenches, turn)
+
+    def _drive(self, time: float, acting: Floats, gravity: Floats) -> Drive:
+        sections, segments = len(self._arm.model.sections), self._arm.segments.count
+        plain = Drive.of(np.array([time]), acting[None], gravity, sections, segments)
+        return replace(plain, couples=self._couples)
+
+    def _at_rest(self, drive: Drive) -> Response:
+        """Give the response of the rested arm to the first drive."""
+        model = self._arm.model
+        inputs = Inputs(drive.pressures[0], np.zeros(len(model.loads)), drive.gravity[0])
+        state, _ = model.solve(inputs, model.rest())
+        return self._response(model.linearise(state, inputs).frames)
+
+    def _own(self, frames: Frames) -> Frames:
+        """Turn frames back into the base's own frame."""
+        turn = self._turn
+        return Frames(frames.positions @ turn, turn.T @ frames.rotations)
+
+    def _response(self, frames: Frames) -> Response:
+        one = Frames(frames.positions[None], frames.rotations[None])
+        strains = self._arm.segments.strains(self._own(one))
+        none = np.zeros((1, 0, 0))
+        return Response(one, strains, none, none, np.ones(1, dtype=bool))
+
+    def _undone(self, readings: Floats, drive: Drive, seen: Response) -> Floats:
+        """Take the effects of the sensors out of the readings, as far as the last estimate shows them."""
+        sensing = [k for k, placed in enumerate(self._effects) if placed.effect.hook == "sensing"]
+        if not sensing:
+            return readings
+        scene = Scene(seen.frames, np.zeros((1, 0)))
+        clean, memories, start = readings.copy(), list(self._memories), 0
+        for sensor in self._suite.measurements:
+            part = slice(start, start + sensor.reading_size)
+            start = part.stop
+            plain = sensor.predict(scene)
+            for k in sensing:
+                placed = self._effects[k]
+                if placed.spot.place.sensor == sensor.name:
+                    signals = replace(signals_of(drive, self._world, seen), reading=plain)
+                    changed, memories[k] = placed.act(signals, self._memories[k])
+                    stuck = placed.effect.name == "sensor_stuck"
+                    clean[part] = np.nan if stuck else undo(clean[part], plain[0], changed[0])
+        self._memories = tuple(memories)
+        return clean
+
+
+def undo(reading: Floats, plain: Floats, changed: Floats) -> Floats:
+    """Take out of a reading the change that an effect would make in the predicted one, shape (size,)."""
+    if not turns(reading):
+        return reading - (changed - plain)
+    measured, before, after = (from_quaternions(one[-QUATERNION:]) for one in (reading, plain, changed))
+    place = reading[:-QUATERNION] - (changed - plain)[:-QUATERNION]
+    return np.concatenate([place, to_quaternions(measured @ (before.T @ after).T)])

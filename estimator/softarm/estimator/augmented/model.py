@@ -1,0 +1,141 @@
+"""A model of the arm under known wrenches on its sections and on a base that yields.
+
+The wrapped model answers to the wrenches of its sections in its own, unturned base frame. With Q the turn of
+the base, B the wrenches per unit of the unknown loads a and w the known ones, it is given Q^T (B a + w) and
+gravity Q^T g, and its frames and twists are turned by Q.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.errors import InputError
+from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
+
+Floats = NDArray[np.float64]
+State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How unknown loads act as wrenches on the sections.
+
+    Args:
+        loads: The loads, each on a section.
+        sections: Names of the sections.
+
+    Raises:
+        InputError: A load acts elsewhere than on a section.
+    """
+
+    loads: tuple[Load, ...]
+    sections: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for load in self.loads:
+            if load.section not in self.sections:
+                raise InputError(f"load {load.name}", "acts on no section", "put it on a rigid section")
+
+    @cached_property
+    def matrix(self) -> Floats:
+        """Wrenches of all sections, force before moment, per unit of each load, shape (6 sections, loads)."""
+        columns = np.zeros((len(self.sections), 2, 3, len(self.loads)))
+        for number, load in enumerate(self.loads):
+            row = self.sections.index(load.section or "")
+            columns[row, 0 if load.kind == "force" else 1, :, number] = load.direction
+        return columns.reshape(-1, len(self.loads))
+
+
+@dataclass(frozen=True)
+class ShapedStep(Generic[State, Step]):
+    """The wrapped model's linearisation, seen from the unturned base."""
+
+    model: "ShapedModel[State, Step]"
+    step: Step
+
+    @property
+    def frames(self) -> Frames:
+        """Frames of the sections at the iterate."""
+        turn, own = self.model.turn, self.step.frames
+        return Frames(own.positions @ turn.T, turn @ own.rotations)
+
+    @property
+    def residual_norm(self) -> float:
+        """Norm of the out-of-balance force over that of the applied forces."""
+        return self.step.residual_norm
+
+    def response(self, rows: Floats) -> tuple[Floats, Floats]:
+        """Project the motion of the sections on rows; see ``Linearisation.response``."""
+        own = (rows.reshape(-1, 3) @ self.model.turn).reshape(rows.shape)
+        drift, columns = self.step.response(own)
+        chambers = self.model.chambers
+        return drift, np.concatenate(
+            [columns[:, :chambers], columns[:, chambers:] @ self.model.shares], axis=1
+        )
+
+
+@dataclass(frozen=True)
+class ShapedModel(Generic[State, Step]):
+    """A model under known wrenches and a turned base; implements ``ArmModel``.
+
+    Args:
+        model: Model whose loads are the wrenches of its sections.
+        spread: The unknown loads.
+        wrenches: Known wrenches in the base frame, shape (6 sections,).
+        turn: Turn of the base, shape (3, 3).
+    """
+
+    model: ArmModel[State, Step]
+    spread: Spread
+    wrenches: Floats
+    turn: Floats
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections whose frames it gives."""
+        return self.model.sections
+
+    @property
+    def chambers(self) -> int:
+        """Number of chambers."""
+        return self.model.chambers
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Loads whose amplitudes are inputs."""
+        return self.spread.loads
+
+    @cached_property
+    def shares(self) -> Floats:
+        """Wrenches in the wrapped model's base frame per unit of each load, shape (6 sections, loads)."""
+        return self._turned_back(self.spread.matrix)
+
+    def _turned_back(self, wrenches: Floats) -> Floats:
+        blocks = wrenches.reshape(-1, 3, *wrenches.shape[1:])
+        turned: Floats = np.einsum("ji,bj...->bi...", self.turn, blocks)
+        return turned.reshape(wrenches.shape)
+
+    def own_inputs(self, inputs: Inputs) -> Inputs:
+        """Give the wrapped model's inputs."""
+        known = self._turned_back(self.wrenches)
+        return Inputs(inputs.pressures, self.shares @ inputs.loads + known, self.turn.T @ inputs.gravity)
+
+    def rest(self) -> State:
+        """Give the unloaded state."""
+        return self.model.rest()
+
+    def linearise(self, state: State, inputs: Inputs) -> ShapedStep[State, Step]:
+        """Linearise about a state under given inputs."""
+        return ShapedStep(self, self.model.linearise(state, self.own_inputs(inputs)))
+
+    def advance(self, step: ShapedStep[State, Step], change: Floats) -> State:
+        """Take the Newton step for inputs changed by ``change`` (pressures, then loads)."""
+        own = np.concatenate([change[: self.chambers], self.shares @ change[self.chambers :]])
+        return self.model.advance(step.step, own)
+
+    def solve(self, inputs: Inputs, start: State) -> tuple[State, bool]:
+        """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
+        return self.model.solve(self.own_inputs(inputs), start)

@@ -1,0 +1,347 @@
+"""Calibration of a specimen on recordings, checked on blocks of them that no fit has seen."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.calibration.arrange import Run
+from softarm.estimator.calibration.fit import Fit, fit
+from softarm.estimator.calibration.forward import Evaluation, Forward
+from softarm.estimator.calibration.identifiability import KEPT, MANOEUVRES, fitted, identify, kept
+from softarm.estimator.calibration.nodes import (
+    BLOCK,
+    NEVER_TOGETHER,
+    TOGETHER,
+    Nodes,
+    choose_nodes,
+    training_blocks,
+)
+from softarm.estimator.calibration.outcome import Calibrated, Check
+from softarm.estimator.calibration.parameters import Layout, build_layout
+from softarm.estimator.calibration.pulled_first import FEWEST_PULLS, told_by_pulls
+from softarm.estimator.calibration.pulls import LEAST_PULL
+from softarm.estimator.calibration.regression import estimate_lag, fit_line
+from softarm.estimator.calibration.scatter import rms, scatter_by_condition
+from softarm.estimator.calibration.search import AxesFit, search_axes
+from softarm.estimator.calibration.solver import Solver
+from softarm.estimator.calibration.start import sized_by_bends, solvable, with_bends_kept
+from softarm.estimator.errors import InputError
+from softarm.estimator.model import Frames
+from softarm.estimator.sensing import Bend, SensorSuite
+from softarm.estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+NODES = 240
+LEAST_PRESSURE_SPREAD = 1.0e3  # Pa; a chamber that moved less tells nothing of its gain
+LEAST_SOLVED = 0.5
+PULLED_WORTH = 1.5
+UNSETTLED = 1.0  # standard deviations that an unknown may still move at the end
+WORSE = 1.3  # times the old error: an old fit that has seen the blocks is allowed to know them better
+
+
+class CalibrationRefusedError(InputError):
+    """The recordings cannot carry a calibration; the old one stays."""
+
+    def __init__(self, where: str, what: str, cure: str) -> None:
+        super().__init__(where, what, f"{cure}; the old calibration stays")
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a calibration may do.
+
+    Args:
+        nodes: Largest number of nodes over all runs.
+        iterations: Largest number of Gauss-Newton steps of each fit.
+        search_axes: Whether to look for the in-plane rotation and handedness of bends; ``None`` looks where
+            the specimen has none.
+        fit_lag: Whether to bring pressures and motion to one clock.
+    """
+
+    nodes: int = NODES
+    iterations: int = 15
+    search_axes: bool | None = None
+    fit_lag: bool = True
+
+
+def calibrate(
+    solver: Solver,
+    specimen: Specimen,
+    runs: Sequence[Run],
+    options: Options | None = None,
+) -> Calibrated:
+    """Fit moduli, chamber gains and biases, and the alignment of sensors to recordings.
+
+    Args:
+        solver: Model of the specimen.
+        specimen: The robot; its calibration is what is known beforehand.
+        runs: The recordings, arranged.
+        options: What to do.
+
+    Raises:
+        CalibrationRefusedError: The recordings hold too little motion, the model finds no equilibrium for
+            them, or the fit predicts held-out blocks worse than the old calibration.
+    """
+    options = options or Options()
+    lags = tuple(estimate_lag(run) if options.fit_lag else None for run in runs)
+    nodes = _choose(runs, lags, options.nodes)
+    train = training_flags(nodes)
+    unseen = tuple(~flags for flags in train)
+    forward = _forward(solver, specimen, nodes)
+    known = forward.layout.means
+    first = solvable(forward, known)
+    before = forward.evaluate(first)
+    _require_solutions(before, nodes)
+    gains: dict[str, AxesFit] = {}
+    if _axes_wanted(specimen, options):
+        solved = tuple(flags & part.converged for flags, part in zip(train, before, strict=True))
+        gains = search_axes(nodes[0].run.suite, _parts(nodes, solved), _frames(before, solved))
+        nodes = tuple(replace(own, run=_with_axes(own.run, gains)) for own in nodes)
+        forward = _forward(solver, specimen, nodes)
+    known_before = forward.layout
+    sized = sized_by_bends(specimen, known_before, first, gains)
+    told = told_by_pulls(forward, sized, before, train)
+    start = with_bends_kept(specimen, known_before, sized, told.values)
+    forward = replace(forward, layout=told.near(known_before))
+    trained, layout = _fit_determined(forward, known_before, start, before, train, options)
+    _require_excitation(layout)
+    everything = replace(forward, layout=layout)
+    held_out = _part(everything, unseen).evaluate(trained.values, _subset(before, unseen))
+    old = before if np.array_equal(first, known) else ()
+    check = _check(old, trained.evaluations, held_out, nodes, train)
+    _require_improvement(check)
+    near = _joined(before, trained.evaluations, held_out, train)
+    final = fit(everything, trained.values, iterations=options.iterations, evaluations=near)
+    _require_convergence(final, layout)
+    covariance = told.widened(layout, final.covariance)
+    dropped = [p for p in forward.layout.parameters if p.name not in layout.names]
+    return Calibrated(
+        identified=(
+            *map(fitted, identify(_known_of(known_before, layout), final.values, covariance)),
+            *map(kept, dropped),
+        ),
+        covariance=covariance,
+        mirrored=_handedness(nodes),
+        check=check,
+        lags=lags,
+        status=final.status,
+        nodes=sum(len(own.time) for own in nodes),
+        unsolved=sum(int((~evaluation.converged).sum()) for evaluation in final.evaluations),
+        recordings=tuple(run.name for run in runs),
+        scatter=scatter_by_condition(*_judged(held_out, trained.evaluations, nodes, train)),
+    )
+
+
+def training_flags(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
+    """Tell which nodes a fit may see: alternate blocks of long runs, else alternate runs, else all."""
+    if any(own.blocks.max(initial=0) >= 1 for own in nodes):
+        return tuple(training_blocks(own.blocks) for own in nodes)
+    if len(nodes) > 1:
+        return tuple(np.full(len(own.time), number % 2 == 0) for number, own in enumerate(nodes))
+    return tuple(np.ones(len(own.time), dtype=bool) for own in nodes)
+
+
+def _judged(
+    held_out: Sequence[Evaluation],
+    trained: Sequence[Evaluation],
+    nodes: Sequence[Nodes],
+    train: Sequence[Flags],
+) -> tuple[Sequence[Evaluation], Sequence[Nodes]]:
+    """Give the nodes that no fit has seen and what was predicted for them; all where every one was seen."""
+    unseen = [~flags for flags in train]
+    if any(flags.any() for flags in unseen):
+        return held_out, _parts(nodes, unseen)
+    return trained, _parts(nodes, train)
+
+
+def _choose(runs: Sequence[Run], lags: Sequence[float | None], count: int) -> tuple[Nodes, ...]:
+    aligned = [run.delayed(lag) if lag else run for run, lag in zip(runs, lags, strict=True)]
+    durations = [max(float(run.time[-1] - run.time[0]), 1e-3) * _worth(run) for run in aligned]
+    shares = [max(8, round(count * duration / sum(durations))) for duration in durations]
+    chosen = tuple(choose_nodes(run, share) for run, share in zip(aligned, shares, strict=True))
+    if not sum(len(own.time) for own in chosen):
+        raise CalibrationRefusedError(", ".join(run.name for run in runs), NEVER_TOGETHER, TOGETHER)
+    return tuple(own for own in chosen if len(own.time))
+
+
+def _worth(run: Run) -> float:
+    """Look more often where a gauge pulls: its readings are coarse, and they tell the stiffness itself."""
+    return PULLED_WORTH if run.pulled else 1.0
+
+
+def _forward(solver: Solver, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Forward:
+    pressures = np.concatenate([own.pressures for own in nodes])
+    moved = [k for k in range(pressures.shape[1]) if np.ptp(pressures[:, k]) > LEAST_PRESSURE_SPREAD]
+    sources = nodes[0].run.pressure_source
+    measurements = {m.name: m for own in nodes for m in own.run.suite.measurements}
+    suite = SensorSuite(tuple(measurements.values()))
+    pulled = bool(sum((np.abs(own.loads) > LEAST_PULL).any(axis=1).sum() for own in nodes) > FEWEST_PULLS)
+    layout = build_layout(specimen, suite, sources, moved, solver.factors, pulled, solver.sections)
+    return Forward(solver, layout, nodes, np.array(specimen.gravity_m_s2))
+
+
+def _axes_wanted(specimen: Specimen, options: Options) -> bool:
+    if options.search_axes is not None:
+        return options.search_axes
+    return not specimen.calibration.bends
+
+
+def _with_axes(run: Run, found: Mapping[str, AxesFit]) -> Run:
+    """Give a run whose bends have the axes that were found."""
+    measurements = tuple(
+        replace(m, in_plane=found[m.name].in_plane, mirrored=found[m.name].mirrored)
+        if isinstance(m, Bend) and m.name in found
+        else m
+        for m in run.suite.measurements
+    )
+    return replace(run, suite=SensorSuite(measurements))
+
+
+def _known_of(known: Layout, layout: Layout) -> Layout:
+    """Give what was known before any data, of the unknowns of a layout."""
+    return known.without(set(known.names) - set(layout.names))
+
+
+def _fit_determined(
+    forward: Forward,
+    known: Layout,
+    start: Floats,
+    before: Sequence[Evaluation],
+    train: Sequence[Flags],
+    options: Options,
+) -> tuple[Fit, Layout]:
+    """Fit on the training nodes, settle what they do not determine, and fit the rest again."""
+    part = _part(forward, train)
+    found = fit(part, start, iterations=options.iterations, evaluations=_subset(before, train))
+    verdicts = identify(known, found.values, found.covariance)
+    lost = {entry.parameter.name for entry in verdicts if entry.share > KEPT}
+    layout = part.layout.without(lost)
+    if not lost or not layout.parameters:
+        return found, layout
+    remaining = np.array([name not in lost for name in part.layout.names])
+    again = replace(part, layout=layout)
+    return fit(
+        again, found.values[remaining], iterations=options.iterations, evaluations=found.evaluations
+    ), layout
+
+
+def _check(
+    before: Sequence[Evaluation],
+    trained: Sequence[Evaluation],
+    held_out: Sequence[Evaluation],
+    nodes: Sequence[Nodes],
+    train: Sequence[Flags],
+) -> Check:
+    unseen = [~flags for flags in train]
+    split = any(flags.any() for flags in unseen)
+    judged = unseen if split else train
+    line, parameters = _line(nodes, train, judged) if split else ({}, 0)
+    return Check(
+        rms(_subset(before, judged), _parts(nodes, judged)) if before else {},
+        rms(trained, _parts(nodes, train)),
+        rms(held_out, _parts(nodes, unseen)) if split else {},
+        line,
+        parameters,
+    )
+
+
+def _line(
+    nodes: Sequence[Nodes], train: Sequence[Flags], judged: Sequence[Flags]
+) -> tuple[dict[str, float], int]:
+    """Judge an ordinary linear regression; only bends are angles that it may be asked for."""
+    suite = nodes[0].run.suite
+    if not all(isinstance(m, Bend) for m in suite.measurements):
+        return {}, 0
+    fitted, seen = _parts(nodes, train), _parts(nodes, judged)
+    line = fit_line(
+        np.concatenate([own.pressures for own in fitted]), np.concatenate([own.readings for own in fitted])
+    )
+    left = np.concatenate([own.readings - line.predict(own.pressures) for own in seen])
+    names = [f"{m.name}.{axis}" for m in suite.measurements for axis in range(m.size)]
+    values = np.sqrt(np.nanmean(left**2, axis=0)).tolist()
+    return dict(zip(names, values, strict=True)), line.parameters
+
+
+def _part(forward: Forward, flags: Sequence[Flags]) -> Forward:
+    return replace(forward, nodes=_parts(forward.nodes, flags))
+
+
+def _parts(nodes: Sequence[Nodes], flags: Sequence[Flags]) -> tuple[Nodes, ...]:
+    return tuple(own.keep(chosen) for own, chosen in zip(nodes, flags, strict=True))
+
+
+def _frames(evaluations: Sequence[Evaluation], flags: Sequence[Flags]) -> list[Frames]:
+    return [part.frames for part in _subset(evaluations, flags)]
+
+
+def _subset(evaluations: Sequence[Evaluation], flags: Sequence[Flags]) -> tuple[Evaluation, ...]:
+    return tuple(part.keep(chosen) for part, chosen in zip(evaluations, flags, strict=True))
+
+
+def _joined(
+    whole: Sequence[Evaluation],
+    trained: Sequence[Evaluation],
+    held_out: Sequence[Evaluation],
+    train: Sequence[Flags],
+) -> tuple[Evaluation, ...]:
+    """Give evaluations of all nodes with the model's states of the last evaluations of both parts."""
+    found = []
+    for every, seen, unseen, flags in zip(whole, trained, held_out, train, strict=True):
+        parts = {True: iter(seen.response.memory), False: iter(unseen.response.memory)}
+        converged = np.empty(len(flags), dtype=bool)
+        converged[flags], converged[~flags] = seen.converged, unseen.converged
+        memory = tuple(next(parts[bool(flag)]) for flag in flags)
+        found.append(replace(every, response=replace(every.response, memory=memory, converged=converged)))
+    return tuple(found)
+
+
+def _handedness(nodes: Sequence[Nodes]) -> dict[str, bool]:
+    bends = [m for own in nodes for m in own.run.suite.measurements if isinstance(m, Bend)]
+    return {bend.name.removeprefix("bend_"): bend.mirrored for bend in bends}
+
+
+def _require_solutions(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> None:
+    solved = np.concatenate([evaluation.converged for evaluation in evaluations])
+    if solved.mean() < LEAST_SOLVED:
+        raise CalibrationRefusedError(
+            ", ".join(own.run.name for own in nodes),
+            f"the model finds an equilibrium for {solved.mean():.0%} of the samples only",
+            "check the pressures' unit and the specimen's moduli",
+        )
+
+
+def _require_excitation(layout: Layout) -> None:
+    if any(parameter.kind in ("modulus", "gain") for parameter in layout.parameters):
+        return
+    raise CalibrationRefusedError(
+        "calibration", "the recordings determine neither a modulus nor a gain", MANOEUVRES["modulus"]
+    )
+
+
+def _require_convergence(found: Fit, layout: Layout) -> None:
+    moves = found.unsettled
+    if moves.max(initial=0.0) > UNSETTLED:
+        parameter = layout.parameters[int(np.argmax(moves))]
+        raise CalibrationRefusedError(
+            "calibration",
+            f"the fit does not converge: after {found.iterations} iterations {parameter.name} would still "
+            f"move by {moves.max():.1f} of its standard deviations",
+            f"{MANOEUVRES[parameter.kind]}, and hold random poses",
+        )
+
+
+def _require_improvement(check: Check) -> None:
+    if not check.held_out or not check.before:
+        return
+    old = np.array([check.before[name] for name in check.held_out])
+    new = np.array(list(check.held_out.values()))
+    scale = np.maximum(old, 1e-9)
+    if np.sqrt(((new / scale) ** 2).mean()) > WORSE:
+        raise CalibrationRefusedError(
+            "calibration",
+            f"blocks of {BLOCK:.0f} s that the fit has not seen are predicted worse than before",
+            "record more poses, each held for 5 s",
+        )

@@ -1,0 +1,73 @@
+"""What a recording lacks that a calibration could have used, with what to do about it."""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.calibration.arrange import Run
+from softarm.estimator.calibration.pulls import HOOK, LEAST_PULL
+from softarm.estimator.recording import Recording
+
+Floats = NDArray[np.float64]
+
+NEAR_MOST = 0.8  # of a gauge's largest reading
+LONGEST_GAP = 0.5  # s between two readings of a gauge within its range
+
+
+def complaints(recording: Recording, run: Run) -> tuple[str, ...]:
+    """Name gauges that were slack, silent or beyond their range, and sensors that never answered.
+
+    Args:
+        recording: What was recorded.
+        run: The same, arranged.
+    """
+    found = []
+    tied = HOOK in recording.markers or not {"gauge_section", "gauge_direction"}.isdisjoint(recording.info)
+    for gauge in recording.gauges:
+        tension = recording.gauge(gauge)
+        beyond = silent_at_most(recording.time, tension)
+        if not np.isfinite(tension).any():
+            found.append(f"{run.name}, gauge {gauge}: never answered; check its cable and its section")
+        elif beyond:
+            found.append(
+                f"{run.name}, gauge {gauge}: saturated gauge: silent for {beyond:.1f} s where it pulled "
+                "most, as beyond its range; pull less, or with a larger gauge"
+            )
+        elif tied and float(np.nanmax(np.abs(tension))) <= LEAST_PULL:
+            found.append(
+                f"{run.name}, gauge {gauge}: its cord was slack throughout, so it tells no force; "
+                "move the gauge away until the cord is taut, then in small steps"
+            )
+    silent = (
+        f"{run.name}, {name}: never answered; connect it or bring its markers into view, "
+        "and record poses of more than 10 degrees"
+        for name in silent_sensors(run)
+    )
+    return (*found, *silent)
+
+
+def silent_at_most(time: Floats, tension: Floats) -> float:
+    """Give how long a gauge told nothing between readings near to its largest [s], 0 where it never did.
+
+    Args:
+        time: [s], shape (samples,).
+        tension: Its readings [N], NaN where there is none, shape (samples,).
+    """
+    pull = np.abs(tension)
+    seen = np.isfinite(pull)
+    times, pulls = time[seen], pull[seen]
+    if len(times) < 3 or pulls.max() <= LEAST_PULL:
+        return 0.0
+    gaps = np.diff(times)
+    high = pulls > NEAR_MOST * pulls.max()
+    long = gaps > max(LONGEST_GAP, 10.0 * float(np.median(gaps)))
+    return float(gaps[long & high[:-1] & high[1:]].sum())
+
+
+def silent_sensors(run: Run) -> tuple[str, ...]:
+    """Name the sensors of a run that have no reading at all."""
+    found, start = [], 0
+    for sensor in run.suite.measurements:
+        part = run.readings[:, start : start + sensor.reading_size]
+        start += sensor.reading_size
+        if not np.isfinite(part).any():
+            found.append(sensor.name)
+    return tuple(found)

@@ -1,0 +1,113 @@
+"""Has a calibration gone stale: do new recordings scatter about its predictions more than it said?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as fisher
+from softarm.estimator.calibration.arrange import Run
+from softarm.estimator.calibration.forward import Forward
+from softarm.estimator.calibration.nodes import NEVER_TOGETHER, TOGETHER, Nodes, choose_nodes
+from softarm.estimator.calibration.outcome import quantity_of
+from softarm.estimator.calibration.parameters import build_layout
+from softarm.estimator.calibration.regression import estimate_lag
+from softarm.estimator.calibration.scatter import rms
+from softarm.estimator.calibration.solver import Solver
+from softarm.estimator.errors import InputError
+from softarm.estimator.sensing import SensorSuite
+from softarm.estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+
+SIGNIFICANCE = 0.01
+LEAST_RATIO = 1.3
+"""A scatter that has grown by less is no reason to calibrate anew."""
+CALIBRATION_FREEDOM = 10.0
+"""Independent samples that a calibration's scatter counts as."""
+NODES_PER_FREEDOM = 4.0
+"""Neighbouring nodes say nearly the same thing."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How one quantity of one sensor scatters now.
+
+    Args:
+        quantity: Such as ``frame_tip rotation``.
+        scatter: Root mean square of measured minus predicted now [m or rad].
+        calibrated: What it was on blocks that the calibration had not seen.
+        stale: Whether it has grown significantly, and by more than ``LEAST_RATIO``.
+    """
+
+    quantity: str
+    scatter: float
+    calibrated: float
+    stale: bool
+
+    @property
+    def ratio(self) -> float:
+        """Scatter now over that of the calibration."""
+        return self.scatter / self.calibrated
+
+
+def check_drift(
+    solver: Solver, specimen: Specimen, runs: Sequence[Run], nodes: int = 60
+) -> tuple[Drift, ...]:
+    """Compare recordings with what the specimen's calibration predicts for them.
+
+    Args:
+        solver: Model of the specimen, with its calibration.
+        specimen: The calibrated robot.
+        runs: New recordings, arranged for it.
+        nodes: Largest number of samples over all.
+
+    Raises:
+        InputError: The specimen does not say how its calibration scattered, or no sensor is shared.
+    """
+    known = specimen.calibration.scatter
+    if not known:
+        raise InputError(
+            f"specimen {specimen.name}", "was never calibrated", "run softarm calibrate on it first"
+        )
+    chosen = _nodes(runs, nodes)
+    evaluations = _forward(solver, specimen, chosen).evaluate(np.zeros(0))
+    groups: dict[str, list[float]] = {}
+    for name, value in rms(evaluations, chosen).items():
+        groups.setdefault(quantity_of(name), []).append(value)
+    shared = [name for name in groups if name in known]
+    if not shared:
+        raise InputError(
+            ", ".join(run.name for run in runs),
+            "has no sensor that the calibration knew",
+            f"record one of {', '.join(known)}",
+        )
+    count = sum(len(own.time) for own in chosen)
+    limit = float(np.sqrt(fisher.isf(SIGNIFICANCE, max(count / NODES_PER_FREEDOM, 1.0), CALIBRATION_FREEDOM)))
+    return tuple(
+        _judge(name, float(np.sqrt(np.mean(np.square(groups[name])))), known[name], max(limit, LEAST_RATIO))
+        for name in shared
+    )
+
+
+def _judge(name: str, scatter: float, calibrated: float, limit: float) -> Drift:
+    return Drift(name, scatter, calibrated, bool(scatter > limit * calibrated))
+
+
+def _nodes(runs: Sequence[Run], count: int) -> tuple[Nodes, ...]:
+    aligned = [run.delayed(lag) if (lag := estimate_lag(run)) else run for run in runs]
+    chosen = tuple(choose_nodes(run, max(8, count // len(runs))) for run in aligned)
+    if not sum(len(own.time) for own in chosen):
+        raise InputError(", ".join(run.name for run in runs), NEVER_TOGETHER, TOGETHER)
+    return tuple(own for own in chosen if len(own.time))
+
+
+def _forward(solver: Solver, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Forward:
+    """Settle every unknown at its calibrated value."""
+    measurements = {m.name: m for own in nodes for m in own.run.suite.measurements}
+    suite = SensorSuite(tuple(measurements.values()))
+    layout = build_layout(
+        specimen, suite, nodes[0].run.pressure_source, (), solver.factors, sections=solver.sections
+    )
+    settled = layout.without(layout.names)
+    return Forward(solver, settled, nodes, np.array(specimen.gravity_m_s2))

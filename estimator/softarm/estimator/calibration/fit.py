@@ -1,0 +1,301 @@
+"""Robust Gauss-Newton over the unknowns of a calibration, with what is known beforehand among the data.
+
+Minimised is sum_i w_i rho(r_i / s_c(i)) / tau + sum (known - value)^2 / spread^2, with rho the Huber loss,
+w_i the nodes' weights, s_c the scatter of the residuals of a kind of sensor (estimated along the way: a model
+is never exact, so the sensors' own noise would make it overconfident) and tau the number of nodes that say
+the same thing, from the residuals' correlation in time.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.calibration.forward import Evaluation, Forward
+from softarm.estimator.calibration.nodes import Nodes
+from softarm.estimator.calibration.scatter import vented
+from softarm.estimator.sensing import Measurement, SectionPose
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+HUBER = 1.5  # in units of the scatter
+NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
+PULLED = ", pulled"
+"""Runs with known forces have a scatter of their own: the arm hangs near rest, where a model is truer."""
+HELD = ", held"
+"""Under pressure and drawn by a gauge at once."""
+HELD_WORTH = 9.0
+"""Weight of a known force under pressure: where a model that is not exact must err, not in the forces."""
+PULL_TRUST = 1.0 / 3.0
+"""A known force tells the stiffness itself, pressures only through gravity and the area that they push on.
+
+Where a model that is not exact must err, it shall err in the pressures, whose gains can make up for it.
+"""
+SETTLING = 4  # evaluations after which scatter and correlation stay, so that one function is minimised
+FIRST_DAMPING = 1e-3
+LARGEST_DAMPING = 1e6
+
+
+@dataclass(frozen=True)
+class Rows:
+    """All residuals of all runs, one per row.
+
+    Args:
+        innovation: Measured minus predicted, shape (rows,).
+        jacobian: Derivative of the prediction by the unknowns, shape (rows, unknowns).
+        rigid: Derivative by a rigid motion of the arm, for sensors in the laboratory frame, shape (rows, 6).
+        run: Number of its run, shape (rows,).
+        kind: What each row shares its scatter with: rows of one kind of sensor and unit.
+        weight: Weight of its node, shape (rows,).
+        noise: Standard deviation of its sensor's own noise, shape (rows,).
+        block: Number of its block, over all runs, shape (rows,).
+    """
+
+    innovation: Floats
+    jacobian: Floats
+    rigid: Floats
+    run: NDArray[np.int64]
+    kind: NDArray[np.str_]
+    weight: Floats
+    noise: Floats
+    block: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Where a fit ended.
+
+    Args:
+        values: Values of the unknowns, shape (unknowns,).
+        covariance: Their covariance: the larger of that of the curvature and that of the blocks'
+            disagreement, shape (unknowns, unknowns).
+        evaluations: The model there, per run.
+        scatter: Scatter of the residuals of each kind of sensor [its unit].
+        correlated: Number of nodes that say the same thing.
+        status: ``converged`` or ``iterations_exhausted``.
+        iterations: Number of evaluations of the model at all nodes.
+        unsettled: Step that is left of each unknown, over its standard deviation, shape (unknowns,).
+    """
+
+    values: Floats
+    covariance: Floats
+    evaluations: tuple[Evaluation, ...]
+    scatter: dict[str, float]
+    correlated: float
+    status: str
+    iterations: int
+    unsettled: Floats
+
+
+def fit(
+    forward: Forward,
+    start: Floats,
+    *,
+    iterations: int = 15,
+    tolerance: float = 0.05,
+    evaluations: Sequence[Evaluation] | None = None,
+) -> Fit:
+    """Fit the unknowns to the nodes.
+
+    Args:
+        forward: Model, unknowns and nodes.
+        start: Values to begin with, shape (unknowns,).
+        iterations: Largest number of evaluations.
+        tolerance: A step shorter than this share of every standard deviation ends the search.
+        evaluations: An earlier evaluation for a warm start of the model.
+    """
+    values, damping, count = start, FIRST_DAMPING, 1
+    scatter: dict[str, float] = {}
+    correlated = 1.0
+    current = forward.evaluate(values, evaluations)
+    while True:
+        rows = collect(current, forward.nodes)
+        if count <= SETTLING:
+            scatter = _scatter(rows)
+            correlated = correlation_length(current, forward.nodes)
+        normal, gradient, cost = _normal_equations(forward, rows, values, scatter, correlated)
+        step, unsettled = _step(normal, gradient, damping)
+        settled = bool(unsettled.max(initial=0.0) < tolerance)
+        if settled or count >= iterations:
+            break
+        candidate = forward.evaluate(values + step, current)
+        count += 1
+        new_rows = collect(candidate, forward.nodes)
+        _, _, new_cost = _normal_equations(forward, new_rows, values + step, scatter, correlated)
+        if len(new_rows.innovation) >= 0.9 * len(rows.innovation) and new_cost <= cost * (1 + 1e-9):
+            values, current, damping = values + step, candidate, max(damping * 0.2, 1e-9)
+        elif damping < LARGEST_DAMPING:
+            damping = max(damping * 10.0, 1e-2)
+        else:
+            break
+    covariance = _covariance(forward, rows, scatter, correlated, normal)
+    covariance += _registration_covariance(forward, rows, scatter, correlated, normal)
+    status = "converged" if settled else "iterations_exhausted"
+    return Fit(values, covariance, current, scatter, correlated, status, count, unsettled)
+
+
+def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
+    """Stack the residuals that are present."""
+    parts = []
+    first_block = 0
+    for number, (evaluation, own) in enumerate(zip(evaluations, nodes, strict=True)):
+        suite = own.run.suite
+        kind = np.empty(suite.size, dtype="U64")
+        held = own.run.pulled & ~vented(own.pressures)
+        noise, registered = np.empty(suite.size), np.zeros(suite.size)
+        for measurement in suite.measurements:
+            rows = suite.slices[measurement.name]
+            kind[rows] = _kinds(measurement)
+            registered[rows] = measurement.registration is not None
+            noise[rows] = np.sqrt(np.diag(measurement.covariance(np.zeros(measurement.reading_size))))
+        seen = np.isfinite(evaluation.innovation)
+        shape = evaluation.innovation.shape
+        suffix = np.where(held, HELD, PULLED if own.run.pulled else "")
+        weight = own.weights * np.where(held, HELD_WORTH, 1.0)
+        parts.append(
+            Rows(
+                evaluation.innovation[seen],
+                evaluation.jacobian[seen],
+                (evaluation.rigid * registered[:, None])[seen],
+                np.broadcast_to(number, shape)[seen],
+                np.char.add(kind[None, :], suffix[:, None])[seen],
+                np.broadcast_to(weight[:, None], shape)[seen],
+                np.broadcast_to(noise, shape)[seen],
+                np.broadcast_to(own.blocks[:, None] + first_block, shape)[seen],
+            )
+        )
+        first_block += int(own.blocks.max(initial=-1)) + 1
+    return Rows(
+        *(
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("innovation", "jacobian", "rigid", "run", "kind", "weight", "noise", "block")
+        )
+    )
+
+
+def correlation_length(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> float:
+    """Give the number of consecutive nodes that say the same thing: 1 + 2 sum of autocorrelations.
+
+    Summed up to the first that is not positive (Geyer's initial sequence), averaged over the sensors' rows.
+    """
+    lengths: list[float] = []
+    for evaluation, own in zip(evaluations, nodes, strict=True):
+        root = np.sqrt(own.weights)[:, None] * np.nan_to_num(evaluation.innovation)
+        lengths.extend(map(_integrated_correlation, root.T))
+    return float(np.mean(lengths)) if lengths else 1.0
+
+
+def _integrated_correlation(values: Floats) -> float:
+    count = len(values)
+    power = float(values @ values)
+    if count < 4 or power == 0.0:
+        return 1.0
+    total = 1.0
+    for lag in range(1, count // 2):
+        correlation = float(values[lag:] @ values[:-lag]) / power
+        if correlation <= 0.0:
+            break
+        total += 2.0 * correlation
+    return min(total, count / 2)
+
+
+def _kinds(measurement: Measurement) -> list[str]:
+    """Name what each row of a sensor shares its scatter with: all rows of one kind of sensor and unit."""
+    kind = type(measurement).__name__.lower()
+    if isinstance(measurement, SectionPose):
+        return [f"{kind} position"] * 3 + [f"{kind} rotation"] * 3
+    return [kind] * measurement.size
+
+
+def _scatter(rows: Rows) -> dict[str, float]:
+    """Estimate each kind's scatter by the weighted median of its residuals; not below the sensors' noise."""
+    scatter = {}
+    for name in np.unique(rows.kind):
+        own = rows.kind == name
+        sizes, weights = np.abs(rows.innovation[own]), rows.weight[own]
+        order = np.argsort(sizes)
+        middle = np.searchsorted(np.cumsum(weights[order]), 0.5 * weights.sum())
+        median = float(sizes[order][min(int(middle), len(sizes) - 1)])
+        trusted = PULL_TRUST if str(name).endswith(PULLED) else 1.0
+        scatter[str(name)] = max(trusted * NORMAL_MAD * median, float(rows.noise[own].max()))
+    return scatter
+
+
+def _whitened(rows: Rows, scatter: dict[str, float]) -> tuple[Floats, Floats]:
+    """Give residuals over their scatter and the Huber weights times the nodes' weights, shape (rows,)."""
+    scale = np.array([scatter[str(name)] for name in rows.kind])
+    whitened = rows.innovation / scale
+    huber = np.minimum(1.0, HUBER / np.maximum(np.abs(whitened), 1e-12))
+    return whitened, rows.weight * huber
+
+
+def _normal_equations(
+    forward: Forward, rows: Rows, values: Floats, scatter: dict[str, float], correlated: float
+) -> tuple[Floats, Floats, float]:
+    whitened, weight = _whitened(rows, scatter)
+    scale = np.array([scatter[str(name)] for name in rows.kind])
+    jacobian = rows.jacobian / scale[:, None]
+    known, known_rows = forward.layout.prior_rows(values)
+    weighted = jacobian.T * (weight / correlated)
+    normal = weighted @ jacobian + known_rows.T @ known_rows
+    gradient = weighted @ whitened + known_rows.T @ known
+    size = np.abs(whitened)
+    loss = np.where(size <= HUBER, size**2, 2.0 * HUBER * size - HUBER**2)
+    return normal, gradient, float((rows.weight * loss).sum() / correlated + known @ known)
+
+
+def _step(normal: Floats, gradient: Floats, damping: float) -> tuple[Floats, Floats]:
+    """Give the damped step, and the share of its deviation that each unknown would move undamped."""
+    damped = normal + damping * np.diag(np.diag(normal))
+    step: Floats = np.linalg.solve(damped, gradient).astype(np.float64)
+    deviations = np.sqrt(np.diag(np.linalg.inv(normal)))
+    shares: Floats = np.abs(np.linalg.solve(normal, gradient)) / deviations
+    return step, shares
+
+
+def _covariance(
+    forward: Forward, rows: Rows, scatter: dict[str, float], correlated: float, normal: Floats
+) -> Floats:
+    """Give the covariance: that of the curvature, widened to what blocks of ten seconds disagree by.
+
+    The second is the cluster-robust estimate H^-1 (sum_b g_b g_b^T) H^-1 with g_b a block's gradient
+    (Liang and Zeger 1986); the curvature's correlations are kept and each deviation is the larger of the two.
+    """
+    curvature: Floats = np.linalg.inv(normal).astype(np.float64)
+    blocks = np.unique(rows.block)
+    if len(blocks) < 3:
+        return curvature
+    whitened, weight = _whitened(rows, scatter)
+    scale = np.array([scatter[str(name)] for name in rows.kind])
+    scores = rows.jacobian * (weight * whitened / scale / correlated)[:, None]
+    gradients = np.array([scores[rows.block == block].sum(axis=0) for block in blocks])
+    spread = curvature @ (gradients.T @ gradients) @ curvature * len(blocks) / (len(blocks) - 1)
+    prior = np.diag(forward.layout.prior_covariance())
+    widest = np.minimum(
+        np.maximum(np.diag(spread), np.diag(curvature)), np.maximum(prior, np.diag(curvature))
+    )
+    ratio = np.sqrt(widest / np.diag(curvature))
+    covariance: Floats = curvature * np.outer(ratio, ratio)
+    return covariance
+
+
+def _registration_covariance(
+    forward: Forward, rows: Rows, scatter: dict[str, float], correlated: float, normal: Floats
+) -> Floats:
+    """Give what the errors of the laboratory's registrations add: they move all readings of a run together.
+
+    An error e of covariance C moves the fit by H^-1 J^T W R e, with R the derivative by a rigid motion.
+    """
+    _, weight = _whitened(rows, scatter)
+    scale = np.array([scatter[str(name)] for name in rows.kind])
+    total = np.zeros_like(normal)
+    for number, own in enumerate(forward.nodes):
+        covariances = [m.registration.covariance for m in own.run.suite.measurements if m.registration]
+        part = rows.run == number
+        if not covariances or not part.any():
+            continue
+        weighted = rows.jacobian[part].T * (weight[part] / scale[part] ** 2 / correlated)
+        gain = np.linalg.solve(normal, weighted @ rows.rigid[part])
+        total += gain @ covariances[0] @ gain.T
+    return total

@@ -1,0 +1,230 @@
+"""What a calibration found, and the specimen that contains it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.calibration.identifiability import Identified
+from softarm.estimator.calibration.parameters import gravity_axes
+from softarm.estimator.rotations import exp, from_quaternions, log
+from softarm.estimator.specimen import (
+    BendCalibration,
+    ChamberCalibration,
+    FrameCalibration,
+    Specimen,
+    Value,
+)
+
+Floats = NDArray[np.float64]
+
+ZERO = Value(value=0.0)
+
+
+@dataclass(frozen=True)
+class Check:
+    """Root mean square of measured minus predicted at the nodes, by component of each sensor.
+
+    Args:
+        before: With the old calibration, on the nodes of ``held_out``, or of all where none are held out;
+            empty where the model so calibrated has no equilibrium at the recorded pressures.
+        training: On the nodes that the fit has seen.
+        held_out: On those that it has not; empty where there are none.
+        line: Of the ordinary linear regression of the readings on the pressures, fitted on the training
+            nodes, on those of ``held_out``; empty where it does not apply.
+        line_parameters: Numbers that the regression fits.
+    """
+
+    before: Mapping[str, float]
+    training: Mapping[str, float]
+    held_out: Mapping[str, float]
+    line: Mapping[str, float]
+    line_parameters: int
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A calibration and how far to trust it.
+
+    Args:
+        identified: Every unknown with its value, deviation and verdict.
+        covariance: Covariance of those that were fitted, in their order, shape (fitted, fitted).
+        mirrored: Handedness of each bend by section.
+        check: How well nodes are predicted that the fit has not seen.
+        lags: Seconds by which the motion lags the pressures in each run, ``None`` where it cannot be told.
+        status: How the last fit ended.
+        nodes: Number of nodes.
+        unsolved: Nodes at which the model found no equilibrium.
+        recordings: Names of the runs.
+        scatter: Root mean square of measured minus predicted, by sensor and quantity [m or rad], where no fit
+            had seen it.
+    """
+
+    identified: tuple[Identified, ...]
+    covariance: Floats
+    mirrored: Mapping[str, bool]
+    check: Check
+    lags: tuple[float | None, ...]
+    status: str
+    nodes: int
+    unsolved: int
+    recordings: tuple[str, ...]
+    scatter: Mapping[str, float]
+
+    @property
+    def fitted(self) -> int:
+        """Number of unknowns that the data determine."""
+        return sum(entry.verdict != "kept" for entry in self.identified)
+
+    def value(self, name: str) -> Value | None:
+        """Give a fitted unknown and its deviation; ``None`` where it was kept or is no unknown."""
+        for entry in self.identified:
+            if entry.parameter.name == name and entry.verdict != "kept":
+                if entry.parameter.kind == "modulus":
+                    factor = float(np.exp(entry.value))
+                    return Value(value=factor, std=factor * entry.std)
+                return Value(value=entry.value, std=entry.std)
+        return None
+
+
+def calibrated_specimen(specimen: Specimen, found: Calibrated, provenance: str = "") -> Specimen:
+    """Write a calibration into its specimen; what was kept stays as it was.
+
+    Args:
+        specimen: The specimen that was calibrated.
+        found: What was found.
+        provenance: When and how.
+    """
+    old = specimen.calibration
+    scales = dict(old.modulus_scale)
+    for segment in specimen.segments:
+        scale = found.value(f"modulus.{segment.name}")
+        if scale is not None:
+            scales[segment.name] = scale
+    calibration = old.model_copy(
+        update={
+            "recordings": tuple(dict.fromkeys((*old.recordings, *found.recordings))),
+            "provenance": provenance or old.provenance,
+            "scatter": dict(found.scatter),
+            "modulus_scale": scales,
+            "stretch_gain": found.value("stretch") or old.stretch_gain,
+            "chambers": tuple(_chamber(specimen, c.index, found) for c in specimen.chambers),
+            "bends": _bends(specimen, found),
+            "frames": _frames(specimen, found),
+        }
+    )
+    gravity = _gravity(specimen, found)
+    return specimen.model_copy(update={"calibration": calibration, "gravity_m_s2": gravity})
+
+
+def by_quantity(components: Mapping[str, float]) -> dict[str, float]:
+    """Join root mean squares of components to those of each sensor's quantities."""
+    groups: dict[str, list[float]] = {}
+    for name, value in components.items():
+        groups.setdefault(quantity_of(name), []).append(value)
+    return {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in groups.items()}
+
+
+def quantity_of(component: str) -> str:
+    """Name the sensor and quantity of a component: ``frame_tip.4`` is ``frame_tip rotation``."""
+    sensor, _, number = component.rpartition(".")
+    if not sensor.startswith("frame_"):
+        return sensor
+    return f"{sensor} {'position' if int(number) < 3 else 'rotation'}"
+
+
+def _chamber(specimen: Specimen, index: int, found: Calibrated) -> ChamberCalibration:
+    old = specimen.calibration.chamber(index)
+    segment = next(c.segment for c in specimen.chambers if c.index == index)
+    gain, bias = found.value(f"gain.{index}"), found.value(f"bias.{index}")
+    curve, bow = found.value(f"curve.{segment}"), found.value(f"bow.{segment}")
+    shares = [found.value(f"crosstalk.{index}.{c.index}") or ZERO for c in specimen.chambers]
+    crossed = any(share.value for share in shares)
+    return ChamberCalibration(
+        index=index,
+        gain=gain or old.gain,
+        bias_pa=bias or old.bias_pa,
+        curve_per_pa=curve or old.curve_per_pa,
+        bow_per_pa2=bow or old.bow_per_pa2,
+        crosstalk=tuple(share.value for share in shares) if crossed else old.crosstalk,
+        crosstalk_std=tuple(share.std for share in shares) if crossed else old.crosstalk_std,
+    )
+
+
+def _gravity(specimen: Specimen, found: Calibrated) -> tuple[float, float, float]:
+    """Tilt gravity as it was found; what turns it about itself cannot be seen."""
+    gravity = np.array(specimen.gravity_m_s2)
+    tilts = [found.value(f"gravity.tilt_{axis}") for axis in "xy"]
+    vector = np.array([0.0 if tilt is None else tilt.value for tilt in tilts])
+    x, y, z = (exp(vector @ gravity_axes(gravity)) @ gravity).tolist()
+    return x, y, z
+
+
+def _bends(specimen: Specimen, found: Calibrated) -> tuple[BendCalibration, ...]:
+    entries = {entry.section: entry for entry in specimen.calibration.bends}
+    for section, mirrored in found.mirrored.items():
+        old = specimen.calibration.bend(section)
+        entries[section] = BendCalibration(
+            section=section,
+            rotation_rad=found.value(f"bend_{section}.in_plane") or old.rotation_rad,
+            mirrored=mirrored,
+            bias_x_rad=found.value(f"bend_{section}.bias_x") or old.bias_x_rad,
+            bias_y_rad=found.value(f"bend_{section}.bias_y") or old.bias_y_rad,
+        )
+    return tuple(entries.values())
+
+
+def _frames(specimen: Specimen, found: Calibrated) -> tuple[FrameCalibration, ...]:
+    entries = {entry.section: entry for entry in specimen.calibration.frames}
+    names = {entry.parameter.name for entry in found.identified}
+    for section in (section.name for section in specimen.sections):
+        kinds = [kind for kind in ("frame", "orientation") if f"{kind}_{section}.misalignment_x" in names]
+        if not kinds:
+            continue
+        old = specimen.calibration.frame(section)
+        turned = [found.value(f"{kinds[0]}_{section}.misalignment_{axis}") for axis in "xyz"]
+        moved = [found.value(f"frame_{section}.offset_{axis}") for axis in "xyz"]
+        entries[section] = FrameCalibration(
+            section=section,
+            misalignment_rad=_vector(turned, old.misalignment_rad, "value"),
+            misalignment_std_rad=_vector(turned, old.misalignment_std_rad, "std"),
+            offset_m=_vector(moved, old.offset_m, "value"),
+            offset_std_m=_vector(moved, old.offset_std_m, "std"),
+        )
+    mounted = _mounted(specimen, found)
+    if mounted is not None:
+        entries[mounted.section] = mounted
+    return tuple(entries.values())
+
+
+def _mounted(specimen: Specimen, found: Calibrated) -> FrameCalibration | None:
+    """Tell how the body on the base is mounted; it adds to what the registration already knew."""
+    turned = [found.value(f"base.turn_{axis}") for axis in "xyz"]
+    moved = [found.value(f"base.shift_{axis}") for axis in "xyz"]
+    if all(value is None for value in (*turned, *moved)):
+        return None
+    section = specimen.sections[0]
+    old = specimen.calibration.frame(section.name)
+    rest = from_quaternions(np.array(section.frame_quaternion))
+    turn, shift = np.array(_vector(turned, (0, 0, 0), "value")), np.array(_vector(moved, (0, 0, 0), "value"))
+    origin = np.array(section.frame_origin_m)
+    before = origin + rest @ np.array(old.offset_m)
+    offset = rest.T @ (exp(turn) @ before + shift - origin)
+    misalignment = log(rest.T @ exp(turn) @ rest @ exp(np.array(old.misalignment_rad)))
+    return FrameCalibration(
+        section=section.name,
+        misalignment_rad=tuple(misalignment.tolist()),
+        misalignment_std_rad=_vector(turned, old.misalignment_std_rad, "std"),
+        offset_m=tuple(offset.tolist()),
+        offset_std_m=_vector(moved, old.offset_std_m, "std"),
+    )
+
+
+def _vector(
+    found: list[Value | None], old: tuple[float, float, float], field: str
+) -> tuple[float, float, float]:
+    x, y, z = (
+        kept if value is None else float(getattr(value, field))
+        for value, kept in zip(found, old, strict=True)
+    )
+    return x, y, z

@@ -1,0 +1,92 @@
+"""The moduli from known forces alone, before pressures have their say.
+
+A known force on the vented arm tells the stiffness itself, pressures only what they are worth against it. In
+one fit of everything, what a model that is not exact cannot explain of the pressures would move the moduli;
+so the moduli are found first, and held near while the gains are.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.calibration.fit import fit
+from softarm.estimator.calibration.forward import Evaluation, Forward
+from softarm.estimator.calibration.nodes import Nodes
+from softarm.estimator.calibration.parameters import Layout
+from softarm.estimator.calibration.pulls import LEAST_PULL
+from softarm.estimator.calibration.scatter import vented
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+FEWEST_PULLS = 5  # nodes at which a known force must act before it counts as telling the moduli
+HELD = 0.002  # of a modulus' logarithm that pressures may move it from what pulls told
+ITERATIONS = 20
+OF_PRESSURES = ("gain", "bias", "curve", "bow", "crosstalk", "stretch")
+
+
+@dataclass(frozen=True)
+class Told:
+    """What pulls told.
+
+    Args:
+        values: Values of all unknowns; those that pulls do not tell are as they were, shape (unknowns,).
+        spreads: Standard deviation of each modulus; none where there were too few pulls.
+    """
+
+    values: Floats
+    spreads: Mapping[str, float]
+
+    def near(self, layout: Layout) -> Layout:
+        """Hold the moduli near to what the pulls told."""
+        values = dict(zip(layout.names, self.values.tolist(), strict=True))
+        return replace(
+            layout,
+            parameters=tuple(
+                replace(p, mean=values[p.name], spread=HELD) if p.name in self.spreads else p
+                for p in layout.parameters
+            ),
+        )
+
+    def widened(self, layout: Layout, covariance: Floats) -> Floats:
+        """Give a covariance in which the moduli are no better known than the pulls told."""
+        own = np.sqrt(np.diag(covariance))
+        least = np.array([self.spreads.get(name, 0.0) for name in layout.names])
+        ratio = np.maximum(own, least) / own
+        return np.asarray(covariance * np.outer(ratio, ratio))
+
+
+def told_by_pulls(
+    forward: Forward, start: Floats, before: Sequence[Evaluation], train: Sequence[Flags]
+) -> Told:
+    """Fit everything but what belongs to the pressures to the pulls on the vented arm.
+
+    Args:
+        forward: Model, unknowns and all nodes.
+        start: Values to begin with, shape (unknowns,).
+        before: An evaluation of all nodes, whose states the solves start from.
+        train: Which nodes of each run it may see.
+    """
+    pulled = [flags & _vented_pulls(own) for own, flags in zip(forward.nodes, train, strict=True)]
+    part = tuple(own.keep(f) for own, f in zip(forward.nodes, pulled, strict=True) if f.any())
+    near = tuple(own.keep(f) for own, f in zip(before, pulled, strict=True) if f.any())
+    if sum(len(nodes.time) for nodes in part) <= FEWEST_PULLS:
+        return Told(start, {})
+    out = {p.name for p in forward.layout.parameters if p.kind in OF_PRESSURES}
+    layout = forward.layout.without(out)
+    inside = np.array([name not in out for name in forward.layout.names])
+    pulls = Forward(forward.solver, layout, part, forward.gravity)
+    found = fit(pulls, start[inside], iterations=ITERATIONS, evaluations=near)
+    values = start.copy()
+    values[inside] = found.values
+    deviations = np.sqrt(np.diag(found.covariance)).tolist()
+    moduli = zip(layout.parameters, deviations, strict=True)
+    return Told(values, {p.name: deviation for p, deviation in moduli if p.kind == "modulus"})
+
+
+def _vented_pulls(nodes: Nodes) -> Flags:
+    """Tell at which nodes a known force acts on the vented arm, shape (nodes,)."""
+    if not nodes.run.pulled:
+        return np.zeros(len(nodes.time), dtype=bool)
+    return np.asarray((np.abs(nodes.loads) > LEAST_PULL).any(axis=1) & vented(nodes.pressures))

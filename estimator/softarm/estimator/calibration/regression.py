@@ -1,0 +1,90 @@
+"""Readings as a linear function of pressures, with no model, and the lag between their clocks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.calibration.arrange import Run
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LONGEST_LAG = 0.3  # s
+LAG_STEP = 0.02
+FEWEST_SAMPLES = 100
+
+
+@dataclass(frozen=True)
+class Line:
+    """Ordinary linear regression of readings on pressures.
+
+    Args:
+        slopes: Shape (chambers + 1, readings); the last row is the offset.
+    """
+
+    slopes: Floats
+
+    @property
+    def parameters(self) -> int:
+        """Number of fitted numbers."""
+        return int(self.slopes.size)
+
+    def predict(self, pressures: Floats) -> Floats:
+        """Give the readings for pressures [Pa], shape (samples, chambers)."""
+        predicted: Floats = _columns(pressures) @ self.slopes
+        return predicted
+
+
+def fit_line(pressures: Floats, readings: Floats) -> Line:
+    """Fit by least squares, samples with a lost value left out.
+
+    Args:
+        pressures: [Pa], shape (samples, chambers).
+        readings: Shape (samples, readings).
+    """
+    seen = np.isfinite(pressures).all(axis=1) & np.isfinite(readings).all(axis=1)
+    slopes, *_ = np.linalg.lstsq(_columns(pressures[seen]), readings[seen], rcond=None)
+    return Line(np.asarray(slopes, dtype=np.float64))
+
+
+def estimate_lag(run: Run) -> float | None:
+    """Estimate how far the motion lags behind the pressures [s]: where a line explains it best.
+
+    The lag of the clocks and that of the arm's own inertia add up; a static model wants both gone.
+
+    Returns:
+        The lag, ``None`` where pressures or readings do not move enough to tell.
+    """
+    moving = np.isfinite(run.readings).all(axis=1) & np.isfinite(run.pressures).all(axis=1)
+    if moving.sum() < FEWEST_SAMPLES or not (np.nanstd(run.pressures, axis=0) > 0).any():
+        return None
+    lags = np.arange(-LONGEST_LAG, LONGEST_LAG + LAG_STEP / 2, LAG_STEP)
+    left = np.array([_unexplained(run.delayed(lag)) for lag in lags])
+    if left.min() > 0.5:
+        return None
+    return _lowest(lags, left)
+
+
+def _unexplained(run: Run) -> float:
+    """Give the share of the readings' variance that a line leaves, each reading over its own."""
+    seen = np.isfinite(run.readings).all(axis=1) & np.isfinite(run.pressures).all(axis=1)
+    readings = run.readings[seen]
+    left = readings - fit_line(run.pressures[seen], readings).predict(run.pressures[seen])
+    variance = readings.var(axis=0)
+    moving = variance > 0
+    return float((left[:, moving].var(axis=0) / variance[moving]).mean()) if moving.any() else 1.0
+
+
+def _lowest(lags: Floats, left: Floats) -> float:
+    """Find the minimum of a parabola through the lowest point and its neighbours."""
+    at = int(np.argmin(left))
+    if at in (0, len(lags) - 1):
+        return float(lags[at])
+    before, here, after = left[at - 1 : at + 2]
+    bow = before - 2.0 * here + after
+    shift = 0.5 * (before - after) / bow if bow > 0 else 0.0
+    return float(lags[at] + shift * (lags[1] - lags[0]))
+
+
+def _columns(pressures: Floats) -> Floats:
+    return np.column_stack([pressures, np.ones(len(pressures))])

@@ -1,0 +1,95 @@
+"""Global search for the alignment of bend axes: in-plane rotation and handedness, in closed form.
+
+With b the model's bend as a complex number and y the recorded one, y = a b + c, or a conj(b) + c where the
+recorded axes are left-handed; a = g exp(i phi) holds the in-plane rotation phi and a gain g, c the bias. Both
+fits are linear.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.calibration.nodes import Nodes
+from softarm.estimator.model import Frames
+from softarm.estimator.sensing import Bend, Scene, SensorSuite
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AxesFit:
+    """What fits a bend's recorded axes for one handedness.
+
+    Args:
+        mirrored: Whether the axes are left-handed.
+        in_plane: Rotation [rad].
+        gain: Recorded over predicted size of the bend.
+        bias: Offset [rad], shape (2,).
+        rms: What is left [rad].
+    """
+
+    mirrored: bool
+    in_plane: float
+    gain: float
+    bias: Floats
+    rms: float
+
+
+def fit_axes(predicted: Floats, recorded: Floats, weights: Floats, mirrored: bool) -> AxesFit:
+    """Fit rotation, gain and bias for one handedness.
+
+    Args:
+        predicted: The model's bends in its own axes [rad], shape (nodes, 2).
+        recorded: The recorded bends [rad], shape (nodes, 2).
+        weights: Shape (nodes,).
+        mirrored: The handedness.
+    """
+    model = predicted[:, 0] + 1j * predicted[:, 1] * (-1.0 if mirrored else 1.0)
+    data = recorded[:, 0] + 1j * recorded[:, 1]
+    root = np.sqrt(weights)
+    columns = np.column_stack([model, np.ones_like(model)]) * root[:, None]
+    (factor, bias), *_ = np.linalg.lstsq(columns, data * root, rcond=None)
+    left = data - factor * model - bias
+    rms = float(np.sqrt((weights * np.abs(left) ** 2).sum() / max(2.0 * weights.sum(), 1e-12)))
+    offset = np.array([bias.real, bias.imag])
+    return AxesFit(mirrored, float(np.angle(factor)), float(np.abs(factor)), offset, rms)
+
+
+def search_axes(suite: SensorSuite, nodes: Sequence[Nodes], frames: Sequence[Frames]) -> dict[str, AxesFit]:
+    """Find each bend's axes; all share one handedness, that which leaves least.
+
+    Args:
+        suite: The sensors, with the alignment to be replaced.
+        nodes: Nodes of each run.
+        frames: The model's frames at them.
+
+    Returns:
+        The fit of each bend by the sensor's name.
+    """
+    sensors = [sensor for sensor in suite.measurements if isinstance(sensor, Bend)]
+    best: dict[str, AxesFit] = {}
+    least = np.inf
+    for mirrored in (False, True):
+        fits = {sensor.name: _fit_sensor(sensor, nodes, frames, mirrored) for sensor in sensors}
+        total = sum(found.rms**2 for found in fits.values())
+        if total < least:
+            best, least = fits, total
+    return best
+
+
+def _fit_sensor(sensor: Bend, nodes: Sequence[Nodes], frames: Sequence[Frames], mirrored: bool) -> AxesFit:
+    plain = replace(sensor, in_plane=0.0, bias=np.zeros(2), mirrored=False)
+    predicted, recorded, weights = [], [], []
+    for own, seen in zip(nodes, frames, strict=True):
+        names = [measurement.name for measurement in own.run.suite.measurements]
+        if sensor.name not in names:
+            continue
+        start = sum(m.reading_size for m in own.run.suite.measurements[: names.index(sensor.name)])
+        readings = own.readings[:, start : start + 2]
+        present = np.isfinite(readings).all(axis=1)
+        scene = Scene(seen, np.zeros((len(own.time), 0)))
+        predicted.append(plain.predict(scene)[present])
+        recorded.append(readings[present])
+        weights.append(own.weights[present])
+    return fit_axes(np.concatenate(predicted), np.concatenate(recorded), np.concatenate(weights), mirrored)

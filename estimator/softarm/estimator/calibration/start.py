@@ -1,0 +1,81 @@
+"""Where a fit begins: moduli at which the model has an equilibrium, and bends of their recorded size."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.calibration.forward import Forward
+from softarm.estimator.calibration.nodes import Nodes
+from softarm.estimator.calibration.parameters import Layout
+from softarm.estimator.calibration.search import AxesFit
+from softarm.estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+STIFFER = (1.0, 1.4, 2.0, 2.8)
+PROBES = 6
+
+
+def solvable(forward: Forward, known: Floats) -> Floats:
+    """Stiffen the segments until the model has an equilibrium at the highest pressures.
+
+    A model that is too soft has none: its chambers would have run away at pressures that the arm was seen
+    to bear.
+    """
+    probes = tuple(own.keep(flags) for own, flags in zip(forward.nodes, _highest(forward.nodes), strict=True))
+    probes = tuple(own for own in probes if len(own.time))
+    modulus = np.array([parameter.kind == "modulus" for parameter in forward.layout.parameters])
+    values = known
+    for factor in STIFFER:
+        values = known + np.log(factor) * modulus
+        found = replace(forward, nodes=probes).evaluate(values)
+        if all(evaluation.converged.all() for evaluation in found):
+            break
+    return values
+
+
+def _highest(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
+    """Tell which nodes have the highest sums of pressures over all runs."""
+    sums = [own.pressures.sum(axis=1) for own in nodes]
+    every = np.concatenate(sums)
+    chosen = np.zeros(len(every), dtype=bool)
+    chosen[np.argsort(-every, kind="stable")[:PROBES]] = True
+    return tuple(np.split(chosen, np.cumsum([len(own) for own in sums])[:-1]))
+
+
+def sized_by_bends(specimen: Specimen, layout: Layout, first: Floats, found: Mapping[str, AxesFit]) -> Floats:
+    """Begin with moduli that give the bends their recorded size, and with the biases that remain."""
+    values = layout.means.copy()
+    for index, parameter in enumerate(layout.parameters):
+        if parameter.kind == "modulus":
+            values[index] = first[index]
+    sections = [section.name for section in specimen.sections]
+    for index, parameter in enumerate(layout.parameters):
+        if parameter.kind == "modulus":
+            name = f"bend_{_section_below(specimen, parameter.target, sections)}"
+            if name in found:
+                values[index] -= float(np.clip(np.log(max(found[name].gain, 1e-3)), -1.0, 1.0))
+        for axis, letter in enumerate("xy"):
+            sensor = parameter.target.removesuffix(f".bias_{letter}")
+            if sensor != parameter.target and sensor in found:
+                values[index] = found[sensor].bias[axis]
+    return values
+
+
+def with_bends_kept(specimen: Specimen, layout: Layout, sized: Floats, told: Floats) -> Floats:
+    """Change the gains as the moduli were changed, so that the bends keep their size."""
+    values = told.copy()
+    moved = dict(zip(layout.names, told - sized, strict=True))
+    for chamber in specimen.chambers:
+        if f"gain.{chamber.index}" in layout.names:
+            ratio = np.exp(moved.get(f"modulus.{chamber.segment}", 0.0))
+            values[layout.names.index(f"gain.{chamber.index}")] *= np.clip(ratio, 0.5, 2.0)
+    return values
+
+
+def _section_below(specimen: Specimen, segment: str, sections: Sequence[str]) -> str:
+    end = specimen.segment(segment).to_m
+    below = [name for name in sections if specimen.section(name).from_m >= end - 1e-9]
+    return min(below, key=lambda name: specimen.section(name).from_m, default="")

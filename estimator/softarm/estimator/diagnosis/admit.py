@@ -1,0 +1,185 @@
+"""Which recordings can carry a diagnosis, and what is wrong with the others in one line."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Floats, Recording
+from softarm.estimator.specimen import SHIPPED, Specimen
+
+LEAST_SAMPLES = 20
+LEAST_SECONDS = 0.5
+LONGEST_GAP = 1.0
+"""A gap [s] above it is told."""
+ABOUT = 30
+"""Samples before and after a gap that tell how fast readings change."""
+ONWARD = 4.0
+"""A reading that changes over a gap by less than so many of its largest changes nearby goes on through it."""
+STILL = {"m": 2e-4, "rad": 2e-3}
+"""Spread of a reading [m, rad] below which a channel does not move."""
+
+
+@dataclass(frozen=True)
+class Admitted:
+    """Recordings that can carry a diagnosis.
+
+    Args:
+        suspects: Recordings in question.
+        nominal: Recordings of the arm in its known state.
+        notes: What was noticed.
+    """
+
+    suspects: tuple[Recording, ...]
+    nominal: tuple[Recording, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def all(self) -> list[tuple[Recording, bool]]:
+        """Every recording and whether it is nominal, nominal ones first."""
+        return [(r, True) for r in self.nominal] + [(r, False) for r in self.suspects]
+
+    def mended(self, mend: Callable[[Recording], Recording], notes: Sequence[str]) -> "Admitted":
+        """Mend every recording, and note why."""
+        suspects, nominal = (tuple(map(mend, group)) for group in (self.suspects, self.nominal))
+        return Admitted(suspects, nominal, (*self.notes, *notes))
+
+
+def admit(suspects: Sequence[Recording], nominal: Sequence[Recording], specimen: Specimen) -> Admitted:
+    """Check recordings.
+
+    Raises:
+        InputError: One is of another specimen, too short, too still to decide anything, without pressures,
+            or has two channels exchanged.
+    """
+    notes: list[str] = []
+    for recording in (*nominal, *suspects):
+        _check_specimen(recording, specimen)
+        _check_pressures(recording, specimen)
+        _check_length(recording)
+        refuse_swapped_channels(recording, specimen)
+        notes += _time_notes(recording)
+    if not any(moves(recording) or _opens_valves(recording) for recording in suspects):
+        names = ", ".join(recording.name for recording in suspects)
+        raise InputError(
+            names,
+            "nothing moves, so nothing can be decided",
+            "record at least 20 s in which pressures rise above 10 kPa and come down again",
+        )
+    return Admitted(tuple(suspects), tuple(nominal), tuple(notes))
+
+
+def motion_columns(recording: Recording) -> dict[str, Floats]:
+    """Give the columns that tell of the arm's motion."""
+    kinds = ("frame_", "bend_", "marker_")
+    return {name: values for name, values in recording.columns.items() if name.startswith(kinds)}
+
+
+def moves(recording: Recording) -> bool:
+    """Tell whether any reading moves by more than noise."""
+    for name, values in motion_columns(recording).items():
+        seen = values[np.isfinite(values)]
+        if len(seen) < 2:
+            continue
+        low, high = np.percentile(seen, [2.0, 98.0])
+        if high - low > (STILL["m"] if name.endswith("_m") else STILL["rad"]):
+            return True
+    return False
+
+
+def _opens_valves(recording: Recording) -> bool:
+    """Tell whether set-points and pressures were recorded without the arm: a test of valves."""
+    both = [
+        np.nanmax(recording.columns[f"pressure_cmd_{k}_pa"], initial=0.0) > 1000.0
+        for k in recording.chambers
+        if {f"pressure_cmd_{k}_pa", f"pressure_{k}_pa"} <= set(recording.columns)
+    ]
+    return not motion_columns(recording) and any(both)
+
+
+def _check_specimen(recording: Recording, specimen: Specimen) -> None:
+    named = recording.info.get("specimen")
+    if not isinstance(named, str) or named == specimen.name or named.endswith(".toml"):
+        return
+    sections = {section.name for section in specimen.sections}
+    strange = {*recording.frames, *recording.bends} - sections
+    more = any(chamber >= len(specimen.chambers) for chamber in recording.chambers)
+    if {named, specimen.name} <= {*SHIPPED} or strange or more:
+        raise InputError(
+            f"{recording.name}, specimen",
+            f"it was recorded on {named!r}, not on {specimen.name!r}",
+            f"give --specimen {named}",
+        )
+
+
+def _check_pressures(recording: Recording, specimen: Specimen) -> None:
+    if specimen.chambers and not recording.chambers:
+        raise InputError(
+            recording.name,
+            "holds no pressures, so nothing can be predicted",
+            "record pressure_0_pa and its like along with the motion",
+        )
+
+
+def _check_length(recording: Recording) -> None:
+    count = len(recording.time)
+    seconds = float(recording.time[-1] - recording.time[0]) if count > 1 else 0.0
+    if count < LEAST_SAMPLES or seconds < LEAST_SECONDS:
+        raise InputError(
+            recording.name,
+            f"{count} samples in {seconds:.2g} s are too short to decide anything",
+            "record at least 20 s with changes of pressure",
+        )
+
+
+def _time_notes(recording: Recording) -> list[str]:
+    """Tell of gaps, of jumps of the clock, and of sensors that lost many of their readings."""
+    found = [_break_note(recording)] if _breaks(recording.time) else []
+    for name, values in motion_columns(recording).items():
+        if not name.endswith(("_x_m", "_x_rad")):
+            continue
+        seen = np.isfinite(values)
+        sensor = name.removesuffix("_x_m").removesuffix("_x_rad")
+        lost = _lost(recording.time, seen)
+        if lost > 0.2:
+            found.append(f"{recording.name}: {lost:.0%} of the readings of {sensor} are lost.")
+        elif _breaks(recording.time[seen]) and not found:
+            longest = float(np.diff(recording.time[seen]).max())
+            found.append(f"{recording.name}: {sensor} has a gap of {longest:.2f} s.")
+    return found
+
+
+def _breaks(time: Floats) -> bool:
+    steps = np.diff(time)
+    return len(steps) > 0 and float(steps.max()) > max(LONGEST_GAP, 20.0 * float(np.median(steps)))
+
+
+def _lost(time: Floats, seen: NDArray[np.bool_]) -> float:
+    """Give the share of a sensor's own readings that are missing; streams may be of different rates."""
+    if seen.sum() < 3:
+        return 1.0
+    expected = float(time[-1] - time[0]) / float(np.median(np.diff(time[seen]))) + 1.0
+    return 1.0 - float(seen.sum()) / expected
+
+
+def _break_note(recording: Recording) -> str:
+    """Tell of the longest break: where everything goes on through it, the clock may have jumped."""
+    steps = np.diff(recording.time)
+    place = int(np.argmax(steps))
+    where = f"{steps[place]:.2f} s at {recording.time[place]:.1f} s"
+    pressures = (recording.pressure(k)[0] for k in recording.chambers)
+    channels = [*motion_columns(recording).values(), *pressures]
+    if all(_goes_on(values, place) for values in channels):
+        return f"{recording.name}: the clock jumps by {where}, or nothing changed meanwhile."
+    return f"{recording.name}: a gap of {where}."
+
+
+def _goes_on(values: Floats, place: int) -> bool:
+    before, after = values[max(0, place - ABOUT) : place + 1], values[place + 1 : place + 1 + ABOUT]
+    before, after = before[np.isfinite(before)], after[np.isfinite(after)]
+    if not len(before) or not len(after):
+        return True
+    nearby = np.concatenate([np.abs(np.diff(before)), np.abs(np.diff(after)), [1e-12]])
+    return bool(abs(after[0] - before[-1]) <= ONWARD * nearby.max())

@@ -1,0 +1,176 @@
+"""What is believed of all common coefficients, and what a few more can add to it.
+
+Residuals of all stretches follow r = C (c + d_S) + e: C are the columns of calibration and library, c what
+holds for every recording (a normal belief with mean and precision), d_S the extra coefficients of a
+hypothesis, e noise. Marginalising c, the gain of S is T = b_S^T M_SS^-1 b_S with
+M = G - G A^-1 G, A = G + P, b = g - G A^-1 (g + P m), G and g the sums of products, P, m belief.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from softarm.estimator.diagnosis.gram import Total
+
+Floats = NDArray[np.float64]
+
+JITTER = 1e-9
+RIDGES = (0.0, 1e-9, 1e-7, 1e-5, 1e-3)
+"""Added to a unit diagonal until a matrix is positive."""
+
+
+@dataclass(frozen=True)
+class Factor:
+    """Cholesky factor of a symmetric matrix scaled to unit diagonal.
+
+    Args:
+        factor: Of the scaled matrix.
+        size: Roots of the diagonal, shape (columns,).
+    """
+
+    factor: tuple[Floats, bool]
+    size: Floats
+
+    @classmethod
+    def of(cls, matrix: Floats) -> "Factor":
+        """Factorise; products in single precision may make a matrix indefinite by their rounding."""
+        size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+        scaled = _symmetric(matrix / np.outer(size, size))
+        for ridge in RIDGES:
+            try:
+                return cls(cho_factor(scaled + ridge * np.eye(len(size))), size)
+            except LinAlgError:
+                continue
+        values, vectors = np.linalg.eigh(scaled)
+        whole = (vectors * np.maximum(values, RIDGES[-1])) @ vectors.T
+        return cls(cho_factor(whole), size)
+
+    def solve(self, right: Floats) -> Floats:
+        """Solve for right-hand sides, shape (columns,) or (columns, sides)."""
+        size = self.size if right.ndim == 1 else self.size[:, None]
+        solved: Floats = cho_solve(self.factor, right / size) / size
+        return solved
+
+
+@dataclass(frozen=True)
+class Belief:
+    """A normal belief about the common coefficients.
+
+    Args:
+        mean: Shape (columns,).
+        covariance: Shape (columns, columns).
+    """
+
+    mean: Floats
+    covariance: Floats
+
+    @cached_property
+    def precision(self) -> Floats:
+        """Inverse of the covariance."""
+        size = np.sqrt(np.diag(self.covariance))
+        scaled = self.covariance / np.outer(size, size) + JITTER * np.eye(len(size))
+        inverse: Floats = np.linalg.inv(scaled) / np.outer(size, size)
+        return inverse
+
+    def beside(self, mean: float, variance: float) -> "Belief":
+        """Add a coefficient about which something else is known."""
+        size = len(self.mean)
+        covariance = np.zeros((size + 1, size + 1))
+        covariance[:size, :size] = self.covariance
+        covariance[size, size] = variance
+        return Belief(np.append(self.mean, mean), covariance)
+
+    def wider(self, spreads: Floats) -> "Belief":
+        """Add independent variation of each coefficient with standard deviations, shape (columns,)."""
+        return Belief(self.mean, self.covariance + np.diag(spreads**2))
+
+    def updated(self, seen: Total, share: float) -> "Belief":
+        """Learn from products.
+
+        Args:
+            seen: Sum of products.
+            share: Share of independent samples among them.
+        """
+        normal = share * seen.matrix + self.precision
+        factor = Factor.of(normal)
+        right = share * seen.vector + self.precision @ self.mean
+        return Belief(factor.solve(right), _symmetric(factor.solve(np.eye(len(right)))))
+
+
+@dataclass(frozen=True)
+class Marginal:
+    """Products with the common coefficients marginalised: what extra coefficients could gain.
+
+    Args:
+        matrix: M, information on extra coefficients, shape (columns, columns).
+        vector: b, shape (columns,).
+        cost: Weighted squares that remain without extra coefficients, the belief's included.
+        count: Effective number of samples.
+    """
+
+    matrix: Floats
+    vector: Floats
+    cost: float
+    count: float
+
+    @classmethod
+    def of(cls, belief: Belief, seen: Total, share: float) -> "Marginal":
+        """Marginalise the common coefficients over what was seen."""
+        gram, (right, power) = share * seen.matrix, _surprise(belief, seen, share)
+        solved = Factor.of(gram + belief.precision).solve(np.column_stack([gram, right]))
+        matrix = gram - gram @ solved[:, :-1]
+        vector = right - gram @ solved[:, -1]
+        cost = power - float(right @ solved[:, -1])
+        return cls(_symmetric(matrix), vector, cost, share * seen.count)
+
+    @staticmethod
+    def cost_of(belief: Belief, seen: Total, share: float) -> float:
+        """Give the cost alone."""
+        right, power = _surprise(belief, seen, share)
+        factor = Factor.of(share * seen.matrix + belief.precision)
+        return power - float(right @ factor.solve(right))
+
+    def gain(self, columns: Sequence[int]) -> tuple[float, Floats]:
+        """Give how much some extra coefficients lower the cost, and their values."""
+        own = np.ix_(list(columns), list(columns))
+        block = self.matrix[own]
+        size = np.sqrt(np.maximum(np.diag(block), 1e-300))
+        scaled = block / np.outer(size, size) + 1e-6 * np.eye(len(size))
+        values = np.linalg.solve(scaled, self.vector[list(columns)] / size) / size
+        return float(self.vector[list(columns)] @ values), values
+
+    def null_draws(self, rng: np.random.Generator, draws: int, first: int) -> Floats:
+        """Draw what b would be where nothing is missing: normal of covariance M.
+
+        Args:
+            rng: Of the draws.
+            draws: Number of draws.
+            first: First column that is drawn; all must be of one order of size.
+
+        Returns:
+            Shape (draws, columns from the first).
+        """
+        block = self.matrix[first:, first:]
+        diagonal = np.diag(block)
+        visible = diagonal > 1e-9 * diagonal.max(initial=0.0)
+        size = np.where(visible, np.sqrt(np.maximum(diagonal, 1e-300)), 1.0)
+        scaled = np.where(np.outer(visible, visible), block / np.outer(size, size), 0.0)
+        values, vectors = np.linalg.eigh(_symmetric(scaled))
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        drawn: Floats = (rng.normal(size=(draws, len(size))) @ root.T) * size
+        return drawn
+
+
+def _surprise(belief: Belief, seen: Total, share: float) -> tuple[Floats, float]:
+    """Give the products of the columns with what the belief's mean leaves, and its weighted squares."""
+    right = share * (seen.vector - seen.matrix @ belief.mean)
+    power = seen.power - 2.0 * belief.mean @ seen.vector + belief.mean @ seen.matrix @ belief.mean
+    return right, share * float(power)
+
+
+def _symmetric(matrix: Floats) -> Floats:
+    out: Floats = 0.5 * (matrix + matrix.T)
+    return out

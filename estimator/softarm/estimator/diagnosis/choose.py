@@ -1,0 +1,362 @@
+"""Which physics to accept: one effect at a time, judged by what it predicts where it was not fitted."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.belief import Belief, Marginal
+from softarm.estimator.diagnosis.candidates import (
+    ALIKE,
+    Accepted,
+    Candidate,
+    Choice,
+    is_told,
+    plainest_first,
+    surprise,
+)
+from softarm.estimator.diagnosis.evidence import Evidence
+from softarm.estimator.diagnosis.fit import Fit, Ground, View, fit_effects, gain_of
+from softarm.estimator.diagnosis.gram import Products, total
+from softarm.estimator.diagnosis.judge import CERTAIN, Judgement, judge
+from softarm.estimator.diagnosis.nominal import UNKNOWN
+from softarm.estimator.diagnosis.ring import Ring
+from softarm.estimator.diagnosis.screen import null_scores, screen
+from softarm.estimator.diagnosis.stage import ANSWERING, Stage
+from softarm.estimator.diagnosis.weights import Weights
+from softarm.estimator.effects import Effect
+
+Floats = NDArray[np.float64]
+
+MOST = 4
+"""Largest number of effects."""
+FINALISTS = 10
+"""Hypotheses that are fitted in each round."""
+TRIED = 4
+"""Best of them that may be accepted."""
+LEAST_BIC = 10.0
+SECOND = 0.5
+"""Share of an accepted effect's gain that decides for another one so."""
+SWINGING = ("tip_payload", "distributed_mass", "base_compliance")
+"""Effects beside those of the material that change how the arm swings."""
+SWUNG = 0.05
+"""Share of the gain of an effect that changes the swing below which a delay beside it is its consequence."""
+ALONG = 0.2
+"""Lateral share of a force up to which it acts along the arm."""
+CLOSE = 0.8
+"""Share of the best gain in the criterion below which a hypothesis is no candidate."""
+MOVING = 0.5
+"""The same for one at rest against one that only shows in motion."""
+EXACT_STEPS = 6
+"""Steps tried by a fit on the model itself."""
+RESOLVED = 4
+"""Best finalists that are fitted so."""
+WORTH = 0.25
+"""Share of the best gain in the criterion from which that is done."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """The search for what is missing in the recordings in question.
+
+    Args:
+        evidence: Residuals and columns.
+        weights: Noise model.
+        belief: What nominal recordings, or priors, say of the common coefficients.
+        rng: Of bootstraps.
+        width: What that belief takes to change from run to run, in typical sizes.
+        solve: Effects that are fitted again on the model itself once accepted, by where they enter it.
+        ring: Frequencies of the swing, where arms were released.
+        advance: Called with 1 after each step.
+        kept: Residuals under fits that were asked for.
+        tried: Candidates by their number and what was accepted before them.
+        settled: Those of them that have been fitted on the model itself, whichever fit was kept.
+    """
+
+    evidence: Evidence
+    weights: Weights
+    belief: Belief
+    rng: np.random.Generator
+    width: float = UNKNOWN
+    solve: frozenset[str] = frozenset()
+    ring: Ring | None = None
+    advance: Callable[[float], None] = lambda _: None
+    kept: dict[tuple[object, ...], list[Floats]] = field(default_factory=dict, compare=False)
+    tried: dict[tuple[object, ...], Candidate | None] = field(default_factory=dict, compare=False)
+    settled: set[tuple[object, ...]] = field(default_factory=set, compare=False)
+
+    def run(self, refused: frozenset[int] = frozenset()) -> Choice:
+        """Add effects while they hold.
+
+        Args:
+            refused: Numbers of hypotheses that are left out.
+        """
+        accepted: list[Accepted] = []
+        fit: Fit | None = None
+        alarm_p, turned_down = 1.0, None
+        while len(accepted) < MOST:
+            parts = self.parts(fit)
+            marginal = Marginal.of(
+                self.belief, total(_searched(parts), self.evidence.size), self.weights.share
+            )
+            taken = frozenset(a.candidate.number for a in accepted) | refused
+            ranked = screen(self.evidence, marginal, taken)
+            null = null_scores(self.evidence, marginal, self.rng)
+            if not accepted:
+                alarm_p = float((null >= ranked[0][1]).mean()) if ranked else 1.0
+            if not ranked or ranked[0][1] <= 0.0:
+                break
+            field = self.finalists(fit, ranked[:FINALISTS])
+            self.advance(1.0)
+            if not field:
+                break
+            found, turned_down = self.best(field, fit, null, accepted)
+            if found is None:
+                break
+            accepted.append(found)
+            fit = self.refit(fit.joined(found.candidate.fit) if fit else found.candidate.fit)
+            self.advance(1.0)
+            accepted, fit, dropped = self.pruned(accepted, fit)
+            refused |= dropped
+        return Choice(tuple(accepted), fit, alarm_p, turned_down)
+
+    def parts(self, fit: Fit | None) -> list[Products]:
+        """Give the products of the residuals that accepted effects leave, without nominal recordings."""
+        residuals = self.residuals(fit)
+        return [part for part in self.evidence.products(self.weights, residuals) if not part.nominal]
+
+    def residuals(self, fit: Fit | None) -> list[Floats]:
+        """Give the residuals that accepted effects leave; nominal recordings have none of them."""
+        if fit is None:
+            return list(self.evidence.residuals)
+        key = _key(fit)
+        if key not in self.kept:
+            self.kept[key] = [
+                residual if stage.session.nominal else residual - self.change(stage, fit)
+                for stage, residual in zip(self.evidence.stages, self.evidence.residuals, strict=True)
+            ]
+        return self.kept[key]
+
+    def change(self, stage: Stage, fit: Fit) -> Floats:
+        """Give what the effects of a fit change in a session, shape (samples, rows)."""
+        placed = [
+            h.placed(stage.world, theta)
+            for h, theta in zip(fit.hypotheses, fit.thetas, strict=True)
+            if h.place.sensor in (None, *stage.world.sensors)
+        ]
+        return stage.change(placed, exact=fit.exact)
+
+    def ground(self, fit: Fit | None = None) -> Ground:
+        """Prepare nonlinear fits, to what a fit leaves, on the searched stretches of the recordings."""
+        views = []
+        residuals = self.residuals(fit)
+        for number, stage in enumerate(self.evidence.stages):
+            session = stage.session
+            if session.nominal or session.heldout.all():
+                continue
+            residual = residuals[number]
+            used = np.isfinite(residual) & ~session.heldout[:, None]
+            weight = used / self.evidence.scale(self.weights, number)
+            common = self.evidence.columns[number] * weight[..., None].astype(np.float32)
+            left = np.nan_to_num(residual) * weight
+            views.append(View(stage, left, weight, common.reshape(-1, self.evidence.size)))
+        seen = total(_searched(self.parts(fit)), self.evidence.size)
+        return Ground.of(views, self.belief, self.weights.share, seen)
+
+    def finalists(self, fit: Fit | None, ranked: Sequence[tuple[int, float, Floats]]) -> list[Candidate]:
+        """Fit hypotheses to what is left by those accepted already, the best first."""
+        ground = self.ground(fit)
+        found = []
+        for number, _, theta in ranked:
+            key = (number, *_key(fit))
+            if key not in self.tried:
+                self.tried[key] = self.candidate(number, theta, ground, first=fit is None)
+            candidate = self.tried[key]
+            if candidate is not None:
+                found.append(candidate)
+            self.advance(1.0)
+        found.sort(key=lambda candidate: -candidate.delta_bic)
+        least = max(LEAST_BIC, WORTH * found[0].delta_bic) if found else 0.0
+        likely = [one for one in found[:RESOLVED] if one.delta_bic > least]
+        for index, one in enumerate(likely):
+            key = (one.number, *_key(fit))
+            if key not in self.settled:
+                self.settled.add(key)
+                found[index] = self.tried[key] = self.resolved(one, ground)
+        return plainest_first(sorted(found, key=lambda candidate: -candidate.delta_bic))
+
+    def candidate(self, number: int, theta: Floats, ground: Ground, *, first: bool) -> Candidate | None:
+        """Fit a hypothesis to first order; ``None`` where that fails."""
+        try:
+            fit = fit_effects(ground, (self.evidence.library.hypotheses[number],), (theta,))
+            fit = self.heard(fit) if first else fit
+        except np.linalg.LinAlgError:
+            return None
+        return self.weighed(number, fit) if np.isfinite(fit.gain) else None
+
+    def weighed(self, number: int, fit: Fit) -> Candidate:
+        """Set the gain of a fit against the price of its parameters."""
+        theta = fit.thetas[-1]
+        bic = fit.gain - self.price * len(theta) - surprise(fit)
+        return Candidate(number, fit, fit.gain, bic)
+
+    def resolved(self, candidate: Candidate, ground: Ground) -> Candidate:
+        """Fit a candidate again on the model itself; keep what fits better.
+
+        A strong effect brings the arm to where nominal recordings have not been: there the model may err more
+        than its linearisation does.
+        """
+        fit = candidate.fit
+        if not self.solvable(fit) or fit.exact:
+            return candidate
+        if abs(gain_of(ground, fit.hypotheses, fit.thetas) - fit.gain) < ALIKE:
+            return candidate
+        again = fit_effects(ground, fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
+        return self.weighed(candidate.number, again) if again.gain > fit.gain else candidate
+
+    def solvable(self, fit: Fit) -> bool:
+        """Tell whether the effects of a fit can be solved on the model itself."""
+        kinds = {h.effect.hook for h in fit.hypotheses}
+        return kinds <= self.solve and not any(h.name in ANSWERING for h in fit.hypotheses)
+
+    @cached_property
+    def price(self) -> float:
+        """What a parameter costs: the logarithm of the effective number of searched samples."""
+        seen = 0
+        for stage, residual in zip(self.evidence.stages, self.evidence.residuals, strict=True):
+            if not stage.session.nominal:
+                seen += int(np.isfinite(residual[~stage.session.heldout]).sum())
+        return float(np.log(max(seen * self.weights.share, 2.0)))
+
+    def best(
+        self, field: Sequence[Candidate], fit: Fit | None, null: Floats, accepted: Sequence[Accepted]
+    ) -> tuple[Accepted | None, tuple[Candidate, Judgement] | None]:
+        """Judge the best candidates and take the first that holds.
+
+        What changes the arm at rest comes before what only changes how it moves, unless it explains far less;
+        once an accepted effect has changed material or mass, another swing is its consequence. What one law
+        leaves of a strong effect looks like a weaker second effect, which has to show in every recording.
+        """
+        turned_down = None
+        certain = max([CERTAIN, *(SECOND * one.candidate.delta_bic for one in accepted)])
+        field = [
+            one
+            for one in field
+            if not self.another_swing(one, accepted) and not self.another_stretch(one, accepted)
+        ]
+        highest = max((one.delta_bic for one in field), default=0.0)
+        for moving, share in ((False, MOVING), (True, CLOSE)):
+            own = [one for one in field if self.only_moves(one) == moving]
+            least = max(LEAST_BIC, share * highest, CLOSE * max((one.delta_bic for one in own), default=0.0))
+            for candidate in own[:TRIED]:
+                if candidate.delta_bic < least or candidate.fit.at_bound:
+                    continue
+                judgement = replace(self.judge(candidate, fit, null), certain=certain)
+                if judgement.accepted:
+                    return Accepted(candidate, judgement, tuple(field)), None
+                turned_down = turned_down or (candidate, judgement)
+        return None, turned_down
+
+    def another_swing(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
+        """Tell whether a candidate only moves as accepted effects on stiffness or mass make the arm swing."""
+        weighty = [one.candidate.delta_bic for one in accepted if self.changes_swing(one.candidate)]
+        if not weighty or not self.only_moves(candidate):
+            return False
+        return self.changes_swing(candidate) or candidate.delta_bic < SWUNG * max(weighty)
+
+    def another_stretch(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
+        """Tell whether a candidate is a force along the arm that a law of bending leaves of the stretch."""
+        material = [
+            one.candidate.delta_bic for one in accepted if self.effect(one.candidate).hook == "couple"
+        ]
+        if not material or self.effect(candidate).name != "external_force":
+            return False
+        x, y, z = candidate.fit.thetas[-1].tolist()
+        return bool(np.hypot(x, y) < ALONG * abs(z) and candidate.delta_bic < SECOND * max(material))
+
+    def changes_swing(self, candidate: Candidate) -> bool:
+        """Tell whether a candidate changes stiffness or mass, and with them how the arm swings."""
+        effect = self.effect(candidate)
+        return effect.hook == "couple" or effect.name in SWINGING
+
+    def only_moves(self, candidate: Candidate) -> bool:
+        """Tell whether a candidate leaves the arm at rest as it is."""
+        return "delay" in self.effect(candidate).equivalence
+
+    def effect(self, candidate: Candidate) -> Effect:
+        """Give the effect of a candidate."""
+        return self.evidence.library.hypotheses[candidate.number].effect
+
+    def judge(self, candidate: Candidate, fit: Fit | None, null: Floats) -> Judgement:
+        """Judge a candidate by what it predicts where it was not fitted."""
+        parts = _searched(self.extended(candidate, fit))
+        search_p = float((null >= candidate.delta_bic).mean())
+        unseen = (self.belief, self.weights.share, self.evidence.size)
+        return judge(parts, *unseen, self.rng, search_p, candidate.delta_bic)
+
+    def extended(self, candidate: Candidate, fit: Fit | None) -> list[Products]:
+        """Give the products with the candidate's change as one more column."""
+        return self.evidence.widened(
+            self.weights, lambda stage: self.change(stage, candidate.fit)[..., None], self.residuals(fit)
+        )
+
+    def pruned(self, accepted: list[Accepted], fit: Fit) -> tuple[list[Accepted], Fit | None, frozenset[int]]:
+        """Drop effects whose sizes are no longer told from none once all are fitted together."""
+        needed = [k for k in range(len(accepted)) if is_told(fit, k) or self.missed(fit, k)]
+        if len(needed) == len(accepted):
+            return accepted, fit, frozenset()
+        dropped = frozenset(accepted[k].candidate.number for k in range(len(accepted)) if k not in needed)
+        left = self.subset(fit, needed)
+        kept = [accepted[k] for k in needed]
+        return kept, self.refit(left) if left is not None else None, dropped
+
+    def missed(self, fit: Fit, number: int) -> bool:
+        """Tell whether the others explain much less without an effect, as where a wall is hard."""
+        others = self.subset(fit, [k for k in range(len(fit.thetas)) if k != number])
+        left = self.refit(others).gain if others is not None else 0.0
+        return fit.gain - left > LEAST_BIC + self.price * len(fit.thetas[number])
+
+    def without(self, choice: Choice, dropped: Sequence[int]) -> Choice:
+        """Take effects back, and fit the others again."""
+        kept = [k for k in range(len(choice.accepted)) if k not in dropped]
+        left = self.subset(choice.fit, kept) if choice.fit is not None else None
+        fit = self.refit(left) if left is not None else None
+        return replace(choice, accepted=tuple(choice.accepted[k] for k in kept), fit=fit)
+
+    def subset(self, fit: Fit, kept: Sequence[int]) -> Fit | None:
+        """Keep some effects of a fit as they are; ``None`` where none is kept."""
+        if not kept:
+            return None
+        return replace(
+            fit,
+            hypotheses=tuple(fit.hypotheses[k] for k in kept),
+            thetas=tuple(fit.thetas[k] for k in kept),
+        )
+
+    def refit(self, fit: Fit) -> Fit:
+        """Fit all accepted effects together, on the model itself where that is affordable."""
+        ground = self.ground()
+        found = fit_effects(ground, fit.hypotheses, fit.thetas)
+        if self.solvable(fit):
+            again = fit_effects(ground, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
+            found = max(found, again, key=lambda one: one.gain)
+        return self.heard(found)
+
+    def heard(self, fit: Fit) -> Fit:
+        """Let a fit take note of the frequency of the swing, where one was heard."""
+        return self.ring.heard(fit) if self.ring is not None else fit
+
+
+def _key(fit: Fit | None) -> tuple[object, ...]:
+    """Tell fits apart by what they say."""
+    if fit is None:
+        return ()
+    return (
+        fit.exact,
+        *((h.name, str(h.place), *t) for h, t in zip(fit.hypotheses, fit.thetas, strict=True)),
+    )
+
+
+def _searched(parts: Sequence[Products]) -> list[Products]:
+    return [part for part in parts if not part.heldout]

@@ -1,0 +1,385 @@
+"""From a search to findings in words: evidence on held-out data, rivals, what is left and where."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.belief import Marginal
+from softarm.estimator.diagnosis.candidates import TIED, Accepted, Candidate, Choice
+from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.gram import Products, total
+from softarm.estimator.diagnosis.judge import bootstrap
+from softarm.estimator.diagnosis.result import (
+    Evidence,
+    Exposure,
+    Finding,
+    Heldout,
+    Quantity,
+    Rejected,
+    Rival,
+    Trace,
+    Unexplained,
+)
+from softarm.estimator.diagnosis.session import channels, units
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.diagnosis.unnamed import Law
+from softarm.estimator.diagnosis.words import WHEN, manoeuvre
+from softarm.estimator.effects import EFFECTS, describe
+from softarm.estimator.specimen.physics import EffectName, Place
+
+Floats = NDArray[np.float64]
+
+TRACES = 4
+TRACE_CHANNELS = 3
+POINTS = 600
+MOST_UNPROVEN = 3
+"""Effects that may fail on held-out data before the search ends."""
+FRAGMENT = 0.3
+"""Share of the gain of those from which another explains as much."""
+DRAWS = 40
+SURE = 10.0
+"""Resamplings of held-out stretches, and the percentile of the gain over them that must not be negative."""
+NOTHING = 1.0
+"""Gain in cost that one independent residual makes by chance; stretches without excitation give none."""
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """Costs of held-out stretches without and with findings.
+
+    Args:
+        before: Weighted squares of each stretch without them.
+        after: With them.
+        counts: Residuals of each.
+    """
+
+    before: Floats
+    after: Floats
+    counts: Floats
+
+    def rms(self) -> tuple[float, float]:
+        """Give the normalised root mean squares before and after."""
+        total_count = max(float(self.counts.sum()), 1.0)
+        return (
+            float(np.sqrt(max(self.before.sum(), 0.0) / total_count)),
+            float(np.sqrt(max(self.after.sum(), 0.0) / total_count)),
+        )
+
+
+def held_out(search: Search, before: Fit | None, after: Fit | None, *, known: bool = False) -> Predictions:
+    """Predict held-out stretches without and with effects.
+
+    Common coefficients are those of the model with the effects, learnt outside these stretches. Squares are
+    over the noise of quiet stretches; where the arm swings after fast changes they count less.
+
+    Args:
+        search: The search.
+        before: Effects without those that are judged.
+        after: Effects with them.
+        known: Whether the model without effects is the one that was known before any of the recordings in
+            question was seen.
+    """
+    seen = total([part for part in search.parts(after) if not part.heldout], search.evidence.size)
+    learnt = search.belief.updated(seen, search.weights.share).mean
+    first, counts = _squares(search, before, search.belief.mean if known else learnt)
+    last, _ = _squares(search, after, learnt)
+    return Predictions(first, last, counts)
+
+
+def _squares(search: Search, fit: Fit | None, common: Floats) -> tuple[Floats, Floats]:
+    """Give the squares over the noise, and their number, of each held-out stretch."""
+    floors = search.evidence.floors
+    squares: list[float] = []
+    counts: list[float] = []
+    for number, left in enumerate(search.residuals(fit)):
+        stage = search.evidence.stages[number]
+        session = stage.session
+        if session.nominal or not session.heldout.any():
+            continue
+        names = channels(stage.suite)
+        row = np.array([search.weights.scale[name] for name in names])
+        calm = row / np.hypot(row, stage.unrest) / [floors[name] for name in names]
+        own = ((left - search.evidence.columns[number] @ common) * calm) ** 2
+        for block in np.unique(session.blocks[session.heldout]):
+            chosen = own[(session.blocks == block) & session.heldout]
+            squares.append(float(np.nansum(chosen)))
+            counts.append(float(np.isfinite(chosen).sum()))
+    return np.array(squares), np.array(counts)
+
+
+def heldout_result(search: Search, predictions: Predictions, how: str) -> Heldout:
+    """Judge the whole model on held-out data."""
+    rms_before, rms_after = predictions.rms()
+    interval = (0.0, 0.0)
+    if len(predictions.before) and not np.array_equal(predictions.before, predictions.after):
+        interval = bootstrap(search.rng, predictions.before, predictions.after)
+    return Heldout(rms_before, rms_after, interval, how)
+
+
+def proven(search: Search) -> tuple[Choice, list[EffectName]]:
+    """Search until all that is accepted holds on held-out data.
+
+    The more effects have failed there, the surer the next must be; and one that explains little of what these
+    did is a fragment of something else.
+
+    Returns:
+        The choice, and the effects that were accepted on the way and did not hold.
+    """
+    dropped: list[Accepted] = []
+    most = 0.0
+    while True:
+        choice = search.run(frozenset(one.candidate.number for one in dropped))
+        gain = choice.fit.gain if choice.fit is not None else 0.0
+        most = max(most, gain)
+        lost = unproven(search, choice, SURE / (1 + len(dropped)))
+        if gain < FRAGMENT * most:
+            lost = list(range(len(choice.accepted)))
+        dropped += [choice.accepted[k] for k in lost]
+        if not lost or len(dropped) > MOST_UNPROVEN:
+            names = [one.candidate.fit.hypotheses[-1].name for one in dropped]
+            return search.without(choice, lost) if lost else choice, names
+
+
+def unproven(search: Search, choice: Choice, sure: float = SURE) -> list[int]:
+    """List accepted effects without which held-out data are predicted as well; all, where none is as good.
+
+    Judged like folds in ``Search.judge``: calibration is believed as before the recordings in question.
+
+    Args:
+        search: The search.
+        choice: What it accepted.
+        sure: Percentile of the gain over resampled stretches that must not be negative.
+    """
+    fit = choice.fit
+    if fit is None:
+        return []
+    after = [part for part in search.parts(fit) if part.heldout]
+
+    def better(others: Fit | None) -> bool:
+        before = [part for part in search.parts(others) if part.heldout]
+        drawn = [_gain(search, before, after, chosen) for chosen in _draws(search.rng, len(after))]
+        whole = _gain(search, before, after, range(len(after)))
+        return whole > NOTHING and float(np.percentile(drawn, sure)) > -NOTHING
+
+    every = list(range(len(choice.accepted)))
+    if not after:
+        return []
+    if len(every) > 1 and not better(None):
+        return every
+    return [k for k in every if not better(search.subset(fit, [j for j in every if j != k]))]
+
+
+def _draws(rng: np.random.Generator, count: int) -> list[list[int]]:
+    """Draw stretches with replacement."""
+    return [rng.integers(0, count, count).tolist() for _ in range(DRAWS)]
+
+
+def _gain(
+    search: Search, before: Sequence[Products], after: Sequence[Products], chosen: Sequence[int]
+) -> float:
+    """Give by how much effects lower the cost of some held-out stretches."""
+    costs = [
+        Marginal.cost_of(
+            search.belief, total([parts[k] for k in chosen], search.evidence.size), search.weights.share
+        )
+        for parts in (before, after)
+    ]
+    return costs[0] - costs[1]
+
+
+def findings_of(search: Search, choice: Choice) -> tuple[Finding, ...]:
+    """Tell of every accepted effect what speaks for it; the one that explains most comes first."""
+    fit = choice.fit
+    if fit is None:
+        return ()
+    found: list[tuple[float, Finding]] = []
+    for index, accepted in enumerate(choice.accepted):
+        others = [k for k in range(len(fit.hypotheses)) if k != index]
+        predictions = held_out(search, search.subset(fit, others), fit)
+        gain = float(predictions.before.sum() - predictions.after.sum())
+        found.append((gain, _finding(search, choice, accepted, index, predictions)))
+    return tuple(finding for _, finding in sorted(found, key=lambda entry: -entry[0]))
+
+
+def unknown(left: Unexplained, heldout: Heldout, search_p: float, law: Law | None) -> Finding:
+    """Say that something is missing which no known effect explains.
+
+    Args:
+        left: Where it sits and what it varies with, as far as that is known.
+        heldout: The error on held-out data, which nothing lowers.
+        search_p: Chance that the whole search finds as much where nothing is missing.
+        law: A law without a name that explains it, where there is one.
+    """
+    sits = f" They differ most at {describe(left.where)}, varying with {left.when}." if left.when else ""
+    differ = "Model and recordings differ, and no known effect predicts data that no fit has seen any better."
+    return Finding(
+        effect="unknown",
+        where=left.where,
+        when=left.when,
+        statement=differ + sits if law is None else law.tell(),
+        parameters={},
+        evidence=Evidence(
+            0.0 if law is None else law.delta_bic, heldout.before, heldout.after, (0.0, 0.0), search_p
+        ),
+    )
+
+
+def _finding(
+    search: Search, choice: Choice, accepted: Accepted, index: int, predictions: Predictions
+) -> Finding:
+    fit = choice.fit
+    assert fit is not None
+    hypothesis, theta, stds = fit.hypotheses[index], fit.thetas[index], fit.stds(index)
+    effect = hypothesis.effect
+    before, after = predictions.rms()
+    low, high = accepted.judgement.gain_ci95
+    if len(predictions.before) > 1:
+        low, high = bootstrap(search.rng, predictions.before, predictions.after)
+    rivals, rejected = _rivals(search, accepted)
+    when = WHEN[effect.name]
+    tied = "; ".join(f"{r.effect} at {describe(r.where)} ({r.manoeuvre} would tell)" for r in rivals)
+    statement = (
+        f"{effect.tell(theta, hypothesis.place)} {_told(when)} With it, data that no fit "
+        f"has seen are predicted to {after:.2f} instead of {before:.2f} times their noise."
+        + (f" These data do not tell it from {tied}." if tied else "")
+    )
+    return Finding(
+        effect=effect.name,
+        where=hypothesis.place,
+        when=when,
+        statement=statement,
+        parameters={
+            p.name: Quantity(float(value), float(std), p.unit)
+            for p, value, std in zip(effect.parameters, theta, stds, strict=True)
+        },
+        evidence=Evidence(
+            accepted.candidate.delta_bic, before, after, (low, high), accepted.judgement.search_p
+        ),
+        confusable_with=rivals,
+        rejected=rejected,
+        exposure=_exposure(search, choice, index),
+    )
+
+
+def _rivals(search: Search, accepted: Accepted) -> tuple[tuple[Rival, ...], tuple[Rejected, ...]]:
+    winner = accepted.candidate
+    own = search.evidence.library.hypotheses[winner.number]
+    rivals: dict[str, Rival] = {}
+    rejected: list[Rejected] = []
+    for candidate in accepted.field:
+        other = search.evidence.library.hypotheses[candidate.number]
+        if candidate.number == winner.number:
+            continue
+        lost = winner.delta_bic - candidate.delta_bic
+        if _tied(winner, candidate, own.name, other.name) and other.name != own.name:
+            rival = Rival(other.name, other.place, manoeuvre(own.name, other.name), lost)
+            rivals.setdefault(other.name, rival)
+        else:
+            rejected.append(Rejected(other.name, other.place, lost))
+    return tuple(rivals.values()), tuple(sorted(rejected, key=lambda entry: entry.delta_bic))
+
+
+def _tied(winner: Candidate, other: Candidate, own: EffectName, rival: EffectName) -> bool:
+    """Tell whether a rival is as good: nearly the same gain, or a class that looks alike by nature."""
+    share = other.gain / max(winner.gain, 1e-9)
+    alike = set(EFFECTS[own].equivalence) & set(EFFECTS[rival].equivalence)
+    return share >= TIED or (bool(alike) and share >= 0.9)
+
+
+def _exposure(search: Search, choice: Choice, index: int) -> Exposure | None:
+    """Show the residual of the channel that a finding improves most against what exposes it."""
+    fit = choice.fit
+    assert fit is not None
+    others = [k for k in range(len(fit.hypotheses)) if k != index]
+    before = search.residuals(search.subset(fit, others))
+    after = search.residuals(fit)
+    best: tuple[float, int, int] | None = None
+    for number, stage in enumerate(search.evidence.stages):
+        if stage.session.nominal:
+            continue
+        scale = np.array([search.weights.scale[name] for name in search.evidence.names[number]])
+        gains = np.nansum((before[number] / scale) ** 2 - (after[number] / scale) ** 2, axis=0)
+        row = int(np.argmax(gains))
+        if best is None or gains[row] > best[0]:
+            best = (float(gains[row]), number, row)
+    if best is None:
+        return None
+    _, number, row = best
+    stage = search.evidence.stages[number]
+    name, unit, values = exposing_variable(stage, fit.hypotheses[index].name, fit.hypotheses[index].place)
+    return Exposure(
+        name,
+        unit,
+        f"{stage.session.name}: {channels(stage.suite)[row]}",
+        units(stage.suite)[row],
+        values,
+        before[number][:, row],
+        after[number][:, row],
+    )
+
+
+def _told(when: str) -> str:
+    return (
+        "The mismatch is always there." if when == "constant" else f"The mismatch varies with {_the(when)}."
+    )
+
+
+def _the(when: str) -> str:
+    return when if when.startswith("time since") else f"the {when}"
+
+
+def exposing_variable(stage: Stage, name: str, place: Place) -> tuple[str, str, Floats]:
+    """Give the variable against which an effect's residual shows best: its name, unit and values."""
+    regime = WHEN[name]
+    session = stage.session
+    if regime == "pressure level":
+        if place.chamber is not None:
+            return f"pressure of chamber {place.chamber}", "Pa", session.pressures[:, place.chamber]
+        return "highest pressure", "Pa", session.pressures.max(axis=1, initial=0.0)
+    if regime in ("rate", "direction of change") and session.pressures.size:
+        speed = np.gradient(session.pressures, session.clock, axis=0)
+        if place.chamber is not None:
+            return f"rate of pressure of chamber {place.chamber}", "Pa/s", speed[:, place.chamber]
+        return "rate of the pressures' sum", "Pa/s", speed.sum(axis=1)
+    if regime in ("pose", "largest strain so far"):
+        bend = np.linalg.norm(stage.arm.baseline.strains[..., :2], axis=-1)[:, -1]
+        return "bend of the last segment", "rad", bend
+    return "time", "s", session.clock - session.clock[0]
+
+
+def traces_of(search: Search, choice: Choice) -> tuple[Trace, ...]:
+    """Give the channels that are furthest off, before and after, of some recordings, held-out ones first."""
+    after = search.residuals(choice.fit)
+    parts = [part for part in search.parts(choice.fit) if not part.heldout]
+    common = search.belief.updated(total(parts, search.evidence.size), search.weights.share).mean
+    chosen = sorted(
+        (k for k, stage in enumerate(search.evidence.stages) if not stage.session.nominal),
+        key=lambda k: (not search.evidence.stages[k].session.heldout.any(), k),
+    )[:TRACES]
+    found = []
+    for number in chosen:
+        stage = search.evidence.stages[number]
+        names = channels(stage.suite)
+        scale = np.array([search.weights.scale[name] for name in names])
+        off = np.nanmean((search.evidence.residuals[number] / scale) ** 2, axis=0)
+        every = max(1, stage.session.samples // POINTS)
+        shared = search.evidence.columns[number] @ common
+        reading = stage.reading_rows
+        for row in np.argsort(-np.nan_to_num(off))[:TRACE_CHANNELS].tolist():
+            plain = search.evidence.residuals[number][:, row]
+            left = after[number][:, row] - shared[:, row]
+            found.append(
+                Trace(
+                    stage.session.name,
+                    names[row],
+                    units(stage.suite)[row],
+                    stage.session.clock[::every] - stage.session.clock[0],
+                    reading[::every, row],
+                    (reading[:, row] - plain)[::every],
+                    (reading[:, row] - left)[::every],
+                    stage.session.heldout[::every],
+                )
+            )
+    return tuple(found)

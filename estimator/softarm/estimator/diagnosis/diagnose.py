@@ -1,0 +1,337 @@
+"""The whole way from sessions to a diagnosis."""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.calibration import Fitted, calibrate_sessions
+from softarm.estimator.diagnosis.candidates import Choice
+from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.conclude import (
+    findings_of,
+    held_out,
+    heldout_result,
+    proven,
+    traces_of,
+    unknown,
+)
+from softarm.estimator.diagnosis.evidence import Evidence
+from softarm.estimator.diagnosis.form import form_columns
+from softarm.estimator.diagnosis.gram import total
+from softarm.estimator.diagnosis.judge import HETEROGENEITY
+from softarm.estimator.diagnosis.library import Library, build_library, library_columns
+from softarm.estimator.diagnosis.locate import locate
+from softarm.estimator.diagnosis.nominal import belief_before, evidence_of_change
+from softarm.estimator.diagnosis.result import (
+    Baseline,
+    Diagnosis,
+    LocationMap,
+    NotTestable,
+    Unexplained,
+    Verdict,
+)
+from softarm.estimator.diagnosis.ring import ring_of
+from softarm.estimator.diagnosis.session import Session, channels, units
+from softarm.estimator.diagnosis.split import excitation, hold_out
+from softarm.estimator.diagnosis.stage import Model, Stage
+from softarm.estimator.diagnosis.stuck import Stuck, find_stuck, stuck_findings, without_stuck
+from softarm.estimator.diagnosis.swapped import refuse_swapped
+from softarm.estimator.diagnosis.swing import fit_swing, swinging
+from softarm.estimator.diagnosis.unnamed import Law, better_law
+from softarm.estimator.diagnosis.words import EXCITATION
+from softarm.estimator.effects import EFFECTS, describe
+from softarm.estimator.effects.augmented import PlacedEffect
+from softarm.estimator.errors import InputError
+from softarm.estimator.simulation.inertia import Masses
+from softarm.estimator.specimen.physics import EffectName, Place
+
+Floats = NDArray[np.float64]
+
+DETECTABLE = 25.0
+"""Gain in cost of a typical effect below which the recordings cannot show it."""
+STRUCTURE = 1.6
+"""Root mean square of what is left, over that in nominal recordings, from which something is missing."""
+CHANGED = 20.0
+"""Twice the logarithm of the odds from which more has changed than from run to run ("very strong": Kass and
+Raftery, J. Am. Stat. Assoc. 90 (1995) 773, say so from 10)."""
+SIGNIFICANT = 0.01
+DIRECT = frozenset({"command", "pressure", "gravity", "load"})
+SOLVED = DIRECT | {"couple", "support", "sensing"}
+"""Where effects enter the model that need few of its answers, and all where answers are fast."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A diagnosis with what a caller may want to keep.
+
+    Args:
+        diagnosis: The result.
+        accepted: The effects with their parameters.
+        stds: Standard deviations of these.
+        fitted: The calibration; ``None`` where only valves were recorded.
+        covariance: Covariance of its unknowns, shape (unknowns, unknowns).
+    """
+
+    diagnosis: Diagnosis
+    accepted: tuple[PlacedEffect, ...]
+    stds: tuple[tuple[float, ...], ...]
+    fitted: Fitted | None = None
+    covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+
+
+def diagnose(
+    model: Model,
+    sessions: Sequence[Session],
+    executor: Executor,
+    *,
+    seed: int = 0,
+    notes: Sequence[str] = (),
+    effects: Sequence[EffectName] | None = None,
+    advance: Callable[[str], None] = lambda _: None,
+) -> Outcome:
+    """Find the physics that a model lacks.
+
+    Args:
+        model: The model of the specimen.
+        sessions: Recordings in question and nominal ones, at the rate of the diagnosis.
+        executor: Runs independent work.
+        seed: Of everything random.
+        notes: What was noticed of the recordings.
+        effects: Effects to try; all when left out.
+        advance: Told what is being done.
+    """
+    rng = np.random.default_rng(seed)
+    limits = np.array(model.specimen.pressure_limits)
+    split, how = hold_out(sessions, limits)
+    known = [session for session in split if session.nominal] or list(split)
+    advance("calibrating")
+    fitted = calibrate_sessions(model, known)
+    advance("predicting")
+    stages = tuple(fitted.stage(model, session) for session in split)
+    _require_predictions(stages)
+    refuse_swapped(stages)
+    stuck = tuple(one for stage in stages if not stage.session.nominal for one in find_stuck(stage))
+    stages = tuple(
+        without_stuck(stage, tuple(one for one in stuck if one.recording == stage.session.name))
+        for stage in stages
+    )
+    masses = Masses.of(model.specimen, model.sections, stages[0].world.segments)
+    swing = fit_swing([stage for stage in stages if stage.session.nominal] or stages, masses)
+    if swing is not None:
+        stages = tuple(swinging(stage, swing, masses) for stage in stages)
+        notes = (*notes, swing.tell())
+    library = build_library(
+        _common_world(stages).world, np.concatenate([s.pressures for s in split]), effects
+    )
+    advance("trying effects")
+    changes = list(executor.map(_columns, [(stage, library) for stage in stages]))
+    columns = tuple(
+        np.concatenate([stage.calibration_columns(fitted.layout), form_columns(stage), own], axis=-1).astype(
+            np.float32
+        )
+        for stage, own in zip(stages, changes, strict=True)
+    )
+    forms = columns[0].shape[-1] - len(fitted.vector) - len(library.directions)
+    residuals = tuple(stage.residual for stage in stages)
+    evidence = Evidence(model.specimen.name, stages, fitted, library, residuals, columns, forms)
+    weights = evidence.weigh()
+    belief, width = belief_before(evidence, weights)
+    advance("fitting")
+    search = Search(
+        evidence,
+        weights,
+        belief,
+        rng,
+        width=width,
+        solve=SOLVED if model.fast else DIRECT,
+        ring=ring_of(stages),
+        advance=lambda _: advance("fitting"),
+    )
+    choice, dropped = proven(search)
+    notes = (*notes, *_notes(width, known))
+    if dropped:
+        notes = (
+            *notes,
+            f"Fitted but not proven on held-out data, and so not reported: {', '.join(dropped)}.",
+        )
+    law = better_law(search, choice)
+    if law is not None:
+        choice = replace(choice, accepted=(), fit=None)
+    advance("judging")
+    return _outcome(search, choice, how, notes, stuck, law)
+
+
+def _require_predictions(stages: Sequence[Stage]) -> None:
+    suspects = [stage for stage in stages if not stage.session.nominal]
+    if not any(np.isfinite(stage.residual[~stage.session.heldout]).any() for stage in suspects):
+        names = ", ".join(stage.session.name for stage in suspects)
+        raise InputError(
+            names,
+            "the model finds no equilibrium at the recorded pressures",
+            "check the pressures' unit, or calibrate the specimen's moduli first",
+        )
+
+
+def _columns(work: tuple[Stage, Library]) -> NDArray[np.float32]:
+    stage, library = work
+    return library_columns(stage, library).astype(np.float32)
+
+
+def _common_world(stages: Sequence[Stage]) -> Stage:
+    """Give the stage with the most sensors."""
+    return max(stages, key=lambda stage: len(stage.world.sensors))
+
+
+def _notes(width: float, known: Sequence[Session]) -> list[str]:
+    if any(session.nominal for session in known):
+        names = ", ".join(session.name for session in known)
+        return [
+            f"Judged against {names}: what they show as well is not reported; from run to run, "
+            f"{width:.0%} of every effect's typical size counts as nothing new."
+        ]
+    return ["No nominal recording was given: the specimen itself is what the recordings are judged against."]
+
+
+def _outcome(
+    search: Search,
+    choice: Choice,
+    how: str,
+    notes: Sequence[str],
+    stuck: tuple[Stuck, ...],
+    law: Law | None,
+) -> Outcome:
+    evidence = search.evidence
+    suspects = [stage for stage in evidence.stages if not stage.session.nominal]
+    notes = (*notes, *disagreement(search, choice))
+    predictions = held_out(search, None, choice.fit, known=choice.fit is not None)
+    findings = (*findings_of(search, choice), *stuck_findings(stuck))
+    remainder = _remainder(search, choice, predictions.rms()[1])
+    first_map = _map(search, None)
+    left_map = _map(search, choice) if choice.fit is not None else first_map
+    baseline = _baseline(suspects, evidence.floors)
+    changed = law is not None or remainder > STRUCTURE or _changed(search, choice)
+    verdict = _verdict(choice, changed=changed, found=bool(findings))
+    unexplained = _unexplained(verdict, remainder, left_map, law)
+    heldout = heldout_result(search, predictions, how)
+    if verdict == "unexplained":
+        findings = (unknown(unexplained, heldout, choice.alarm_p, law),)
+    diagnosis = Diagnosis(
+        specimen=evidence.specimen,
+        recordings=tuple(stage.session.name for stage in suspects),
+        nominal=tuple(stage.session.name for stage in evidence.stages if stage.session.nominal),
+        verdict=verdict,
+        baseline=baseline,
+        map=first_map,
+        findings=findings,
+        heldout=heldout,
+        unexplained=unexplained,
+        not_testable=_not_testable(search),
+        notes=tuple(notes),
+        traces=traces_of(search, choice),
+    )
+    fit = choice.fit
+    known = len(evidence.fitted.values)
+    covariance = search.belief.covariance[:known, :known]
+    if fit is None:
+        return Outcome(diagnosis, (), (), evidence.fitted, covariance)
+    world = _common_world(evidence.stages).world
+    placed = tuple(h.placed(world, theta) for h, theta in zip(fit.hypotheses, fit.thetas, strict=True))
+    stds = tuple(tuple(fit.stds(k).tolist()) for k in range(len(placed)))
+    return Outcome(diagnosis, placed, stds, evidence.fitted, covariance)
+
+
+def disagreement(search: Search, choice: Choice) -> list[str]:
+    """Say where the best candidate was turned down because recordings show it in different sizes."""
+    if choice.turned_down is None or choice.turned_down[1].spread <= HETEROGENEITY:
+        return []
+    hypothesis = search.evidence.library.hypotheses[choice.turned_down[0].number]
+    return [
+        f"The recordings disagree: {hypothesis.name} at {describe(hypothesis.place)} fits some of them and "
+        "not others, and so is not reported."
+    ]
+
+
+def _baseline(stages: Sequence[Stage], floors: Mapping[str, float]) -> Baseline:
+    squares: dict[str, list[Floats]] = {}
+    kinds: dict[str, str] = {}
+    for stage in stages:
+        for row, (name, unit) in enumerate(zip(channels(stage.suite), units(stage.suite), strict=True)):
+            column = stage.residual[:, row]
+            squares.setdefault(name, []).append(column[np.isfinite(column)] ** 2)
+            kinds[name] = unit
+    rms = {
+        name: float(np.sqrt(np.concatenate(parts).mean()))
+        for name, parts in squares.items()
+        if sum(map(len, parts))
+    }
+    normalised = [rms[name] / floors[name] for name in rms]
+    whole = float(np.sqrt(np.mean(np.square(normalised)))) if normalised else 0.0
+    return Baseline(rms, {name: floors[name] for name in rms}, kinds, whole)
+
+
+def _remainder(search: Search, choice: Choice, over_noise: float) -> float:
+    """Give what the library cannot explain of the recordings in question, over the same of nominal ones.
+
+    Without nominal recordings it is over the noise: then nobody says that a mismatch is usual.
+    """
+    evidence, weights = search.evidence, search.weights
+    left = evidence.leftover(weights, search.residuals(choice.fit), nominal=False)
+    known = evidence.leftover(weights, evidence.residuals, nominal=True)
+    return left / known if known > 0.0 else max(left, over_noise)
+
+
+def _map(search: Search, choice: Choice | None) -> LocationMap:
+    residuals = search.residuals(choice.fit if choice else None)
+    return locate(search.evidence, residuals, search.weights, search.belief, search.rng)
+
+
+def _changed(search: Search, choice: Choice) -> bool:
+    """Tell whether the recordings in question have changed more than the findings say."""
+    evidence, share = search.evidence, search.weights.share
+    if not any(stage.session.nominal for stage in evidence.stages):
+        return False
+    left = search.parts(choice.fit)
+    return evidence_of_change(evidence, search.belief, search.width, left, share) > CHANGED
+
+
+def _verdict(choice: Choice, *, changed: bool, found: bool) -> Verdict:
+    if found:
+        return "partly_explained" if changed else "explained"
+    doubtful = choice.turned_down is not None and choice.turned_down[1].gain_ci95[0] > 0.1
+    return "unexplained" if changed or (doubtful and choice.alarm_p < SIGNIFICANT) else "consistent"
+
+
+def _unexplained(verdict: Verdict, remainder: float, found: LocationMap, law: Law | None) -> Unexplained:
+    if law is not None:
+        return Unexplained(remainder, law.place, law.regime, found)
+    best = found.best
+    if verdict in ("consistent", "explained") or best is None or best.p_value > SIGNIFICANT:
+        return Unexplained(remainder, Place(), "", found)
+    return Unexplained(remainder, best.place, best.regime, found)
+
+
+def _not_testable(search: Search) -> tuple[NotTestable, ...]:
+    """List effects of which a typical size would not show anywhere."""
+    suspects = [stage.session for stage in search.evidence.stages if not stage.session.nominal]
+    limits = _common_world(search.evidence.stages).world.pressure_limits
+    there = excitation(suspects, limits)
+    parts = [part for part in search.parts(None) if not part.heldout]
+    gains: dict[EffectName, float] = {effect.name: 0.0 for effect in EFFECTS.values()}
+    seen = total(parts, search.evidence.size)
+    for column, direction in enumerate(search.evidence.library.directions):
+        name = search.evidence.library.hypotheses[direction.hypothesis].name
+        own = search.evidence.nuisances + column
+        gains[name] = max(gains[name], search.weights.share * float(seen.matrix[own, own]))
+    found = []
+    for effect in EFFECTS.values():
+        name = effect.name
+        if gains[name] >= DETECTABLE or name == "sensor_stuck":
+            continue
+        lacking = sorted(EXCITATION[need] for need in effect.needs - there)
+        found.append(NotTestable(name, "; ".join(lacking) or "a larger response of the sensors"))
+    return tuple(found)
+
+
+__all__ = ["Outcome", "diagnose"]

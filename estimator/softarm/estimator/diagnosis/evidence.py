@@ -1,0 +1,273 @@
+"""The recordings of a diagnosis as residuals and columns, and their products under a noise model."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.belief import Belief
+from softarm.estimator.diagnosis.calibration import Fitted
+from softarm.estimator.diagnosis.gram import Products, products_of, renewed, total, with_columns
+from softarm.estimator.diagnosis.library import Library
+from softarm.estimator.diagnosis.session import channels, units
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.diagnosis.weights import Weights, weights_of
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+FULLEST = 5.0
+"""Spread, in typical sizes, of all effects at once in the fullest model, which tells the noise."""
+QUIET = 25.0
+"""Percentile of the recordings' noise that counts as the sensor's: where an arm swings it seems larger."""
+INADEQUACY = 0.004
+"""Share of the motion that no model of an arm gets right, however much is fitted."""
+INEXACT = 0.1
+"""Share of a mismatch that the best law for it still gets wrong, so that no few samples decide a search."""
+NOVELTY = 2.0
+"""Largest scatter of the recordings in question over that of nominal ones."""
+BACKGROUND = 0.3
+"""Spread of what every arm may have of an effect, in typical sizes: the belief before nominal recordings."""
+ABSENT = 0.01
+"""Share of it for effects that no arm has of itself, which nominal runs need not have come near."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Residuals and columns of all sessions.
+
+    Args:
+        specimen: Name of the specimen.
+        stages: The sessions on the calibrated model.
+        fitted: The calibration, whose unknowns are the first columns.
+        library: Directions: the columns after them.
+        residuals: Of each session, shape (samples, rows).
+        columns: Of each session, shape (samples, rows, unknowns + forms + directions).
+        forms: Number of columns of the model form.
+        kept: Products under the last noise model, by its scales.
+    """
+
+    specimen: str
+    stages: tuple[Stage, ...]
+    fitted: Fitted
+    library: Library
+    residuals: tuple[Floats, ...]
+    columns: tuple[Singles, ...]
+    forms: int
+    kept: dict[tuple[tuple[str, float], ...], list[list[Products]]] = field(
+        default_factory=dict, compare=False
+    )
+
+    @property
+    def nuisances(self) -> int:
+        """Number of columns of calibration and model form."""
+        return self.calibrations + self.forms
+
+    @property
+    def calibrations(self) -> int:
+        """Number of columns of the calibration."""
+        return len(self.fitted.vector)
+
+    @property
+    def size(self) -> int:
+        """Number of columns."""
+        return self.nuisances + len(self.library.directions)
+
+    @property
+    def names(self) -> list[tuple[str, ...]]:
+        """Channels of each session."""
+        return [channels(stage.suite) for stage in self.stages]
+
+    @cached_property
+    def typical(self) -> Floats:
+        """Standard deviation of each coefficient before any recording, effects in typical sizes."""
+        return np.asarray(np.sqrt(np.diag(self.prior(1.0, 1.0).covariance)), dtype=np.float64)
+
+    def prior(self, background: float, form: float) -> Belief:
+        """Give the belief before any recording.
+
+        Args:
+            background: Standard deviation of each direction's coefficient in typical sizes.
+            form: Standard deviation of the coefficients of the model form, in their spread.
+        """
+        known, rows = self.fitted.prior_rows()
+        covariance = np.zeros((self.size, self.size))
+        count = self.calibrations
+        covariance[:count, :count] = np.linalg.inv(rows.T @ rows)
+        forms = np.arange(count, self.nuisances)
+        covariance[forms, forms] = form**2
+        covariance[self.nuisances - 1, self.nuisances - 1] = 1.0  # the clocks are unknown whatever is assumed
+        own = np.arange(self.nuisances, self.size)
+        covariance[own, own] = background**2
+        mean = np.zeros(self.size)
+        # It pulls towards what was known beforehand, not towards the values at which residuals are taken.
+        mean[:count] = np.linalg.lstsq(rows, known, rcond=None)[0]
+        return Belief(mean, covariance)
+
+    def sound(self) -> Belief:
+        """Give the belief about an arm that is well, before any recording; see ``prior``."""
+        prior = self.prior(BACKGROUND, 1.0)
+        innate = [self.library.hypotheses[d.hypothesis].effect.innate for d in self.library.directions]
+        size = np.concatenate([np.ones(self.nuisances), np.where(innate, 1.0, ABSENT)])
+        return Belief(prior.mean, prior.covariance * np.outer(size, size))
+
+    def products(self, weights: Weights, residuals: Sequence[Floats] | None = None) -> list[Products]:
+        """Multiply residuals and columns, stretch by stretch; the columns' own products are kept."""
+        key = tuple(sorted(weights.scale.items()))
+        if key not in self.kept:
+            self.kept.clear()
+            self.kept[key] = [self._first(weights, number) for number in range(len(self.stages))]
+        if residuals is None:
+            return [part for parts in self.kept[key] for part in parts]
+        found = []
+        for number, stage in enumerate(self.stages):
+            scale, blocks = self.scale(weights, number), stage.session.blocks
+            found += renewed(self.kept[key][number], residuals[number], self.columns[number], scale, blocks)
+        return found
+
+    def widened(
+        self,
+        weights: Weights,
+        more: Callable[[Stage], Floats],
+        residuals: Sequence[Floats] | None = None,
+    ) -> list[Products]:
+        """Give the products of the recordings in question with more columns, shape (samples, rows, more)."""
+        plain = self.products(weights, residuals)
+        left = self.residuals if residuals is None else residuals
+        found = []
+        for number, stage in enumerate(self.stages):
+            if not stage.session.nominal:
+                found += with_columns(
+                    [part for part in plain if part.session == number],
+                    left[number],
+                    self.columns[number],
+                    more(stage),
+                    self.scale(weights, number),
+                    stage.session.blocks,
+                )
+        return found
+
+    def scale(self, weights: Weights, number: int) -> Floats:
+        """Give the standard deviation of each residual of a session, shape (samples, rows)."""
+        return np.hypot(
+            [weights.scale[name] for name in channels(self.stages[number].suite)], self._doubts[number]
+        )
+
+    @cached_property
+    def _doubts(self) -> list[Floats]:
+        """What the model may get wrong of each residual beside its noise, each of shape (samples, rows)."""
+        found = []
+        for stage in self.stages:
+            groups, sizes = _groups(stage), np.nan_to_num(np.abs(stage.residual))
+            largest = {
+                group: sizes[:, [k for k, own in enumerate(groups) if own == group]].max(axis=1)
+                for group in groups
+            }
+            mismatch = np.stack([largest[group] for group in groups], axis=1)
+            found.append(np.hypot(stage.unrest, INEXACT * mismatch))
+        return found
+
+    def _first(self, weights: Weights, number: int) -> list[Products]:
+        session = self.stages[number].session
+        return products_of(
+            self.residuals[number],
+            self.columns[number],
+            self.scale(weights, number),
+            session.blocks,
+            session.heldout,
+            number,
+            nominal=session.nominal,
+        )
+
+    def weigh(self, rounds: int = 2) -> Weights:
+        """Learn the noise model from what the fullest model leaves outside the held-out stretches.
+
+        What something missing leaves in the recordings in question must not count as their noise: where
+        there are nominal ones, it is at most ``NOVELTY`` times the noise of these.
+        """
+        weights = self._weights(self.residuals, range(len(self.stages)))
+        for _ in range(rounds):
+            each = [self._fullest(weights, self.residuals, nominal=nominal) for nominal in (True, False)]
+            left = [each[0 if s.session.nominal else 1][k] for k, s in enumerate(self.stages)]
+            calmed = self._calmed(left, weights)
+            weights = self._weights(calmed, range(len(self.stages)))
+            nominal = [k for k, stage in enumerate(self.stages) if stage.session.nominal]
+            if nominal:
+                weights = weights.bounded(self._weights(calmed, nominal), NOVELTY)
+        return weights
+
+    def _weights(self, residuals: Sequence[Floats], chosen: Sequence[int]) -> Weights:
+        seen = self._seen(residuals)
+        names, sigmas = self.names, self._sigmas
+        return weights_of([names[k] for k in chosen], [seen[k] for k in chosen], [sigmas[k] for k in chosen])
+
+    def _calmed(self, residuals: Sequence[Floats], weights: Weights) -> list[Floats]:
+        """Shrink residuals by what unrest adds to their scatter."""
+        found = []
+        for number, (stage, left) in enumerate(zip(self.stages, residuals, strict=True)):
+            row = np.array([weights.scale[name] for name in channels(stage.suite)])
+            found.append(left * row / self.scale(weights, number))
+        return found
+
+    def leftover(self, weights: Weights, residuals: Sequence[Floats], *, nominal: bool) -> float:
+        """Give the rms, over its scatter, of what everything at once leaves of some recordings."""
+        left = self._calmed(self._fullest(weights, residuals, nominal=nominal), weights)
+        squares = [
+            (own[~stage.session.heldout] / [weights.scale[name] for name in names]).ravel() ** 2
+            for stage, own, names in zip(self.stages, left, self.names, strict=True)
+            if stage.session.nominal == nominal
+        ]
+        return float(np.sqrt(np.nanmean(np.concatenate(squares)))) if squares else 0.0
+
+    def _fullest(self, weights: Weights, left: Sequence[Floats], *, nominal: bool) -> list[Floats]:
+        """Give what everything at once leaves of nominal, or other, recordings, widened by what it spent."""
+        every = self.products(weights, left)
+        parts = [p for p in every if not p.heldout and p.nominal == nominal]
+        if not parts:
+            return list(left)
+        everything = total(parts, self.size)
+        belief = self.prior(FULLEST, FULLEST).updated(everything, 1.0)
+        spent = float(np.einsum("ij,ji->", belief.covariance, everything.matrix))
+        widen = np.sqrt(everything.count / max(everything.count - spent, 0.1 * everything.count))
+        return [
+            widen * (own - c @ belief.mean) if stage.session.nominal == nominal else own
+            for stage, own, c in zip(self.stages, left, self.columns, strict=True)
+        ]
+
+    @cached_property
+    def floors(self) -> dict[str, float]:
+        """Noise of each channel, as the quieter recordings show it [m, rad]."""
+        found: dict[str, list[float]] = {}
+        for stage, names in zip(self.stages, self.names, strict=True):
+            for name, sigma in zip(names, stage.session.sigma.tolist(), strict=True):
+                found.setdefault(name, []).append(sigma)
+        return {name: float(np.percentile(sigmas, QUIET)) for name, sigmas in found.items()}
+
+    @cached_property
+    def _sigmas(self) -> list[Floats]:
+        """Noise of each row, and what no model of an arm gets right of its motion."""
+        squares: dict[tuple[str, str], list[Floats]] = {}
+        groups = [_groups(stage) for stage in self.stages]
+        for stage, own in zip(self.stages, groups, strict=True):
+            seen = stage.reading_rows[~stage.session.heldout]
+            for group, column in zip(own, seen.T, strict=True):
+                squares.setdefault(group, []).append(column[np.isfinite(column)] ** 2)
+        # A body that moves along one axis is off along all: a group's channels share the largest motion.
+        form: dict[tuple[str, str], float] = {}
+        for group, parts in squares.items():
+            moved = max(float(part.mean()) if len(part) else 0.0 for part in parts)
+            form[group] = INADEQUACY * float(np.sqrt(moved))
+        noise = [np.array([self.floors[name] for name in own]) for own in self.names]
+        return [
+            np.hypot(floor, [form[group] for group in own]) for floor, own in zip(noise, groups, strict=True)
+        ]
+
+    def _seen(self, residuals: Sequence[Floats]) -> list[Floats]:
+        return [left[~stage.session.heldout] for stage, left in zip(self.stages, residuals, strict=True)]
+
+
+def _groups(stage: Stage) -> list[tuple[str, str]]:
+    """Give sensor and unit of each row."""
+    names = (name.rpartition(".")[0] for name in channels(stage.suite))
+    return list(zip(names, units(stage.suite), strict=True))

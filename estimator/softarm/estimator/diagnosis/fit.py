@@ -1,0 +1,341 @@
+"""Nonlinear fit of effects, with all that is common to the recordings marginalised."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.belief import Belief, Factor
+from softarm.estimator.diagnosis.gram import Total
+from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.effects import Parameter
+
+Floats = NDArray[np.float64]
+
+ITERATIONS = 10
+STEP = 1e-3
+"""Step of the differences, in units of the fit."""
+SETTLED = 0.02
+"""Improvement of the cost that ends a fit."""
+LARGEST = 1.5
+"""Longest step of a parameter in units of the fit."""
+FIRST_DAMPING, LEAST_DAMPING = 1e-2, 1e-6
+MOST_REFUSED = 4
+"""Steps in a row that may make the fit worse."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What a fit sees of one session.
+
+    Args:
+        stage: The session on the calibrated model.
+        left: Residual over its scale, lost ones zero, shape (samples, rows).
+        weight: Inverse scale, zero for lost or held-out residuals, shape (samples, rows).
+        common: Columns of the common coefficients over their scale, shape (samples * rows, columns).
+    """
+
+    stage: Stage
+    left: Floats
+    weight: Floats
+    common: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The common coefficients' normal equations, factorised once for all fits.
+
+    Args:
+        views: What is seen of each session.
+        belief: Belief about the common coefficients.
+        share: Share of independent samples.
+        factor: Factor of share C^T C + P.
+        right: share C^T (r - C m), shape (columns,).
+    """
+
+    views: tuple[View, ...]
+    belief: Belief
+    share: float
+    factor: Factor
+    right: Floats
+
+    @classmethod
+    def of(cls, views: Sequence[View], belief: Belief, share: float, seen: Total) -> "Ground":
+        """Prepare fits on views, whose products are known."""
+        right = seen.vector - seen.matrix @ belief.mean
+        return cls(
+            tuple(views),
+            belief,
+            share,
+            Factor.of(share * seen.matrix + belief.precision),
+            share * right,
+        )
+
+    @cached_property
+    def _innovations(self) -> list[Floats]:
+        """What the belief leaves of each session, shape (samples * rows,)."""
+        return [view.left.ravel() - view.common @ self.belief.mean for view in self.views]
+
+    def projected(self, changes: Sequence[Floats]) -> tuple[Floats, Floats]:
+        """Give M and b for whitened changes of all sessions, each of shape (samples * rows, k)."""
+        k = changes[0].shape[1]
+        gram, right = np.zeros((k, k)), np.zeros(k)
+        cross = np.zeros((len(self.right), k))
+        for view, own, change in zip(self.views, self._innovations, changes, strict=True):
+            gram += change.T @ change
+            right += change.T @ own
+            cross += view.common.T @ change.astype(np.float32)
+        solved = self.factor.solve(self.share * cross)
+        matrix: Floats = self.share * (gram - cross.T @ solved)
+        vector: Floats = self.share * right - solved.T @ self.right
+        return matrix, vector
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Where a fit of effects ended.
+
+    Args:
+        hypotheses: The effects and their places.
+        thetas: Their parameters.
+        covariance: Of all parameters, in the units of the fit, shape (parameters, parameters).
+        scales: Derivative of each parameter by its unit of the fit, shape (parameters,).
+        gain: By how much they lower the cost against none of them.
+        at_bound: Whether an amplitude ended at a bound that is not its neutral value.
+        exact: Whether it rests on the model itself and not on its linearisation.
+    """
+
+    hypotheses: tuple[Hypothesis, ...]
+    thetas: tuple[Floats, ...]
+    covariance: Floats
+    scales: Floats
+    gain: float
+    at_bound: bool
+    exact: bool = False
+
+    def joined(self, other: "Fit") -> "Fit":
+        """Put another's effects behind these, to begin a joint fit."""
+        return replace(
+            self, hypotheses=(*self.hypotheses, *other.hypotheses), thetas=(*self.thetas, *other.thetas)
+        )
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters."""
+        return sum(len(theta) for theta in self.thetas)
+
+    def stds(self, number: int) -> Floats:
+        """Give the standard deviations of one effect's parameters, shape (parameters,)."""
+        ends = np.cumsum([0, *(len(theta) for theta in self.thetas)])
+        own = slice(int(ends[number]), int(ends[number + 1]))
+        stds: Floats = (np.sqrt(np.maximum(np.diag(self.covariance), 0.0)) * self.scales)[own]
+        return stds
+
+
+def fit_effects(
+    ground: Ground,
+    hypotheses: Sequence[Hypothesis],
+    starts: Sequence[Floats],
+    free: int = 0,
+    *,
+    exact: bool = False,
+    iterations: int = ITERATIONS,
+) -> Fit:
+    """Fit the parameters of effects that act together (Levenberg-Marquardt, in bounds).
+
+    Args:
+        ground: What is seen, with the common coefficients.
+        hypotheses: The effects.
+        starts: Parameters to begin with.
+        free: First effect whose parameters move; those before it stay.
+        exact: Solve the model itself. Derivatives begin as those of its linearisation and follow what each
+            step shows (Broyden 1965), for a strong effect changes them.
+        iterations: Largest number of steps tried.
+    """
+    chart = _Chart.of(hypotheses[free:])
+    fixed = list(starts[:free])
+    values = chart.units(np.concatenate([*starts[free:], np.zeros(0)]))
+
+    def changed(at: Floats) -> list[Floats]:
+        return _whitened(ground, hypotheses, [*fixed, *chart.split(at)], exact=exact)
+
+    change = changed(values)
+    gain, damping, refused = _gain(ground, change), FIRST_DAMPING, 0
+    slopes = _slopes(ground, hypotheses, fixed, chart, values)
+    if exact and not free:  # without amplitudes nothing changes
+        _secant(slopes, np.where(chart.amplitudes, values - chart.centres, 0.0), change)
+    for _ in range(iterations):
+        matrix, pull = _normal(ground, slopes, change, chart, values)
+        damped = matrix + damping * np.diag(np.diag(matrix))
+        step = np.clip(np.linalg.solve(damped, pull), -LARGEST, LARGEST)
+        trial = np.clip(values + step, chart.lower, chart.upper)
+        tried = changed(trial)
+        improved = _gain(ground, tried) - chart.penalty(trial) - gain + chart.penalty(values)
+        if exact:
+            _secant(slopes, trial - values, [t - c for t, c in zip(tried, change, strict=True)])
+        if not improved > 0.0:
+            damping, refused = 10.0 * damping, refused + 1
+            if refused == MOST_REFUSED:
+                break
+            continue
+        values, change, gain, refused = trial, tried, _gain(ground, tried), 0
+        damping = max(0.1 * damping, LEAST_DAMPING)
+        if not exact:
+            slopes = _slopes(ground, hypotheses, fixed, chart, values)
+        if improved < SETTLED:
+            break
+    matrix, _ = _normal(ground, slopes, change, chart, values)
+    thetas = (*fixed, *chart.split(values))
+    return Fit(
+        tuple(hypotheses),
+        thetas,
+        np.asarray(np.linalg.inv(matrix), dtype=np.float64),
+        chart.slopes(values),
+        gain,
+        chart.at_bound(values),
+        exact,
+    )
+
+
+def _normal(
+    ground: Ground, slopes: list[Floats], change: list[Floats], chart: "_Chart", values: Floats
+) -> tuple[Floats, Floats]:
+    """Give the normal equations of a step: the matrix and the right side."""
+    both = [np.column_stack([s, c]) for s, c in zip(slopes, change, strict=True)]
+    product, vector = ground.projected(both)
+    prior = 1.0 / chart.spreads**2
+    pull: Floats = vector[:-1] - product[:-1, -1] - (values - chart.centres) * prior
+    return product[:-1, :-1] + np.diag(prior), pull
+
+
+def _secant(slopes: list[Floats], step: Floats, change: list[Floats]) -> None:
+    """Let slopes give a change that was seen along a step (Broyden's rank-one update)."""
+    length = float(step @ step)
+    if length == 0.0 or not all(np.isfinite(c).all() for c in change):
+        return
+    for own, seen in zip(slopes, change, strict=True):
+        own += (seen[:, 0] - own @ step)[:, None] * (step / length)
+
+
+def _whitened(
+    ground: Ground, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats], *, exact: bool
+) -> list[Floats]:
+    """Give what effects change, over the residuals' scale, each session flattened to one column."""
+    found = []
+    for view in ground.views:
+        world = view.stage.world
+        placed = [
+            hypothesis.placed(world, theta)
+            for hypothesis, theta in zip(hypotheses, thetas, strict=True)
+            if hypothesis.place.sensor in (None, *world.sensors)
+        ]
+        change = view.stage.change(placed, exact=exact)
+        found.append(np.nan_to_num(change * view.weight, nan=0.0).reshape(-1, 1))
+    return found
+
+
+def gain_of(ground: Ground, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats]) -> float:
+    """Give by how much effects lower the cost on the model itself."""
+    return _gain(ground, _whitened(ground, hypotheses, thetas, exact=True))
+
+
+def _gain(ground: Ground, change: Sequence[Floats]) -> float:
+    matrix, vector = ground.projected(change)
+    return float(2.0 * vector[0] - matrix[0, 0])
+
+
+def _slopes(
+    ground: Ground,
+    hypotheses: Sequence[Hypothesis],
+    fixed: list[Floats],
+    chart: "_Chart",
+    values: Floats,
+) -> list[Floats]:
+    """Differentiate what effects change by the parameters in units of the fit, to first order."""
+    columns: list[list[Floats]] = [[] for _ in ground.views]
+    change = _whitened(ground, hypotheses, [*fixed, *chart.split(values)], exact=False)
+    for index in range(len(values)):
+        moved = values.copy()
+        step = -STEP if values[index] + STEP > chart.upper[index] else STEP
+        moved[index] += step
+        there = _whitened(ground, hypotheses, [*fixed, *chart.split(moved)], exact=False)
+        for own, ahead, here in zip(columns, there, change, strict=True):
+            own.append((ahead - here) / step)
+    return [np.concatenate(own, axis=1) for own in columns]
+
+
+@dataclass(frozen=True)
+class _Chart:
+    """Parameters of several effects in units of the fit: over their typical size, or as logarithms."""
+
+    parameters: tuple[Parameter, ...]
+    sizes: tuple[int, ...]
+
+    @classmethod
+    def of(cls, hypotheses: Sequence[Hypothesis]) -> "_Chart":
+        parameters = tuple(p for h in hypotheses for p in h.effect.parameters)
+        return cls(parameters, tuple(len(h.effect.parameters) for h in hypotheses))
+
+    def _unit(self, parameter: Parameter) -> float:
+        return abs(parameter.typical) or parameter.spread or 1.0
+
+    def units(self, theta: Floats) -> Floats:
+        found = [
+            np.log(max(value, 1e-12)) if p.transform == "log" else value / self._unit(p)
+            for p, value in zip(self.parameters, theta.tolist(), strict=True)
+        ]
+        return np.array(found)
+
+    def split(self, values: Floats) -> list[Floats]:
+        theta = np.array(
+            [
+                np.exp(value) if p.transform == "log" else value * self._unit(p)
+                for p, value in zip(self.parameters, values.tolist(), strict=True)
+            ]
+        )
+        return [np.array(part) for part in np.split(theta, np.cumsum(self.sizes)[:-1])]
+
+    def slopes(self, values: Floats) -> Floats:
+        found = [
+            np.exp(value) if p.transform == "log" else self._unit(p)
+            for p, value in zip(self.parameters, values.tolist(), strict=True)
+        ]
+        return np.array(found)
+
+    @property
+    def lower(self) -> Floats:
+        return self.units(np.array([p.lower for p in self.parameters]))
+
+    @property
+    def upper(self) -> Floats:
+        return self.units(np.array([p.upper for p in self.parameters]))
+
+    @property
+    def centres(self) -> Floats:
+        middle = [0.0 if p.role == "amplitude" else p.typical for p in self.parameters]
+        return self.units(np.array(middle))
+
+    @property
+    def spreads(self) -> Floats:
+        """Spread of the priors; those of amplitudes are wide, so that only the data speak of size."""
+        found = [
+            p.spread
+            if p.transform == "log"
+            else (10.0 if p.role == "amplitude" else 3.0) * p.spread / self._unit(p)
+            for p in self.parameters
+        ]
+        return np.asarray(np.maximum(np.array(found), 1e-3), dtype=np.float64)
+
+    def penalty(self, values: Floats) -> float:
+        return float((((values - self.centres) / self.spreads) ** 2).sum())
+
+    @property
+    def amplitudes(self) -> NDArray[np.bool_]:
+        return np.array([p.role == "amplitude" for p in self.parameters])
+
+    def at_bound(self, values: Floats) -> bool:
+        near = np.minimum(values - self.lower, self.upper - values) < 1e-6
+        neutral = np.abs(values - self.centres) < 1e-6
+        return bool((near & ~neutral & self.amplitudes).any())

@@ -1,0 +1,61 @@
+"""Model form: what any smooth law of pressures and strains could change of each segment's free strains.
+
+A model of walls and windings is never exact. Where nominal recordings show the arm, the error of its law is
+learnt from them as eps_i = u_i + sum_k c_ik phi_k, with phi_k the monomials up to the third degree in the
+pressures of the segment's own chambers and those of its strains that gravity shows; it has no memory, no
+clock and no other chamber in it, and it is common to all recordings, so that nothing new can hide in it.
+"""
+
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.stage import Stage
+
+Floats = NDArray[np.float64]
+
+DEGREE = 3
+PRESSURE = 50e3
+"""Pressure [Pa] and strain [rad] at which a monomial is 1."""
+STRAIN = 0.5
+ELONGATION = 0.02
+"""Elongation [m] that stands beside a strain of ``STRAIN``."""
+CLOCK = 0.03
+"""Standard deviation of the delay between the clocks of pressures and motion [s]."""
+SPREAD = 0.04
+"""Standard deviation of each coefficient, in strains of ``STRAIN`` at monomials of 1."""
+
+
+def form_columns(stage: Stage) -> Floats:
+    """Give the change of the predictions per unit of each coefficient, that of the clock last.
+
+    Returns:
+        Shape (samples, rows, columns).
+    """
+    by_free = stage.by_free
+    size = np.array([STRAIN, STRAIN, STRAIN, ELONGATION])
+    columns = []
+    for g in range(len(stage.world.segments)):
+        features = monomials(stage, g)
+        for axis in range(4):
+            own = SPREAD * size[axis] * by_free[..., 4 * g + axis]
+            columns.append(own[..., None] * features[:, None, :])
+    predicted = np.nan_to_num(stage.reading_rows - stage.residual)
+    late = -CLOCK * np.gradient(predicted, stage.session.clock, axis=0)
+    return np.concatenate([*columns, late[..., None]], axis=-1)
+
+
+def monomials(stage: Stage, segment: int) -> Floats:
+    """Evaluate the monomials of a segment, shape (samples, monomials)."""
+    members = [k for k, own in enumerate(stage.world.chamber_segment) if own == segment]
+    pressures = stage.session.pressures[:, members] / PRESSURE
+    strains = stage.arm.baseline.strains[:, segment, :3] / STRAIN
+    found = [
+        np.prod(pressures[:, list(term)], axis=1)
+        for degree in range(1, DEGREE + 1)
+        for term in combinations_with_replacement(range(len(members)), degree)
+    ]
+    found += [strains[:, k] for k in range(3)]
+    found += [strains[:, j] * strains[:, k] for j, k in combinations_with_replacement(range(2), 2)]
+    found += [strains[:, j] * pressures[:, k] for j in range(2) for k in range(len(members))]
+    return np.stack(found, axis=-1)

@@ -1,0 +1,150 @@
+"""What speaks for a candidate: whether the size that some recordings show predicts the others."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.belief import Belief, Marginal
+from softarm.estimator.diagnosis.gram import Products, total
+
+Floats = NDArray[np.float64]
+
+CERTAIN = 40.0
+"""Gain in the criterion that decides even where the gain on single folds scatters: four times the least."""
+ANY_SIZE = 100.0
+"""Variance of a candidate's size, in units of its fit, that leaves it to the data."""
+MATERIAL = 0.10
+"""Share of the explainable mismatch that an effect must remove."""
+EXPLAINABLE = 0.25
+"""Share of the scatter that counts as explainable at least."""
+REPEATABLE = 1.0
+"""Or root mean square of its change over the scatter of the residuals."""
+FALSE_ALARM = 0.01
+HETEROGENEITY = 1.0
+"""Largest spread between recordings of an effect's size, over the size."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What speaks for a candidate, on stretches that its fit has not seen.
+
+    Args:
+        before: Root mean square of the residuals over their scale without it.
+        after: With it.
+        gain_ci95: Bootstrap interval of 1 - after / before.
+        share: Share of the explainable mismatch that it removes.
+        change: Root mean square of its change over the scatter.
+        spread: Spread of its size between recordings beyond their own uncertainty, over the size.
+        search_p: Chance of as much in the whole search where nothing is missing.
+        delta_bic: Of the candidate.
+        certain: Gain in the criterion that decides even where the gain on single folds scatters.
+    """
+
+    before: float
+    after: float
+    gain_ci95: tuple[float, float]
+    share: float
+    change: float
+    spread: float
+    search_p: float
+    delta_bic: float
+    certain: float = CERTAIN
+
+    @property
+    def accepted(self) -> bool:
+        """Whether all of it holds."""
+        certain = self.delta_bic >= self.certain and self.after < self.before and self.spread <= HETEROGENEITY
+        return (
+            (self.gain_ci95[0] > 0.0 or certain)
+            and (self.share >= MATERIAL or self.change >= REPEATABLE)
+            and self.search_p <= FALSE_ALARM
+        )
+
+
+def judge(
+    parts: Sequence[Products],
+    belief: Belief,
+    share: float,
+    size: int,
+    rng: np.random.Generator,
+    search_p: float,
+    delta_bic: float,
+) -> Judgement:
+    """Predict each recording, or stretch, with the size of a candidate that the others show, and without.
+
+    What is common to all recordings is believed as before any of those in question was seen: calibration
+    that has followed the change would hide it.
+
+    Args:
+        parts: Products of the searched stretches, the candidate's change their last column.
+        belief: Belief about the other columns.
+        share: Share of independent samples.
+        size: Number of the other columns.
+        rng: Of the bootstrap.
+        search_p: Chance of as much in the whole search where nothing is missing.
+        delta_bic: Of the candidate.
+    """
+    extended = belief.beside(0.0, ANY_SIZE)
+    before, after, counts, sizes, precisions = [], [], [], [], []
+    for fold in _folds(parts):
+        rest = [part for part in parts if part not in fold]
+        if not rest:
+            continue
+        learnt = extended.updated(total(rest, size + 1), share)
+        known = belief.beside(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
+        seen = total(fold, size + 1)
+        before.append(Marginal.cost_of(belief, seen.first(size), share))
+        after.append(Marginal.cost_of(known, seen, share))
+        counts.append(share * seen.count)
+        own = Marginal.of(extended, seen, share)
+        sizes.append(own.vector[-1] / max(own.matrix[-1, -1], 1e-12))
+        precisions.append(own.matrix[-1, -1])
+    low, high = bootstrap(rng, np.array(before), np.array(after))
+    explainable = max(float(np.sum(before) - np.sum(counts)), EXPLAINABLE * float(np.sum(counts)))
+    changed = sum(part.matrix[-1, -1] for part in parts) / max(sum(part.count for part in parts), 1)
+    return Judgement(
+        float(np.sqrt(np.sum(before) / np.sum(counts))),
+        float(np.sqrt(np.sum(after) / np.sum(counts))),
+        (low, high),
+        float(np.sum(before) - np.sum(after)) / explainable,
+        float(np.sqrt(changed)),
+        _heterogeneity(np.array(sizes), np.array(precisions)),
+        search_p,
+        delta_bic,
+    )
+
+
+def _folds(parts: Sequence[Products]) -> list[list[Products]]:
+    """Cut stretches into folds: recordings where there are three or more, else five spans of time."""
+    sessions = sorted({part.session for part in parts})
+    if len(sessions) >= 3:
+        return [[part for part in parts if part.session == number] for number in sessions]
+    ordered = sorted(parts, key=lambda part: (part.session, part.block))
+    cuts = np.array_split(np.arange(len(ordered)), min(5, len(ordered)))
+    return [[ordered[k] for k in cut] for cut in cuts]
+
+
+def bootstrap(
+    rng: np.random.Generator, before: Floats, after: Floats, draws: int = 500
+) -> tuple[float, float]:
+    """Give the interval of 1 - sqrt(after / before) over resampled stretches."""
+    chosen = rng.integers(0, len(before), (draws, len(before)))
+    ratio = after[chosen].sum(axis=1) / np.maximum(before[chosen].sum(axis=1), 1e-12)
+    gains = 1.0 - np.sqrt(np.maximum(ratio, 0.0))
+    low, high = np.percentile(gains, [2.5, 97.5])
+    return float(low), float(high)
+
+
+def _heterogeneity(sizes: Floats, precisions: Floats) -> float:
+    """Give the spread between folds beyond their own uncertainty (DerSimonian and Laird).
+
+    Sizes are over the size that all folds together show, so 1 is agreement.
+    """
+    if len(sizes) < 2 or precisions.sum() <= 0.0:
+        return 0.0
+    mean = float((precisions * sizes).sum() / precisions.sum())
+    excess = float((precisions * (sizes - mean) ** 2).sum()) - (len(sizes) - 1)
+    weight = precisions.sum() - (precisions**2).sum() / precisions.sum()
+    between = max(excess, 0.0) / max(weight, 1e-12)
+    return float(np.sqrt(between))

@@ -1,0 +1,217 @@
+"""Where a mismatch sits and what it varies with, before any hypothesis.
+
+At every place stands an equivalent load or offset: bending, twisting and axial couples of a segment, a
+pressure in a chamber, an offset of a sensor's channel, a turn of the base. Each varies with one regime. A
+cell's share is what it alone removes of the mismatch beyond noise, the calibration free to move; its chance
+is that of so large a gain anywhere in the map where nothing is missing.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.belief import Belief, Marginal
+from softarm.estimator.diagnosis.evidence import Evidence
+from softarm.estimator.diagnosis.gram import Total, total
+from softarm.estimator.diagnosis.result import Cell, CellKind, LocationMap, Regime
+from softarm.estimator.diagnosis.session import channels, units
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.diagnosis.weights import Weights
+from softarm.estimator.simulation import Drive
+
+Floats = NDArray[np.float64]
+
+COUPLES = ("x", "y", "z", "axial")
+COUPLE_UNITS = ("N m", "N m", "N m", "N")
+MEMORY = 3.0
+"""Seconds after which a change is forgotten."""
+DRAWS = 300
+TILT = 1e-3
+SIZES = {"N m": 0.01, "N": 0.3, "Pa": 1e3, "m": 1e-3, "rad": 1e-2}
+"""What a coefficient of 1 stands for, so that all are of one order."""
+
+
+@dataclass(frozen=True)
+class Spotted:
+    """An equivalent load or offset of one place.
+
+    Args:
+        kind: Sort of place.
+        name: Which one.
+        axis: Of the place.
+        unit: Of the load.
+        column: Change of the predictions per unit, shape (samples, rows).
+    """
+
+    kind: CellKind
+    name: str
+    axis: str
+    unit: str
+    column: Floats
+
+
+def locate(
+    evidence: Evidence,
+    residuals: Sequence[Floats],
+    weights: Weights,
+    belief: Belief,
+    rng: np.random.Generator,
+) -> LocationMap:
+    """Map the mismatch of the recordings in question, outside what is held out.
+
+    Args:
+        evidence: All recordings.
+        residuals: What is left in each of them, NaN where lost, shape (samples, rows).
+        weights: Noise model.
+        belief: Belief about the common coefficients, which stay free.
+        rng: Of the draws without mismatch.
+    """
+    found: list[tuple[CellKind, str, str, str, Regime]] = []
+    parts: list[tuple[Floats, Floats, Floats]] = []
+    for number, stage in enumerate(evidence.stages):
+        if stage.session.nominal or stage.session.heldout.all():
+            continue
+        names, columns = cells_of(stage)
+        found = found or names
+        if names == found:
+            parts.append(_cross(evidence, weights, number, residuals[number], columns))
+    if not parts:
+        return LocationMap()
+    searched = [p for p in evidence.products(weights, residuals) if not p.nominal and not p.heldout]
+    seen = total(searched, evidence.size)
+    marginal = Marginal.of(*_joined(belief, seen, parts), weights.share)
+    first = evidence.size
+    diagonal = np.maximum(np.diag(marginal.matrix)[first:], 1e-300)
+    values = marginal.vector[first:] / diagonal
+    gains = marginal.vector[first:] * values
+    null = (marginal.null_draws(rng, DRAWS, first) ** 2 / diagonal).max(axis=1)
+    explainable = max(marginal.cost - marginal.count, float(gains.max(initial=0.0)), 1e-9)
+    cells = [
+        Cell(
+            kind,
+            name,
+            axis,
+            regime,
+            float(abs(value)) * SIZES[unit],
+            unit,
+            float(gain / explainable),
+            float((null >= gain).mean()),
+        )
+        for (kind, name, axis, unit, regime), value, gain in zip(found, values, gains, strict=True)
+    ]
+    return LocationMap(tuple(sorted(cells, key=lambda cell: -cell.share)))
+
+
+def cells_of(stage: Stage) -> tuple[list[tuple[CellKind, str, str, str, Regime]], NDArray[np.float32]]:
+    """List the cells of a session and their columns, shape (samples, rows, cells)."""
+    spots, varied = spotted(stage), regimes(stage)
+    names = [(spot.kind, spot.name, spot.axis, spot.unit, regime) for spot in spots for regime in varied]
+    columns = np.stack(
+        [SIZES[spot.unit] * spot.column * values[:, None] for spot in spots for values in varied.values()],
+        axis=-1,
+    )
+    return names, columns.astype(np.float32)
+
+
+def _cross(
+    evidence: Evidence,
+    weights: Weights,
+    number: int,
+    residual: Floats,
+    columns: NDArray[np.float32],
+) -> tuple[Floats, Floats, Floats]:
+    """Multiply cells with common columns, with one another and with the residual of a session."""
+    stage = evidence.stages[number]
+    seen = np.isfinite(residual) & ~stage.session.heldout[:, None]
+    inverse = np.where(seen, 1.0 / evidence.scale(weights, number), 0.0).astype(np.float32)
+    cells = (columns * inverse[..., None]).reshape(-1, columns.shape[-1])
+    common = (evidence.columns[number] * inverse[..., None]).reshape(len(cells), -1)
+    left = np.where(seen, np.nan_to_num(residual), 0.0) * inverse
+    return (
+        np.asarray(np.dot(common.T, cells), dtype=np.float64),
+        np.asarray(np.dot(cells.T, cells), dtype=np.float64),
+        np.asarray(np.dot(cells.T, left.ravel()), dtype=np.float64),
+    )
+
+
+def _joined(
+    belief: Belief, seen: Total, parts: Sequence[tuple[Floats, Floats, Floats]]
+) -> tuple[Belief, Total]:
+    """Put cells beside the common columns; about cells the belief is that they are zero."""
+    known = len(belief.mean)
+    cross, own, pull = (np.sum([part[k] for part in parts], axis=0) for k in range(3))
+    size = known + len(pull)
+    matrix, covariance = np.zeros((size, size)), np.zeros((size, size))
+    matrix[:known, :known], matrix[known:, known:] = seen.matrix, own
+    matrix[:known, known:], matrix[known:, :known] = cross, cross.T
+    covariance[:known, :known] = belief.covariance
+    covariance[np.arange(known, size), np.arange(known, size)] = 1e-18
+    joined = Belief(np.append(belief.mean, np.zeros(len(pull))), covariance)
+    return joined, Total(seen.count, matrix, np.append(seen.vector, pull), seen.power)
+
+
+def spotted(stage: Stage) -> list[Spotted]:
+    """List the equivalent loads and offsets of all places."""
+    chambers = stage.drive.pressures.shape[1]
+    by_pressure, by_couple = stage.by_input[..., :chambers], stage.by_couple
+    found = []
+    for g, segment in enumerate(stage.arm.segments.names):
+        found += [
+            Spotted("segment", segment, letter, unit, by_couple[..., 4 * g + axis])
+            for axis, (letter, unit) in enumerate(zip(COUPLES, COUPLE_UNITS, strict=True))
+        ]
+    found += [
+        Spotted("chamber", str(chamber), "pressure", "Pa", by_pressure[..., chamber])
+        for chamber in range(chambers)
+    ]
+    for row, (channel, unit) in enumerate(zip(channels(stage.suite), units(stage.suite), strict=True)):
+        sensor, _, letter = channel.rpartition(".")
+        column = np.zeros(stage.residual.shape)
+        column[:, row] = 1.0
+        found.append(Spotted("sensor", sensor, letter, unit, column))
+    for axis, letter in enumerate("xy"):
+        turned = np.zeros((stage.session.samples, 3))
+        turned[:, axis] = TILT
+        twists = stage.arm.twists(_tilted(stage, turned)) / TILT
+        found.append(Spotted("base", "base", letter, "rad", np.einsum("tri,ti->tr", stage.by_twist, twists)))
+    return found
+
+
+def regimes(stage: Stage) -> dict[Regime, Floats]:
+    """Give what a mismatch may vary with, each scaled to unit root mean square, shape (samples,)."""
+    time = stage.session.clock
+    pressures = stage.session.pressures
+    level = pressures.max(axis=1, initial=0.0)
+    speed = np.gradient(pressures, time, axis=0) if pressures.size else np.zeros_like(pressures)
+    fastest = np.abs(speed).max(axis=1, initial=0.0)
+    towards = speed.sum(axis=1) if speed.size else np.zeros(len(time))
+    bends = np.linalg.norm(stage.arm.baseline.strains[..., :2], axis=-1)
+    pose = bends[:, -1]
+    return {
+        "constant": np.ones(len(time)),
+        "pressure level": _unit(level),
+        "direction of change": _unit(np.tanh(towards / 2e3)),
+        "time since a change": _unit(1.0 - _since(time, fastest)),
+        "rate": _unit(towards),
+        "pose": _unit(pose**2),
+        "largest strain so far": _unit(np.maximum.accumulate(pose)),
+        "time of the run": _unit(time - time[0]),
+    }
+
+
+def _since(time: Floats, fastest: Floats) -> Floats:
+    """Give what is left of the memory of the last change, exp(-time since / MEMORY)."""
+    moving = fastest > 1.5e3
+    last = np.maximum.accumulate(np.where(moving, time, time[0] - 100.0))
+    decay: Floats = np.exp(-(time - last) / MEMORY)
+    return decay
+
+
+def _unit(values: Floats) -> Floats:
+    size = float(np.sqrt(np.mean(values**2)))
+    return values / size if size > 0.0 else values
+
+
+def _tilted(stage: Stage, turned: Floats) -> Drive:
+    return replace(stage.drive, base_rotation=stage.drive.base_rotation + turned)

@@ -1,0 +1,110 @@
+"""What nominal recordings teach: the common coefficients, and how far these carry to other runs."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.belief import Belief, Marginal
+from softarm.estimator.diagnosis.evidence import Evidence
+from softarm.estimator.diagnosis.gram import Products, total
+from softarm.estimator.diagnosis.weights import Weights
+
+Floats = NDArray[np.float64]
+
+WIDTHS = (0.01, 0.03, 0.06, 0.12, 0.25)
+"""Standard deviations tried for what changes of each effect from run to run, in typical sizes."""
+WIDEST = 0.5
+"""The same where something has changed."""
+MATERIAL = 0.1
+"""Changes by less, in typical sizes, are as between any two manoeuvres of one arm."""
+UNKNOWN = 0.03
+"""The same where no nominal recording tells."""
+NUISANCE = 0.1
+"""What changes of the calibration from run to run, in its prior spread, per typical size of effects."""
+
+
+def belief_before(evidence: Evidence, weights: Weights) -> tuple[Belief, float]:
+    """Give the belief with which the recordings in question are judged, and the width it rests on.
+
+    Args:
+        evidence: All recordings.
+        weights: Noise model.
+    """
+    parts = [part for part in evidence.products(weights) if part.nominal]
+    if not parts:
+        return evidence.prior(UNKNOWN, UNKNOWN), UNKNOWN
+    prior = evidence.sound()
+    width = _width(evidence, prior, parts, weights.share)
+    learnt = prior.updated(total(parts, evidence.size), weights.share)
+    return learnt.wider(_spreads(evidence, width)), width
+
+
+def _spreads(evidence: Evidence, width: float) -> Floats:
+    changed = width * evidence.typical
+    changed[: evidence.nuisances] *= NUISANCE
+    return changed
+
+
+def _width(evidence: Evidence, prior: Belief, parts: Sequence[Products], share: float) -> float:
+    """Choose the width at which every nominal recording is best predicted from the others."""
+    sessions = sorted({part.session for part in parts})
+    if len(sessions) == 1:
+        blocks = sorted({part.block for part in parts})
+        halves = [blocks[: len(blocks) // 2], blocks[len(blocks) // 2 :]]
+        folds = [[part for part in parts if part.block in half] for half in halves]
+    else:
+        folds = [[part for part in parts if part.session == number] for number in sessions]
+    scores = []
+    for width in WIDTHS:
+        score = 0.0
+        for fold in folds:
+            rest = [part for part in parts if part not in fold]
+            belief = prior.updated(total(rest, evidence.size), share).wider(_spreads(evidence, width))
+            score += predictive(belief, fold, share, evidence.size)
+        scores.append(score)
+    return WIDTHS[int(np.argmax(scores))]
+
+
+def predictive(belief: Belief, fold: Sequence[Products], share: float, size: int) -> float:
+    """Give twice the logarithm of the density of a fold under a belief, up to a constant."""
+    seen = total(fold, size)
+    marginal = Marginal.of(belief, seen, share)
+    root = np.sqrt(np.diag(belief.covariance))
+    inner = np.eye(size) + share * _sandwich(belief.covariance, seen.matrix, root)
+    return -marginal.cost - float(np.linalg.slogdet(inner)[1])
+
+
+def evidence_of_change(
+    evidence: Evidence, belief: Belief, width: float, parts: Sequence[Products], share: float
+) -> float:
+    """Give how much likelier recordings are if more than a little has changed since the nominal ones.
+
+    No single effect need explain them: all may have changed.
+
+    Args:
+        evidence: All recordings.
+        belief: Belief before those in question, which allows for ``width``.
+        width: What changes from one nominal run to another, in typical sizes.
+        parts: Products of those in question.
+        share: Share of independent samples.
+
+    Returns:
+        Twice the log ratio of the densities, at the likeliest widths above and below ``MATERIAL``.
+    """
+
+    def likelihood(wider: float) -> float:
+        added = float(np.sqrt(wider**2 - width**2))
+        return predictive(belief.wider(_spreads(evidence, added)), parts, share, evidence.size)
+
+    tried = [width, *(w for w in (*WIDTHS, WIDEST) if w > width)]
+    little = [w for w in tried if w == width or w < MATERIAL]
+    return max(likelihood(w) for w in tried if w not in little) - max(likelihood(w) for w in little)
+
+
+def _sandwich(covariance: Floats, matrix: Floats, root: Floats) -> Floats:
+    """Give P G in coordinates scaled by the belief's deviations, for a well-scaled determinant."""
+    scaled: Floats = (covariance / np.outer(root, root)) @ (matrix * np.outer(root, root))
+    return scaled
+
+
+__all__ = ["UNKNOWN", "belief_before", "evidence_of_change"]

@@ -1,0 +1,310 @@
+"""From a recording to a session: sensors that say something of their own, known loads, means over windows."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.calibration import Run, arrange
+from softarm.estimator.diagnosis.session import Floats, Indices, Session
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Recording
+from softarm.estimator.rotations import from_quaternions
+from softarm.estimator.sensing import Registration, SensorSuite
+from softarm.estimator.specimen import Specimen
+
+Flags = NDArray[np.bool_]
+
+BLOCK = 10.0
+"""Length of the stretches that are held out or judged as a whole [s]; shorter in short recordings."""
+LEAST_BLOCKS = 6
+SAME = np.radians(0.2)
+"""Bends that repeat what frames say to within this are left out."""
+TAUT = 0.02
+"""A gauge that pulls harder [N] counts as a load."""
+RINGING = 0.11
+"""Windows longer than this [s] are there to average a ring away."""
+QUIETEST, QUIET_SIZE = 10.0, 0.1257
+"""Percentile of the changes between windows at rest that tells the noise, and that of a standard normal."""
+RESTING = 500.0
+"""Pressures that change by less within a window rest [Pa]."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A session at its native rate, and what was noticed on the way.
+
+    Args:
+        session: The session.
+        notes: Plain sentences.
+    """
+
+    session: Session
+    notes: tuple[str, ...]
+
+
+def prepare(
+    recording: Recording, specimen: Specimen, sections: tuple[str, ...], *, nominal: bool
+) -> Prepared:
+    """Arrange a recording for a diagnosis, at its own rate.
+
+    Gravity is the recording's ``gravity_m_s2`` where it has one, else the specimen's. A force gauge whose
+    hook is seen as a marker becomes a known load on ``gauge_section``.
+
+    Raises:
+        InputError: The recording does not fit the specimen or holds no motion.
+    """
+    notes: list[str] = []
+    known = _without_unknown_markers(recording, specimen, notes)
+    run = arrange(_without_repeated_bends(known, specimen, notes), specimen, sections)
+    present = np.isfinite(run.pressures).all(axis=1)
+    run = run.window(np.asarray(present))
+    if len(run.time) < 2:
+        raise InputError(recording.name, "pressures and motion are never present together", "record both")
+    samples = len(run.time)
+    gravity = np.array(recording.info.get("gravity_m_s2", specimen.gravity_m_s2), dtype=np.float64)
+    if gravity.shape != (3,):
+        raise InputError(f"{recording.name}, gravity_m_s2", "is not three numbers", "give x, y and z")
+    start = float(recording.info.get("session_start_s", 0.0))
+    session = Session(
+        name=recording.name,
+        nominal=nominal,
+        clock=run.time + start,
+        pressures=run.pressures,
+        gravity=np.tile(gravity, (samples, 1)),
+        wrenches=_gauge_wrenches(recording, run, sections, notes),
+        suite=run.suite,
+        readings=run.readings,
+        sigma=np.zeros(run.suite.size),
+        blocks=blocks_of(run.time),
+        heldout=np.zeros(samples, dtype=bool),
+    )
+    return Prepared(session, tuple(notes))
+
+
+def averaged(session: Session, step: float) -> Session:
+    """Average a session over windows, the noise of the means included.
+
+    White noise is that of the second differences of the readings; it falls with the root of their number.
+    What wanders more slowly stays: it is measured between neighbouring windows of the quietest stretches.
+
+    Args:
+        session: At its own rate.
+        step: Length of a window [s]; a session that is slower stays as it is.
+    """
+    count = max(1, round(step / session.step))
+    windows = ((session.clock - session.clock[0]) / (count * session.step) + 1e-9).astype(np.int64)
+    numbers, places = np.unique(windows, return_inverse=True)
+    size = len(numbers)
+    readings = _means(session.readings, places, size)
+    clock = _means(session.clock[:, None], places, size)[:, 0]
+    mean = replace(
+        session,
+        clock=clock,
+        pressures=_means(session.pressures, places, size),
+        gravity=_means(session.gravity, places, size),
+        wrenches=_means(session.wrenches.reshape(session.samples, -1), places, size).reshape(
+            size, *session.wrenches.shape[1:]
+        ),
+        readings=_unit(session.suite, readings),
+        blocks=blocks_of(clock),
+        heldout=np.zeros(size, dtype=bool),
+    )
+    white = _white_noise(session) / np.sqrt(count)
+    whole = replace(mean, sigma=np.maximum(np.hypot(white, _wander(mean)), _resolution(session)))
+    return whole.thin(_steady(session, places, size)) if step > RINGING else whole
+
+
+def _steady(session: Session, places: NDArray[np.int64], size: int) -> Flags:
+    """Tell in which windows the pressures rest: long windows are there to average a ring away."""
+    highest = np.full((size, session.pressures.shape[1]), -np.inf)
+    lowest = np.full_like(highest, np.inf)
+    np.maximum.at(highest, places, session.pressures)
+    np.minimum.at(lowest, places, session.pressures)
+    steady = np.asarray((highest - lowest).max(axis=1, initial=0.0) < RESTING)
+    return steady if steady.sum() >= LEAST_BLOCKS else np.ones(size, dtype=bool)
+
+
+def blocks_of(time: Floats) -> Indices:
+    """Number the stretches of time that samples belong to."""
+    seconds = float(time[-1] - time[0])
+    length = min(BLOCK, max(seconds, 1e-9) / LEAST_BLOCKS * (1 + 1e-9))
+    blocks: Indices = ((time - time[0]) // length).astype(np.int64)
+    return blocks
+
+
+def _without_unknown_markers(recording: Recording, specimen: Specimen, notes: list[str]) -> Recording:
+    known = {marker.name for marker in specimen.markers}
+    unknown = [name for name in recording.markers if name not in known]
+    kept = [name for name in recording.markers if name in known]
+    if unknown and not kept and not recording.frames and not recording.bends:
+        listed = ", ".join(unknown)
+        raise InputError(
+            recording.name, f"none of its markers ({listed}) is in the specimen", "give the right specimen"
+        )
+    if unknown:
+        notes.append(f"{recording.name}: markers {', '.join(unknown)} are not in the specimen and left out.")
+    columns = {
+        name: values
+        for name, values in recording.columns.items()
+        if not any(name.startswith(f"marker_{marker}_") for marker in unknown)
+    }
+    return replace(recording, columns=columns)
+
+
+def _without_repeated_bends(recording: Recording, specimen: Specimen, notes: list[str]) -> Recording:
+    """Leave out bends that were computed from the frames: they would count the same evidence twice."""
+    order = [section.name for section in specimen.sections]
+    repeated = []
+    for section in recording.bends:
+        above = order[order.index(section) - 1] if order.index(section) > 0 else None
+        if section in recording.frames and above in recording.frames:
+            told = _tilt(recording.pose(above or ""), recording.pose(section))
+            left = np.abs(told - recording.bend(section))
+            if np.isfinite(left).any() and float(np.nanmedian(left)) < SAME:
+                repeated.append(section)
+    if repeated:
+        notes.append(f"{recording.name}: bends of {', '.join(repeated)} repeat the frames and are left out.")
+    columns = {
+        name: values
+        for name, values in recording.columns.items()
+        if not any(name.startswith(f"bend_{section}_") for section in repeated)
+    }
+    return replace(recording, columns=columns)
+
+
+def _tilt(above: Floats, below: Floats) -> Floats:
+    seen = np.isfinite(above).all(axis=1) & np.isfinite(below).all(axis=1)
+    tilt = np.full((len(above), 2), np.nan)
+    if seen.any():
+        upper, lower = from_quaternions(above[seen, 3:]), from_quaternions(below[seen, 3:])
+        axis = np.einsum("tji,tj->ti", upper, lower[:, :, 2])
+        sine = np.linalg.norm(axis[:, :2], axis=1)
+        angle = np.arctan2(sine, axis[:, 2])
+        tilt[seen] = axis[:, :2] * (angle / np.maximum(sine, 1e-12))[:, None]
+    return tilt
+
+
+def _gauge_wrenches(recording: Recording, run: Run, sections: tuple[str, ...], notes: list[str]) -> Floats:
+    """Give the loads that a gauge measured, along the line from its section to its hook."""
+    wrenches = np.zeros((len(run.time), len(sections), 6))
+    for gauge in recording.gauges:
+        pull = recording.gauge(gauge)
+        seen = np.isfinite(pull)
+        section = recording.info.get("gauge_section")
+        if not seen.any() or float(np.abs(pull[seen]).max()) < TAUT:
+            continue
+        hook = "hook" if "marker_hook_x_m" in recording.columns else f"{gauge}_hook"
+        if not isinstance(section, str) or section not in sections or hook not in recording.markers:
+            notes.append(
+                f"{recording.name}: gauge {gauge} pulls, but where and along which line is not known "
+                "(gauge_section and marker_hook); its force is not in the model."
+            )
+            continue
+        force = np.interp(run.time, recording.time[seen], pull[seen])
+        line = _line(recording, run, section, hook)
+        wrenches[:, sections.index(section), :3] += force[:, None] * line
+    return wrenches
+
+
+def _line(recording: Recording, run: Run, section: str, hook: str) -> Floats:
+    """Give the unit vector from a section to the gauge's hook in the base frame, shape (samples, 3)."""
+    if section not in recording.frames:
+        return np.zeros((len(run.time), 3))
+    there, here = recording.marker(hook), recording.pose(section)[:, :3]
+    registration = next((m.registration for m in run.suite.measurements if m.registration), Registration())
+    line = registration.to_base(there) - registration.to_base(here)
+    filled = np.column_stack([_filled(recording.time, column, run.time) for column in line.T])
+    unit: Floats = filled / np.maximum(np.linalg.norm(filled, axis=1, keepdims=True), 1e-9)
+    return unit
+
+
+def _filled(time: Floats, values: Floats, wanted: Floats) -> Floats:
+    seen = np.isfinite(values)
+    if not seen.any():
+        return np.zeros(len(wanted))
+    return np.interp(wanted, time[seen], values[seen])
+
+
+def _orientations(suite: SensorSuite) -> list[slice]:
+    """Find the quaternions among the stacked readings."""
+    found, start = [], 0
+    for measurement in suite.measurements:
+        start += measurement.reading_size
+        if measurement.reading_size in (4, 7):
+            found.append(slice(start - 4, start))
+    return found
+
+
+def _unit(suite: SensorSuite, readings: Floats) -> Floats:
+    out = readings.copy()
+    for own in _orientations(suite):
+        out[:, own] /= np.linalg.norm(out[:, own], axis=1, keepdims=True)
+    return out
+
+
+def _means(columns: Floats, places: NDArray[np.int64], count: int) -> Floats:
+    means = np.full((count, columns.shape[1]), np.nan)
+    for index, column in enumerate(columns.T):
+        seen = np.isfinite(column)
+        members = np.bincount(places[seen], minlength=count)
+        total = np.bincount(places[seen], column[seen], count)
+        means[members > 0, index] = total[members > 0] / members[members > 0]
+    return means
+
+
+def _rows(session: Session) -> Floats:
+    """Give readings as vectors about their first, shape (samples, rows)."""
+    from_first = np.empty((session.samples, session.suite.size))
+    start = row = 0
+    for measurement in session.suite.measurements:
+        part = session.readings[:, start : start + measurement.reading_size]
+        start += measurement.reading_size
+        if measurement.reading_size in (4, 7):
+            # Small turns are twice the vector part of the quaternion against the median.
+            middle = np.nanmedian(part[:, -4:], axis=0)
+            part = np.concatenate([part[:, :-4], 2.0 * _vector_part(part[:, -4:], middle)], axis=1)
+        from_first[:, row : row + measurement.size] = part
+        row += measurement.size
+    return from_first
+
+
+def _vector_part(quaternions: Floats, reference: Floats) -> Floats:
+    """Give the vector part of conj(reference) times quaternions (w, x, y, z)."""
+    w, v = reference[0], -reference[1:]
+    product: Floats = w * quaternions[:, 1:] + quaternions[:, :1] * v + np.cross(v, quaternions[:, 1:])
+    return product
+
+
+def _white_noise(session: Session) -> Floats:
+    """Give the standard deviation of white noise of each row by second differences, shape (rows,)."""
+    rows = _rows(session)
+    if len(rows) < 5:
+        return np.zeros(rows.shape[1])
+    second = np.diff(rows, 2, axis=0)
+    sigma = np.zeros(rows.shape[1])
+    for index, column in enumerate(second.T):
+        seen = column[np.isfinite(column)]
+        if len(seen):
+            # The quieter half of the run: motion itself has second differences too.
+            sigma[index] = np.percentile(np.abs(seen), 25.0) / 0.3186 / np.sqrt(6.0)
+    return sigma
+
+
+def _wander(session: Session) -> Floats:
+    """Give the spread of each row between neighbouring windows where the pressures rest, shape (rows,)."""
+    rows = _rows(session)
+    still = np.abs(np.diff(session.pressures, axis=0)).max(axis=1, initial=0.0) < 150.0
+    sigma = np.zeros(rows.shape[1])
+    for index, column in enumerate(rows.T):
+        change = np.abs(np.diff(column))
+        quiet = change[still & np.isfinite(change)]
+        if len(quiet) > 10:
+            sigma[index] = np.percentile(quiet, QUIETEST) / QUIET_SIZE / np.sqrt(2.0)
+    return sigma
+
+
+def _resolution(session: Session) -> Floats:
+    """Give a tenth of the specimen's noise, below which no mean is believed, shape (rows,)."""
+    sizes = [np.sqrt(np.diag(m.covariance(np.zeros(m.reading_size)))) for m in session.suite.measurements]
+    smallest: Floats = 0.1 * np.concatenate(sizes)
+    return smallest

@@ -1,0 +1,71 @@
+"""Arms without pressures that are held, let go, and swing: they are judged once they have come to rest.
+
+Before the release a hand holds the arm in a pose that says nothing of its weight; while the swing rings down,
+means over a few periods are not yet the rest pose.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.session import Session
+
+Floats = NDArray[np.float64]
+
+RINGS = 8.0
+"""Periods after which a swing counts as died away."""
+UNDRIVEN = 1000.0
+"""Pressures below it [Pa] drive nothing."""
+STARTUP = 0.12
+"""Seconds at the beginning of a recording that motion capture needs to start."""
+DEPARTURE = 0.03
+"""Share of the whole motion at which an arm counts as let go."""
+LEAST_SAMPLES = 20
+LEAST_HOLD = 0.1
+"""Shortest time for which it is held [s]."""
+
+
+@dataclass(frozen=True)
+class Release:
+    """A release that was found.
+
+    Args:
+        session: The session once the swing has died away.
+        time: When it was let go [s].
+    """
+
+    session: Session
+    time: float
+
+
+def find_release(session: Session, ring: float | None) -> Release | None:
+    """Find the release of an arm that no pressure drives.
+
+    Args:
+        session: At its own rate.
+        ring: Frequency of its swing [Hz].
+
+    Returns:
+        ``None`` where pressures drive it or it does not swing.
+    """
+    if ring is None or float(session.pressures.max(initial=0.0)) > UNDRIVEN:
+        return None
+    time = session.clock - session.clock[0]
+    column = _largest(session.readings[time > STARTUP])
+    values = session.readings[:, column]
+    start = float(np.nanmedian(values[(time > STARTUP) & (time < STARTUP + LEAST_HOLD)]))
+    whole = float(np.nanmax(np.abs(values[time > STARTUP] - start)))
+    moved = (np.abs(values - start) > DEPARTURE * whole) & (time > STARTUP)
+    first = int(np.argmax(moved))
+    if whole <= 0.0 or time[first] < STARTUP + LEAST_HOLD:
+        return None
+    settled = np.asarray(time >= time[first] + RINGS / ring)
+    if settled.sum() < LEAST_SAMPLES:
+        return None
+    return Release(replace(session.thin(settled), ring=ring), float(time[first]))
+
+
+def _largest(readings: Floats) -> int:
+    """Find the reading that moves most, shape (samples, readings)."""
+    spread = np.nanmax(readings, axis=0) - np.nanmin(readings, axis=0)
+    return int(np.nanargmax(spread))

@@ -1,0 +1,114 @@
+"""The frequency at which a released arm swings: one more measurement, of mass and stiffness, not of weight.
+
+With k the stiffness of the tip and m the mass that swings, omega^2 = k / m. In nominal recordings k is the
+model's and omega is seen, so m follows; what an effect does to k or m then predicts the frequency in the
+recordings in question. A force or a tilt changes neither.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.stage import Stage
+
+Floats = NDArray[np.float64]
+
+SIGMA = 0.015
+"""Standard deviation of the logarithm of a ratio of frequencies."""
+ONE_POSE = 0.05
+"""Share of a size that one pose at rest leaves open: the model's law was calibrated at another load."""
+STEPS = 6
+STEP = 1e-4
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Frequencies of the swing.
+
+    Args:
+        ratio: Logarithm of the frequency in question over that of nominal recordings.
+        mass: Mass that swings in nominal recordings, gathered at the tip [kg].
+    """
+
+    ratio: float
+    mass: float
+
+    def predicted(self, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats]) -> float:
+        """Give the logarithm of the ratio that effects predict."""
+        mass, stiffness = self.mass, 1.0
+        for hypothesis, theta in zip(hypotheses, thetas, strict=True):
+            if hypothesis.name == "tip_payload":
+                mass += float(theta[0])
+            elif hypothesis.name == "distributed_mass":
+                mass *= 1.0 + float(theta[0])
+            elif hypothesis.name == "segment_stiffness":
+                stiffness *= 1.0 + float(theta[0])
+            elif hypothesis.name == "local_stiffness_defect":
+                stiffness *= 1.0 - float(theta[0])
+        return 0.5 * float(np.log(max(stiffness, 1e-6) * self.mass / max(mass, 1e-6)))
+
+    def gain(self, predicted: float) -> float:
+        """Give by how much a prediction lowers the cost against none."""
+        return float((self.ratio**2 - (self.ratio - predicted) ** 2) / SIGMA**2)
+
+    def heard(self, fit: Fit) -> Fit:
+        """Let a fit, and its gain, take note of the frequency (an iterated Kalman update)."""
+        free = fit.covariance.shape[0]
+        sizes = [len(theta) for theta in fit.thetas]
+        start = sum(sizes) - free
+        before = np.concatenate(fit.thetas)
+        scale = np.ones(free) * fit.scales
+        spread = fit.covariance * np.outer(scale, scale)
+        spread = spread + np.diag((ONE_POSE * before[start:]) ** 2)
+        moved = before.copy()
+        slope = np.zeros(free)
+        for _ in range(STEPS):
+            here = self._at(fit, moved, sizes)
+            slope = np.array([self._slope(fit, moved, sizes, start + k, scale[k]) for k in range(free)])
+            gain = spread @ slope / (slope @ spread @ slope + SIGMA**2)
+            left = self.ratio - here - slope @ (before - moved)[start:]
+            moved[start:] = self._bounded(fit, before[start:] + gain * left, start)
+        change = moved[start:] - before[start:]
+        lost = float(change @ np.linalg.pinv(spread) @ change)
+        thetas = tuple(np.split(moved, np.cumsum(sizes)[:-1]))
+        narrowed = spread - np.outer(gain, slope @ spread)
+        total = fit.gain - lost + self.gain(self._at(fit, moved, sizes))
+        covariance = narrowed / np.outer(scale, scale)
+        return replace(fit, thetas=thetas, covariance=covariance, gain=total)
+
+    def _at(self, fit: Fit, values: Floats, sizes: Sequence[int]) -> float:
+        return self.predicted(fit.hypotheses, np.split(values, np.cumsum(sizes)[:-1]))
+
+    def _slope(self, fit: Fit, values: Floats, sizes: Sequence[int], index: int, size: float) -> float:
+        ahead = values.copy()
+        ahead[index] += STEP * size
+        return (self._at(fit, ahead, sizes) - self._at(fit, values, sizes)) / (STEP * size)
+
+    def _bounded(self, fit: Fit, values: Floats, start: int) -> Floats:
+        parameters = [p for hypothesis in fit.hypotheses for p in hypothesis.effect.parameters][start:]
+        return np.clip(values, [p.lower for p in parameters], [p.upper for p in parameters])
+
+
+def ring_of(stages: Sequence[Stage]) -> Ring | None:
+    """Compare the swings of recordings in question with nominal ones; ``None`` where either lack one."""
+    seen = {
+        nominal: [s.session.ring for s in stages if s.session.ring and s.session.nominal == nominal]
+        for nominal in (True, False)
+    }
+    if not seen[True] or not seen[False]:
+        return None
+    known, asked = float(np.median(seen[True])), float(np.median(seen[False]))
+    stage = next(stage for stage in stages if stage.session.nominal)
+    return Ring(float(np.log(asked / known)), 1.0 / (_compliance(stage) * (2.0 * np.pi * known) ** 2))
+
+
+def _compliance(stage: Stage) -> float:
+    """Give the largest compliance of the tip against a force across the arm [m/N]."""
+    response = stage.arm.baseline
+    sections = response.frames.positions.shape[1]
+    tip = 6 * (sections - 1)
+    block = response.by_wrench[0, tip : tip + 2, tip : tip + 2]
+    return float(np.linalg.eigvalsh(0.5 * (block + block.T))[-1])

@@ -1,0 +1,83 @@
+"""The linear search of the whole library, and its scores where nothing is missing."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.belief import Marginal
+from softarm.estimator.diagnosis.evidence import Evidence
+from softarm.estimator.diagnosis.library import Direction
+from softarm.estimator.effects import Parameter
+
+Floats = NDArray[np.float64]
+
+DRAWS = 400
+INVISIBLE = 1e-3
+"""Gain in cost of a typical effect below which it leaves no trace at all."""
+
+
+def screen(evidence: Evidence, marginal: Marginal, taken: frozenset[int]) -> list[tuple[int, float, Floats]]:
+    """Rank hypotheses by their linear gain less the price of their parameters.
+
+    Args:
+        evidence: Residuals and columns.
+        marginal: What is left once all that is common to the recordings is marginalised.
+        taken: Numbers of hypotheses that are left out.
+
+    Returns:
+        Number, score and parameters to start from of each, the best first.
+    """
+    best: dict[int, tuple[float, Floats]] = {}
+    price = np.log(max(marginal.count, 2.0))
+    directions = evidence.library.directions
+    for number, _, columns in evidence.library.groups():
+        if number in taken:
+            continue
+        own = [evidence.nuisances + c for c in columns]
+        if marginal.matrix[own, own].min() <= INVISIBLE:
+            continue
+        gain, values = marginal.gain(own)
+        effect = evidence.library.hypotheses[number].effect
+        theta, allowed = _start(effect.parameters, [directions[c] for c in columns], values)
+        score = (gain if allowed else 0.0) - price * len(effect.parameters)
+        if number not in best or score > best[number][0]:
+            best[number] = (score, theta)
+    ranked = [(number, score, theta) for number, (score, theta) in best.items()]
+    return sorted(ranked, key=lambda entry: -entry[1])
+
+
+def null_scores(evidence: Evidence, marginal: Marginal, rng: np.random.Generator) -> Floats:
+    """Draw the best score of the whole screen where nothing is missing, shape (draws,)."""
+    first = evidence.nuisances
+    drawn = marginal.null_draws(rng, DRAWS, first)
+    price = np.log(max(marginal.count, 2.0))
+    best = np.full(DRAWS, -np.inf)
+    for number, _, columns in evidence.library.groups():
+        own = [evidence.nuisances + c for c in columns]
+        if marginal.matrix[own, own].min() <= INVISIBLE:
+            continue
+        block = marginal.matrix[np.ix_(own, own)]
+        size = np.sqrt(np.maximum(np.diag(block), 1e-300))
+        scaled = block / np.outer(size, size) + 1e-6 * np.eye(len(own))
+        whitened = drawn[:, [k - first for k in own]] / size
+        gains = (whitened * np.linalg.solve(scaled, whitened.T).T).sum(axis=1)
+        parameters = len(evidence.library.hypotheses[number].effect.parameters)
+        best = np.maximum(best, gains - price * parameters)
+    return best
+
+
+def _start(
+    parameters: Sequence[Parameter], directions: Sequence[Direction], values: Floats
+) -> tuple[Floats, bool]:
+    """Turn linear coefficients into parameters to start from; whether their signs are allowed."""
+    theta = directions[0].theta.copy()
+    allowed = True
+    for direction, value in zip(directions, values.tolist(), strict=True):
+        if direction.parameter < 0:
+            allowed = allowed and value > 0.0
+            continue
+        bounds = parameters[direction.parameter]
+        if bounds.lower >= 0.0 and value < 0.0 and len(directions) == 1:
+            allowed = False
+        theta[direction.parameter] = float(np.clip(value * direction.typical, bounds.lower, bounds.upper))
+    return theta, allowed

@@ -1,0 +1,98 @@
+"""One recording of a diagnosis: what acted, what was read, how well, in samples of even length."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.sensing import ActuationMap, SensorSuite
+from softarm.estimator.simulation import Drive
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Session:
+    """A recording brought to the rate of a diagnosis.
+
+    Args:
+        name: Name of the recording.
+        nominal: Whether it shows the arm in its known state.
+        clock: Time of the session's clock [s], which goes on between recordings, shape (samples,).
+        pressures: Recorded gauge pressures [Pa], shape (samples, chambers).
+        gravity: Gravitational acceleration in the base frame [m/s2], shape (samples, 3).
+        wrenches: Known loads on the sections, as in ``Drive``, shape (samples, sections, 6).
+        suite: The sensors.
+        readings: Stacked readings, NaN where lost, shape (samples, readings).
+        sigma: Standard deviation of each row's noise in a sample, shape (rows,).
+        blocks: Number of the stretch of time that each sample belongs to, shape (samples,).
+        heldout: Samples that neither a fit nor a choice may see, shape (samples,).
+        ring: Frequency at which the arm swung when it was released [Hz].
+    """
+
+    name: str
+    nominal: bool
+    clock: Floats
+    pressures: Floats
+    gravity: Floats
+    wrenches: Floats
+    suite: SensorSuite
+    readings: Floats
+    sigma: Floats
+    blocks: Indices
+    heldout: Flags
+    ring: float | None = None
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return len(self.clock)
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasts [s]."""
+        return float(self.clock[-1] - self.clock[0])
+
+    @property
+    def step(self) -> float:
+        """Time between samples [s]."""
+        return float(np.median(np.diff(self.clock)))
+
+    def drive(self, actuation: ActuationMap, segments: int) -> Drive:
+        """Give what acts on the arm, the actuation's gains and biases included."""
+        acting = actuation.to_chamber(self.pressures)
+        sections = self.wrenches.shape[1]
+        plain = Drive.of(self.clock, acting, self.gravity, sections, segments)
+        return replace(plain, wrenches=self.wrenches)
+
+    def thin(self, keep: Flags) -> "Session":
+        """Keep some samples, shape (samples,)."""
+        return replace(
+            self,
+            clock=self.clock[keep],
+            pressures=self.pressures[keep],
+            gravity=self.gravity[keep],
+            wrenches=self.wrenches[keep],
+            readings=self.readings[keep],
+            blocks=self.blocks[keep],
+            heldout=self.heldout[keep],
+        )
+
+
+def channels(suite: SensorSuite) -> tuple[str, ...]:
+    """Name the rows of a suite's innovation: ``bend_tip.x``, ``frame_tip.rz``, ``marker_tip1.y``."""
+    letters = {2: ("x", "y"), 3: ("x", "y", "z"), 6: ("x", "y", "z", "rx", "ry", "rz")}
+    return tuple(f"{m.name}.{letter}" for m in suite.measurements for letter in letters[m.size])
+
+
+def units(suite: SensorSuite) -> tuple[str, ...]:
+    """Give the unit of each row: ``m`` or ``rad``."""
+    found: list[str] = []
+    for measurement in suite.measurements:
+        if measurement.size == 6:
+            found += ["m"] * 3 + ["rad"] * 3
+        else:
+            length = measurement.name.startswith("marker")
+            found += ["m" if length else "rad"] * measurement.size
+    return tuple(found)

@@ -1,0 +1,110 @@
+"""The model itself under effects, at some samples of a session."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects import World
+from softarm.estimator.effects.augmented import PRESSURES, PlacedEffect, signals_of
+from softarm.estimator.model import Frames
+from softarm.estimator.simulation import Arm, Drive, Response
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+APART = 0.8
+"""Time [s] between samples at which the model itself is solved."""
+PASSES = 4
+SETTLED_STRAIN, SETTLED_WRENCH = 1e-4, 1e-5
+"""Answers of the model until effects see their own consequence; the change that ends it [rad, m; N, N m]."""
+
+
+@dataclass(frozen=True)
+class Solver:
+    """A model along a session.
+
+    Args:
+        arm: The model.
+        drive: What acts on it without effects.
+        baseline: Its response to that, which holds no free strains.
+        world: What effects may refer to.
+    """
+
+    arm: Arm
+    drive: Drive
+    baseline: Response
+    world: World
+
+    @cached_property
+    def nodes(self) -> Indices:
+        """Samples at which the model itself is solved: one of every few, at random.
+
+        At even steps they would see the same phase of every hold.
+        """
+        time = self.drive.time
+        every = max(1, round(APART / float(np.median(np.diff(time))))) if len(time) > 1 else 1
+        first = np.arange(0, len(time), every)
+        drawn = first + np.random.default_rng(0).integers(0, every, len(first))
+        nodes: Indices = np.minimum(drawn, len(time) - 1)
+        return nodes
+
+    def under(self, effects: Sequence[PlacedEffect]) -> tuple[Drive, Response]:
+        """Solve the model under effects that see its own response.
+
+        Effects keep their memory along all samples: between the nodes they see the response without them,
+        moved as at the nodes.
+
+        Returns:
+            What acts in the end, and the response at the nodes, without derivatives.
+        """
+        plain, near = self.baseline, self.baseline.at(self.nodes)
+        drive = self._shaped(effects, plain)
+        response = self.arm.respond(drive.at(self.nodes), near, slopes=False)
+        for _ in range(PASSES if effects else 0):
+            strained = self.between(response.strains - drive.free[self.nodes] - near.strains)
+            moved = self.between(response.frames.positions - near.frames.positions)
+            there = Frames(plain.frames.positions + moved, plain.frames.rotations)
+            again = self._shaped(effects, replace(plain, frames=there, strains=plain.strains + strained))
+            if _settled(drive, again):
+                break
+            drive = again
+            begun = replace(near, states=response.states)
+            response = self.arm.respond(drive.at(self.nodes), begun, slopes=False)
+        return drive, response
+
+    def between(self, values: Floats) -> Floats:
+        """Interpolate between nodes, shape (nodes, ...), leaving out those without a value."""
+        clock, nodes = self.drive.time, self.drive.time[self.nodes]
+        columns = []
+        for column in values.reshape(len(nodes), -1).T:
+            found = np.isfinite(column)
+            known = np.interp(clock, nodes[found], column[found]) if found.any() else np.zeros(len(clock))
+            columns.append(known)
+        return np.stack(columns, axis=-1).reshape(len(clock), *values.shape[1:])
+
+    def _shaped(self, effects: Sequence[PlacedEffect], seen: Response) -> Drive:
+        """Let effects act on the drive, as they see it in a response."""
+        drive, signals = self.drive, signals_of(self.drive, self.world, seen)
+        for placed in effects:
+            hook = placed.effect.hook
+            value, _ = placed.act(replace(signals, pressures=drive.pressures), ())
+            if hook in PRESSURES:
+                drive = replace(drive, pressures=value)
+            elif hook == "gravity":
+                drive = replace(drive, gravity=drive.gravity + value)
+            elif hook == "load":
+                drive = drive.plus(value.reshape(drive.wrenches.shape), np.zeros_like(drive.couples))
+            elif hook == "couple":
+                drive = drive.strained(value - signals.strains)
+            else:
+                drive = replace(drive, base_rotation=drive.base_rotation + value.reshape(drive.samples, 3))
+        return drive
+
+
+def _settled(drive: Drive, again: Drive) -> bool:
+    """Tell whether effects do the same in two responses."""
+    strain = float(np.abs(again.free - drive.free).max(initial=0.0))
+    wrench = float(np.abs(again.wrenches - drive.wrenches).max(initial=0.0))
+    return strain < SETTLED_STRAIN and wrench < SETTLED_WRENCH

@@ -1,0 +1,342 @@
+"""A session on the calibrated model: the prediction, the residual, and what effects would change."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.calibration.forward import registered, rigid_motion
+from softarm.estimator.calibration.parameters import Layout, Setting
+from softarm.estimator.calibration.pressures import by_unknown
+from softarm.estimator.diagnosis.session import Session, units
+from softarm.estimator.diagnosis.solver import Solver
+from softarm.estimator.effects import World
+from softarm.estimator.effects.augmented import (
+    PRESSURES,
+    PlacedEffect,
+    recorded_turn,
+    signals_of,
+    simulate_with,
+)
+from softarm.estimator.model import Frames
+from softarm.estimator.rotations import exp
+from softarm.estimator.sensing import Scene, SensorSuite
+from softarm.estimator.simulation import Arm, Drive, LinearisedArm
+from softarm.estimator.simulation.compliance import stiffness_along
+from softarm.estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SUDDEN, RINGDOWN = 0.2, 0.7
+RINGING = 0.2
+LEVER = 0.1
+"""See ``Stage.unrest``: [s], [s], a share, [m]."""
+ANSWERING = ("contact_obstacle", "tether_stiffness")
+"""Effects whose own consequence changes what they do: how far they push depends on how far they moved."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """The model of a specimen whose segments' stiffness can be scaled.
+
+    Args:
+        specimen: The robot.
+        sections: Names of the sections whose frames it gives.
+        arm: Gives the arm with stiffness factors of segments and each segment's torsional compliance beyond
+            the model's, shape (segments,); a model that cannot twist leaves that out.
+        fast: Whether it solves thousands of samples in seconds.
+    """
+
+    specimen: Specimen
+    sections: tuple[str, ...]
+    arm: Callable[[Mapping[str, float], Floats], Arm]
+    fast: bool = False
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A session on the calibrated model.
+
+    Args:
+        session: The session.
+        setting: Calibration.
+        arm: The arm linearised along the calibrated drive.
+        exact: The arm itself.
+        world: What effects may refer to.
+        suite: The sensors, aligned.
+        drive: The calibrated drive.
+        doubtful: What the model of the swing may get wrong, where there is one, shape (samples, rows).
+    """
+
+    session: Session
+    setting: Setting
+    arm: LinearisedArm
+    exact: Arm
+    world: World
+    suite: SensorSuite
+    drive: Drive
+    doubtful: Floats | None = None
+
+    @cached_property
+    def base(self) -> Floats:
+        """Predicted readings without effects, stacked, shape (samples, readings)."""
+        predicted: Floats = self.suite.predict(self.scene)
+        return predicted
+
+    @cached_property
+    def scene(self) -> Scene:
+        """What the sensors look at without effects."""
+        return Scene(self.arm.baseline.frames, np.zeros((self.session.samples, 0)))
+
+    @cached_property
+    def by_couple(self) -> Floats:
+        """Derivative of the predictions by the segments' couples, shape (samples, rows, 4 segments)."""
+        response = self.arm.baseline
+        samples, sections = response.frames.positions.shape[:2]
+        by_wrench = self.by_twist @ response.by_wrench
+        strains = self.arm.segments.rows(response.frames).reshape(samples, -1, 6 * sections)
+        by_couple: Floats = by_wrench @ np.swapaxes(strains, 1, 2)
+        return by_couple
+
+    @cached_property
+    def by_free(self) -> Floats:
+        """Derivative of the predictions by free strains, shape (samples, rows, 4 segments)."""
+        by_free: Floats = self.by_twist @ self.arm.baseline.by_free
+        return by_free
+
+    def innovation(self, readings: Floats) -> Floats:
+        """Compare stacked readings with the prediction without effects, shape (samples, rows)."""
+        left: Floats = self.suite.sensitivity(self.scene, readings).innovation
+        return np.where(self.arm.baseline.converged[:, None], left, np.nan)
+
+    @cached_property
+    def residual(self) -> Floats:
+        """Measured minus predicted, shape (samples, rows); NaN where lost."""
+        return self.innovation(self.session.readings)
+
+    @cached_property
+    def reading_rows(self) -> Floats:
+        """Readings as rows: lengths and angles from the pose that is predicted for the first sample."""
+        frames = self.arm.baseline.frames
+        first = Frames(
+            np.broadcast_to(frames.positions[:1], frames.positions.shape),
+            np.broadcast_to(frames.rotations[:1], frames.rotations.shape),
+        )
+        scene = Scene(first, self.scene.loads)
+        rows: Floats = self.suite.sensitivity(scene, self.session.readings).innovation
+        return rows
+
+    @cached_property
+    def unrest(self) -> Floats:
+        """What swings after fast changes may add to what the model gives, shape (samples, rows).
+
+        Where the model does not swing, a change of bend within ``SUDDEN`` seconds rings down with the time
+        constant ``RINGDOWN``; the share ``RINGING`` of it counts as uncertain, on a lever of ``LEVER`` for
+        positions.
+        """
+        if self.doubtful is not None:
+            return self.doubtful
+        bends = self.arm.baseline.strains[..., :2].reshape(self.session.samples, -1)
+        back = max(1, round(SUDDEN / self.session.step))
+        left = np.zeros(self.session.samples)
+        if back * self.session.step < RINGDOWN and self.session.samples > back:
+            change = np.abs(bends[back:] - bends[:-back]).max(axis=1)
+            left[back:] = change
+            left = fading(self.session.clock, left)
+        lever = np.array([LEVER if unit == "m" else 1.0 for unit in units(self.suite)])
+        uncertain: Floats = RINGING * left[:, None] * lever
+        return uncertain
+
+    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> Floats:
+        """Give by how much effects change the predictions, shape (samples, rows).
+
+        To first order effects add up; those that answer to the response need a search for a fixed point.
+
+        Args:
+            effects: The effects.
+            exact: Correct that by what the model itself says at some samples, but for sensors and effects
+                that answer.
+        """
+        answering = [placed for placed in effects if placed.effect.name in ANSWERING]
+        sensing = [placed for placed in effects if placed.effect.hook == "sensing"]
+        inner = [placed for placed in effects if placed not in (*answering, *sensing)]
+        none = np.zeros(self.residual.shape)
+        first: Floats = sum((self.first_order(placed) for placed in inner), none)
+        if exact and inner:
+            beyond = self._solved(inner) - self._solved_plain - first[self._solver.nodes]
+            first = first + self._solver.between(beyond)
+        others: Floats = sum((self.first_order(placed) for placed in sensing), none)
+        return first + others + (self._simulated(answering) if answering else none)
+
+    def _simulated(self, effects: Sequence[PlacedEffect]) -> Floats:
+        found = simulate_with(effects, self.arm, self.world, self.drive, self.suite)
+        readings = np.concatenate([found.readings[m.name] for m in self.suite.measurements], axis=-1)
+        return self.innovation(readings)
+
+    @cached_property
+    def _solver(self) -> Solver:
+        """The model itself along the session."""
+        return Solver(self.exact, self.drive, self.arm.baseline, self.world)
+
+    @cached_property
+    def _solved_plain(self) -> Floats:
+        """What the model itself gives without effects, against its linearisation, shape (nodes, rows)."""
+        return self._solved(())
+
+    def _solved(self, effects: Sequence[PlacedEffect]) -> Floats:
+        """Give what the model itself says under effects, against the prediction, shape (nodes, rows)."""
+        nodes = self._solver.nodes
+        drive, response = self._solver.under(effects)
+        back = np.swapaxes(exp(self._usual(drive, effects)[nodes]), -1, -2)
+        frames = Frames(
+            np.einsum("tij,tsj->tsi", back, response.frames.positions),
+            back[:, None] @ response.frames.rotations,
+        )
+        loads, near = self.scene.loads[nodes], self.arm.baseline.at(nodes)
+        readings = self.suite.predict(Scene(frames, loads))
+        readings = np.where(response.converged[:, None], readings, np.nan)
+        left: Floats = self.suite.sensitivity(Scene(near.frames, loads), readings).innovation
+        return np.where(near.converged[:, None], left, np.nan)
+
+    def first_order(self, placed: PlacedEffect) -> Floats:
+        """Give by how much an effect changes the predictions to first order, shape (samples, rows).
+
+        What it sees of the response is the response without it: for a material effect exactly what it asks
+        for, for loads and supports that depend on the response the first step towards it.
+        """
+        hook = placed.effect.hook
+        response, drive = self.arm.baseline, self.drive
+        if hook == "sensing":
+            return self.innovation(self._misread(placed, self.base))
+        signals = signals_of(drive, self.world, response)
+        value, _ = placed.act(signals, ())
+        chambers = drive.pressures.shape[1]
+        if hook in PRESSURES:
+            return _applied(self.by_input[..., :chambers], value - drive.pressures)
+        if hook == "gravity":
+            return _applied(self.by_input[..., -3:], value)
+        if hook == "load":
+            own = value.reshape(drive.samples, -1)
+            return _applied(self.by_input[..., chambers : chambers + own.shape[1]], own)
+        if hook == "couple":
+            return _applied(self.by_free, (value - signals.strains).reshape(drive.samples, -1))
+        turned = replace(drive, base_rotation=drive.base_rotation + value.reshape(drive.samples, 3))
+        usual = replace(drive, base_rotation=self._usual(turned, (placed,)))
+        return _applied(self.by_twist, self.arm.twists(turned) - self.arm.rigid(usual))
+
+    def _usual(self, drive: Drive, effects: Sequence[PlacedEffect]) -> Floats:
+        """Give the turn of the base that the laboratory's registration has taken out, shape (samples, 3)."""
+        taken = recorded_turn(drive.base_rotation, effects) if self.suite.base_recorded else np.zeros(3)
+        return np.broadcast_to(taken, drive.base_rotation.shape)
+
+    def _misread(self, placed: PlacedEffect, truth: Floats) -> Floats:
+        """Give stacked readings as an effect of sensing turns them, shape (samples, readings)."""
+        sensor, start = placed.spot.place.sensor, 0
+        readings = truth.copy()
+        for measurement in self.suite.measurements:
+            own = slice(start, start + measurement.reading_size)
+            start = own.stop
+            if measurement.name == sensor:
+                signals = signals_of(self.drive, self.world, self.arm.baseline)
+                readings[:, own], _ = placed.act(replace(signals, reading=truth[:, own]), ())
+        return readings
+
+    @cached_property
+    def by_twist(self) -> Floats:
+        """Derivative of the predictions by the sections' twists, shape (samples, rows, 6 sections)."""
+        rows: Floats = np.nan_to_num(self.suite.sensitivity(self.scene, self.base).twists)
+        return rows
+
+    @cached_property
+    def by_input(self) -> Floats:
+        """Derivative of the predictions by pressures, wrenches and gravity, shape (samples, rows, inputs)."""
+        by_input: Floats = self.by_twist @ self.arm.baseline.motion
+        return by_input
+
+    def calibration_columns(self, layout: Layout) -> Floats:
+        """Differentiate the predictions by the unknowns of a calibration, then by each segment's torsion.
+
+        Returns:
+            Shape (samples, rows, unknowns + segments).
+        """
+        response, pressures = self.arm.baseline, self.session.pressures
+        rows, by_pressure = self.by_twist, self.by_input[..., : pressures.shape[1]]
+        by_alignment = self.suite.parameter_rows(self.scene, self.base)
+        by_base = -registered(self.suite)[:, None] * (rows @ rigid_motion(response.frames))
+        names = self.suite.parameter_names
+        known = len(layout.parameters)
+        columns = np.zeros((*rows.shape[:2], known + len(self.world.segments)))
+        for index, parameter in enumerate(layout.parameters):
+            target = parameter.target
+            match parameter.kind:
+                case "modulus":
+                    columns[..., index] = self._by_stiffness(target)
+                case "gain" | "curve" | "bias":
+                    pushed = by_unknown(parameter, self.setting, response.frames, pressures)
+                    columns[..., index] = _applied(by_pressure, pushed)
+                case "base":
+                    columns[..., index] = by_base[..., int(target)]
+                case "alignment" if target in names:
+                    columns[..., index] = by_alignment[..., names.index(target)]
+        for index in range(len(self.world.segments)):
+            twist = self.arm.baseline.strains[:, index, 2]
+            columns[..., known + index] = self.by_free[..., 4 * index + 2] * twist[:, None]
+        return columns
+
+    def _by_stiffness(self, segment: str) -> Floats:
+        """Differentiate by the logarithm of a segment's stiffness.
+
+        Where the model does not tell, all strains of the segment shrink alike.
+        """
+        index = self.world.segments.index(segment)
+        known = self.arm.baseline.by_stiffness
+        if known is not None:
+            by_stiffness: Floats = (self.by_twist @ known)[..., index]
+            return by_stiffness
+        own = slice(4 * index, 4 * index + 4)
+        shrunk: Floats = -np.einsum("trk,tk->tr", self.by_free[..., own], self.arm.baseline.strains[:, index])
+        return shrunk
+
+
+def _applied(slopes: Floats, change: Floats) -> Floats:
+    """Multiply derivatives, shape (samples, rows, inputs), with changes, shape (samples, inputs)."""
+    applied: Floats = np.einsum("tri,ti->tr", slopes, change)
+    return applied
+
+
+def build_stage(model: Model, session: Session, setting: Setting, torsion: Floats) -> Stage:
+    """Solve the calibrated model along a session and linearise it there.
+
+    Args:
+        model: The model.
+        session: The session.
+        setting: Calibration.
+        torsion: Torsional compliance of each segment beyond the model's, shape (segments,).
+    """
+    arm = model.arm(setting.scales, torsion)
+    drive = session.drive(setting.actuation, arm.segments.count)
+    response = arm.respond(drive)
+    suite = setting.aligned(session.suite)
+    sensors = tuple(m.name for m in suite.measurements)
+    stiffness = stiffness_along(arm.segments, response.frames, response.by_wrench)
+    world = World.of(
+        model.specimen, arm.segments, model.sections, stiffness, sensors, actuation=setting.actuation
+    )
+    return Stage(session, setting, LinearisedArm(arm.segments, drive, response), arm, world, suite, drive)
+
+
+def fading(clock: Floats, sizes: Floats) -> Floats:
+    """Give the largest of late of some sizes, forgotten with ``RINGDOWN``, shape (samples, ...)."""
+    left, kept = sizes.copy(), np.exp(-np.diff(clock) / RINGDOWN)
+    for k in range(1, len(left)):
+        left[k] = np.maximum(left[k], left[k - 1] * kept[k - 1])
+    return left
+
+
+def thinned(session: Session, count: int) -> Session:
+    """Keep about ``count`` samples, evenly spread."""
+    keep = np.zeros(session.samples, dtype=bool)
+    keep[np.unique(np.linspace(0, session.samples - 1, min(count, session.samples)).astype(int))] = True
+    return replace(session.thin(keep))

@@ -1,0 +1,206 @@
+"""Sensors that stand still while the arm moves: found in the readings themselves, before any fit."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.result import Evidence, Finding, Quantity
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.effects import EFFECTS
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen.physics import Place
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LEAST = 3.0
+"""Shortest time [s] for which a sensor must stand still."""
+MOVING = 0.05
+"""Motion that the model must predict meanwhile [rad], and a hundredth of it in metres."""
+STILL = 0.02
+"""Share of the predicted motion below which a reading stands still."""
+LATE = 0.5
+"""A sensor that is late by less [s] has not moved yet at the end of a stretch; it does not stand still."""
+ASKED = 5000.0
+"""Change of a set-point [Pa] during which a pressure must not read the same throughout."""
+RESOLUTION = 30.0
+"""Error of a set-point [Pa] that stands in for a pressure sensor."""
+
+
+@dataclass(frozen=True)
+class Stuck:
+    """A sensor that stands still for a while.
+
+    Args:
+        recording: In which recording.
+        sensor: Its name.
+        since: Seconds from the start of the recording.
+        until: Seconds from the start of the recording.
+        before: Root mean square of its error against the model [rad, or m over ``LEVER``]; of a pressure
+            that of the set-point, over ``RESOLUTION``.
+        after: The same of its motion, which is what a held reading leaves.
+        samples: Number of samples.
+    """
+
+    recording: str
+    sensor: str
+    since: float
+    until: float
+    before: float
+    after: float
+    samples: int
+
+
+LEVER = 0.1
+
+
+def stuck_pressures(recording: Recording) -> tuple[Stuck, ...]:
+    """Find pressure sensors that read one and the same number while their set-point changes.
+
+    A valve that does not answer is something else: its sensor goes on showing noise.
+    """
+    found = []
+    time = recording.time - recording.time[0]
+    for chamber in recording.chambers:
+        asked = recording.columns.get(f"pressure_cmd_{chamber}_pa")
+        given = recording.columns.get(f"pressure_{chamber}_pa")
+        if asked is None or given is None:
+            continue
+        seen = np.flatnonzero(np.isfinite(asked) & np.isfinite(given))
+        for part in np.split(seen, np.flatnonzero(np.diff(given[seen]) != 0.0) + 1):
+            if len(part) < 3 or time[part[-1]] - time[part[0]] < LEAST:
+                continue
+            # A set-point that has just changed is not answered yet.
+            low, high = np.percentile(asked[part], [10.0, 90.0])
+            if high - low < ASKED:
+                continue
+            error = float(np.sqrt(np.mean((asked[part] - given[part]) ** 2)))
+            span = float(time[part[0]]), float(time[part[-1]])
+            found.append(
+                Stuck(recording.name, f"pressure_{chamber}", *span, error / RESOLUTION, 1.0, len(part))
+            )
+    return tuple(found)
+
+
+def without_pressures(
+    recording: Recording, stuck: Sequence[Stuck], *, by_set_points: bool = False
+) -> Recording:
+    """Lose what stuck pressure sensors read, or put the set-points in its place."""
+    columns = dict(recording.columns)
+    time = recording.time - recording.time[0]
+    for one in stuck:
+        if one.recording == recording.name:
+            own = (time >= one.since) & (time <= one.until)
+            name = f"{one.sensor}_pa"
+            instead = columns[name.replace("pressure_", "pressure_cmd_")] if by_set_points else np.nan
+            columns[name] = np.where(own, instead, columns[name])
+    return replace(recording, columns=columns)
+
+
+def stuck_notes(stuck: Sequence[Stuck]) -> list[str]:
+    """Say what stands in for pressures that were not measured."""
+    return [
+        f"{one.recording}: {one.sensor} stands still from {one.since:.1f} to {one.until:.1f} s; "
+        "its set-point stands in for it."
+        for one in stuck
+    ]
+
+
+def find_stuck(stage: Stage) -> tuple[Stuck, ...]:
+    """Find sensors of a session that stand still while the model says that they should move."""
+    found = []
+    time = stage.session.clock - stage.session.clock[0]
+    measured, left = stage.reading_rows, stage.residual
+    predicted = measured - left
+    for measurement in stage.suite.measurements:
+        rows = stage.suite.slices[measurement.name]
+        size = np.array([LEVER if measurement.size == 6 and k < 3 else 1.0 for k in range(measurement.size)])
+        if measurement.name.startswith("marker"):
+            size[:] = LEVER
+        shown, wanted = measured[:, rows] / size, predicted[:, rows] / size
+        for start, end in _still(time, shown, wanted):
+            own = slice(start, end)
+            found.append(
+                Stuck(
+                    stage.session.name,
+                    measurement.name,
+                    float(time[start]),
+                    float(time[end - 1]),
+                    float(np.sqrt(np.nanmean((left[own, rows] / size) ** 2))),
+                    float(np.sqrt(np.nanmean((shown[own] - np.nanmean(shown[own], axis=0)) ** 2))),
+                    end - start,
+                )
+            )
+    return tuple(found)
+
+
+def without_stuck(stage: Stage, stuck: tuple[Stuck, ...]) -> Stage:
+    """Lose the readings of sensors while they stand still."""
+    if not stuck:
+        return stage
+    readings = stage.session.readings.copy()
+    time = stage.session.clock - stage.session.clock[0]
+    start = 0
+    for measurement in stage.suite.measurements:
+        own = slice(start, start + measurement.reading_size)
+        start = own.stop
+        for one in stuck:
+            if one.sensor == measurement.name:
+                readings[(time >= one.since) & (time <= one.until), own] = np.nan
+    return replace(stage, session=replace(stage.session, readings=readings))
+
+
+def stuck_findings(stuck: Sequence[Stuck]) -> tuple[Finding, ...]:
+    """Tell of every sensor that stood still, from the first time on."""
+    found = []
+    for sensor in dict.fromkeys(one.sensor for one in stuck):
+        own = [one for one in stuck if one.sensor == sensor]
+        count = sum(one.samples for one in own)
+        before, after = (
+            float(np.sqrt(sum(one.samples * getattr(one, name) ** 2 for one in own) / count))
+            for name in ("before", "after")
+        )
+        first = min(one.since for one in own)
+        place = Place(sensor=sensor)
+        where = "; ".join(f"{one.recording} from {one.since:.1f} to {one.until:.1f} s" for one in own)
+        words = EFFECTS["sensor_stuck"].tell(np.array([1.0, first]), place)
+        moving = "its set-point" if sensor.startswith("pressure") else "the arm"
+        gain = count * np.log(max(before, 1e-12) / max(after, 1e-6)) - 2.0 * np.log(count)
+        share = 1.0 - after / max(before, 1e-12)
+        found.append(
+            Finding(
+                "sensor_stuck",
+                place,
+                "time of the run",
+                f"{words} It stands still while {moving} moves: {where}.",
+                {"share": Quantity(1.0, 0.01, "1"), "since": Quantity(first, 0.1, "s")},
+                Evidence(float(gain), before, after, (share, share), float("nan")),
+            )
+        )
+    return tuple(found)
+
+
+def _still(time: Floats, shown: Floats, wanted: Floats) -> list[tuple[int, int]]:
+    """List the longest stretches in which readings stand still and predictions move."""
+    step = float(np.median(np.diff(time)))
+    width = max(3, round(LEAST / step))
+    if len(time) <= width:
+        return []
+    early = max(2, width - int(np.ceil(LATE / step)))
+    motion = _range(wanted, early)[: len(time) - width + 1]
+    quiet = _range(shown, width) < STILL * np.maximum(motion, MOVING)
+    moving = motion > MOVING
+    flags = np.zeros(len(time), dtype=bool)
+    for k in np.flatnonzero(quiet & moving):
+        flags[k : k + width] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+def _range(values: Floats, width: int) -> Floats:
+    """Give the largest range of any component in each window, shape (samples - width + 1,)."""
+    filled = np.where(np.isfinite(values), values, np.nanmedian(values, axis=0))
+    windows = np.lib.stride_tricks.sliding_window_view(filled, width, axis=0)
+    ranges: Floats = (windows.max(axis=-1) - windows.min(axis=-1)).max(axis=1)
+    return ranges

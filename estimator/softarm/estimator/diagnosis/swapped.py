@@ -1,0 +1,164 @@
+"""Channels whose names were exchanged: two chambers, or two sensors of one kind."""
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.session import units
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+
+CLEARLY = 0.35
+"""Share of the squares that an exchange must leave at most."""
+WRONG = 0.1
+"""Root mean square of the mismatch [rad] below which nothing is exchanged."""
+SIZES = {"m": 0.1, "rad": 1.0}
+FOLLOWS, STRAYS = 0.9, 0.6
+"""Correlation from which a pressure follows a set-point, and below which it does not."""
+MOVED = 500.0
+"""Spread of a pressure [Pa] from which it counts as moved."""
+TOUCHING = 1e-6
+"""Largest distance of a segment's end from the section that it bends [m]."""
+OTHER = 0.25
+"""What another segment's chambers leave of a bend over what its own leave, below which it is the other's."""
+
+
+def refuse_swapped_channels(recording: Recording, specimen: Specimen) -> None:
+    """Look for exchanged channels in a recording alone, without any model of the arm.
+
+    A measured pressure follows its own set-point, and a segment is bent by its own chambers.
+
+    Raises:
+        InputError: Two channels look exchanged.
+    """
+    pair = _swapped_pressures(recording) or _swapped_bends(recording, specimen)
+    if pair:
+        raise _refusal(recording.name, pair)
+
+
+def _swapped_pressures(recording: Recording) -> str:
+    names = [
+        k
+        for k in recording.chambers
+        if {f"pressure_cmd_{k}_pa", f"pressure_{k}_pa"} <= set(recording.columns)
+        and np.nanstd(recording.columns[f"pressure_cmd_{k}_pa"]) > MOVED
+    ]
+    if len(names) < 2:
+        return ""
+    asked = recording.stack(tuple(f"pressure_cmd_{k}_pa" for k in names))
+    given = recording.stack(tuple(f"pressure_{k}_pa" for k in names))
+    seen = np.isfinite(asked).all(axis=1) & np.isfinite(given).all(axis=1)
+    follows = _correlation(given[seen], asked[seen])
+    for a, b in combinations(range(len(names)), 2):
+        own, crossed = (follows[a, a], follows[b, b]), (follows[a, b], follows[b, a])
+        if max(own) < STRAYS and min(crossed) > FOLLOWS:
+            return f"pressure_{names[a]}_pa and pressure_{names[b]}_pa"
+    return ""
+
+
+def _correlation(one: Floats, other: Floats) -> Floats:
+    """Correlate columns with columns, shape (columns, columns); what never changes follows nothing."""
+    parts = [c - c.mean(axis=0) if len(c) else c for c in (one, other)]
+    sizes = [np.maximum(np.linalg.norm(part, axis=0), 1e-9) for part in parts]
+    correlation: Floats = (parts[0] / sizes[0]).T @ (parts[1] / sizes[1])
+    return correlation
+
+
+def _swapped_bends(recording: Recording, specimen: Specimen) -> str:
+    """Compare how well the chambers of each segment explain each bend, by linear regression."""
+    chambers = {
+        section.name: [
+            chamber.index
+            for segment in specimen.segments
+            for chamber in specimen.chambers
+            if chamber.segment == segment.name and abs(segment.to_m - section.from_m) < TOUCHING
+        ]
+        for section in specimen.sections
+    }
+    present = set(recording.chambers)
+    known = [name for name in recording.bends if chambers.get(name) and present >= {*chambers[name]}]
+    for a, b in combinations(known, 2):
+        pairs = ((a, b), (b, a))
+        if all(
+            _unexplained(recording, one, chambers[other])
+            < OTHER * _unexplained(recording, one, chambers[one])
+            for one, other in pairs
+        ):
+            return f"bend_{a} and bend_{b}"
+    return ""
+
+
+def _unexplained(recording: Recording, section: str, chambers: Sequence[int]) -> float:
+    """Give the share of a bend's variance that some chambers' pressures leave."""
+    bend = recording.bend(section)
+    pressures = np.column_stack([recording.pressure(k)[0] for k in chambers])
+    seen = np.isfinite(bend).all(axis=1) & np.isfinite(pressures).all(axis=1)
+    if seen.sum() < 10 * len(chambers):
+        return 1.0
+    bend, pressures = bend[seen] - bend[seen].mean(axis=0), pressures[seen] - pressures[seen].mean(axis=0)
+    left = bend - pressures @ np.linalg.lstsq(pressures, bend, rcond=None)[0]
+    return float((left**2).sum()) / max(float((bend**2).sum()), 1e-12)
+
+
+def refuse_swapped(stages: Sequence[Stage]) -> None:
+    """Look for exchanged channels in the recordings in question.
+
+    Raises:
+        InputError: Two channels look exchanged.
+    """
+    suspects = [s for s in stages if not s.session.nominal and not s.session.heldout.all()]
+    plain = sum(_squares(stage, stage.residual) for stage in suspects)
+    count = sum(int(np.isfinite(stage.residual).sum()) for stage in suspects)
+    if count == 0 or np.sqrt(plain / count) < WRONG:
+        return
+    names = ", ".join(stage.session.name for stage in suspects)
+    chambers = suspects[0].drive.pressures.shape[1]
+    for a, b in combinations(range(chambers), 2):
+        left = sum(_squares(stage, stage.residual - _exchanged(stage, a, b)) for stage in suspects)
+        if left < CLEARLY * plain:
+            raise _refusal(names, f"pressure_{a}_pa and pressure_{b}_pa")
+    sensors = suspects[0].suite.measurements
+    for one, other in combinations(sensors, 2):
+        if one.reading_size != other.reading_size:
+            continue
+        left = sum(_squares(stage, _misread(stage, one.name, other.name)) for stage in suspects)
+        if left < CLEARLY * plain:
+            raise _refusal(names, f"{one.name} and {other.name}")
+
+
+def _refusal(names: str, pair: str) -> InputError:
+    return InputError(names, f"{pair} look exchanged", "exchange their columns, or check the wiring")
+
+
+def _squares(stage: Stage, left: Floats) -> float:
+    size = np.array([SIZES[unit] for unit in units(stage.suite)])
+    return float(np.nansum((left / size) ** 2))
+
+
+def _exchanged(stage: Stage, one: int, other: int) -> Floats:
+    """Give by how much the prediction changes when two chambers change places, shape (samples, rows)."""
+    pressures = stage.drive.pressures
+    change = np.zeros_like(pressures)
+    change[:, one] = pressures[:, other] - pressures[:, one]
+    change[:, other] = -change[:, one]
+    moved: Floats = np.einsum("trc,tc->tr", stage.by_input[..., : pressures.shape[1]], change)
+    return moved
+
+
+def _misread(stage: Stage, one: str, other: str) -> Floats:
+    """Give the residual when two sensors change places."""
+    readings = stage.session.readings.copy()
+    places, start = {}, 0
+    for measurement in stage.suite.measurements:
+        places[measurement.name] = slice(start, start + measurement.reading_size)
+        start += measurement.reading_size
+    if one not in places or other not in places:
+        return stage.residual
+    a, b = places[one], places[other]
+    readings[:, a], readings[:, b] = stage.session.readings[:, b], stage.session.readings[:, a]
+    return stage.innovation(readings)

@@ -1,0 +1,164 @@
+"""Inertia and damping of the arm as part of the model, where recordings are fast enough to show them.
+
+An arm that hangs swings after every step of pressure. That is no missing physics, but a quasi-static model
+would put it down to lags and memories; so the weighed masses swing before anything is looked for, with the
+damping that the arm in its known state shows.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from softarm.estimator.diagnosis.session import units
+from softarm.estimator.diagnosis.stage import Stage, fading
+from softarm.estimator.simulation import LinearisedArm
+from softarm.estimator.simulation.inertia import Masses, Swaying
+
+Floats = NDArray[np.float64]
+
+LONGEST_STEP = 0.11
+"""Samples that are further apart [s] do not show a swing."""
+START = (0.0, 2.0, 0.002, 0.03)
+LOWER = (-1.2, 0.05, 0.0, -0.1)
+UPPER = (1.2, 20.0, 0.1, 0.3)
+"""Logarithm of the factor on the masses, damping a [1/s] and b [s], delay of the pressures [s]."""
+LEAST_GAIN = 0.05
+"""Share of the squares that a swing must explain to be part of the model."""
+SIZES = {"m": 1e-3, "rad": 1e-2}
+BUSIEST = 4
+"""Recordings that tell of the swing."""
+UNHELD = 1e-3
+"""Largest load [N, N m] of a section that swings freely."""
+AFTER = 1.0
+"""Time [s] for which a section that was held counts as held."""
+
+
+@dataclass(frozen=True)
+class Swing:
+    """How an arm swings.
+
+    Args:
+        mass: Factor on the weighed masses.
+        damping: Share of the masses [1/s] and of the stiffness [s] that damps.
+        delay: By how much motion follows the recorded pressures later than it should [s].
+        doubt: Share of the swing that this does not get right.
+        frequency: Slowest natural frequency at the first sample [Hz].
+    """
+
+    mass: float
+    damping: tuple[float, float]
+    delay: float
+    doubt: float
+    frequency: float
+
+    def tell(self) -> str:
+        """Say it in plain words."""
+        return (
+            f"Motion matters: the model swings, at {self.frequency:.1f} Hz at first, with {self.mass:.2f} "
+            "times the weighed masses."
+        )
+
+
+def fit_swing(stages: Sequence[Stage], masses: Masses) -> Swing | None:
+    """Find how the arm of some stages swings; ``None`` where recordings show no swing."""
+    quick = [stage for stage in stages if stage.session.step <= LONGEST_STEP and _driven(stage)]
+    if not quick:
+        return None
+    still = [_fast(stage, stage.residual) for stage in quick]
+    loudest = np.argsort([-float(left @ left) for left in still])[:BUSIEST]
+    quick, still = [quick[k] for k in loudest], [still[k] for k in loudest]
+    matrices = [_swaying(stage, masses) for stage in quick]
+
+    def left(theta: Floats) -> Floats:
+        return np.concatenate(
+            [
+                _fast(stage, stage.residual - _seen(stage, swaying, _lag(stage, swaying, theta)))
+                for stage, swaying in zip(quick, matrices, strict=True)
+            ]
+        )
+
+    found = least_squares(left, START, bounds=(LOWER, UPPER), diff_step=1e-2, x_scale=(0.2, 1.0, 0.01, 0.02))
+    before, after = float(sum(one @ one for one in still)), float(found.fun @ found.fun)
+    if after > (1.0 - LEAST_GAIN) * before:
+        return None
+    logarithm, a, b, delay = found.x.tolist()
+    mass = float(np.exp(logarithm))
+    frequency = matrices[0].frequencies()[0] / np.sqrt(mass)
+    return Swing(mass, (a, b), delay, float(np.sqrt(after / before)), float(frequency))
+
+
+def swinging(stage: Stage, swing: Swing, masses: Masses) -> Stage:
+    """Give a stage whose model swings; the couples that make it do so become part of its drive."""
+    if stage.session.step > LONGEST_STEP or not stage.arm.baseline.converged.any():
+        return stage
+    swaying = _swaying(stage, masses)
+    theta = np.array([np.log(swing.mass), *swing.damping, swing.delay])
+    lag = _lag(stage, swaying, theta)
+    couples = _couples(swaying, lag).reshape(stage.drive.couples.shape)
+    drive = stage.drive.plus(np.zeros_like(stage.drive.wrenches), couples)
+    arm = LinearisedArm(stage.arm.segments, drive, stage.arm.respond(drive))
+    doubtful = np.where(
+        _held(stage)[:, None], stage.unrest, swing.doubt * _envelope(stage, _seen(stage, swaying, lag))
+    )
+    return replace(stage, arm=arm, drive=drive, doubtful=doubtful)
+
+
+def _envelope(stage: Stage, swung: Floats) -> Floats:
+    """Give how far the arm has swung of late, for each row of the predictions, shape (samples, rows)."""
+    angles = np.array([unit == "rad" for unit in units(stage.suite)])
+    seen = np.abs(swung)
+    size = [seen[:, angles].max(axis=1, initial=0.0), seen[:, ~angles].max(axis=1, initial=0.0)]
+    left = fading(stage.session.clock, np.stack(size, axis=-1))
+    envelope: Floats = np.where(angles, left[:, :1], left[:, 1:])
+    return envelope
+
+
+def _swaying(stage: Stage, masses: Masses) -> Swaying:
+    return Swaying.of(stage.arm.baseline, stage.arm.segments, masses)
+
+
+def _lag(stage: Stage, swaying: Swaying, theta: Floats) -> Floats:
+    """Give by how much the strains swing about the quasi-static ones, shape (samples, strains)."""
+    clock, found = stage.session.clock, stage.arm.baseline.converged
+    still = stage.arm.baseline.strains.reshape(len(clock), -1)
+    late = np.stack([np.interp(clock - theta[3], clock[found], column[found]) for column in still.T], axis=-1)
+    damping = (float(theta[1]), float(theta[2]))
+    lag = swaying.strains(clock, late, damping, float(np.exp(theta[0]))) - still
+    return np.where((_held(stage) | ~found)[:, None], 0.0, lag)
+
+
+def _held(stage: Stage) -> NDArray[np.bool_]:
+    """Tell when a section is held by a load that is known: then it does not swing freely."""
+    clock = stage.session.clock
+    taut = np.abs(stage.session.wrenches).max(axis=(1, 2), initial=0.0) > UNHELD
+    last = np.maximum.accumulate(np.where(taut, clock, -np.inf))
+    held: NDArray[np.bool_] = clock - last < AFTER
+    return held
+
+
+def _couples(swaying: Swaying, lag: Floats) -> Floats:
+    """Give the couples that strain the arm so, shape (samples, strains)."""
+    couples: Floats = np.einsum("tij,tj->ti", swaying.stiffness, lag)
+    return couples
+
+
+def _seen(stage: Stage, swaying: Swaying, lag: Floats) -> Floats:
+    """Give what strains change of the predictions, shape (samples, rows)."""
+    change: Floats = np.einsum("trk,tk->tr", stage.by_couple, _couples(swaying, lag))
+    return change
+
+
+def _driven(stage: Stage) -> bool:
+    return bool(
+        stage.arm.baseline.converged.any()
+        and np.ptp(stage.session.pressures, axis=0).max(initial=0.0) > 1000.0
+    )
+
+
+def _fast(stage: Stage, left: Floats) -> Floats:
+    """Give what changes from sample to sample outside the held-out stretches, in usual sizes."""
+    scaled = left / np.array([SIZES[unit] for unit in units(stage.suite)])
+    fast: Floats = np.nan_to_num(np.diff(scaled, axis=0)[~stage.session.heldout[1:]]).ravel()
+    return fast

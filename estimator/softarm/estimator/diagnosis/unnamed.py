@@ -1,0 +1,142 @@
+"""Laws that the library does not state: whatever bends, pressures or neighbouring chambers might do.
+
+A law is piecewise linear in what it depends on, sum_k c_k max(x - x_k, 0), with free coefficients; it states
+no physics and so claims none. Where one explains far more than all effects that were accepted, for the price
+of its coefficients, what was left out is not in the library, and the nearest name would be wrong.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.belief import Marginal
+from softarm.estimator.diagnosis.candidates import Choice
+from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.gram import total
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.effects import describe
+from softarm.estimator.specimen.physics import EffectName, Place
+
+Floats = NDArray[np.float64]
+
+KNOTS = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75])
+"""Where a law may bend, as shares of the largest bend or pressure."""
+BETTER = 1.15
+SURE = 40.0
+"""Factor and difference in the criterion by which a law must outdo the best that has a name."""
+ALONE = 0.9
+"""Share that it must explain of what all that were accepted explain: one law stands for one effect."""
+ANY_SIZE = 100.0
+"""Variance of a coefficient, over that with which it would explain all."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """What a law without a name explains.
+
+    Args:
+        place: Where it acts.
+        regime: What it varies with.
+        delta_bic: By how much it lowers the cost, less the price of its coefficients.
+        nearest: Names of the effects that explain most, and far less.
+    """
+
+    place: Place
+    regime: str
+    delta_bic: float
+    nearest: tuple[EffectName, ...] = ()
+
+    def tell(self) -> str:
+        """Say what is seen, and how far what has a name falls short of it."""
+        told = f"Some law of the {self.regime} at {describe(self.place)} is at work that the library lacks."
+        if not self.nearest:
+            return f"{told} No known effect explains it."
+        names = ", ".join(self.nearest)
+        return f"{told} The nearest that has a name, {names}, explains far less, and so is not reported."
+
+
+def better_law(search: Search, choice: Choice) -> Law | None:
+    """Give the law without a name that explains far more than what was accepted, if there is one."""
+    best = max(laws(search), key=lambda law: law.delta_bic)
+    fit = choice.fit
+    if fit is None:
+        return best if best.delta_bic > SURE else None
+    strongest = max(one.candidate.delta_bic for one in choice.accepted)
+    every = fit.gain - search.price * sum(map(len, fit.thetas))
+    nearest = tuple(hypothesis.name for hypothesis in fit.hypotheses)
+    better = best.delta_bic > max(BETTER * strongest, ALONE * every) + SURE
+    return replace(best, nearest=nearest) if better else None
+
+
+def laws(search: Search) -> list[Law]:
+    """Fit every law alone."""
+    suspects = [stage for stage in search.evidence.stages if not stage.session.nominal]
+    highest = max(float(stage.session.pressures.max(initial=0.0)) for stage in suspects)
+    found = []
+    for index, segment in enumerate(suspects[0].world.segments):
+        largest = max(float(bend(stage, index).max(initial=0.0)) for stage in suspects)
+        own = partial(by_bend, segment=index, knots=KNOTS * largest)
+        found.append(_fitted(search, own, Place(segment=segment), "pose"))
+    alone = partial(by_pressure, knots=KNOTS[1:] * highest)
+    together = partial(by_neighbours, highest=highest)
+    return [*found, *(_fitted(search, one, Place(), "pressure level") for one in (alone, together))]
+
+
+def bend(stage: Stage, segment: int) -> Floats:
+    """Give the size of a segment's bend [rad], shape (samples,)."""
+    size: Floats = np.linalg.norm(stage.arm.baseline.strains[:, segment, :2], axis=-1)
+    return size
+
+
+def by_bend(stage: Stage, segment: int, knots: Floats) -> Floats:
+    """Let a segment bend further in its own direction, shape (samples, rows, knots)."""
+    size = bend(stage, segment)
+    along = stage.arm.baseline.strains[:, segment, :2] / np.maximum(size, 1e-6)[:, None]
+    slope = np.einsum("tra,ta->tr", stage.by_free[..., 4 * segment : 4 * segment + 2], along)
+    columns: Floats = slope[..., None] * np.maximum(size[:, None] - knots, 0.0)[:, None]
+    return columns
+
+
+def by_pressure(stage: Stage, knots: Floats) -> Floats:
+    """Let every chamber push more from some pressure on, shape (samples, rows, knots)."""
+    pressures = stage.session.pressures
+    slopes = stage.by_input[..., : pressures.shape[1]]
+    columns: Floats = np.einsum("trc,tck->trk", slopes, np.maximum(pressures[..., None] - knots, 0.0))
+    return columns
+
+
+def by_neighbours(stage: Stage, highest: float) -> Floats:
+    """Let chambers of a segment act on one another.
+
+    For each segment: each chamber pushes more the fuller its neighbours are; or it takes from one neighbour
+    what it gives the other.
+
+    Returns:
+        Shape (samples, rows, 2 segments).
+    """
+    pressures = stage.session.pressures
+    slopes = stage.by_input[..., : pressures.shape[1]]
+    columns = []
+    for index in range(len(stage.world.segments)):
+        own = [c for c, segment in enumerate(stage.world.chamber_segment) if segment == index]
+        inside = pressures[:, own]
+        together = inside * (inside.sum(axis=1, keepdims=True) - inside) / max(highest, 1.0)
+        around = np.roll(inside, 1, axis=1) - np.roll(inside, -1, axis=1)
+        columns += [np.einsum("trc,tc->tr", slopes[..., own], change) for change in (together, around)]
+    return np.stack(columns, axis=-1)
+
+
+def _fitted(search: Search, columns: Callable[[Stage], Floats], place: Place, regime: str) -> Law:
+    """Fit the coefficients of a law to the searched stretches, beside what is common to all recordings."""
+    evidence, weights = search.evidence, search.weights
+    parts = [part for part in evidence.widened(weights, columns) if not part.heldout]
+    seen = total(parts, len(parts[0].vector))
+    powers = np.diag(seen.matrix)[evidence.size :].tolist()
+    belief = search.belief
+    for own_power in powers:
+        belief = belief.beside(0.0, ANY_SIZE * seen.power / own_power if own_power > 0.0 else 1.0)
+    before = Marginal.cost_of(search.belief, seen.first(evidence.size), weights.share)
+    gain = before - Marginal.cost_of(belief, seen, weights.share)
+    return Law(place, regime, gain - search.price * len(powers))

@@ -1,0 +1,325 @@
+"""What the valves do otherwise than asked, or otherwise than in nominal recordings, as findings."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.diagnosis.admit import Admitted
+from softarm.estimator.diagnosis.result import (
+    Baseline,
+    Diagnosis,
+    Evidence,
+    Finding,
+    Heldout,
+    LocationMap,
+    Quantity,
+    Rival,
+    Trace,
+    Unexplained,
+    Verdict,
+)
+from softarm.estimator.diagnosis.valves import LAGS, OPEN, Valve, ceilings_of, predict, valves_of
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen.physics import EffectName, Place
+
+Floats = NDArray[np.float64]
+
+LEAST_BIAS = 300.0
+"""Steady error [Pa], and change of it, from which it is told."""
+LEAST_DELAY = 0.015
+LEAST_BAND = 300.0
+LEAST_LOSS = 3000.0
+LEAST_GAIN = 0.03
+SIGMAS = 4.0
+RESOLUTION = 30.0
+"""Noise below which no pressure is believed [Pa]."""
+LEFT_OVER = 5.0
+"""Root mean square over the noise from which something beyond the law is left, such as overshoot."""
+LEAST_BIC = 10.0
+"""Evidence on held-out samples from which a valve is blamed."""
+SCATTER, WORTH = 200.0, 3
+"""Scatter of a valve's steady error between recordings [Pa], and the recordings that this is worth."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """A valve's law from one part of a recording, judged on the other.
+
+    Args:
+        recording: Its name.
+        valve: The law from the first part.
+        time: Of the second part [s], shape (samples,).
+        asked: Set-points [Pa], shape (samples,).
+        given: Measured pressures [Pa], shape (samples,).
+        predicted: What the law gives [Pa], shape (samples,).
+        heldout: Samples that the law has not seen, shape (samples,).
+    """
+
+    recording: str
+    valve: Valve
+    time: Floats
+    asked: Floats
+    given: Floats
+    predicted: Floats
+    heldout: NDArray[np.bool_]
+
+    def errors(self) -> tuple[float, float]:
+        """Give the root mean square on unseen samples of set-point and of law against pressure [Pa]."""
+        own = self.heldout
+        asked, law = self.given[own] - self.asked[own], self.given[own] - self.predicted[own]
+        return float(np.sqrt(np.mean(asked**2))), float(np.sqrt(np.mean(law**2)))
+
+
+def splits_of(recordings: Sequence[Recording]) -> list[Split]:
+    """Learn each valve's law from the first half of its activity in each recording."""
+    found = []
+    ceilings = ceilings_of(recordings)
+    valves = [(recording, valve) for recording in recordings for valve in valves_of(recording, ceilings)]
+    for chamber in sorted({valve.chamber for _, valve in valves}):
+        own = [(recording, valve) for recording, valve in valves if valve.chamber == chamber]
+        middles = [_middle(recording, chamber) for recording, _ in own]
+        early = [_until(r, chamber, middle) for (r, _), middle in zip(own, middles, strict=True)]
+        met = ceilings_of(early)
+        for (recording, whole), half, middle in zip(own, early, middles, strict=True):
+            time, asked, given = recording.time, *_columns(recording, chamber)
+            if not np.isfinite(asked[time > middle] + given[time > middle]).any():
+                continue
+            learnt = {valve.chamber: valve for valve in valves_of(half, met)}
+            seen = np.isfinite(asked) & np.isfinite(given)
+            found.append(
+                Split(
+                    recording.name,
+                    whole,
+                    time[seen],
+                    asked[seen],
+                    given[seen],
+                    predict(learnt.get(chamber, whole), time[seen], asked[seen]),
+                    time[seen] > middle,
+                )
+            )
+    return found
+
+
+def _columns(recording: Recording, chamber: int) -> tuple[Floats, Floats]:
+    """Give set-points and pressures of a chamber [Pa], shape (samples,)."""
+    return recording.columns[f"pressure_cmd_{chamber}_pa"], recording.columns[f"pressure_{chamber}_pa"]
+
+
+def _until(recording: Recording, chamber: int, end: float) -> Recording:
+    """Cut out what one valve did before a time [s]."""
+    asked, given = _columns(recording, chamber)
+    columns = {f"pressure_cmd_{chamber}_pa": asked, f"pressure_{chamber}_pa": given}
+    return replace(recording, columns=columns).window(np.asarray(recording.time <= end))
+
+
+def _middle(recording: Recording, chamber: int) -> float:
+    """Give the middle of the time in which a valve is open [s]."""
+    asked, _ = _columns(recording, chamber)
+    active = recording.time[np.nan_to_num(asked) > OPEN]
+    return float(0.5 * (active[0] + active[-1]))
+
+
+def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple[Finding, ...]:
+    """Tell what the valves do otherwise; those that nominal recordings leave out are not judged."""
+    found: list[Finding] = []
+    scatter = _scatter([suspects, nominal])
+    for chamber in sorted({split.valve.chamber for split in suspects}):
+        own = [split for split in suspects if split.valve.chamber == chamber]
+        known = [split for split in nominal if split.valve.chamber == chamber]
+        evidence = _evidence(own)
+        found += _ceiling(chamber, own, known, evidence)
+        if nominal and not known:
+            continue
+        if evidence.delta_bic >= LEAST_BIC and evidence.heldout_after < evidence.heldout_before:
+            found += _steady(chamber, own, known, scatter, evidence)
+            found += _delays(chamber, own, known, evidence)
+    return tuple(found)
+
+
+def _scatter(groups: Sequence[Sequence[Split]]) -> float:
+    """Pool how far the steady errors of one valve lie apart between recordings of one state [Pa]."""
+    squares, count = WORTH * SCATTER**2, WORTH
+    for group in groups:
+        for chamber in {split.valve.chamber for split in group}:
+            own = _offsets([split for split in group if split.valve.chamber == chamber])
+            squares += float(np.sum((np.array(own) - np.mean(own)) ** 2)) if own else 0.0
+            count += max(len(own) - 1, 0)
+    return float(np.sqrt(squares / count))
+
+
+def with_valves(diagnosis: Diagnosis, faults: tuple[Finding, ...]) -> Diagnosis:
+    """Add what the valves do to the diagnosis of an arm; measured pressures already hold it."""
+    if not faults:
+        return diagnosis
+    verdict: Verdict = diagnosis.verdict if diagnosis.verdict != "consistent" else "explained"
+    if diagnosis.verdict == "unexplained":
+        verdict = "partly_explained"
+    return replace(diagnosis, verdict=verdict, findings=(*diagnosis.findings, *faults))
+
+
+def valve_diagnosis(
+    specimen: str, admitted: Admitted, splits: Sequence[Split], faults: tuple[Finding, ...]
+) -> Diagnosis:
+    """Write down a diagnosis of recordings that hold valves alone."""
+    rms: dict[str, list[float]] = {}
+    noise: dict[str, list[float]] = {}
+    for split in splits:
+        channel = f"pressure_{split.valve.chamber}"
+        rms.setdefault(channel, []).append(split.valve.rms)
+        noise.setdefault(channel, []).append(max(split.valve.noise, RESOLUTION))
+    errors = np.array([split.errors() for split in splits])
+    floors = np.array([max(split.valve.noise, RESOLUTION) for split in splits])
+    before, after = (float(np.sqrt(np.mean((column / floors) ** 2))) for column in errors.T)
+    gains = 1.0 - errors[:, 1] / np.maximum(errors[:, 0], 1e-9)
+    left = after > LEFT_OVER
+    verdicts: dict[tuple[bool, bool], Verdict] = {
+        (False, False): "consistent",
+        (False, True): "unexplained",
+        (True, False): "explained",
+        (True, True): "partly_explained",
+    }
+    return Diagnosis(
+        specimen=specimen,
+        recordings=tuple(recording.name for recording in admitted.suspects),
+        nominal=tuple(recording.name for recording in admitted.nominal),
+        verdict=verdicts[bool(faults), left],
+        baseline=Baseline(
+            {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in rms.items()},
+            {name: float(np.mean(values)) for name, values in noise.items()},
+            dict.fromkeys(rms, "Pa"),
+            before,
+        ),
+        map=LocationMap(),
+        findings=faults,
+        heldout=Heldout(
+            before,
+            after,
+            (float(gains.min()), float(gains.max())),
+            "each valve's law is learnt from the first half of its activity and judged on the second",
+        ),
+        unexplained=Unexplained(after),
+        notes=(*admitted.notes, "The recordings hold valves alone, no motion of the arm."),
+        traces=tuple(
+            Trace(
+                split.recording,
+                f"pressure_{split.valve.chamber}",
+                "Pa",
+                split.time,
+                split.given,
+                split.asked,
+                split.predicted,
+                split.heldout,
+            )
+            for split in splits
+        ),
+    )
+
+
+def _ceiling(chamber: int, own: Sequence[Split], known: Sequence[Split], evidence: Evidence) -> list[Finding]:
+    """Tell of a pressure that is not passed; a law learnt before it was met cannot be judged by it."""
+    ceilings = [split.valve.ceiling for split in own if np.isfinite(split.valve.ceiling)]
+    if not ceilings or any(np.isfinite(split.valve.ceiling) for split in known):
+        return []
+    ceiling = float(np.median(ceilings))
+    if max(float(split.asked.max()) for split in own) - ceiling <= LEAST_LOSS:
+        return []
+    words = f"The pressure in chamber {chamber} never passes {ceiling:.0f} Pa, whatever is asked."
+    quantity = {"ceiling": Quantity(ceiling, 100.0, "Pa")}
+    return [_finding("pressure_saturation", chamber, words, quantity, evidence, "pressure level")]
+
+
+def _steady(
+    chamber: int, own: Sequence[Split], known: Sequence[Split], scatter: float, evidence: Evidence
+) -> list[Finding]:
+    """Tell of a steady error, or of one that is new where there are nominal recordings."""
+    ours, theirs = _offsets(own), _offsets(known)
+    if not ours or (known and not theirs):
+        return []
+    change = float(np.median(ours)) - (float(np.median(theirs)) if theirs else 0.0)
+    within = max(split.valve.bias_std for split in own if split.valve.held) / np.sqrt(len(ours))
+    between = scatter * np.sqrt(1.0 / len(ours) + 1.0 / len(theirs)) if theirs else 0.0
+    spread = max(float(np.hypot(within, between)), 20.0)
+    if abs(change) <= max(LEAST_BIAS, SIGMAS * spread):
+        return []
+    shut = any(split.valve.deadband > LEAST_BAND - (change - float(np.median(ours))) for split in own)
+    if shut and change < 0.0:
+        words = f"The first {-change:.0f} Pa of the set-point of chamber {chamber} do nothing."
+        quantity = {"band": Quantity(-change, spread, "Pa")}
+        return [_finding("valve_deadband", chamber, words, quantity, evidence, "pressure level")]
+    words = f"While open, the valve of chamber {chamber} is off by {change:+.0f} Pa."
+    deadband = Rival("valve_deadband", Place(chamber=chamber), "a staircase of small pressures", 0.0)
+    quantity = {"bias": Quantity(change, spread, "Pa")}
+    rivals = (deadband,) if change < 0.0 else ()
+    return [_finding("pressure_bias", chamber, words, quantity, evidence, "pressure level", rivals)]
+
+
+def _delays(
+    chamber: int, suspects: Sequence[Split], nominal: Sequence[Split], evidence: Evidence
+) -> list[Finding]:
+    """Tell of a dead time and a lag, or of what is new of them."""
+    own, known = _timed(suspects), _timed(nominal)
+    if not own or (nominal and not known):
+        return []
+    dead, dead_spread = _summary([valve.dead_time for valve in own])
+    lag, lag_spread = _summary([valve.lag for valve in own])
+    dead_before, dead_known = _summary([valve.dead_time for valve in known])
+    lag_before, lag_known = _summary([valve.lag for valve in known])
+    late, slower = dead - dead_before, lag - lag_before
+    least = max(LEAST_DELAY, SIGMAS * float(np.hypot(dead_spread + lag_spread, dead_known + lag_known)))
+    if late + slower <= least:
+        return []
+    words = (
+        f"The valve of chamber {chamber} answers {1e3 * dead:.0f} ms after its set-point and then follows "
+        f"with a time constant of {1e3 * lag:.0f} ms."
+    )
+    quantities = {
+        "lag": Quantity(slower, max(lag_spread, 0.01), "s"),
+        "dead_time": Quantity(late, max(dead_spread, 0.01), "s"),
+    }
+    return [_finding("line_lag", chamber, words, quantities, evidence, "time since a change")]
+
+
+def _timed(splits: Sequence[Split]) -> list[Valve]:
+    """Give the valves whose delays can be told; a lag at the end of the grid is no lag."""
+    return [split.valve for split in splits if split.valve.timed and split.valve.lag < LAGS[-1]]
+
+
+def _offsets(splits: Sequence[Split]) -> list[float]:
+    """Give the steady errors of valves that were held open [Pa], a dead band counted as one."""
+    valves = [split.valve for split in splits if split.valve.held]
+    return [valve.bias - (1.0 + valve.gain) * valve.deadband for valve in valves]
+
+
+def _summary(values: Sequence[float]) -> tuple[float, float]:
+    """Give the median and the standard deviation of a mean."""
+    if not values:
+        return 0.0, 0.0
+    spread = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+    return float(np.median(values)), spread / np.sqrt(len(values))
+
+
+def _evidence(own: Sequence[Split]) -> Evidence:
+    pairs = np.array([split.errors() for split in own])
+    noise = np.array([max(split.valve.noise, RESOLUTION) for split in own])
+    before, after = (float(np.sqrt(np.mean((column / noise) ** 2))) for column in pairs.T)
+    gains = 1.0 - pairs[:, 1] / np.maximum(pairs[:, 0], 1e-9)
+    count = sum(int(split.heldout.sum()) for split in own)
+    # Samples of a valve's answer say the same for about its settling time.
+    effective = max(count / 50.0, 2.0)
+    gain = effective * (before**2 - after**2) / max(after**2, 1.0)
+    low, high = (float(gains.min()), float(gains.max())) if len(gains) > 1 else (float(gains[0]),) * 2
+    return Evidence(gain - 4.0 * np.log(effective), before, after, (low, high), float("nan"))
+
+
+def _finding(
+    effect: EffectName,
+    chamber: int,
+    words: str,
+    quantities: dict[str, Quantity],
+    evidence: Evidence,
+    when: str,
+    rivals: tuple[Rival, ...] = (),
+) -> Finding:
+    statement = f"{words} Seen between set-point and measured pressure: it is in the valve, not in the arm."
+    return Finding(effect, Place(chamber=chamber), when, statement, quantities, evidence, rivals)

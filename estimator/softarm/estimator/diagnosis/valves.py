@@ -1,0 +1,229 @@
+"""The valves between set-point and measured pressure: dead time, lag, bias, gain, dead band and ceiling.
+
+The pressure at a valve follows the set-point u as p = F(S(u(t - d))) with dead time d, the first-order lag
+F of time constant tau, and the static law S(u) = 0 where u is at most the dead band, else
+min((1 + g) (u - dead band) + b, ceiling). d and tau come from the changes, S from the holds.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.recording import Recording
+from softarm.estimator.simulation.filters import first_order
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+OPEN = 500.0
+"""Set-points above it [Pa] open a valve."""
+SETTLED = 0.8
+"""Seconds after a change at which a valve has settled."""
+STEP = 2000.0
+"""Change of a set-point [Pa] from one sample to the next that is a step."""
+LAGS = np.array([0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.08, 0.1, 0.13, 0.17, 0.22, 0.3, 0.4, 0.55, 0.75])
+LEAST_CHANGE, SUDDEN = 3000.0, 0.1
+"""Set-points must change by so much [Pa] within such a time [s] for a lag to be told from a bias."""
+
+
+class Law(NamedTuple):
+    """What a valve settles at; see ``Valve``."""
+
+    bias: float = 0.0
+    bias_std: float = 0.0
+    gain: float = 0.0
+    deadband: float = 0.0
+    ceiling: float = float("inf")
+
+
+@dataclass(frozen=True)
+class Valve:
+    """What one valve does, where its recording tells.
+
+    Args:
+        chamber: Index.
+        dead_time: From set-point to motion [s].
+        lag: Time constant [s].
+        timed: Whether dead time and lag can be told.
+        held: Whether a set-point was ever held for long enough to tell what it settles at.
+        bias: Steady error while open [Pa].
+        bias_std: Standard deviation of that between holds [Pa].
+        gain: Relative error that grows with the set-point.
+        deadband: Set-point up to which nothing comes [Pa].
+        ceiling: Pressure that is not passed however much is asked [Pa]; infinite where it is never met.
+        rms: Root mean square of measured minus asked [Pa].
+        left: Root mean square of measured minus this law [Pa].
+        noise: Standard deviation of the reading in holds [Pa].
+    """
+
+    chamber: int
+    dead_time: float
+    lag: float
+    timed: bool
+    held: bool
+    bias: float
+    bias_std: float
+    gain: float
+    deadband: float
+    ceiling: float
+    rms: float
+    left: float
+    noise: float
+
+
+def valves_of(recording: Recording, ceilings: Mapping[int, float]) -> tuple[Valve, ...]:
+    """Describe every valve of which set-point and pressure were both recorded and that was opened.
+
+    Args:
+        recording: The recording.
+        ceilings: Pressures that valves do not pass [Pa], of ``ceilings_of``, by their chambers.
+    """
+    return tuple(
+        _valve(chamber, time, asked, given, ceilings.get(chamber, float("inf")))
+        for chamber, time, asked, given in _opened(recording)
+    )
+
+
+def ceilings_of(recordings: Sequence[Recording]) -> dict[int, float]:
+    """Find the pressures [Pa] that valves do not pass in any of some recordings, by their chambers."""
+    levels: dict[int, list[Floats]] = {}
+    reached: dict[int, list[Floats]] = {}
+    for recording in recordings:
+        for chamber, time, asked, given in _opened(recording):
+            level, pressure = _holds(time, asked, given)
+            levels.setdefault(chamber, []).append(level)
+            reached.setdefault(chamber, []).append(pressure)
+    found = {
+        chamber: _ceiling(np.concatenate(own), np.concatenate(reached[chamber]))
+        for chamber, own in levels.items()
+    }
+    return {chamber: ceiling for chamber, ceiling in found.items() if np.isfinite(ceiling)}
+
+
+def _opened(recording: Recording) -> Iterator[tuple[int, Floats, Floats, Floats]]:
+    """Give chamber, time, set-points and pressures of each valve that was opened."""
+    for chamber in recording.chambers:
+        asked = recording.columns.get(f"pressure_cmd_{chamber}_pa")
+        given = recording.columns.get(f"pressure_{chamber}_pa")
+        if asked is None or given is None:
+            continue
+        seen = np.isfinite(asked) & np.isfinite(given)
+        if seen.sum() > 50 and float(asked[seen].max()) > OPEN:
+            yield chamber, recording.time[seen], asked[seen], given[seen]
+
+
+def predict(valve: Valve, time: Floats, asked: Floats) -> Floats:
+    """Give the pressure that a valve's law predicts [Pa], shape (samples,)."""
+    late = np.interp(time - valve.dead_time, time, asked)
+    target = static(late, valve.bias, valve.gain, valve.deadband, valve.ceiling)
+    return first_order(time, target, valve.lag, ())[0]
+
+
+def static(asked: Floats, bias: float, gain: float, deadband: float, ceiling: float) -> Floats:
+    """Give the settled pressure for a set-point [Pa]."""
+    target = np.minimum((1.0 + gain) * (asked - deadband) + bias, ceiling)
+    return np.where(asked > max(deadband, OPEN), np.maximum(target, 0.0), 0.0)
+
+
+def _valve(chamber: int, time: Floats, asked: Floats, given: Floats, ceiling: float) -> Valve:
+    found = _static_law(*_holds(time, asked, given), ceiling)
+    law = found or Law()
+    timed = bool(np.abs(np.interp(time + SUDDEN, time, asked) - asked).max() > LEAST_CHANGE)
+    dead_time, lag = _timing(time, asked, given, law) if timed else (0.0, 0.0)
+    noise = float(np.median(np.abs(np.diff(given))) / 0.6745 / np.sqrt(2.0))
+    rms = float(np.sqrt(np.mean((given - asked) ** 2)))
+    valve = Valve(chamber, dead_time, lag, timed, found is not None, *law, rms=rms, left=0.0, noise=noise)
+    left = given - predict(valve, time, asked)
+    return replace(valve, left=float(np.sqrt(np.mean(left**2))))
+
+
+def _settled(time: Floats, asked: Floats) -> Flags:
+    """Tell where a set-point has been constant for ``SETTLED`` seconds, shape (samples,)."""
+    steps = np.abs(np.diff(asked, prepend=asked[0])) > 1.0
+    last = np.maximum.accumulate(np.where(steps, time, time[0] - SETTLED))
+    return np.asarray(time - last >= SETTLED)
+
+
+def _holds(time: Floats, asked: Floats, given: Floats) -> tuple[Floats, Floats]:
+    """Give the set-point and the pressure of each hold, shape (holds,)."""
+    holds = _settled(time, asked)
+    numbers = np.cumsum(np.abs(np.diff(asked, prepend=asked[0])) > 1.0)
+    levels, reached = [], []
+    for number in np.unique(numbers[holds]):
+        own = holds & (numbers == number)
+        if own.sum() >= 5 and float(time[own][-1] - time[own][0]) > 0.1:
+            late = own & (time > 0.5 * (time[own][0] + time[own][-1]))
+            levels.append(float(np.median(asked[late])))
+            reached.append(float(np.mean(given[late])))
+    return np.array(levels), np.array(reached)
+
+
+def _static_law(level: Floats, pressure: Floats, ceiling: float) -> Law | None:
+    """Fit the settled law to the holds, each hold one point; ``None`` where the valve was never held open."""
+    opened = level > OPEN
+    if not opened.any():
+        return None
+    shut = opened & (pressure < np.minimum(0.3 * level, 300.0))
+    passing = opened & ~shut
+    deadband = 0.0
+    if shut.any() and passing.any() and level[shut].max() < level[passing].min():
+        deadband = float(level[shut].max())
+    below = passing & (pressure < ceiling - 500.0)
+    error = pressure[below] - level[below]
+    if not len(error):
+        return Law(deadband=deadband, ceiling=ceiling) if np.isfinite(ceiling) else None
+    gain = 0.0
+    if len(error) >= 4 and np.ptp(level[below]) > 10e3:
+        gain = float(np.polyfit(level[below], error, 1)[0])
+        gain = gain if abs(gain) > 0.01 else 0.0
+    left = error - gain * level[below]
+    spread = float(np.std(left, ddof=1)) if len(left) > 1 else 100.0
+    bias = float(np.median(left))
+    return Law(bias + (1.0 + gain) * deadband if deadband else bias, spread, gain, deadband, ceiling)
+
+
+def _ceiling(level: Floats, pressure: Floats) -> float:
+    """Find the pressure that several different set-points do not pass [Pa]."""
+    opened = level > OPEN
+    level, pressure = level[opened], pressure[opened]
+    if len(level) < 3:
+        return float("inf")
+    highest = float(pressure.max())
+    near = pressure > highest - 300.0
+    missing = level[near] - pressure[near]
+    return highest if near.sum() >= 2 and np.ptp(level[near]) > 2e3 and missing.max() > 3e3 else float("inf")
+
+
+def _timing(time: Floats, asked: Floats, given: Floats, law: Law) -> tuple[float, float]:
+    """Find the dead time at the onsets of steps, then the lag that leaves least around changes."""
+    changing = np.abs(np.diff(asked, prepend=asked[0])) > 50.0
+    since = np.maximum.accumulate(np.where(changing, time, time[0] - 10.0))
+    near = time - since < 1.0
+    if near.sum() < 20:
+        return 0.0, 0.0
+    dead_time = _onset(time, asked, given)
+    late = np.interp(time - dead_time, time, asked)
+    target = static(late, law.bias, law.gain, law.deadband, law.ceiling)
+    errors = [
+        (float(np.mean((given - first_order(time, target, float(lag), ())[0])[near] ** 2)), float(lag))
+        for lag in LAGS
+    ]
+    return dead_time, min(errors)[1]
+
+
+def _onset(time: Floats, asked: Floats, given: Floats) -> float:
+    """Give the median time from a step of the set-point to the first 5 % of the pressure's answer [s]."""
+    found = []
+    for k in np.flatnonzero(np.abs(np.diff(asked)) > STEP):
+        end = int(np.searchsorted(time, time[k + 1] + 1.0))
+        if end - k < 10 or np.abs(np.diff(asked[k + 1 : end])).max(initial=0.0) > STEP:
+            continue
+        answer = np.abs(given[k + 1 : end] - given[k])
+        moved = np.flatnonzero(answer > 0.05 * abs(asked[k + 1] - asked[k]))
+        if len(moved) and moved[0] > 0:
+            found.append(float(time[k + 1 + moved[0]] - time[k + 1]))
+        elif len(moved):
+            found.append(0.0)
+    return float(np.median(found)) if found else 0.0

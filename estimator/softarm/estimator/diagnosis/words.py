@@ -1,0 +1,64 @@
+"""Plain words for places, regimes and what tells two effects apart."""
+
+from softarm.estimator.effects import EFFECTS
+from softarm.estimator.specimen.physics import EffectName
+
+WHEN: dict[str, str] = {
+    "viscoelastic_creep": "time since a change",
+    "hysteresis": "direction of change",
+    "mullins_softening": "largest strain so far",
+    "material_softening": "pose",
+    "material_stiffening": "pose",
+    "segment_stiffness": "pose",
+    "local_stiffness_defect": "pose",
+    "inertia_damping": "rate",
+    "tip_payload": "constant",
+    "external_force": "constant",
+    "contact_obstacle": "pose",
+    "distributed_mass": "constant",
+    "base_tilt": "constant",
+    "base_compliance": "pose",
+    "tether_stiffness": "pose",
+    "chamber_gain": "pressure level",
+    "chamber_crosstalk": "pressure level",
+    "pressure_bias": "pressure level",
+    "pressure_saturation": "pressure level",
+    "line_lag": "rate",
+    "line_leak": "pressure level",
+    "valve_deadband": "pressure level",
+    "frame_misalignment": "pose",
+    "sensor_bias": "constant",
+    "sensor_drift": "time of the run",
+    "sensor_scale": "pose",
+    "sensor_latency": "rate",
+    "sensor_stuck": "time of the run",
+    "thermal_drift": "time of the run",
+    "fibre_twist": "pressure level",
+}
+"""What each effect depends on."""
+
+EXCITATION: dict[str, str] = {
+    "rest": "20 s of rest, vented",
+    "pressure_steps": "steps of pressure",
+    "holds": "holds of 10 s and more",
+    "two_rates": "ramps at two rates",
+    "two_amplitudes": "cycles of two amplitudes",
+    "growing_cycles": "growing cycles on the rested arm",
+    "large_pressures": "pressures above 60 % of the limit",
+    "small_pressures": "pressures below 5 kPa",
+    "each_chamber": "each chamber driven alone",
+    "mount_turned": "the mount turned",
+    "long_run": "a run of 10 minutes",
+    "motion": "motion of the arm",
+}
+"""What recordings may lack, in words."""
+
+
+def manoeuvre(one: EffectName, other: EffectName) -> str:
+    """Say what would tell two effects apart."""
+    for first, second in ((one, other), (other, one)):
+        for rival, words in EFFECTS[first].splits:
+            if rival == second:
+                return words
+    needs = EFFECTS[other].needs - EFFECTS[one].needs or EFFECTS[other].needs
+    return "; ".join(EXCITATION[need] for need in sorted(needs)) or "another kind of run"

@@ -1,0 +1,51 @@
+"""A wall beside a section: f = -k max(n . x - d, 0) n.
+
+n = (cos a, sin a, 0) points into the wall, d is its distance from the arm's axis at rest.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.world import (
+    Spot,
+    moving_sections,
+)
+
+Floats = NDArray[np.float64]
+
+SOFTEST = 25.0
+"""Stiffness [N/m] below which what holds a section back is no obstacle."""
+
+
+def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Push the section back from the wall."""
+    stiffness, distance, azimuth = theta
+    normal = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    depth = np.maximum(signals.positions[:, spot.section] @ normal - distance, 0.0)
+    wrenches = np.zeros((len(signals.time), len(spot.world.sections), 6))
+    wrenches[:, spot.section, :3] = -stiffness * depth[:, None] * normal
+    return wrenches, memory
+
+
+EFFECT = Effect(
+    name="contact_obstacle",
+    hook="load",
+    parameters=(
+        Parameter("stiffness", "N/m", 30.0, SOFTEST, 5000.0, spread=100.0),
+        Parameter("distance", "m", 0.01, -0.5, 0.5, "shape", "linear", spread=0.1),
+        Parameter(
+            "azimuth", "rad", 0.0, -3.141592653589793, 3.141592653589793, "shape", "linear", spread=2.0
+        ),
+    ),
+    places=moving_sections,
+    act=act,
+    statement="Something is in the way of {where}: beyond {distance} m in the direction {azimuth} rad "
+    "it is pushed back with {stiffness} N/m.",
+    source="Penalty contact with a half space",
+    innate=False,
+    needs=frozenset({"each_chamber"}),
+    splits=(
+        ("material_stiffening", "reach one pose by different chambers"),
+        ("tether_stiffness", "the opposite side of the workspace"),
+    ),
+)

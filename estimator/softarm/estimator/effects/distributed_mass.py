@@ -1,0 +1,34 @@
+"""Density other than described: all weights scale, g -> g (1 + s)."""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.world import (
+    Spot,
+    everywhere,
+)
+
+Floats = NDArray[np.float64]
+
+
+def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
+    """Scale gravity."""
+    (change,) = theta
+    return change * signals.gravity, memory
+
+
+EFFECT = Effect(
+    name="distributed_mass",
+    hook="gravity",
+    parameters=(Parameter("change", "1", 0.1, -0.9, 2.0, spread=0.1),),
+    places=everywhere,
+    act=act,
+    statement="The mass of {where} differs from the model's by the share {change}.",
+    source="Statics",
+    equivalence=(
+        "weight",
+        "uniform_gain",
+    ),
+    needs=frozenset({"mount_turned"}),
+    splits=(("tip_payload", "mount turned, or a known weight on and off"),),
+)

@@ -1,0 +1,147 @@
+"""What a physical effect is: where it may act, its parameters, and how it enters the model.
+
+Every effect is a pure function of signals over a stretch of time and of the memory that the stretch before
+left behind, so one function serves whole recordings and a live service that steps from instant to instant.
+An effect whose amplitudes are zero changes nothing.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.world import Spot, World
+from softarm.estimator.specimen.physics import EffectName, Place
+
+Floats = NDArray[np.float64]
+
+Hook = Literal["command", "pressure", "gravity", "support", "load", "couple", "sensing"]
+Memory = tuple[Floats, ...]
+"""Internal state after the last sample, empty before the first."""
+
+Excitation = Literal[
+    "rest",
+    "pressure_steps",
+    "holds",
+    "two_rates",
+    "two_amplitudes",
+    "growing_cycles",
+    "large_pressures",
+    "small_pressures",
+    "each_chamber",
+    "mount_turned",
+    "long_run",
+    "motion",
+]
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What an effect sees over a stretch of time.
+
+    Args:
+        time: Seconds, shape (samples,).
+        pressures: Gauge pressures [Pa], before the effect where it acts on them, shape (samples, chambers).
+        gravity: Gravitational acceleration in the base frame [m/s2], shape (samples, 3).
+        strains: Generalised strains of the segments that would be without the effect, shape (samples,
+            segments, 4).
+        positions: Origins of the sections [m], shape (samples, sections, 3).
+        moment: Moment of all loads about the base [N m], shape (samples, 3).
+        reading: Predicted reading of the effect's sensor, shape (samples, size).
+    """
+
+    time: Floats
+    pressures: Floats
+    gravity: Floats
+    strains: Floats
+    positions: Floats
+    moment: Floats
+    reading: Floats
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of an effect.
+
+    Args:
+        name: Its name in reports and specimen files.
+        unit: Its unit, ``1`` for none.
+        typical: A size that would matter; where a fit may start.
+        lower: Lower bound.
+        upper: Upper bound.
+        role: An ``amplitude`` of zero means that the effect is absent; a ``shape`` has no such value.
+        transform: Scale on which it is fitted and its prior is normal.
+        spread: Standard deviation of the prior, about 0 for a linear amplitude, else about ``typical``, in
+            the unit or, on the log scale, in natural logarithms.
+    """
+
+    name: str
+    unit: str
+    typical: float
+    lower: float
+    upper: float
+    role: Literal["amplitude", "shape"] = "amplitude"
+    transform: Literal["linear", "log"] = "linear"
+    spread: float = 1.0
+
+
+Act = Callable[[Signals, Floats, Spot, Memory], tuple[Floats, Memory]]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One physical effect.
+
+    What ``act`` returns depends on the hook: ``pressure`` the new pressures (samples, chambers), as does
+    ``command``, which acts before the pressure sensors and so not on measured pressures; ``gravity`` a change
+    of gravity (samples, 3), ``support`` a rotation of the base (samples, 3), ``load`` wrenches on the
+    sections (samples, sections, 6), ``couple`` the strains (samples, segments, 4) into which the free strains
+    turn, ``sensing`` the new reading.
+
+    Args:
+        name: Name in the vocabulary.
+        hook: Where it enters the model.
+        parameters: Its parameters.
+        places: Gives the places where it may act.
+        act: The effect itself, of signals, parameters, place and memory.
+        statement: Plain sentence, with the fields ``where`` and the parameters' names.
+        source: Where the equation comes from.
+        equivalence: Structural classes: effects that share one look alike to orientation and pressure.
+        innate: Whether an arm that is well may have a little of it.
+        needs: Excitation without which it cannot be tested.
+        splits: Rival effect to the manoeuvre that tells the two apart.
+    """
+
+    name: EffectName
+    hook: Hook
+    parameters: tuple[Parameter, ...]
+    places: Callable[[World], tuple[Place, ...]]
+    act: Act
+    statement: str
+    source: str
+    equivalence: tuple[str, ...] = ()
+    innate: bool = True
+    needs: frozenset[Excitation] = frozenset()
+    splits: tuple[tuple[EffectName, str], ...] = ()
+
+    @property
+    def typical(self) -> Floats:
+        """Typical parameters, shape (parameters,)."""
+        return np.array([parameter.typical for parameter in self.parameters])
+
+    @property
+    def neutral(self) -> Floats:
+        """Parameters with which it does nothing, shape (parameters,)."""
+        return np.array([0.0 if p.role == "amplitude" else p.typical for p in self.parameters])
+
+    def tell(self, theta: Floats, place: Place) -> str:
+        """Say in plain words what is the matter."""
+        values = {p.name: f"{v:.3g}" for p, v in zip(self.parameters, theta, strict=True)}
+        return self.statement.format(where=describe(place), **values)
+
+
+def describe(place: Place) -> str:
+    """Name a place in plain words."""
+    named = place.model_dump(exclude_none=True)
+    return ", ".join(f"{kind} {value}" for kind, value in named.items()) or "the whole arm"

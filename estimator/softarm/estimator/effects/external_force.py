@@ -1,0 +1,38 @@
+"""A constant force of unknown origin on a section, fixed in the base frame."""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.world import (
+    Spot,
+    moving_sections,
+)
+
+Floats = NDArray[np.float64]
+
+
+def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Push the section."""
+    wrenches = np.zeros((len(signals.time), len(spot.world.sections), 6))
+    wrenches[:, spot.section, :3] = theta
+    return wrenches, memory
+
+
+EFFECT = Effect(
+    name="external_force",
+    hook="load",
+    parameters=(
+        Parameter("force_x", "N", 0.05, -20.0, 20.0, spread=0.2),
+        Parameter("force_y", "N", 0.05, -20.0, 20.0, spread=0.2),
+        Parameter("force_z", "N", 0.05, -20.0, 20.0, spread=0.2),
+    ),
+    places=moving_sections,
+    act=act,
+    statement="A steady force acts on {where}: ({force_x}, {force_y}, {force_z}) N.",
+    source="Statics",
+    needs=frozenset({"motion"}),
+    splits=(
+        ("tip_payload", "mount turned"),
+        ("contact_obstacle", "reach one pose by different chambers"),
+    ),
+)

@@ -1,0 +1,40 @@
+"""A sensor mounted turned about the arm's axis: its two bend axes, or its frame, are rotated."""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.readings import from_vector, to_vector
+from softarm.estimator.effects.world import (
+    Spot,
+    sensors,
+)
+
+Floats = NDArray[np.float64]
+
+BEND = 2  # entries of a reading of two bend angles
+
+
+def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
+    """Turn the reading about z."""
+    (yaw,) = theta
+    if signals.reading.shape[-1] == BEND:
+        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        return signals.reading @ turn.T, memory
+    vector = to_vector(signals.reading)
+    return from_vector(vector, signals.reading, np.array([0.0, 0.0, yaw])), memory
+
+
+EFFECT = Effect(
+    name="frame_misalignment",
+    hook="sensing",
+    parameters=(Parameter("yaw", "rad", 0.05, -1.6, 1.6, spread=0.1),),
+    places=sensors,
+    act=act,
+    statement="{where} is mounted turned about the arm's axis by {yaw} rad.",
+    source="Kinematics",
+    needs=frozenset({"each_chamber"}),
+    splits=(
+        ("fibre_twist", "bends in two azimuths at one sum of pressures"),
+        ("chamber_crosstalk", "each chamber alone, mount turned"),
+    ),
+)

@@ -1,0 +1,44 @@
+"""Inertia and damping: strain follows the load like an oscillator, a^2 x'' + d x' + x = u.
+
+a is the inverse of the undamped angular frequency and d the damping time; a = 0 leaves Kelvin-Voigt damping.
+One mode for all of the place: rings of a few hertz are of the arm's first bending mode.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.world import (
+    Spot,
+    whole_and_segments,
+)
+from softarm.estimator.simulation.filters import second_order
+
+Floats = NDArray[np.float64]
+
+
+def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Filter the strains of the place."""
+    inertia, damping = theta
+    moving, memory = second_order(signals.time, signals.strains, inertia, damping, memory)
+    return np.where(spot.segments[:, None], moving, signals.strains), memory
+
+
+EFFECT = Effect(
+    name="inertia_damping",
+    hook="couple",
+    parameters=(
+        Parameter("inertia_time", "s", 0.02, 0.0, 0.2, spread=0.03),
+        Parameter("damping_time", "s", 0.01, 0.0, 2.0, spread=0.1),
+    ),
+    places=whole_and_segments,
+    act=act,
+    statement="Inertia and damping of {where} show: it follows a load with an inverse angular frequency"
+    " of {inertia_time} s and a damping time of {damping_time} s.",
+    source="J. W. Strutt (Rayleigh), The Theory of Sound, 1877",
+    equivalence=("delay",),
+    needs=frozenset({"pressure_steps"}),
+    splits=(
+        ("line_lag", "release a weight, or compare with measured pressures"),
+        ("sensor_latency", "two kinds of sensor on one motion"),
+    ),
+)

@@ -1,0 +1,44 @@
+"""Softening of the rubber: eps = u (1 + k q^(n/2)), q the loss of stiffness of ``large_strain``.
+
+Every strain grows beyond the linear one u by a power of its size, as in the law of Ramberg and Osgood: with n
+of 2 it is the leading term of Yeoh's law, with n of 1 a modulus that falls from the first strain on.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.large_strain import losses
+from softarm.estimator.effects.world import (
+    Spot,
+    whole_and_segments,
+)
+
+Floats = NDArray[np.float64]
+
+
+def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Add strain that grows with a power of strain."""
+    growth, exponent = theta
+    lost = losses(signals.strains, spot.world) ** (0.5 * exponent)
+    return signals.strains * (1.0 + growth * spot.segments[:, None] * lost), memory
+
+
+EFFECT = Effect(
+    name="material_softening",
+    hook="couple",
+    parameters=(
+        Parameter("growth", "1", 0.2, 0.0, 20.0, spread=0.5),
+        Parameter("exponent", "1", 1.5, 0.5, 3.0, "shape", "log", spread=0.4),
+    ),
+    places=whole_and_segments,
+    act=act,
+    statement="The material of {where} softens as it strains: at a bend of one radian it bends further by "
+    "{growth} of that, growing with the bend to the power {exponent}, and more where it is stretched.",
+    source="W. Ramberg and W. R. Osgood, NACA Technical Note 902 (1943); O. H. Yeoh, Rubber Chem. Technol. "
+    "66 (1993) 754",
+    needs=frozenset({"large_pressures"}),
+    splits=(
+        ("chamber_gain", "each chamber alone from small to large pressures"),
+        ("mullins_softening", "the same cycles a second time"),
+    ),
+)

@@ -1,0 +1,36 @@
+"""A supply too weak or a valve that stops short of the chamber's limit: p -> min(p, limit - shortfall)."""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.world import (
+    Spot,
+    whole_and_chambers,
+)
+
+Floats = NDArray[np.float64]
+
+
+def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Cut the pressures."""
+    (shortfall,) = theta
+    ceiling = np.where(spot.chambers, spot.world.pressure_limits - shortfall, np.inf)
+    return np.minimum(signals.pressures, np.where(shortfall > 0.0, ceiling, np.inf)), memory
+
+
+EFFECT = Effect(
+    name="pressure_saturation",
+    hook="command",
+    parameters=(Parameter("shortfall", "Pa", 20000.0, 0.0, 500000.0, spread=20000.0),),
+    places=whole_and_chambers,
+    act=act,
+    statement="The pressure in {where} never comes nearer than {shortfall} Pa to the limit that it "
+    "should reach.",
+    source="Valve or supply limit",
+    innate=False,
+    needs=frozenset({"large_pressures"}),
+    splits=(
+        ("material_stiffening", "raise each chamber alone to its limit"),
+        ("chamber_gain", "each chamber alone at several levels"),
+    ),
+)

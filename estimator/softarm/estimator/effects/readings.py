@@ -1,0 +1,38 @@
+"""Readings as vectors that small errors are added to: angles and places as they are, frames by their turn."""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.rotations import exp, from_quaternions, log, to_quaternions
+
+Floats = NDArray[np.float64]
+
+QUATERNION = 4
+"""Entries of an orientation; a pose has as many after its place."""
+
+
+def turns(reading: Floats) -> bool:
+    """Tell whether a reading is an orientation or a pose."""
+    return reading.shape[-1] in (QUATERNION, 3 + QUATERNION)
+
+
+def to_vector(reading: Floats) -> Floats:
+    """Give the rotation vector of an orientation or a pose, anything else as it is, shape (samples, size)."""
+    if not turns(reading):
+        return reading
+    return log(from_quaternions(reading[:, -QUATERNION:]))
+
+
+def from_vector(vector: Floats, reading: Floats, offset: Floats) -> Floats:
+    """Give the reading that a vector stands for, an offset added in the sensor's own axes.
+
+    Args:
+        vector: As from ``to_vector``, shape (samples, size).
+        reading: The reading whose place a pose keeps, shape (samples, entries).
+        offset: Added to angles; the rotation vector of a further turn of a frame; shape (size,) or
+            (samples, size).
+    """
+    if not turns(reading):
+        changed: Floats = vector + offset
+        return changed
+    quaternions = to_quaternions(exp(vector) @ exp(np.broadcast_to(offset, vector.shape)))
+    return np.concatenate([reading[:, :-QUATERNION], quaternions], axis=-1)

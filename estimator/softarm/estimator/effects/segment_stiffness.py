@@ -1,0 +1,31 @@
+"""Stiffness of a segment other than described: eps = u / (1 + e), whatever causes the load."""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.world import (
+    Spot,
+    segments,
+)
+
+Floats = NDArray[np.float64]
+
+
+def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Scale the strains of the segment."""
+    (change,) = theta
+    return signals.strains / (1.0 + change * spot.segments[:, None]), memory
+
+
+EFFECT = Effect(
+    name="segment_stiffness",
+    hook="couple",
+    parameters=(Parameter("change", "1", 0.1, -0.8, 4.0, spread=0.2),),
+    places=segments,
+    act=act,
+    statement="The stiffness of {where} differs from the model's by the share {change}.",
+    source="Linear elasticity",
+    equivalence=("uniform_gain",),
+    needs=frozenset({"motion"}),
+    splits=(("chamber_gain", "a known weight on and off"),),
+)

@@ -1,0 +1,40 @@
+"""A sensor with a constant offset in its own axes: added to angles, a small turn of a frame."""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.readings import from_vector, to_vector
+from softarm.estimator.effects.world import (
+    Spot,
+    sensors,
+)
+
+Floats = NDArray[np.float64]
+
+
+def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
+    """Offset the reading."""
+    vector = to_vector(signals.reading)
+    offset = np.zeros(vector.shape[-1])
+    offset[:2] = theta[: len(offset)]
+    return from_vector(vector, signals.reading, offset), memory
+
+
+EFFECT = Effect(
+    name="sensor_bias",
+    hook="sensing",
+    parameters=(
+        Parameter("bias_x", "rad", 0.01, -1.0, 1.0, spread=0.02),
+        Parameter("bias_y", "rad", 0.01, -1.0, 1.0, spread=0.02),
+    ),
+    places=sensors,
+    act=act,
+    statement="{where} has an offset of ({bias_x}, {bias_y}) rad.",
+    source="Kinematics",
+    equivalence=("constant_offset",),
+    needs=frozenset({"rest"}),
+    splits=(
+        ("base_tilt", "mount turned by 90 degrees"),
+        ("pressure_bias", "vent, then command small pressures"),
+    ),
+)

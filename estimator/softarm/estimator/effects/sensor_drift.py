@@ -1,0 +1,39 @@
+"""A sensor whose offset grows with the clock, whatever the arm does."""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.readings import from_vector, to_vector
+from softarm.estimator.effects.world import (
+    Spot,
+    sensors,
+)
+
+Floats = NDArray[np.float64]
+
+
+def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
+    """Offset the reading with the clock."""
+    vector = to_vector(signals.reading)
+    rate = np.zeros(vector.shape[-1])
+    rate[:2] = theta[: len(rate)]
+    return from_vector(vector, signals.reading, signals.time[:, None] * rate), memory
+
+
+EFFECT = Effect(
+    name="sensor_drift",
+    hook="sensing",
+    parameters=(
+        Parameter("rate_x", "rad/s", 0.0001, -0.01, 0.01, spread=0.0002),
+        Parameter("rate_y", "rad/s", 0.0001, -0.01, 0.01, spread=0.0002),
+    ),
+    places=sensors,
+    act=act,
+    statement="{where} drifts by ({rate_x}, {rate_y}) rad per second.",
+    source="Kinematics",
+    needs=frozenset({"long_run"}),
+    splits=(
+        ("thermal_drift", "return to zero pressure every few minutes"),
+        ("viscoelastic_creep", "two kinds of sensor on one motion"),
+    ),
+)

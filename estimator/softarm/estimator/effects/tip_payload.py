@@ -1,0 +1,36 @@
+"""A mass that the model does not know, fixed to a section: force m g at its origin."""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.world import (
+    Spot,
+    moving_sections,
+)
+
+Floats = NDArray[np.float64]
+
+
+def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Weigh down the section."""
+    (mass,) = theta
+    wrenches = np.zeros((len(signals.time), len(spot.world.sections), 6))
+    wrenches[:, spot.section, :3] = mass * signals.gravity
+    return wrenches, memory
+
+
+EFFECT = Effect(
+    name="tip_payload",
+    hook="load",
+    parameters=(Parameter("mass", "kg", 0.02, -0.1, 2.0, spread=0.05),),
+    places=moving_sections,
+    act=act,
+    statement="A weight that the model does not know hangs at {where}: {mass} kg.",
+    source="Statics",
+    equivalence=("weight",),
+    needs=frozenset({"mount_turned"}),
+    splits=(
+        ("distributed_mass", "mount turned, or a known weight on and off"),
+        ("base_compliance", "markers on the base"),
+    ),
+)

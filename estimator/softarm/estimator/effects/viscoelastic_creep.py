@@ -1,0 +1,45 @@
+"""Creep: strain grows after every step of load, and comes back after release.
+
+Kelvin-Voigt element in series with the elastic segment: eps = (1 + i) u + g z, tau z' = u - z, with u the
+elastic strain, g the strength and tau the time constant (a one-term Prony series of the creep compliance).
+The stiffness that a model was calibrated to is that of no single rate, so the part of the strain that is
+there at once may change too, by i.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.world import Spot, whole_and_segments
+from softarm.estimator.simulation.filters import first_order
+
+Floats = NDArray[np.float64]
+
+
+def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Add the delayed strain; a rested arm starts without."""
+    strength, lag, instant = theta
+    start = memory or (signals.time[:1], signals.strains[0], np.zeros_like(signals.strains[0]))
+    late, memory = first_order(signals.time, signals.strains, lag, start)
+    return signals.strains + spot.segments[:, None] * (instant * signals.strains + strength * late), memory
+
+
+EFFECT = Effect(
+    name="viscoelastic_creep",
+    hook="couple",
+    parameters=(
+        Parameter("strength", "1", 0.1, -0.5, 2.0, spread=0.2),
+        Parameter("time_constant", "s", 20.0, 0.5, 500.0, "shape", "log", 1.5),
+        Parameter("instant_change", "1", 0.05, -0.5, 0.5, spread=0.1),
+    ),
+    places=whole_and_segments,
+    act=act,
+    statement="The material of {where} creeps: after a step its strain grows by a further {strength} of the "
+    "elastic one, with a time constant of {time_constant} s; the strain at once changes by {instant_change}.",
+    source="W. N. Findley et al., Creep and Relaxation of Nonlinear Viscoelastic Materials, 1976",
+    equivalence=("memory_at_one_rate",),
+    needs=frozenset({"holds"}),
+    splits=(
+        ("hysteresis", "ramps at two rates, then holds of three time constants"),
+        ("thermal_drift", "repeat the hold after an hour of the same load"),
+    ),
+)

@@ -1,0 +1,207 @@
+"""The menu of manoeuvres that tell the physical effects apart, for any lay-out of chambers."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.effect import Excitation
+from softarm.estimator.excitation.manoeuvre import Limits, Manoeuvre, Path
+
+Floats = NDArray[np.float64]
+Segments = tuple[int, ...]
+"""Segment of each chamber."""
+
+QUARTER = np.pi / 2.0
+PLUCK = 0.3  # N, enough to swing the arm and little enough to hold with two fingers
+POSES = 10
+GOLDEN = 0.6180339887
+
+
+def menu(segments: Segments, limits: Limits) -> tuple[Manoeuvre, ...]:
+    """List every manoeuvre in the order in which a whole run does them; the rested arm comes first.
+
+    Args:
+        segments: Segment of each chamber.
+        limits: What none exceeds.
+    """
+    makers = _MAKERS if segments else _WITHOUT_CHAMBERS
+    return tuple(make(segments, limits) for make in makers)
+
+
+def rest(segments: Segments, limits: Limits) -> Manoeuvre:  # noqa: ARG001
+    """Leave the arm vented: noise, its correlation in time, drift."""
+    path = Path(limits).hold(60.0)
+    return Manoeuvre("rest", "noise and drift", path.times, path.pressures, frozenset({"rest"}))
+
+
+def growing_cycles(segments: Segments, limits: Limits) -> Manoeuvre:
+    """Cycle one chamber of each segment twice at each amplitude; the first passage is seen once only."""
+    path, full = Path(limits), _one_of_each(segments, limits, 0)
+    for level in np.repeat([0.25, 0.5, 0.75, 1.0], 2):
+        path.go(level * full, 3.5).vent(3.5)
+    return Manoeuvre(
+        "growing_cycles",
+        "softening on first stretch",
+        path.times,
+        path.pressures,
+        frozenset({"motion", "growing_cycles", "two_amplitudes", "large_pressures"}),
+    )
+
+
+def each_alone(segments: Segments, limits: Limits) -> Manoeuvre:  # noqa: ARG001
+    """Fill and vent each chamber alone, slowly, then fast."""
+    path = Path(limits)
+    for ramp, hold in ((4.0, 2.0), (0.4, 2.0)):
+        for level in np.diag(limits.top):
+            path.go(level, ramp).hold(hold).vent(ramp).hold(1.0)
+    shows = "each chamber's gain, bias, line and cross-talk"
+    excites: frozenset[Excitation] = frozenset(
+        {"motion", "each_chamber", "two_rates", "pressure_steps", "large_pressures"}
+    )
+    return Manoeuvre("each_alone", shows, path.times, path.pressures, excites)
+
+
+def ramps(segments: Segments, limits: Limits) -> Manoeuvre:
+    """Go to one pose and back at rates a decade apart."""
+    path, full = Path(limits), _one_of_each(segments, limits, 1)
+    for seconds in (3.0, 10.0, 30.0):
+        path.go(full, seconds).hold(2.0).vent(seconds).hold(2.0)
+    excites: frozenset[Excitation] = frozenset({"motion", "two_rates", "large_pressures"})
+    return Manoeuvre("ramps", "what depends on the rate", path.times, path.pressures, excites)
+
+
+def triangles(segments: Segments, limits: Limits) -> Manoeuvre:
+    """Reversal curves at two amplitudes and two rates."""
+    path, full = Path(limits), _one_of_each(segments, limits, 0)
+    for speed in (8e3, 40e3):
+        for level, before in ((1.0, 0.0), (0.3, 1.0), (0.8, 0.3), (0.0, 0.8), (0.5, 0.0), (0.0, 0.5)):
+            path.go(level * full, float(abs(level - before) * full.max()) / speed)
+    excites: frozenset[Excitation] = frozenset({"motion", "two_rates", "two_amplitudes", "large_pressures"})
+    return Manoeuvre("triangles", "loops that no rate changes", path.times, path.pressures, excites)
+
+
+def holds(segments: Segments, limits: Limits) -> Manoeuvre:
+    """Step to a pose and hold it long, then vent and wait as long."""
+    path = Path(limits)
+    path.go(_one_of_each(segments, limits, 2)).hold(40.0).vent().hold(40.0)
+    excites: frozenset[Excitation] = frozenset(
+        {"motion", "holds", "pressure_steps", "large_pressures", "rest"}
+    )
+    return Manoeuvre("holds", "what creeps and recovers", path.times, path.pressures, excites)
+
+
+def steps(segments: Segments, limits: Limits) -> Manoeuvre:
+    """Jump to poses and let go, so that the arm rings."""
+    path = Path(limits)
+    for number in range(6):
+        path.go(_one_of_each(segments, limits, number) * (1.0 if number % 2 else 0.4)).hold(3.0).vent().hold(
+            3.0
+        )
+    excites: frozenset[Excitation] = frozenset(
+        {"motion", "pressure_steps", "two_amplitudes", "large_pressures"}
+    )
+    return Manoeuvre("steps", "lags, inertia and damping", path.times, path.pressures, excites)
+
+
+def staircase(segments: Segments, limits: Limits) -> Manoeuvre:
+    """Raise each chamber in small steps from zero: what a valve's dead band hides."""
+    path = Path(limits)
+    for unit in np.eye(len(segments)):
+        for level in np.arange(1e3, 8.5e3, 1e3):
+            path.go(level * unit).hold(1.0)
+        path.vent().hold(0.5)
+    excites: frozenset[Excitation] = frozenset({"motion", "small_pressures"})
+    return Manoeuvre("staircase", "dead bands and biases near zero", path.times, path.pressures, excites)
+
+
+def co_contraction(segments: Segments, limits: Limits) -> Manoeuvre:
+    """Fill all chambers of a segment together, then of all segments."""
+    path, level = Path(limits), 0.9 * limits.top
+    groups = [np.array(segments) == s for s in sorted(set(segments))]
+    for mask in (*groups, np.ones(len(segments), dtype=bool)):
+        path.go(level * mask, 5.0).hold(2.0).vent(5.0).hold(1.0)
+    excites: frozenset[Excitation] = frozenset({"motion", "large_pressures"})
+    return Manoeuvre("co_contraction", "stretch without bending", path.times, path.pressures, excites)
+
+
+def poses(segments: Segments, limits: Limits) -> Manoeuvre:
+    """Go through mixed poses and hold each for some seconds."""
+    path, count = Path(limits), len(segments)
+    for number in range(POSES):
+        level = ((number + 1) * GOLDEN * np.arange(1, count + 1)) % 1.0 * limits.top
+        for s in set(segments):
+            mine = np.flatnonzero(np.array(segments) == s)
+            if len(mine) > 1:
+                level[mine[(number + s) % len(mine)]] = 0.0
+        path.go(level, 0.5).hold(5.0)
+    path.vent(0.5).hold(2.0)
+    excites: frozenset[Excitation] = frozenset({"motion", "large_pressures", "pressure_steps"})
+    return Manoeuvre(
+        "poses", "loads, contacts and whatever depends on the pose", path.times, path.pressures, excites
+    )
+
+
+def mount_turned(axis: str) -> Callable[[Segments, Limits], Manoeuvre]:
+    """Make the manoeuvre of each chamber alone with the mount turned about an axis of the base."""
+
+    def make(segments: Segments, limits: Limits) -> Manoeuvre:  # noqa: ARG001
+        path = Path(limits).hold(5.0)
+        for level in np.diag(limits.top):
+            path.go(level, 1.5).hold(2.0).vent(1.5).hold(1.0)
+        return Manoeuvre(
+            f"mount_turned_{axis}",
+            "weight and sensors apart from everything else",
+            path.times,
+            path.pressures,
+            frozenset({"motion", "mount_turned", "each_chamber", "large_pressures"}),
+            f"turn the mount by 90 degrees about the {axis} axis of its base and clamp it there",
+            (QUARTER, 0.0, 0.0) if axis == "x" else (0.0, QUARTER, 0.0),
+        )
+
+    return make
+
+
+def pluck(segments: Segments, limits: Limits) -> Manoeuvre:  # noqa: ARG001
+    """Motion that no pressure causes: somebody draws the tip aside and lets go."""
+    times, forces = [0.0], [np.zeros(3)]
+    for direction in (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])):
+        for seconds, size in ((3.0, 0.0), (2.0, 1.0), (2.0, 1.0), (0.05, 0.0), (5.0, 0.0)):
+            times.append(times[-1] + seconds)
+            forces.append(PLUCK * size * direction)
+    return Manoeuvre(
+        "pluck",
+        "inertia and damping without any pressure",
+        np.array(times),
+        np.zeros((len(times), len(limits.pressures))),
+        frozenset({"motion"}),
+        "draw the tip aside, hold it for two seconds and let go; once along x, once along y",
+        forces=np.array(forces),
+    )
+
+
+def _one_of_each(segments: Segments, limits: Limits, number: int) -> Floats:
+    """Choose one chamber of each segment, another one for each number; pressures of shape (chambers,)."""
+    level = np.zeros(len(segments))
+    for s in set(segments):
+        mine = np.flatnonzero(np.array(segments) == s)
+        chosen = mine[(number + s) % len(mine)]
+        level[chosen] = limits.top[chosen]
+    return level
+
+
+_MAKERS: tuple[Callable[[Segments, Limits], Manoeuvre], ...] = (
+    growing_cycles,
+    rest,
+    each_alone,
+    ramps,
+    holds,
+    triangles,
+    steps,
+    staircase,
+    co_contraction,
+    poses,
+    mount_turned("x"),
+    mount_turned("y"),
+    pluck,
+)
+_WITHOUT_CHAMBERS = (rest, mount_turned("x"), mount_turned("y"), pluck)

@@ -1,0 +1,126 @@
+"""Which manoeuvres to run: those that decide most per second among what is still ambiguous."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from softarm.estimator.effects.augmented import PlacedEffect
+from softarm.estimator.effects.effect import describe
+from softarm.estimator.excitation.manoeuvre import Manoeuvre
+from softarm.estimator.excitation.separation import Subject, Trial
+
+ENOUGH = 50.0
+"""Separation D^2 from which two explanations are told apart, with a margin of two on chance."""
+OVERHEAD = 6.0
+"""Time between two manoeuvres for venting and for the file [s]."""
+
+
+@dataclass(frozen=True)
+class Rivals:
+    """An explanation and one that the data at hand cannot tell from it.
+
+    Args:
+        found: The explanation, as fitted.
+        rival: The other; its parameters are where its fit begins.
+    """
+
+    found: PlacedEffect
+    rival: PlacedEffect
+
+    @property
+    def name(self) -> str:
+        """Both in words."""
+        return f"{_name(self.found)} or {_name(self.rival)}"
+
+
+def _name(placed: PlacedEffect) -> str:
+    return f"{placed.effect.name} ({describe(placed.spot.place)})"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A manoeuvre and what is expected of it.
+
+    Args:
+        manoeuvre: The manoeuvre.
+        separations: D^2 of each pair of rivals.
+    """
+
+    manoeuvre: Manoeuvre
+    separations: tuple[float, ...] = ()
+
+    @property
+    def seconds(self) -> float:
+        """Time that it takes, venting included [s]."""
+        return self.manoeuvre.duration + OVERHEAD
+
+    def gain(self, lacking: Sequence[float]) -> float:
+        """Give the useful separation per second, ``lacking`` what each pair still needs."""
+        useful = sum(min(gain, lack) for gain, lack in zip(self.separations, lacking, strict=True))
+        return useful / self.seconds
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to run, in this order.
+
+    Args:
+        choices: The manoeuvres.
+        rivals: The pairs that it is to tell apart; none where everything is to be shown.
+    """
+
+    choices: tuple[Choice, ...]
+    rivals: tuple[Rivals, ...] = ()
+
+    @property
+    def seconds(self) -> float:
+        """Time of the whole [s]."""
+        return sum(choice.seconds for choice in self.choices)
+
+    def separation(self, pair: int) -> float:
+        """Give the separation that the whole plan expects for a pair."""
+        return sum(choice.separations[pair] for choice in self.choices)
+
+    @property
+    def undecided(self) -> tuple[Rivals, ...]:
+        """Pairs that the whole plan will not tell apart."""
+        return tuple(p for k, p in enumerate(self.rivals) if self.separation(k) < ENOUGH)
+
+
+def whole(manoeuvres: Sequence[Manoeuvre]) -> Plan:
+    """Plan everything, in the order given."""
+    return Plan(tuple(Choice(manoeuvre) for manoeuvre in manoeuvres))
+
+
+def plan_for(
+    rivals: Sequence[Rivals],
+    manoeuvres: Sequence[Manoeuvre],
+    subject: Subject,
+    advance: Callable[[float], None] = lambda _: None,
+) -> Plan:
+    """Choose manoeuvres for rivals, the one first that separates them most per second of run.
+
+    Args:
+        rivals: What is ambiguous.
+        manoeuvres: What may be run, each once.
+        subject: Model of the arm.
+        advance: Called with 1 after each pair on each manoeuvre.
+    """
+    left = []
+    for manoeuvre in manoeuvres:
+        trial = subject.trial(manoeuvre)
+        left.append(Choice(manoeuvre, tuple(_separation(trial, pair, advance) for pair in rivals)))
+    lacking, chosen = [ENOUGH] * len(rivals), []
+    while left and any(lack > 0.0 for lack in lacking):
+        best = max(left, key=lambda choice: choice.gain(lacking))
+        if best.gain(lacking) * best.seconds < 1.0:
+            break
+        left.remove(best)
+        chosen.append(best)
+        lacking = [max(0.0, a - b) for a, b in zip(lacking, best.separations, strict=True)]
+    return Plan(tuple(chosen), tuple(rivals))
+
+
+def _separation(trial: Trial, pair: Rivals, advance: Callable[[float], None]) -> float:
+    found = trial.separation(pair.found, pair.rival)
+    advance(1)
+    return found

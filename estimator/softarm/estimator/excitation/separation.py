@@ -1,0 +1,233 @@
+"""How far a manoeuvre drives two rival explanations apart.
+
+With y_a the readings under effect a and y_b(theta) those under its rival b, the separation is
+
+    D^2 = min over theta, n of |L (y_a - y_b(theta) - N n)|^2 + |n / s|^2,
+
+N the readings' change by what calibration may still explain (stiffness and pressure gain of each segment,
+known to s) and L a whitener for an error with a few independent values in ten seconds. D^2 is what
+a run of the manoeuvre adds to the difference in chi-square (T-optimality: Atkinson and Fedorov, Biometrika
+62, 1975); two explanations part safely from about 25 on.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.effects.augmented import PlacedEffect, simulate_with
+from softarm.estimator.effects.world import World
+from softarm.estimator.excitation.manoeuvre import Manoeuvre
+from softarm.estimator.model import Frames
+from softarm.estimator.rotations import exp, log
+from softarm.estimator.sensing import Scene, SensorSuite
+from softarm.estimator.simulation import Arm, Drive, LinearisedArm, Response, Segments
+
+Floats = NDArray[np.float64]
+
+FADING = 3.0  # s, over which errors of readings and model forget
+SLOWEST = 0.87  # from sample to sample; readings scatter also at once, so that jumps count no more than so
+FLOOR = {"rad": 3.5e-3, "m": 1e-3}  # what repeated runs of one arm differ by, whatever the sensor
+KNOWN = 0.05  # how well calibration knows stiffness and gain of a segment
+LEG = 15e3  # Pa between two solutions of the model along a path
+SAMPLES = 500
+SHORTEST, LONGEST = 0.04, 0.25  # s between samples
+SEARCH = 6
+SHARES = (1.0, 0.3, 0.1)
+DIFFERENCE = 0.02
+"""Steps of the rival's fit, shares of a step to try, and its relative step for a derivative."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """The arm on which rivals are tried.
+
+    Args:
+        arm: Its model.
+        segments: Its segments.
+        world: What effects refer to.
+        suite: Sensors.
+        gravity: In the usual base frame [m/s2], shape (3,).
+    """
+
+    arm: Arm
+    segments: Segments
+    world: World
+    suite: SensorSuite
+    gravity: Floats
+
+    def trial(self, manoeuvre: Manoeuvre) -> "Trial":
+        """Run a manoeuvre on the model without effects, linearised along its way."""
+        step = float(np.clip(manoeuvre.duration / SAMPLES, SHORTEST, LONGEST))
+        time = np.arange(0.0, manoeuvre.duration, step)
+        drive = self._drive(manoeuvre, time)
+        baseline = _between(*self._stations(manoeuvre), time, self.segments)
+        return Trial(self, drive, LinearisedArm(self.segments, drive, baseline))
+
+    def _drive(self, manoeuvre: Manoeuvre, time: Floats) -> Drive:
+        """Give the drive of a manoeuvre; a turned mount turns gravity the other way."""
+        turn = exp(np.array(manoeuvre.turn))
+        sections = len(self.world.sections)
+        gravity = turn.T @ self.gravity
+        drive = Drive.of(time, manoeuvre.at(time), gravity, sections, self.segments.count)
+        wrenches = drive.wrenches.copy()
+        wrenches[:, -1, :3] = manoeuvre.force_at(time)
+        return replace(drive, wrenches=wrenches)
+
+    def _stations(self, manoeuvre: Manoeuvre) -> tuple[Floats, Response]:
+        """Solve the model at the distinct states that a path passes, close enough to interpolate."""
+        times = [0.0]
+        for begin, end, low, high in zip(
+            manoeuvre.times, manoeuvre.times[1:], manoeuvre.pressures, manoeuvre.pressures[1:], strict=False
+        ):
+            pieces = max(1, int(np.ceil(np.abs(high - low).max(initial=0.0) / LEG)))
+            times += (begin + (end - begin) * np.arange(1, pieces + 1) / pieces).tolist()
+        clock = np.array(times)
+        drive = self._drive(manoeuvre, clock)
+        state = np.round(np.column_stack([drive.pressures, drive.wrenches[:, -1, :3] * 1e4]))
+        _, chosen, back = np.unique(state, axis=0, return_index=True, return_inverse=True)
+        solved = self.arm.respond(drive.at(chosen))
+        return clock, solved.at(back.ravel())
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A manoeuvre on the model, ready to try effects.
+
+    Args:
+        subject: The arm.
+        drive: What acts without effects.
+        arm: The model linearised along it.
+    """
+
+    subject: Subject
+    drive: Drive
+    arm: LinearisedArm
+
+    def readings(self, placed: PlacedEffect | None) -> Floats:
+        """Give the readings' change by an effect, whitened, shape (samples x rows of the suite,)."""
+        subject = self.subject
+        effects = () if placed is None else (placed,)
+        done = simulate_with(effects, self.arm, subject.world, self.drive, subject.suite)
+        scene = Scene(self.arm.baseline.frames, np.zeros((self.drive.samples, 0)))
+        parts = [
+            sensor.sensitivity(scene, done.readings[sensor.name]).innovation
+            for sensor in subject.suite.measurements
+        ]
+        return self._whiten(np.concatenate(parts, axis=1))
+
+    def _whiten(self, change: Floats) -> Floats:
+        """Divide by the noise and take out what fades slowly."""
+        step = float(self.drive.time[1] - self.drive.time[0])
+        decay = min(float(np.exp(-step / FADING)), SLOWEST)
+        share = step / (2.0 * FADING) * (1.0 + decay) / (1.0 - decay)
+        scaled = np.sqrt(min(share, 1.0)) * change / self._floors
+        fresh = np.vstack([scaled[:1], (scaled[1:] - decay * scaled[:-1]) / np.sqrt(1.0 - decay**2)])
+        return fresh.ravel()
+
+    @cached_property
+    def _floors(self) -> Floats:
+        """Give the error of each row: the sensor's noise and what repeated runs differ by."""
+        rest, rows = self.arm.baseline.frames, []
+        scene = Scene(Frames(rest.positions[0], rest.rotations[0]), np.zeros(0))
+        for sensor in self.subject.suite.measurements:
+            noise = np.sqrt(np.diag(sensor.covariance(sensor.predict(scene))))
+            rows.append(np.hypot(noise, [FLOOR[unit] for unit in _units(sensor.name, sensor.size)]))
+        return np.concatenate(rows)
+
+    @cached_property
+    def nuisances(self) -> Floats:
+        """Give the change by what calibration may explain, per standard deviation, shape (rows, unknowns)."""
+        columns, base = [], self.arm.baseline
+        owners = np.array(self.subject.world.chamber_segment)
+        for segment in range(self.subject.segments.count):
+            couples = np.zeros_like(self.drive.couples)
+            couples[:, segment] = -KNOWN * (base.strains * self.subject.world.stiffness)[:, segment]
+            columns.append(self._moved(self.drive.plus(np.zeros_like(self.drive.wrenches), couples)))
+            if len(owners):
+                gain = 1.0 + KNOWN * (owners == segment)
+                columns.append(self._moved(replace(self.drive, pressures=self.drive.pressures * gain)))
+        return np.column_stack(columns)
+
+    def _moved(self, drive: Drive) -> Floats:
+        scene = Scene(self.arm.baseline.frames, np.zeros((drive.samples, 0)))
+        there = Scene(self.arm.respond(drive).frames, scene.loads)
+        suite = self.subject.suite
+        return self._whiten(suite.sensitivity(scene, suite.predict(there)).innovation)
+
+    def separation(self, found: PlacedEffect, rival: PlacedEffect) -> float:
+        """Give D^2 of an effect and its rival, whose parameters are fitted from those given."""
+        wanted = self.readings(found)
+        theta = rival.theta.astype(float)
+        here = self.readings(rival)
+        best = self._left(wanted - here)
+        for _ in range(SEARCH):
+            columns = self._tangent(rival, theta, here)
+            step = _solved(wanted - here, np.column_stack([columns, self.nuisances]), len(theta))
+            for share in SHARES:
+                trial = _bounded(rival, theta + share * step)
+                there = self.readings(replace(rival, theta=trial))
+                left = self._left(wanted - there)
+                if left < best:
+                    theta, here, best = trial, there, left
+                    break
+            else:
+                return best
+        return best
+
+    def _left(self, gap: Floats) -> float:
+        """Give what is left of a gap beyond what calibration may explain."""
+        known = self.nuisances
+        rows = np.vstack([known, np.eye(known.shape[1])])
+        target = np.concatenate([gap, np.zeros(known.shape[1])])
+        found = np.linalg.lstsq(rows, target, rcond=None)[0]
+        return float(((target - rows @ found) ** 2).sum())
+
+    def _tangent(self, rival: PlacedEffect, theta: Floats, here: Floats) -> Floats:
+        """Differentiate the readings by the rival's parameters, shape (rows, parameters)."""
+        columns = []
+        for k, parameter in enumerate(rival.effect.parameters):
+            step = DIFFERENCE * max(abs(theta[k]), abs(parameter.typical))
+            step = -step if theta[k] + step > parameter.upper else step
+            moved = theta.copy()
+            moved[k] += step
+            columns.append((self.readings(replace(rival, theta=moved)) - here) / step)
+        return np.column_stack(columns)
+
+
+def _solved(gap: Floats, rows: Floats, free: int) -> Floats:
+    """Give the step of the first ``free`` unknowns; the others have a prior of one about zero."""
+    known = rows.shape[1] - free
+    prior = np.hstack([np.zeros((known, free)), np.eye(known)])
+    target = np.concatenate([gap, np.zeros(known)])
+    step: Floats = np.linalg.lstsq(np.vstack([rows, prior]), target, rcond=1e-8)[0][:free]
+    return step
+
+
+def _bounded(placed: PlacedEffect, theta: Floats) -> Floats:
+    low = np.array([p.lower for p in placed.effect.parameters])
+    high = np.array([p.upper for p in placed.effect.parameters])
+    return np.clip(theta, low, high)
+
+
+def _units(name: str, size: int) -> Sequence[str]:
+    if name.startswith("marker"):
+        return ["m"] * size
+    return ["m"] * 3 + ["rad"] * 3 if name.startswith("frame") else ["rad"] * size
+
+
+def _between(clock: Floats, solved: Response, time: Floats, segments: Segments) -> Response:
+    """Interpolate the response between the times at which it was solved."""
+    after = np.clip(np.searchsorted(clock, time, side="right"), 1, len(clock) - 1)
+    before = after - 1
+    share = np.clip((time - clock[before]) / np.maximum(clock[after] - clock[before], 1e-12), 0.0, 1.0)
+    low, high = solved.at(before), solved.at(after)
+    turn = log(np.swapaxes(low.frames.rotations, -1, -2) @ high.frames.rotations)
+    rotations = low.frames.rotations @ exp(share[:, None, None] * turn)
+    gap = high.frames.positions - low.frames.positions
+    frames = Frames(low.frames.positions + share[:, None, None] * gap, rotations)
+    part = share[:, None, None]
+    motion = low.motion + part * (high.motion - low.motion)
+    by_free = low.by_free + part * (high.by_free - low.by_free)
+    return Response(frames, segments.strains(frames), motion, by_free, low.converged & high.converged)

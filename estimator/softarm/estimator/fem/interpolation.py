@@ -1,0 +1,150 @@
+"""Points inside the mesh as weighted sums of its nodes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from softarm.estimator.errors import InputError
+from softarm.estimator.fem.shapes import inside_violation, shape_functions
+from softarm.estimator.mesh import Floats, Indices, Mesh
+
+INVERSE_MAP_ITERATIONS = 12
+TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class PointMap:
+    """Material points that move with the mesh: x = sum_a N_a x_a.
+
+    Args:
+        nodes: Nodes of each point's element, padded with its first, shape (points, nodes).
+        weights: Shape functions at the point, zero where padded, shape (points, nodes).
+    """
+
+    nodes: Indices
+    weights: Floats
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+    def apply(self, nodal: Floats) -> Floats:
+        """Interpolate nodal values, shape (nodes, ...) to (points, ...)."""
+        return np.asarray(np.einsum("pn,pn...->p...", self.weights, nodal[self.nodes]))
+
+    def matrix(self, nodes: int) -> sparse.csr_matrix:
+        """Give the interpolation as a matrix, shape (points, nodes)."""
+        rows = np.repeat(np.arange(len(self)), self.nodes.shape[1])
+        entries = (self.weights.ravel(), (rows, self.nodes.ravel()))
+        return sparse.csr_matrix(entries, shape=(len(self), nodes))
+
+
+def node_map(nodes: Indices) -> PointMap:
+    """Take mesh nodes as points, shape (points,)."""
+    return PointMap(np.asarray(nodes, dtype=np.int64)[:, None], np.ones((len(nodes), 1)))
+
+
+def _candidates(mesh: Mesh, connectivity: Indices, points: Floats) -> tuple[Indices, Indices]:
+    """Pair points with the elements whose box holds them."""
+    corners = mesh.points[connectivity]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    margin = 0.05 * (high - low).max(axis=1, keepdims=True)
+    pairs: list[tuple[Indices, Indices]] = []
+    for start in range(0, len(points), 512):
+        chunk = points[start : start + 512, None]
+        which, element = np.nonzero(((chunk >= low - margin) & (chunk <= high + margin)).all(axis=2))
+        pairs.append((which + start, element))
+    return np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
+
+
+def _parent(kind: str, corners: Floats, targets: Floats) -> Floats:
+    """Invert the parent map by Newton's iteration, shape (pairs, 3)."""
+    parent = np.full(targets.shape, 0.25 if kind.startswith("tet") else 0.0)
+    for _ in range(INVERSE_MAP_ITERATIONS):
+        values, slopes = shape_functions(kind, parent)
+        gap = targets - np.einsum("pn,pni->pi", values, corners)
+        jacobian = np.einsum("pni,pnk->pik", corners, slopes)
+        regular = np.abs(np.linalg.det(jacobian)) > 0.0
+        jacobian[~regular] = np.eye(3)
+        step = np.linalg.solve(jacobian, gap[..., None])[..., 0]
+        parent += np.clip(step, -1.0, 1.0)
+        if np.abs(step).max(initial=0.0) < 1e-12:
+            break
+    return parent
+
+
+def locate(mesh: Mesh, points: Floats) -> tuple[PointMap, Floats]:
+    """Find the element that holds each point, or the nearest in parent coordinates.
+
+    Args:
+        mesh: Mesh at rest.
+        points: Points at rest [m], shape (points, 3).
+
+    Returns:
+        The map, and by how much each point lies outside in parent coordinates (at most 0 inside; infinity
+        where no element is near), shape (points,).
+    """
+    width = max(block.connectivity.shape[1] for block in mesh.blocks)
+    nodes = np.zeros((len(points), width), dtype=np.int64)
+    weights = np.zeros((len(points), width))
+    violation = np.full(len(points), np.inf)
+    for block in mesh.blocks:
+        which, element = _candidates(mesh, block.connectivity, points)
+        connectivity = block.connectivity[element]
+        parent = _parent(block.kind, mesh.points[connectivity], points[which])
+        outside = inside_violation(block.kind, parent)
+        order = np.lexsort((outside, which))
+        first = order[np.concatenate([[True], np.diff(which[order]) > 0])] if len(order) else order
+        better = first[outside[first] < violation[which[first]]]
+        target, size = which[better], connectivity.shape[1]
+        violation[target] = outside[better]
+        nodes[target] = connectivity[better, :1]
+        nodes[target, :size] = connectivity[better]
+        weights[target] = 0.0
+        weights[target, :size] = shape_functions(block.kind, parent[better])[0]
+    return PointMap(nodes, weights), violation
+
+
+def points_inside(mesh: Mesh, points: Floats, where: str) -> PointMap:
+    """Map points that must lie in the mesh.
+
+    Raises:
+        InputError: A point lies outside.
+    """
+    found, violation = locate(mesh, points)
+    if (violation > 1e-3).any():
+        index = int(np.argmax(violation))
+        raise InputError(
+            where, f"point {index} at {points[index].tolist()} m is outside the body", "move it inside"
+        )
+    return found
+
+
+def cross_section(mesh: Mesh, height: float, resolution: int = 48) -> PointMap:
+    """Sample the body's cross-section at a height uniformly.
+
+    Args:
+        mesh: Mesh at rest.
+        height: Distance from the base along z [m].
+        resolution: Samples along the larger side of the bounding box.
+
+    Returns:
+        The samples that lie in the body.
+
+    Raises:
+        InputError: The height is outside the body.
+    """
+    used = np.unique(np.concatenate([block.connectivity.ravel() for block in mesh.blocks]))
+    low, high = mesh.points[used].min(axis=0), mesh.points[used].max(axis=0)
+    where = f"load or section at height {height} m"
+    if not low[2] <= height <= high[2]:
+        raise InputError(
+            where, f"the body spans {low[2]:.4f} to {high[2]:.4f} m", "choose a height within the body"
+        )
+    spacing = (high[:2] - low[:2]).max() / resolution
+    axes = [np.arange(low[k] + 0.5 * spacing, high[k], spacing) for k in range(2)]
+    x, y = (grid.ravel() for grid in np.meshgrid(*axes, indexing="ij"))
+    found, violation = locate(mesh, np.column_stack([x, y, np.full(len(x), height)]))
+    keep = violation <= TOLERANCE
+    if not keep.any():
+        raise InputError(where, "the cross-section there is empty", "choose a height within the body")
+    return PointMap(found.nodes[keep], found.weights[keep])

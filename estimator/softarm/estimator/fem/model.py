@@ -1,0 +1,382 @@
+"""The finite-element model of an arm."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from softarm.estimator.errors import InputError
+from softarm.estimator.fem.bars import Membrane, Springs
+from softarm.estimator.fem.body import Body, build_body
+from softarm.estimator.fem.continuation import Path, between
+from softarm.estimator.fem.equilibrium import Balance, Settings, stable_factor, take_step
+from softarm.estimator.fem.factor import StiffnessFactor
+from softarm.estimator.fem.interpolation import PointMap, points_inside
+from softarm.estimator.fem.loads import LoadSet, build_loads, superpose
+from softarm.estimator.fem.materials import Material
+from softarm.estimator.fem.section_fit import SectionFit, build_section_fit
+from softarm.estimator.fem.sections import FramePose, Section, SectionFrame, build_section
+from softarm.estimator.fem.solution import Solution
+from softarm.estimator.mesh import Floats, Mesh
+from softarm.estimator.model import Frames, Inputs, Load
+
+ROUNDING = 30.0 * np.finfo(float).eps
+
+
+@dataclass(frozen=True)
+class FiniteElementState:
+    """A configuration of the arm.
+
+    Args:
+        displacement: Displacement of the nodes [m], shape (nodes, 3).
+        inputs: Inputs it was brought to; load stepping starts from them.
+    """
+
+    displacement: Floats
+    inputs: Inputs
+
+
+@dataclass(frozen=True)
+class FiniteElementStep:
+    """The model linearised about a configuration; see ``softarm.estimator.model.Linearisation``.
+
+    Args:
+        model: The model.
+        displacement: Configuration [m], shape (nodes, 3).
+        inputs: Inputs.
+        balance: Forces there.
+        poses: Frames of the sections there.
+        factor: Factor of the tangent, or of its positive definite stand-in; None when there is none.
+    """
+
+    model: "FiniteElementModel"
+    displacement: Floats
+    inputs: Inputs
+    balance: Balance
+    poses: tuple[FramePose, ...]
+    factor: StiffnessFactor | None
+
+    @property
+    def frames(self) -> Frames:
+        """Frames of the sections at the iterate."""
+        return frames_of(self.poses)
+
+    @property
+    def residual_norm(self) -> float:
+        """Norm of the out-of-balance force over that of the applied forces; infinite when invalid."""
+        return self.balance.norm if self.factor is not None else np.inf
+
+    def input_forces(self) -> Floats:
+        """Give the forces per unit of each pressure, then each load, shape (inputs, 3 free)."""
+        nodal = np.concatenate([self.balance.evaluation.gradients, self.balance.load_vectors])
+        return self.model.body.pattern.gather(nodal)
+
+    def nodal_rows(self, rows: Floats) -> Floats:
+        """Turn rows on the stacked twists into rows on the free nodes, shape (outputs, 3 free)."""
+        nodes = len(self.displacement)
+        nodal = np.zeros((len(rows), nodes, 3))
+        for index, pose in enumerate(self.poses):
+            part = rows[:, 6 * index : 6 * index + 6]
+            if part.any():
+                nodal += pose.pull_back(part, nodes)
+        return self.model.body.pattern.gather(nodal)
+
+    def adjoint(self, rows: Floats) -> Floats:
+        """Solve K^T y = J^T rows for rows on the stacked twists, shape (outputs, 3 free)."""
+        on_free = self.nodal_rows(rows)
+        if self.factor is None:
+            return np.full(on_free.shape, np.nan)
+        return self.factor.solve_transposed(on_free)
+
+    def response(self, rows: Floats) -> tuple[Floats, Floats]:
+        """Project the motion of the sections on rows; see ``Linearisation.response``."""
+        adjoint = self.adjoint(np.atleast_2d(rows))
+        return adjoint @ self.balance.residual, adjoint @ self.input_forces().T
+
+    def full_response(self, rows: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Project the motion of the sections on rows, with one solve for all that can change.
+
+        Returns:
+            Drift and change per input as ``response`` gives them, the change per component of gravity, shape
+            (outputs, 3), and per stiffness factor, shape (outputs, parameters).
+        """
+        body = self.model.body
+        adjoint = self.adjoint(np.atleast_2d(rows))
+        weights = body.pattern.gather(self.model.nodal_mass[:, None] * np.eye(3)[:, None, :])
+        forces = body.pattern.gather(body.parameter_forces(body.points + self.displacement))
+        return (
+            adjoint @ self.balance.residual,
+            adjoint @ self.input_forces().T,
+            adjoint @ weights.T,
+            -adjoint @ forces.T,
+        )
+
+    def parameter_response(self, rows: Floats) -> Floats:
+        """Differentiate outputs by the stiffness factors, shape (outputs, parameters)."""
+        body = self.model.body
+        forces = body.parameter_forces(body.points + self.displacement)
+        return -self.adjoint(np.atleast_2d(rows)) @ body.pattern.gather(forces).T
+
+
+@dataclass(frozen=True)
+class FiniteElementModel:
+    """A soft arm as a finite-element body; implements ``softarm.estimator.model.ArmModel``.
+
+    Build it with ``FiniteElementModel.build``. It is immutable: ``with_scales`` gives a changed copy that
+    shares all that was precomputed.
+
+    Args:
+        mesh: Mesh at rest.
+        body: Elements, fibres and chambers.
+        frames: Section frames by name.
+        load_set: Loads.
+        nodal_mass: Mass of each node [kg], shape (nodes,).
+        scales: Factor on the stiffness of each of ``parameters``.
+        force_resolution: Out-of-balance force that rounding alone makes [N]; less is not asked for.
+        settings: Limits of ``solve``.
+    """
+
+    mesh: Mesh
+    body: Body
+    frames: Mapping[str, SectionFrame]
+    load_set: LoadSet
+    nodal_mass: Floats
+    scales: Floats
+    force_resolution: float
+    settings: Settings
+
+    @classmethod
+    def build(
+        cls,
+        mesh: Mesh,
+        materials: Mapping[str, Material],
+        chambers: Sequence[str] | None = None,
+        fibres: Sequence[Membrane | Springs] = (),
+        sections: Sequence[Section | str] = (),
+        loads: Sequence[Load] = (),
+        clamp: str = "clamp",
+        nodal_mass: Floats | None = None,
+        settings: Settings | None = None,
+    ) -> "FiniteElementModel":
+        """Build the model of a mesh.
+
+        Args:
+            mesh: Mesh at rest; nodes that no element uses are left out.
+            materials: Material by region name; every region needs one.
+            chambers: Names of the chambers' surfaces in the order of the pressures; when left out,
+                ``chamber_0``, ``chamber_1`` and so on as far as the mesh has them.
+            fibres: Membranes on named surfaces and discrete springs.
+            sections: Rigid sections whose frames the model gives; a bare name puts the frame's origin at
+                the mean of the node set ``section_<name>``, axes along the base frame's.
+            loads: Loads whose amplitudes are inputs; ``DistributedLoad`` among them for body forces.
+            clamp: Node set that is held.
+            nodal_mass: Mass of each node [kg], shape (nodes,); integrated from the densities when left out.
+            settings: Limits of ``solve``.
+
+        Returns:
+            The model.
+
+        Raises:
+            InputError: The mesh lacks a node set, surface or region that the arguments name, an element is
+                inverted, a chamber is open, or a load lies outside the body.
+        """
+        if clamp not in mesh.node_sets or not len(mesh.node_sets[clamp]):
+            known = ", ".join(mesh.node_sets)
+            raise InputError("mesh", f"it has no node set {clamp!r}", f"name the held nodes (it has {known})")
+        names = _chambers(mesh) if chambers is None else tuple(chambers)
+        body = build_body(mesh, materials, names, fibres, mesh.node_sets[clamp])
+        listed = [Section(section) if isinstance(section, str) else section for section in sections]
+        frames = {section.name: build_section(mesh, section) for section in listed}
+        densities = np.array([materials[name].density for name in mesh.regions])
+        return cls(
+            mesh=mesh,
+            body=body,
+            frames=frames,
+            load_set=build_loads(mesh, tuple(loads), frames),
+            nodal_mass=body.nodal_mass(densities) if nodal_mass is None else np.array(nodal_mass),
+            scales=np.ones(len(body.parameters)),
+            force_resolution=_force_resolution(body),
+            settings=settings or Settings(),
+        )
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections whose frames it gives."""
+        return tuple(self.frames)
+
+    @property
+    def chambers(self) -> int:
+        """Number of chambers."""
+        return self.body.chambers
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Loads whose amplitudes are inputs."""
+        return self.load_set.loads
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the stiffness factors: regions, then fibres."""
+        return self.body.parameters
+
+    def with_scales(self, scales: Mapping[str, float]) -> "FiniteElementModel":
+        """Copy the model with other stiffness factors for some of ``parameters``; nothing is analysed anew.
+
+        Raises:
+            InputError: A name is unknown or a factor is not positive.
+        """
+        values = self.scales.copy()
+        for name, value in scales.items():
+            if name not in self.parameters:
+                known = ", ".join(self.parameters)
+                raise InputError("scales", f"{name!r} is unknown", f"use one of {known}")
+            if not value > 0.0:
+                raise InputError("scales", f"{name} = {value} is not positive", "give a factor above 0")
+            values[self.parameters.index(name)] = value
+        return replace(self, scales=values)
+
+    def with_loads(self, loads: Sequence[Load]) -> "FiniteElementModel":
+        """Copy the model with other loads; nothing is analysed anew."""
+        return replace(self, load_set=build_loads(self.mesh, tuple(loads), dict(self.frames)))
+
+    def no_inputs(self) -> Inputs:
+        """Give inputs that are all zero."""
+        return Inputs(np.zeros(self.chambers), np.zeros(len(self.loads)), np.zeros(3))
+
+    def rest(self) -> FiniteElementState:
+        """Give the unloaded state."""
+        return FiniteElementState(np.zeros_like(self.body.points), self.no_inputs())
+
+    def balance(
+        self, displacement: Floats, inputs: Inputs, tangent: bool = True, load_stiffness: bool = True
+    ) -> Balance:
+        """Evaluate the forces at a configuration.
+
+        Args:
+            displacement: Displacement of the nodes [m], shape (nodes, 3).
+            inputs: Pressures, loads, gravity.
+            tangent: Whether to assemble the tangent, the derivative of (internal - pressure forces).
+            load_stiffness: Whether it includes the pressures' load stiffness.
+
+        Returns:
+            Residual, tangent and load vectors.
+        """
+        positions = self.body.points + displacement
+        evaluation = self.body.evaluate(
+            positions, inputs.pressures, self.scales, tangent=tangent, load_stiffness=load_stiffness
+        )
+        vectors = self.load_set.vectors(positions)
+        fields = np.empty((3, *positions.shape))
+        fields[0] = superpose(inputs.pressures, evaluation.gradients)
+        fields[1] = superpose(inputs.loads, vectors) + self.nodal_mass[:, None] * inputs.gravity
+        fields[2] = evaluation.forces
+        pushed, loaded, internal = self.body.pattern.gather(fields)
+        residual = pushed + loaded - internal
+        applied = np.hypot(np.linalg.norm(pushed), np.linalg.norm(loaded))
+        applied = max(float(applied), self.force_resolution / self.settings.tolerance)
+        norm = float(np.linalg.norm(residual) / applied) if evaluation.valid else np.inf
+        return Balance(evaluation, residual, vectors, norm)
+
+    def linearise(self, state: FiniteElementState, inputs: Inputs) -> FiniteElementStep:
+        """Linearise about a state under given inputs."""
+        balance, factor = stable_factor(self.body, self.balance, state.displacement, inputs)
+        poses = self.poses(state.displacement)
+        return FiniteElementStep(self, state.displacement, inputs, balance, poses, factor)
+
+    def advance(self, step: FiniteElementStep, change: Floats) -> FiniteElementState:
+        """Take the Newton step for inputs changed by ``change`` (pressures, then loads).
+
+        A step that would invert an element or move a node by more than ``settings.longest_move`` of the
+        body's size is shortened; the next linearisation's residual tells.
+        """
+        pressures = step.inputs.pressures + change[: self.chambers]
+        inputs = Inputs(pressures, step.inputs.loads + change[self.chambers :], step.inputs.gravity)
+        if step.factor is None:
+            return FiniteElementState(step.displacement, inputs)
+        force = step.balance.residual + change @ step.input_forces()
+        move = self.body.pattern.scatter(step.factor.solve(force))
+        reach = self.settings.longest_move * float(np.ptp(self.body.points, axis=0).max())
+        return FiniteElementState(
+            take_step(self.body, self.balance, step.displacement, move, inputs, reach), inputs
+        )
+
+    def solve(self, inputs: Inputs, start: FiniteElementState) -> tuple[FiniteElementState, bool]:
+        """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
+        found = self.equilibrium(inputs, start)
+        return found.value, found.converged
+
+    def equilibrium(
+        self, inputs: Inputs, start: FiniteElementState | None = None
+    ) -> Solution[FiniteElementState]:
+        """Find the equilibrium under fixed inputs.
+
+        Args:
+            inputs: Pressures, loads, gravity.
+            start: A state, best in equilibrium under its inputs; the unloaded one when left out.
+
+        Returns:
+            The state, how the solve ended, the linear solves it took and its residual.
+        """
+        start = start or self.rest()
+        path = Path(self.body, self.balance, start.inputs, inputs, self.nodal_mass, self.settings)
+        found = path.walk(start.displacement)
+        reached = inputs if found.converged else between(start.inputs, inputs, path.fraction)
+        return replace_value(found, FiniteElementState(found.value, reached))
+
+    def poses(self, displacement: Floats) -> tuple[FramePose, ...]:
+        """Fit the sections' frames to a configuration."""
+        return tuple(frame.at(self.body.points + displacement) for frame in self.frames.values())
+
+    @cached_property
+    def section_fit(self) -> SectionFit:
+        """The fit of all sections' frames at once."""
+        return build_section_fit(tuple(self.frames.values()), len(self.body.points), self.body.transport)
+
+    def section_frames(self, state: FiniteElementState) -> Frames:
+        """Give the sections' frames in a state."""
+        return frames_of(self.poses(state.displacement))
+
+    def point_map(self, points: Floats) -> PointMap:
+        """Follow material points given at rest [m], shape (points, 3), through ``PointMap.apply``.
+
+        Raises:
+            InputError: A point lies outside the body.
+        """
+        return points_inside(self.mesh, np.atleast_2d(points), "points")
+
+    def volumes(self, state: FiniteElementState) -> Floats:
+        """Give the chambers' volumes in a state [m3], shape (chambers,)."""
+        return self.balance(state.displacement, state.inputs, False, False).evaluation.volumes
+
+    def energy_and_stress(self, state: FiniteElementState) -> tuple[Floats, Floats]:
+        """Give each element's strain energy per volume [J/m3] and von Mises stress [Pa]."""
+        return self.body.energy_and_stress(self.body.points + state.displacement, self.scales)
+
+
+def replace_value(found: Solution[Floats], value: FiniteElementState) -> Solution[FiniteElementState]:
+    """Keep how a solve ended and give its value another form."""
+    return Solution(value, found.status, found.iterations, found.residual_norm)
+
+
+def frames_of(poses: tuple[FramePose, ...]) -> Frames:
+    """Stack the frames of fitted sections."""
+    return Frames(
+        np.array([pose.position for pose in poses]).reshape(-1, 3),
+        np.array([pose.rotation for pose in poses]).reshape(-1, 3, 3),
+    )
+
+
+def _force_resolution(body: Body) -> float:
+    """Estimate the rounding error of the residual: nodal stiffness times size times unit rounding."""
+    none, ones = np.zeros(body.chambers), np.ones(len(body.parameters))
+    tangent = body.evaluate(body.points, none, ones).tangent
+    assert tangent is not None
+    stiffness = np.linalg.norm(np.trace(tangent.values[body.pattern.column_start[:-1]], axis1=1, axis2=2))
+    return float(ROUNDING * stiffness * np.ptp(body.points, axis=0).max())
+
+
+def _chambers(mesh: Mesh) -> tuple[str, ...]:
+    names: list[str] = []
+    while f"chamber_{len(names)}" in mesh.surfaces:
+        names.append(f"chamber_{len(names)}")
+    return tuple(names)

@@ -1,0 +1,207 @@
+"""Pressures in place of loads, or towards a pose: a bounded least-squares step, and the search beyond it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+from softarm.estimator.inverse.estimate import Estimate
+from softarm.estimator.inverse.limits import Limits
+from softarm.estimator.inverse.minimise import Tolerances
+from softarm.estimator.inverse.objectives import PressureReadings, SensorObjective
+from softarm.estimator.inverse.observability import join
+from softarm.estimator.inverse.problem import Problem
+from softarm.estimator.inverse.reach import cautious
+from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation
+from softarm.estimator.sensing import Scene, SensorSuite
+
+Floats = NDArray[np.float64]
+State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
+
+TOLERANCE = 3.0
+"""A pose is met when every reading is within so many standard deviations of what it would be there."""
+RELUCTANCE = 30.0
+"""A change by a chamber's whole range weighs as much as so many standard deviations of a reading.
+
+A bend takes hundreds of them, so it is hardly held back; a twist, which no pressure makes, is not bought with
+pressures that do little else.
+"""
+
+
+@dataclass(frozen=True)
+class Compensation:
+    """A change of the pressures, and what it cannot do.
+
+    Args:
+        change: Change of the gauge pressures in the chambers [Pa], shape (chambers,).
+        reachable: Whether every sensor would read within its tolerance of what it should.
+        statement: The answer in words, with what limits the arm.
+    """
+
+    change: Floats
+    reachable: bool
+    statement: str
+
+
+def replace_loads(
+    estimate: Estimate[State], suite: SensorSuite, limits: Floats, tare: Floats
+) -> Compensation:
+    """Find the pressures that hold the estimated pose once its loads are gone.
+
+    With J_L and J_p the readings' derivatives by loads and pressures at the estimate, and R their covariance:
+    minimise |J_L (L - L_tare) - J_p dp|^2 over R within the limits. The configuration is the same with the
+    loads as with the pressures, so one linearisation about it serves also far from rest.
+
+    Args:
+        estimate: The estimate; its pose is to be held.
+        suite: Sensors whose standard deviations are the tolerances.
+        limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
+        tare: Load amplitudes that count as zero, shape (loads,).
+    """
+    scene = Scene(estimate.frames, estimate.inputs.loads)
+    readings = suite.predict(scene)
+    jacobian = suite.sensitivity(scene, readings).twists @ estimate.motion
+    wanted = jacobian[:, estimate.unknowns.chambers :] @ (estimate.inputs.loads - tare)
+    return _solve(estimate, suite, limits, (readings, jacobian, wanted), estimate.inputs.pressures)
+
+
+def settle(
+    model: ArmModel[State, Step],
+    estimate: Estimate[State],
+    suite: SensorSuite,
+    limits: Floats,
+    tare: Floats,
+    first: Compensation,
+    start: tuple[State, Inputs] | None = None,
+    tolerances: Tolerances | None = None,
+) -> tuple[Compensation, Estimate[State] | None]:
+    """Search on from what ``replace_loads`` found to the optimum of the nonlinear arm, its loads gone.
+
+    Args:
+        model: Model of the arm.
+        estimate: The estimate; its pose is to be held.
+        suite: Sensors whose standard deviations are the tolerances.
+        limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
+        tare: Load amplitudes that count as zero, shape (loads,).
+        first: What ``replace_loads`` found.
+        start: Where a search for a pose nearby ended; the equilibrium under the first answer when left out.
+        tolerances: When the search stops.
+
+    Returns:
+        The better answer with the arm in it, or the first one and None where the search did not converge.
+    """
+    unknowns, inputs, chambers = estimate.unknowns, estimate.inputs, estimate.unknowns.chambers
+    scene = Scene(estimate.frames, inputs.loads)
+    readings = suite.predict(scene)
+    bounds = Limits.free(unknowns.size).bound(slice(0, chambers), 0.0, limits)
+    problem = Problem(
+        unknowns,
+        suite,
+        (
+            SensorObjective(suite, readings),
+            PressureReadings(inputs.pressures, limits / RELUCTANCE, "reluctance", data=False),
+        ),
+        bounds.hold(slice(chambers, unknowns.size), tare),
+        inputs.gravity,
+    )
+    if start is None:
+        # Out of equilibrium the cost is a forecast, and from as far as this one that leads astray.
+        given = Inputs(np.clip(inputs.pressures + first.change, 0.0, limits), tare, inputs.gravity)
+        state, settled = model.solve(given, estimate.state)
+        if not settled:
+            return first, None
+        start = state, given
+    tolerances = tolerances or Tolerances()
+    found = problem.solve(model, start, tolerances)
+    if not found.converged:
+        found = problem.solve(model, start, cautious(tolerances))
+    if not found.converged:
+        return first, None
+    left = np.concatenate([found.residuals[name] for name in suite.slices])
+    sigma = np.sqrt(np.diag(suite.own_noise(readings)))
+    misses = _misses(suite.slices, left, sigma)
+    change = found.inputs.pressures - inputs.pressures
+    statement = _statement(misses, list(found.limits_reached))
+    return Compensation(change, not misses, statement), found
+
+
+def approach(
+    estimate: Estimate[State],
+    suite: SensorSuite,
+    limits: Floats,
+    target: Frames,
+    applied: Floats,
+    left_there: Mapping[str, Floats] = MappingProxyType({}),
+) -> Compensation:
+    """Find the change of the pressures that brings the arm from the estimated pose to another.
+
+    Args:
+        estimate: The estimate.
+        suite: Sensors that describe the pose.
+        limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
+        target: Frames of the sections in the wanted pose, as they were estimated there.
+        applied: What can be taken away from each chamber: its pressure as it is measured [Pa], shape
+            (chambers,). An estimate may see pressure in a vented one.
+        left_there: Residuals of the estimate there by sensor. With them the readings themselves are led back
+            to what they were, whatever share of them the estimate does not explain here or there.
+    """
+    scene = Scene(estimate.frames, estimate.inputs.loads)
+    readings = suite.predict(Scene(target, estimate.inputs.loads))
+    seen = suite.sensitivity(scene, readings)
+    wanted = seen.innovation.copy()
+    for name, rows in suite.slices.items():
+        if name in left_there:
+            wanted[rows] += np.nan_to_num(left_there[name] - estimate.residuals[name])
+    return _solve(estimate, suite, limits, (readings, seen.twists @ estimate.motion, wanted), applied)
+
+
+def _solve(
+    estimate: Estimate[State],
+    suite: SensorSuite,
+    limits: Floats,
+    problem: tuple[Floats, Floats, Floats],
+    applied: Floats,
+) -> Compensation:
+    """Solve for readings, their derivative by the inputs, and the change of them that is wanted."""
+    readings, jacobian, wanted = problem
+    chambers = estimate.unknowns.chambers
+    scene = Scene(estimate.frames, estimate.inputs.loads)
+    twists = suite.sensitivity(scene, readings).twists
+    covariance = suite.covariance(scene, readings, twists)
+    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    by_pressures = jacobian[:, :chambers] * limits
+    matrix = np.concatenate([whiten @ by_pressures, RELUCTANCE * np.eye(chambers)])
+    right = np.concatenate([whiten @ wanted, np.zeros(chambers)])
+    low = np.minimum(-applied, 0.0) / limits - 1e-9
+    high = np.maximum(limits - applied, 0.0) / limits + 1e-9
+    share = lsq_linear(matrix, right, (low, high), method="bvls").x
+    left = wanted - by_pressures @ share
+    misses = _misses(suite.slices, left, np.sqrt(np.diag(covariance)))
+    bounds = [
+        f"chamber {chamber} at {'zero' if value < 0.5 * (low + high)[chamber] else 'its limit'}"
+        for chamber, value in enumerate(share)
+        if value <= low[chamber] + 1e-6 or value >= high[chamber] - 1e-6
+    ]
+    return Compensation(share * limits, not misses, _statement(misses, bounds))
+
+
+def _misses(slices: Mapping[str, Any], left: Floats, sigma: Floats) -> list[str]:
+    """Tell by how much each sensor's reading would be missed, where by more than its tolerance."""
+    found = []
+    for name, rows in slices.items():
+        ratio = float(np.max(np.abs(left[rows]) / sigma[rows], initial=0.0))
+        if ratio > TOLERANCE:
+            size = float(np.linalg.norm(left[rows]))
+            found.append(f"{name} misses by {size:.2g} ({ratio:.0f} standard deviations)")
+    return found
+
+
+def _statement(misses: list[str], bounds: list[str]) -> str:
+    if not misses:
+        return "The pose can be reached."
+    why = join(bounds) if bounds else "no combination of the pressures comes nearer"
+    return f"The pose cannot be reached: {join(misses)}; {why}."

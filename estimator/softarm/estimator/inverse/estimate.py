@@ -1,0 +1,199 @@
+"""The answer of the inverse problem: inputs and frames with their covariance, and how far to trust them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.inverse.limits import Limits
+from softarm.estimator.inverse.minimise import Linearised, Minimum, Status
+from softarm.estimator.inverse.objectives import PRESSURES, Rows
+from softarm.estimator.inverse.observability import Observability, analyse
+from softarm.estimator.inverse.unknowns import Unknowns
+from softarm.estimator.model import Frames, Inputs
+from softarm.estimator.sensing import SensorSuite
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+State = TypeVar("State")
+
+
+@dataclass(frozen=True)
+class Estimate(Generic[State]):
+    """Inputs, state and frames that meet the readings best.
+
+    Args:
+        unknowns: Names and scales of the inputs.
+        inputs: Pressures [Pa], loads [N or N m] and gravity [m/s2].
+        state: State of the model.
+        frames: Frames of the sections.
+        covariance: Covariance of pressures, then loads; zero where held, and conditional on the bounds
+            that are reached, shape (inputs, inputs).
+        motion: Derivative of the section twists by the inputs, shape (6 sections, inputs).
+        rows: Linearised objectives at the estimate.
+        limits: The bounds.
+        residuals: Measured minus estimated by sensor, NaN where absent.
+        status: ``converged``, ``iterations_exhausted`` or ``diverged``.
+        iterations: Number of new linearisations.
+        residual_norm: Relative out-of-balance force of the last linearised state.
+        last: That state with its linearisation, for the search that follows.
+    """
+
+    unknowns: Unknowns
+    inputs: Inputs
+    state: State
+    frames: Frames
+    covariance: Floats
+    motion: Floats
+    rows: tuple[Rows, ...]
+    limits: Limits
+    residuals: Mapping[str, Floats]
+    status: Status
+    iterations: int
+    residual_norm: float
+    last: Linearised[State]
+
+    @property
+    def vector(self) -> Floats:
+        """Pressures, then loads, shape (inputs,)."""
+        return self.unknowns.vector(self.inputs)
+
+    @property
+    def converged(self) -> bool:
+        """Whether the search converged."""
+        return self.status == "converged"
+
+    @property
+    def measured_pressures(self) -> Floats:
+        """Acting pressures by measurement, estimated where there is none [Pa], shape (chambers,)."""
+        pressures = self.inputs.pressures.copy()
+        for row in self.rows:
+            if row.name == PRESSURES:
+                pressures[row.members] += row.innovation
+        return pressures
+
+    @property
+    def load_covariance(self) -> Floats:
+        """Covariance of the load amplitudes, shape (loads, loads)."""
+        chambers = self.unknowns.chambers
+        return self.covariance[chambers:, chambers:]
+
+    @cached_property
+    def frame_covariance(self) -> Floats:
+        """Covariance of the stacked section twists ([m], [rad]), shape (6 sections, 6 sections)."""
+        covariance: Floats = self.motion @ self.covariance @ self.motion.T
+        return covariance
+
+    @cached_property
+    def normalised_innovation_squared(self) -> float:
+        """Weighted sum of squares that the data keep at the estimate; chi-square where the model is right."""
+        return sum(row.cost for row in self.rows if row.data)
+
+    @cached_property
+    def degrees_of_freedom(self) -> float:
+        """Expectation of ``normalised_innovation_squared``: data less what they were spent on.
+
+        With S the covariance of the estimate and D = J^T R^-1 J the data's information, n - tr(S D): a prior
+        that gives half of an unknown leaves half of a degree of freedom to the data.
+        """
+        data = [row for row in self.rows if row.data]
+        spent = sum(
+            float(np.sum((row.jacobian @ self.covariance @ row.jacobian.T) * row.information)) for row in data
+        )
+        return sum(len(row.innovation) for row in data) - spent
+
+    @cached_property
+    def observability(self) -> Observability:
+        """What the data determine."""
+        data = [row for row in self.rows if row.data and len(row.innovation)]
+        size = self.unknowns.size
+        jacobian = np.concatenate([row.jacobian for row in data]) if data else np.zeros((0, size))
+        information = np.zeros((len(jacobian), len(jacobian)))
+        start = 0
+        for row in data:
+            end = start + len(row.innovation)
+            information[start:end, start:end] = row.information
+            start = end
+        return analyse(self.unknowns, ~self.limits.held, jacobian, information, self.covariance)
+
+    @property
+    def rank(self) -> int:
+        """Number of directions of the inputs that the data determine."""
+        return self.observability.rank
+
+    @property
+    def unobservable_directions(self) -> tuple[str, ...]:
+        """Combinations of inputs that the data do not see, in words."""
+        return self.observability.unobservable_directions
+
+    @property
+    def limits_reached(self) -> tuple[str, ...]:
+        """Names of the inputs that lie on a bound, with the bound."""
+        low, high = self.limits.reached(self.vector, self.unknowns.scale)
+        return tuple(
+            f"{name} at its {side} limit of {bound:g} {unit}"
+            for flags, side, bounds in ((low, "lower", self.limits.lower), (high, "upper", self.limits.upper))
+            for name, unit, bound, flag in zip(
+                self.unknowns.names, self.unknowns.units, bounds, flags, strict=True
+            )
+            if flag
+        )
+
+
+def posterior(rows: tuple[Rows, ...], scale: Floats, fixed: Flags) -> Floats:
+    """Give the covariance of the inputs, (sum J^T R^-1 J)^-1 over those that can move.
+
+    A direction that nothing determines is given a standard deviation of 1e3 times its scale instead of
+    infinity.
+
+    Args:
+        rows: Linearised objectives.
+        scale: Typical change of each input, shape (inputs,).
+        fixed: Inputs that are held or lie on a bound, shape (inputs,).
+    """
+    size = len(scale)
+    information = np.zeros((size, size))
+    for row in rows:
+        information += row.jacobian.T @ row.information @ row.jacobian
+    free = np.flatnonzero(~fixed)
+    scaled = (information * scale[:, None] * scale)[np.ix_(free, free)]
+    covariance = np.zeros((size, size))
+    inverse = np.linalg.inv(scaled + 1e-6 * np.eye(len(free)))
+    covariance[np.ix_(free, free)] = inverse * scale[free, None] * scale[free]
+    return covariance
+
+
+def make_estimate(
+    minimum: Minimum[State], unknowns: Unknowns, limits: Limits, gravity: Floats, suite: SensorSuite
+) -> Estimate[State]:
+    """Turn the end of a search into an estimate.
+
+    Args:
+        minimum: Where the search ended.
+        unknowns: Names and scales of the inputs.
+        limits: The bounds.
+        gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
+        suite: The sensors, whose rows are named ``sensors`` in the objectives.
+    """
+    low, high = limits.reached(minimum.vector, unknowns.scale)
+    residual = np.full(suite.size, np.nan)
+    for row in minimum.rows:
+        if row.name == "sensors":
+            residual[row.members] = row.innovation
+    return Estimate(
+        unknowns=unknowns,
+        inputs=unknowns.inputs(minimum.vector, gravity),
+        state=minimum.state,
+        frames=minimum.frames,
+        covariance=posterior(minimum.rows, unknowns.scale, limits.held | low | high),
+        motion=minimum.motion,
+        rows=minimum.rows,
+        limits=limits,
+        residuals={name: residual[rows] for name, rows in suite.slices.items()},
+        status=minimum.status,
+        iterations=minimum.iterations,
+        residual_norm=minimum.residual_norm,
+        last=minimum.last,
+    )

@@ -1,0 +1,62 @@
+"""Limits of the inverse problem: bounds and held values of the inputs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.errors import InputError
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds of the inputs; an input whose bounds are equal is held at that value.
+
+    Args:
+        lower: Smallest value of each input, -inf where free, shape (inputs,).
+        upper: Largest value of each input, inf where free, shape (inputs,).
+
+    Raises:
+        InputError: If a lower bound is above its upper bound.
+    """
+
+    lower: Floats
+    upper: Floats
+
+    def __post_init__(self) -> None:
+        crossed = np.flatnonzero(~(self.lower <= self.upper))
+        if len(crossed):
+            k = int(crossed[0])
+            what = f"input {k} has the lower bound {self.lower[k]:g} above the upper bound {self.upper[k]:g}"
+            raise InputError("limits", what, "give bounds that leave a value")
+
+    @classmethod
+    def free(cls, size: int) -> "Limits":
+        """Leave all inputs free."""
+        return cls(np.full(size, -np.inf), np.full(size, np.inf))
+
+    def bound(self, members: slice, lower: Floats | float, upper: Floats | float) -> "Limits":
+        """Bound some inputs as well."""
+        low, high = self.lower.copy(), self.upper.copy()
+        low[members], high[members] = lower, upper
+        return Limits(low, high)
+
+    def hold(self, members: slice, values: Floats | float) -> "Limits":
+        """Hold some inputs at values (an equality)."""
+        return self.bound(members, values, values)
+
+    @property
+    def held(self) -> Flags:
+        """Which inputs are held, shape (inputs,)."""
+        held: Flags = self.lower == self.upper
+        return held
+
+    def reached(self, vector: Floats, scale: Floats) -> tuple[Flags, Flags]:
+        """Tell which free inputs lie on their lower and on their upper bound."""
+        near = 1e-6 * scale
+        return (
+            ~self.held & (vector <= self.lower + near),
+            ~self.held & (vector >= self.upper - near),
+        )

@@ -1,0 +1,233 @@
+"""Sequential quadratic programming: inputs and state together, until both stand still."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Generic, Literal, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.inverse.limits import Limits
+from softarm.estimator.inverse.objectives import Iterate, Objective, Rows
+from softarm.estimator.inverse.program import build_program, solve_program
+from softarm.estimator.inverse.unknowns import Unknowns
+from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation
+from softarm.estimator.rotations import exp
+
+Floats = NDArray[np.float64]
+State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
+Status = Literal["converged", "iterations_exhausted", "diverged"]
+INSIGNIFICANT = 1e-4
+"""Rise of the cost out of equilibrium, over it and over one, that no measurement could tell."""
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """When to stop.
+
+    Args:
+        step: Largest change of an input, in units of its scale.
+        residual: Out-of-balance force over the applied forces.
+        iterations: Largest number of new linearisations.
+        radius: First radius of the trust region, in units of the inputs' scale.
+        retreats: Largest number of steps that are taken back, each at the price of a solve of the model.
+        forecast: Rise of the cost, over it and over one, that a step is allowed per out-of-balance force.
+    """
+
+    step: float = 1e-6
+    residual: float = 1e-6
+    iterations: int = 30
+    radius: float = 4.0
+    retreats: int = 6
+    forecast: float = 10.0
+
+
+@dataclass(frozen=True)
+class Linearised(Generic[State]):
+    """Where a search last linearised the model: a later one under the same model can set out from there.
+
+    Args:
+        model: The model.
+        state: State about which it was linearised.
+        inputs: Inputs.
+        step: The linearisation.
+    """
+
+    model: ArmModel[State, Any]
+    state: State
+    inputs: Inputs
+    step: Linearisation
+
+    def serves(self, model: ArmModel[State, Any], gravity: Floats) -> bool:
+        """Tell whether it is a linearisation of a model under a gravitational acceleration."""
+        return self.model is model and np.array_equal(self.inputs.gravity, gravity)
+
+
+@dataclass(frozen=True)
+class Minimum(Generic[State]):
+    """Where the search ended.
+
+    Args:
+        state: State of the model.
+        frames: Frames of the sections there.
+        vector: Pressures, then loads, shape (inputs,).
+        motion: Derivative of the section twists by the inputs, shape (6 sections, inputs).
+        rows: Rows of the objectives there.
+        status: Whether it converged.
+        iterations: Number of new linearisations.
+        residual_norm: Relative out-of-balance force of the last linearised state.
+        last: That state with its linearisation.
+    """
+
+    state: State
+    frames: Frames
+    vector: Floats
+    motion: Floats
+    rows: tuple[Rows, ...]
+    status: Status
+    iterations: int
+    residual_norm: float
+    last: Linearised[State]
+
+
+def minimise(
+    model: ArmModel[State, Step],
+    unknowns: Unknowns,
+    objectives: Sequence[Objective],
+    limits: Limits,
+    start: tuple[State, Inputs],
+    tolerances: Tolerances | None = None,
+    begun: Linearised[State] | None = None,
+) -> Minimum[State]:
+    """Minimise the objectives over the inputs, the state in equilibrium with them.
+
+    Each step linearises the model at the current state, which need not be in equilibrium, solves the
+    quadratic program for the change of the inputs and takes the Newton step of the state for them. A step
+    that makes matters worse is taken back and the trust region shrunk to a quarter.
+
+    Args:
+        model: Model of the arm.
+        unknowns: Names and scales of the inputs.
+        objectives: What the inputs should meet.
+        limits: Bounds and held inputs.
+        start: A state and inputs to begin with.
+        tolerances: When to stop.
+        begun: Where an earlier search linearised the model; used in place of ``start`` where it serves.
+    """
+    tolerances = tolerances or Tolerances()
+    search = _Search(model, unknowns, tuple(objectives), limits, tolerances)
+    state, inputs = start
+    if begun is not None and begun.serves(model, inputs.gravity):
+        return search.run(search.resumed(begun), inputs.gravity, 0)
+    return search.run(search.linearised(state, inputs), inputs.gravity, 1)
+
+
+@dataclass(frozen=True)
+class _Point(Generic[State, Step]):
+    """A linearised iterate."""
+
+    state: State
+    step: Step
+    at: Iterate
+    rows: tuple[Rows, ...]
+    cost: float
+    residual_norm: float
+
+
+@dataclass(frozen=True)
+class _Search(Generic[State, Step]):
+    model: ArmModel[State, Step]
+    unknowns: Unknowns
+    objectives: tuple[Objective, ...]
+    limits: Limits
+    tolerances: Tolerances
+
+    def linearised(self, state: State, inputs: Inputs) -> _Point[State, Step]:
+        """Begin anew."""
+        return self._linearise(state, self.unknowns.vector(inputs), inputs.gravity)
+
+    def resumed(self, begun: Linearised[State]) -> _Point[State, Step]:
+        """Begin where the model is linearised already."""
+        return self._point(begun.state, self.unknowns.vector(begun.inputs), cast("Step", begun.step))
+
+    def run(self, point: _Point[State, Step], gravity: Floats, iterations: int) -> Minimum[State]:
+        """Search from a point that took a number of linearisations."""
+        radius, last, retreats = self.tolerances.radius, np.inf, 0
+        while True:
+            change, size = self._change(point, radius)
+            rate = min(size / last, 1.0) if np.isfinite(last) else 1.0
+            settled = point.residual_norm * rate < self.tolerances.residual
+            if size * rate < self.tolerances.step and settled:
+                return self._end(point, change, "converged", iterations, gravity)
+            if iterations >= self.tolerances.iterations or radius < 1e-8:
+                return self._end(point, change, "iterations_exhausted", iterations, gravity)
+            candidate = self._linearise(
+                self.model.advance(point.step, change), point.at.vector + change, gravity
+            )
+            iterations += 1
+            if not self._improves(point, candidate):
+                if iterations >= self.tolerances.iterations or retreats >= self.tolerances.retreats:
+                    return self._end(point, 0.0 * change, "diverged", iterations, gravity)
+                retreats += 1
+                radius, last = 0.25 * min(radius, size), np.inf
+                candidate = self._settled(point, radius, gravity)
+                iterations += 1
+            else:
+                radius, last = min(2.0 * radius, self.tolerances.radius), size
+            point = candidate
+
+    def _linearise(self, state: State, vector: Floats, gravity: Floats) -> _Point[State, Step]:
+        return self._point(state, vector, self.model.linearise(state, self.unknowns.inputs(vector, gravity)))
+
+    def _point(self, state: State, vector: Floats, step: Step) -> _Point[State, Step]:
+        at = Iterate(step.frames, vector, self.unknowns.chambers, step.response)
+        rows = tuple(objective.rows(at) for objective in self.objectives)
+        return _Point(state, step, at, rows, sum(row.cost for row in rows), step.residual_norm)
+
+    def _change(self, point: _Point[State, Step], radius: float) -> tuple[Floats, float]:
+        program = build_program(point.rows, self.limits, point.at.vector, self.unknowns.scale, radius)
+        solution = solve_program(program)
+        return solution.value * self.unknowns.scale, float(np.abs(solution.value).max(initial=0.0))
+
+    def _improves(self, point: _Point[State, Step], candidate: _Point[State, Step]) -> bool:
+        """Accept what is finite, not far out of balance, and does not raise the cost noticeably."""
+        if not (np.isfinite(candidate.cost) and np.isfinite(candidate.residual_norm)):
+            return False
+        if candidate.residual_norm > max(1.0, 2.0 * point.residual_norm):
+            return False
+        # Out of equilibrium the cost is a forecast, so only a clear rise counts.
+        off = max(point.residual_norm, candidate.residual_norm)
+        slack = 1e-6 + self.tolerances.forecast * off + min(50.0 * off, INSIGNIFICANT)
+        return candidate.cost <= point.cost * (1.0 + slack) + slack
+
+    def _settled(self, point: _Point[State, Step], radius: float, gravity: Floats) -> _Point[State, Step]:
+        """Take a shorter step and let the model find its equilibrium there."""
+        change, _ = self._change(point, radius)
+        vector = point.at.vector + change
+        state, found = self.model.solve(self.unknowns.inputs(vector, gravity), point.state)
+        candidate = self._linearise(state, vector, gravity)
+        return candidate if found and candidate.cost <= point.cost * (1.0 + 1e-6) + 1e-9 else point
+
+    def _end(
+        self, point: _Point[State, Step], change: Floats, status: Status, iterations: int, gravity: Floats
+    ) -> Minimum[State]:
+        """Move everything by the last, negligible step without linearising again."""
+        drift, motion = point.step.response(np.eye(6 * len(self.model.sections)))
+        return Minimum(
+            state=self.model.advance(point.step, change),
+            frames=_moved(point.at.frames, drift + motion @ change),
+            vector=point.at.vector + change,
+            motion=motion,
+            rows=tuple(replace(row, innovation=row.innovation - row.jacobian @ change) for row in point.rows),
+            status=status,
+            iterations=iterations,
+            residual_norm=point.residual_norm,
+            last=Linearised(
+                self.model, point.state, self.unknowns.inputs(point.at.vector, gravity), point.step
+            ),
+        )
+
+
+def _moved(frames: Frames, twists: Floats) -> Frames:
+    parts = twists.reshape(-1, 6)
+    return Frames(frames.positions + parts[:, :3], exp(parts[:, 3:]) @ frames.rotations)

@@ -1,0 +1,157 @@
+"""Objectives of the inverse problem, each a weighted sum of squares of the inputs' change.
+
+At an iterate every objective gives rows r - J du with covariance R; the problem is to minimise the sum of
+(r - J du)^T R^-1 (r - J du) over the change du of the inputs.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.model import Frames
+from softarm.estimator.sensing import Scene, SensorSuite
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """The model linearised at an iterate, which need not be in equilibrium.
+
+    Args:
+        frames: Frames of the sections.
+        vector: Pressures, then loads, shape (inputs,).
+        chambers: Number of pressures.
+        response: Projects the motion of the sections on rows; see ``softarm.estimator.model.Linearisation``.
+    """
+
+    frames: Frames
+    vector: Floats
+    chambers: int
+    response: Callable[[Floats], tuple[Floats, Floats]]
+
+
+PRESSURES = "pressures"
+"""Name of the rows of measured pressures."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Linearised rows of one objective.
+
+    Args:
+        name: Which objective they belong to.
+        data: Whether they are data (readings) or an assumption (a prior, a wish).
+        innovation: r, shape (rows,).
+        jacobian: J, shape (rows, inputs).
+        information: R^-1, shape (rows, rows).
+        members: Row of the objective each one is, where some are absent, shape (rows,).
+    """
+
+    name: str
+    data: bool
+    innovation: Floats
+    jacobian: Floats
+    information: Floats
+    members: NDArray[np.int64]
+
+    @property
+    def cost(self) -> float:
+        """Weighted sum of squares at the iterate."""
+        return float(self.innovation @ self.information @ self.innovation)
+
+    def cost_after(self, change: Floats) -> float:
+        """Weighted sum of squares that the linearisation predicts after a change of the inputs."""
+        left = self.innovation - self.jacobian @ change
+        return float(left @ self.information @ left)
+
+
+class Objective(Protocol):
+    """Something that the inputs should meet."""
+
+    def rows(self, at: Iterate) -> Rows:
+        """Linearise at an iterate."""
+
+
+@dataclass(frozen=True)
+class SensorObjective:
+    """Agreement with the readings of one instant.
+
+    Args:
+        suite: The sensors.
+        readings: Stacked readings, NaN where absent, shape (readings,).
+        name: Name of these rows.
+        data: False where the readings are a wanted pose.
+    """
+
+    suite: SensorSuite
+    readings: Floats
+    name: str = "sensors"
+    data: bool = True
+
+    @cached_property
+    def _own_noise(self) -> Floats:
+        return self.suite.own_noise(self.readings)
+
+    def rows(self, at: Iterate) -> Rows:
+        """Linearise at an iterate; rows of absent sensors are left out."""
+        scene = Scene(at.frames, at.vector[at.chambers :])
+        seen = self.suite.observe(scene, self.readings, self._own_noise)
+        drift, motion = at.response(seen.twists)
+        jacobian = motion.copy()
+        jacobian[:, at.chambers :] += seen.loads
+        innovation = seen.innovation - drift
+        information = np.asarray(np.linalg.inv(seen.covariance), dtype=np.float64)
+        return Rows(self.name, self.data, innovation, jacobian, information, seen.rows)
+
+
+@dataclass(frozen=True)
+class PressureReadings:
+    """Agreement with measured chamber pressures, as far as each was measured.
+
+    Args:
+        pressures: Gauge pressures in the chambers [Pa], NaN where not measured, shape (chambers,).
+        sigma: Standard deviation of each [Pa], shape (chambers,).
+        name: Name of these rows.
+        data: False for a mere preference.
+    """
+
+    pressures: Floats
+    sigma: Floats
+    name: str = PRESSURES
+    data: bool = True
+
+    def rows(self, at: Iterate) -> Rows:
+        """Linearise at an iterate."""
+        seen, measured, information = self._seen
+        jacobian = np.eye(len(at.vector))[seen]
+        return Rows(self.name, self.data, measured - at.vector[seen], jacobian, information, seen)
+
+    @cached_property
+    def _seen(self) -> tuple[NDArray[np.int64], Floats, Floats]:
+        """Chambers that were measured, their pressures, and the information of these."""
+        seen = np.flatnonzero(np.isfinite(self.pressures))
+        return seen, self.pressures[seen], np.diag(1.0 / self.sigma[seen] ** 2)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A Gaussian assumption about the inputs.
+
+    Args:
+        mean: Shape (inputs,).
+        information: Inverse of the covariance, zero rows where nothing is assumed, shape (inputs, inputs).
+        name: Name of these rows.
+    """
+
+    mean: Floats
+    information: Floats
+    name: str = "prior"
+
+    def rows(self, at: Iterate) -> Rows:
+        """Linearise at an iterate."""
+        size = len(at.vector)
+        return Rows(self.name, False, self.mean - at.vector, np.eye(size), self.information, np.arange(size))

@@ -1,0 +1,145 @@
+"""The kinds of inverse problem, each as objectives and limits."""
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.inverse.estimate import Estimate, make_estimate
+from softarm.estimator.inverse.limits import Limits
+from softarm.estimator.inverse.minimise import Linearised, Tolerances, minimise
+from softarm.estimator.inverse.objectives import Objective, PressureReadings, Prior, SensorObjective
+from softarm.estimator.inverse.unknowns import Unknowns
+from softarm.estimator.model import ArmModel, Inputs, Linearisation
+from softarm.estimator.sensing import SensorSuite
+
+Floats = NDArray[np.float64]
+State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Objectives and limits of one instant.
+
+    Args:
+        unknowns: Names and scales of the inputs.
+        suite: The sensors.
+        objectives: What the inputs should meet.
+        limits: Bounds and held inputs.
+        gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
+    """
+
+    unknowns: Unknowns
+    suite: SensorSuite
+    objectives: tuple[Objective, ...]
+    limits: Limits
+    gravity: Floats
+
+    def solve(
+        self,
+        model: ArmModel[State, Step],
+        start: tuple[State, Inputs],
+        tolerances: Tolerances | None = None,
+        begun: Linearised[State] | None = None,
+    ) -> Estimate[State]:
+        """Search from a state and inputs, or from where an earlier search left off if that serves."""
+        state, inputs = start
+        inputs = Inputs(inputs.pressures, inputs.loads, self.gravity)
+        start = (state, inputs)
+        found = minimise(model, self.unknowns, self.objectives, self.limits, start, tolerances, begun)
+        return make_estimate(found, self.unknowns, self.limits, self.gravity, self.suite)
+
+
+def independent_prior(unknowns: Unknowns, load_sigma: Floats | float) -> Prior:
+    """Assume loads about zero, each alone.
+
+    Args:
+        unknowns: Names and scales of the inputs.
+        load_sigma: Standard deviation of each load [N or N m], one number or shape (loads,).
+    """
+    information = np.zeros((unknowns.size, unknowns.size))
+    loads = np.arange(unknowns.chambers, unknowns.size)
+    information[loads, loads] = (
+        1.0 / np.broadcast_to(np.asarray(load_sigma, dtype=np.float64), len(loads)) ** 2
+    )
+    return Prior(np.zeros(unknowns.size), information)
+
+
+def forces_problem(
+    unknowns: Unknowns,
+    suite: SensorSuite,
+    readings: Floats,
+    pressures: Floats,
+    pressure_sigma: Floats | None,
+    prior: Prior,
+    gravity: Floats,
+) -> Problem:
+    """Ask for the loads, the pressures known.
+
+    Args:
+        unknowns: Names and scales of the inputs.
+        suite: The sensors.
+        readings: Stacked readings, shape (readings,).
+        pressures: Gauge pressures in the chambers [Pa], shape (chambers,).
+        pressure_sigma: Their standard deviations [Pa], shape (chambers,); ``None`` takes them as exact.
+        prior: Assumption about the loads.
+        gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
+    """
+    chambers = slice(0, unknowns.chambers)
+    limits = Limits.free(unknowns.size)
+    objectives: tuple[Objective, ...] = (SensorObjective(suite, readings), prior)
+    if pressure_sigma is None:
+        limits = limits.hold(chambers, pressures)
+    else:
+        objectives = (*objectives, PressureReadings(pressures, pressure_sigma))
+    return Problem(unknowns, suite, objectives, limits, gravity)
+
+
+def inputs_problem(
+    unknowns: Unknowns,
+    suite: SensorSuite,
+    readings: Floats,
+    pressure_limits: Floats,
+    prior: Prior,
+    gravity: Floats,
+) -> Problem:
+    """Ask for pressures and loads together, the pressures within [0, limit].
+
+    Args:
+        unknowns: Names and scales of the inputs.
+        suite: The sensors.
+        readings: Stacked readings, shape (readings,).
+        pressure_limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
+        prior: Assumption about the inputs.
+        gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
+    """
+    limits = Limits.free(unknowns.size).bound(slice(0, unknowns.chambers), 0.0, pressure_limits)
+    return Problem(unknowns, suite, (SensorObjective(suite, readings), prior), limits, gravity)
+
+
+def pose_problem(
+    unknowns: Unknowns,
+    suite: SensorSuite,
+    target: Floats,
+    pressure_limits: Floats,
+    preference: Floats,
+    gravity: Floats,
+) -> Problem:
+    """Ask for the pressures that bring the unloaded arm to a pose.
+
+    Where more pressures than the pose needs are free, those nearest to the preference are taken; it weighs
+    a hundredth of a sigma of the target per pressure limit, so it does not pull the arm off the pose.
+
+    Args:
+        unknowns: Names and scales of the inputs.
+        suite: Sensors that describe the pose; their standard deviations are its tolerances.
+        target: Readings that they would give in the pose, NaN where it does not matter, shape (readings,).
+        pressure_limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
+        preference: Pressures to stay near to [Pa], shape (chambers,).
+        gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
+    """
+    chambers, loads = slice(0, unknowns.chambers), slice(unknowns.chambers, unknowns.size)
+    limits = Limits.free(unknowns.size).bound(chambers, 0.0, pressure_limits).hold(loads, 0.0)
+    wish = PressureReadings(preference, 100.0 * pressure_limits, "preference", data=False)
+    return Problem(unknowns, suite, (SensorObjective(suite, target), wish), limits, gravity)

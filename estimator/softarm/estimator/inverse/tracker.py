@@ -1,0 +1,197 @@
+"""The estimator that follows an arm through time, for the live service and for recordings alike."""
+
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.inverse.estimate import Estimate
+from softarm.estimator.inverse.limits import Limits
+from softarm.estimator.inverse.minimise import Linearised, Tolerances
+from softarm.estimator.inverse.objectives import Objective, PressureReadings, Prior, SensorObjective
+from softarm.estimator.inverse.problem import Problem
+from softarm.estimator.inverse.process import LoadProcess
+from softarm.estimator.inverse.unknowns import Unknowns
+from softarm.estimator.model import ArmModel, Inputs, Linearisation
+from softarm.estimator.sensing import ActuationMap, SensorSuite
+
+Floats = NDArray[np.float64]
+State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
+
+
+@dataclass(frozen=True)
+class TrackerSettings:
+    """What the tracking estimator assumes.
+
+    Args:
+        process: How loads change.
+        actuation: From measured to chamber pressures, with the noise of the pressure sensors.
+        pressure_limits: Largest gauge pressure of each chamber [Pa], shape (chambers,); bounds a chamber
+            whose pressure sensor is silent.
+        pressure_drift: How fast the pressure of such a chamber may wander [Pa/sqrt(s)].
+        exact_pressures: Take measured pressures as exact (held) instead of as noisy readings.
+        tolerances: When a search stops.
+    """
+
+    process: LoadProcess
+    actuation: ActuationMap
+    pressure_limits: Floats
+    pressure_drift: float = 5e3
+    exact_pressures: bool = False
+    tolerances: Tolerances | None = None
+
+
+@dataclass(frozen=True)
+class _Memory(Generic[State]):
+    """What is kept from one instant to the next."""
+
+    time: float
+    state: State
+    inputs: Inputs
+    covariance: Floats
+    last: Linearised[State] | None = None
+
+
+class Estimator(Generic[State, Step]):
+    """Estimate loads, pressures and frames from readings in the order of their time.
+
+    It keeps the last state, inputs and covariance; everything it calls is pure. A search that fails leaves
+    them as they were, and the next one starts afresh from rest.
+
+    Args:
+        model: Model of the arm.
+        suite: The sensors.
+        settings: What it assumes.
+        guide: A fast model with the same chambers and loads, at whose answer a fresh search begins.
+    """
+
+    def __init__(
+        self,
+        model: ArmModel[State, Step],
+        suite: SensorSuite,
+        settings: TrackerSettings,
+        guide: ArmModel[Any, Any] | None = None,
+    ) -> None:
+        self._guide = guide
+        self._model = model
+        self._suite = suite
+        self._settings = settings
+        self._unknowns = Unknowns.of(model.chambers, model.loads)
+        self._memory: _Memory[State] | None = None
+        self._fresh = True
+
+    @property
+    def model(self) -> ArmModel[State, Step]:
+        """The model it runs on."""
+        return self._model
+
+    @property
+    def suite(self) -> SensorSuite:
+        """The sensors it listens to."""
+        return self._suite
+
+    def follow(self, model: ArmModel[State, Step]) -> None:
+        """Go on with another model of the same states and inputs, such as one under known loads."""
+        self._model = model
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._memory = None
+        self._fresh = True
+
+    def begin_at(self, state: State, inputs: Inputs) -> None:
+        """Begin the next search at an equilibrium that is known from elsewhere, such as from other sensors.
+
+        Args:
+            state: State of the model.
+            inputs: The inputs that it is in equilibrium with.
+        """
+        variance = np.concatenate([self._settings.pressure_limits**2, self._settings.process.sigma**2])
+        time = -np.inf if self._memory is None else self._memory.time
+        self._memory = _Memory(time, state, inputs, np.diag(variance))
+        self._fresh = False
+
+    def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> Estimate[State]:
+        """Estimate at an instant.
+
+        Args:
+            time: Time of the readings [s], not before the last one.
+            readings: Stacked readings, NaN where absent, shape (readings,).
+            pressures: Measured gauge pressures [Pa], NaN where lost, shape (chambers,).
+            gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
+        """
+        acting = self._settings.actuation.to_chamber(pressures)
+        prior, guess = self._predict(time, acting, gravity)
+        problem = self._problem(readings, acting, prior, gravity)
+        begun = None if self._memory is None or self._fresh else self._memory.last
+        start = self._start(problem, guess)
+        estimate = problem.solve(self._model, start, self._settings.tolerances, begun)
+        self._fresh = estimate.status == "diverged" or not np.isfinite(estimate.vector).all()
+        if not self._fresh:
+            covariance, last = estimate.covariance, estimate.last
+            self._memory = _Memory(time, estimate.state, estimate.inputs, covariance, last)
+        return estimate
+
+    def _predict(self, time: float, acting: Floats, gravity: Floats) -> tuple[Prior, Inputs]:
+        """Carry the last estimate to this instant: the prior, and the inputs to begin the search with."""
+        chambers, process = self._unknowns.chambers, self._settings.process
+        seen = np.isfinite(acting)
+        mean = np.zeros(self._unknowns.size)
+        variance = np.concatenate([self._settings.pressure_limits**2, process.sigma**2])
+        mean[chambers:], loads = process.start()
+        if self._memory is not None:
+            elapsed = time - self._memory.time
+            mean[:chambers] = self._memory.inputs.pressures
+            wander = self._settings.pressure_drift**2 * max(elapsed, 0.0)
+            # At a bound the covariance is zero, yet the pressure may leave it at once.
+            known = np.maximum(
+                np.diag(self._memory.covariance)[:chambers], self._settings.actuation.chamber_sigma**2
+            )
+            variance[:chambers] = known + wander
+            mean[chambers:], loads = process.predict(
+                self._memory.inputs.loads, self._memory.covariance[chambers:, chambers:], elapsed
+            )
+        information = np.zeros((self._unknowns.size, self._unknowns.size))
+        information[chambers:, chambers:] = np.linalg.inv(loads)
+        lost = np.flatnonzero(~seen)
+        information[lost, lost] = 1.0 / variance[lost]
+        if self._memory is not None and not self._fresh:
+            # The state is in equilibrium with the last inputs: the first step carries both to the new ones.
+            return Prior(mean, information), self._memory.inputs
+        return Prior(mean, information), Inputs(
+            np.where(seen, acting, mean[:chambers]), mean[chambers:], gravity
+        )
+
+    def _problem(self, readings: Floats, acting: Floats, prior: Prior, gravity: Floats) -> Problem:
+        seen = np.isfinite(acting)
+        limits = Limits.free(self._unknowns.size)
+        lower, upper = limits.lower.copy(), limits.upper.copy()
+        members = np.arange(self._unknowns.chambers)
+        lost = members[~seen]
+        lower[lost], upper[lost] = 0.0, self._settings.pressure_limits[lost]
+        objectives: tuple[Objective, ...] = (SensorObjective(self._suite, readings), prior)
+        if self._settings.exact_pressures:
+            lower[members[seen]] = upper[members[seen]] = acting[seen]
+        else:
+            objectives = (*objectives, PressureReadings(acting, self._settings.actuation.chamber_sigma))
+        return Problem(self._unknowns, self._suite, objectives, Limits(lower, upper), gravity)
+
+    def _start(self, problem: Problem, guess: Inputs) -> tuple[State, Inputs]:
+        if self._memory is not None and not self._fresh:
+            return self._memory.state, guess
+        guided = self._guided(problem, guess)
+        if guided is not None:
+            state, found = self._model.solve(guided, self._model.rest())
+            if found:
+                return state, guided
+        state, _ = self._model.solve(guess, self._model.rest())
+        return state, guess
+
+    def _guided(self, problem: Problem, guess: Inputs) -> Inputs | None:
+        """Give the inputs that the guide finds, None where it finds none."""
+        if self._guide is None:
+            return None
+        state, _ = self._guide.solve(guess, self._guide.rest())
+        estimate = problem.solve(self._guide, (state, guess), self._settings.tolerances)
+        return estimate.inputs if estimate.converged else None

@@ -1,0 +1,21 @@
+"""The calibrated rod: a chain of links whose laws were fitted to the finite-element model."""
+
+from softarm.estimator.rod.archive import shape_key
+from softarm.estimator.rod.fit import FittedRod, Recipe, adapted, fit_rod, sampled_model
+from softarm.estimator.rod.held_out import HeldOut, Report, check_rod
+from softarm.estimator.rod.model import Batch, CalibratedRod, RodStep
+
+__all__ = [
+    "Batch",
+    "CalibratedRod",
+    "FittedRod",
+    "HeldOut",
+    "Recipe",
+    "Report",
+    "RodStep",
+    "adapted",
+    "check_rod",
+    "fit_rod",
+    "sampled_model",
+    "shape_key",
+]

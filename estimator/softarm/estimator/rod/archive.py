@@ -1,0 +1,154 @@
+"""Fitted rods as files, and the key that tells whether one belongs to a specimen."""
+
+import hashlib
+import json
+import zipfile
+from dataclasses import asdict
+from importlib import resources
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from softarm.estimator.errors import InputError
+from softarm.estimator.geometry import DEFAULTS
+from softarm.estimator.rod.arrays import Laws
+from softarm.estimator.rod.chain import Chain
+from softarm.estimator.rod.fit import FittedRod, Recipe
+from softarm.estimator.rod.held_out import HeldOut, Report
+from softarm.estimator.rod.laws import OUTPUTS
+from softarm.estimator.rod.model import CalibratedRod
+from softarm.estimator.specimen import MeshFile, Specimen
+
+FORMAT = "softarm.rod/1"
+MODEL_VERSION = 4
+"""Raised whenever the elements or the link laws change what a fit gives."""
+STRAINS = 6
+CHAIN_ARRAYS = (
+    "heights",
+    "section_station",
+    "section_offset",
+    "section_rotation",
+    "chambers",
+    "mass",
+    "mass_centre",
+    "mass_weights",
+)
+
+
+def shape_key(specimen: Specimen, recipe: Recipe | None = None) -> str:
+    """Hash all that shapes the finite-element answer and the fit.
+
+    That is geometry with its mesh and resolution, materials, masses, chambers, fibres, clamp and the recipe;
+    not sensors, section frames, gravity or what calibration found.
+
+    Args:
+        specimen: Description.
+        recipe: How the rod is fitted.
+
+    Raises:
+        InputError: The mesh file of the specimen cannot be read.
+    """
+    geometry = specimen.geometry
+    frames = {"frame_origin_m", "frame_quaternion"}
+    content = {
+        "format": FORMAT,
+        "model": MODEL_VERSION,
+        "geometry": geometry.model_dump(mode="json"),
+        "mesh": _mesh_hash(specimen, geometry) if isinstance(geometry, MeshFile) else None,
+        "resolution": asdict(DEFAULTS[geometry.kind]),
+        "materials": {name: entry.model_dump(mode="json") for name, entry in specimen.materials.items()},
+        "segments": [part.model_dump(mode="json") for part in specimen.segments],
+        "sections": [part.model_dump(mode="json", exclude=frames) for part in specimen.sections],
+        "chambers": [chamber.model_dump(mode="json") for chamber in specimen.chambers],
+        "fibres": specimen.fibres.model_dump(mode="json"),
+        "clamp": specimen.clamp.model_dump(mode="json"),
+        "recipe": asdict(recipe or Recipe()),
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _mesh_hash(specimen: Specimen, geometry: MeshFile) -> str:
+    path = specimen.folder / geometry.path
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise InputError(str(path), f"cannot read the mesh: {error.strerror}", "check its path") from None
+
+
+def to_bytes(fitted: FittedRod, key: str, name: str) -> bytes:
+    """Write a rod as a compressed npz.
+
+    Args:
+        fitted: The rod and its report; its section frames and stiffness factors come from the specimen anew.
+        key: Its key.
+        name: Name of the specimen that it was fitted for.
+    """
+    rod = fitted.rod
+    header = {
+        "format": FORMAT,
+        "key": key,
+        "specimen": name,
+        "sections": rod.chain.sections,
+        "regions": rod.chain.regions,
+        "chamber_count": rod.chain.chamber_count,
+        "samples": fitted.samples,
+        "symmetries": fitted.symmetries,
+        "report": asdict(fitted.report),
+    }
+    arrays: dict[str, Any] = {name: getattr(rod.chain, name) for name in CHAIN_ARRAYS}
+    buffer = BytesIO()
+    np.savez_compressed(
+        buffer,
+        header=np.array(json.dumps(header)),
+        table=rod.laws.table.astype(np.int8),
+        coefficients=rod.laws.coefficients[..., :STRAINS],
+        scale=rod.laws.scale,
+        reach=rod.reach,
+        **arrays,
+    )
+    return buffer.getvalue()
+
+
+def from_bytes(data: bytes) -> tuple[FittedRod, str] | None:
+    """Read a rod and its key, with unit stiffness factors and no loads; None where the data hold none."""
+    try:
+        with np.load(BytesIO(data), allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        header = json.loads(str(arrays["header"]))
+        if header["format"] != FORMAT:
+            return None
+        return _assemble(header, arrays), str(header["key"])
+    except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile):
+        return None
+
+
+def _assemble(header: dict[str, Any], arrays: dict[str, Any]) -> FittedRod:
+    chain = Chain(
+        sections=tuple(header["sections"]),
+        regions=tuple(header["regions"]),
+        chamber_count=int(header["chamber_count"]),
+        **{name: arrays[name] for name in CHAIN_ARRAYS},
+    )
+    coefficients = np.zeros((*arrays["coefficients"].shape[:2], OUTPUTS))
+    coefficients[..., :STRAINS] = arrays["coefficients"]
+    laws = Laws(
+        arrays["table"].astype(np.int64), coefficients, chain.chambers, arrays["scale"], np.ones(chain.links)
+    )
+    parts = {
+        name: HeldOut(**{**part, "force_range": tuple(part["force_range"])})
+        for name, part in header["report"].items()
+    }
+    rod = CalibratedRod(chain, laws, (), arrays["reach"])
+    return FittedRod(rod, Report(**parts), int(header["samples"]), int(header["symmetries"]))
+
+
+def shipped_rod(key: str) -> FittedRod | None:
+    """Give the shipped rod with a key, None where there is none."""
+    folder = resources.files("softarm.estimator.rod") / "shipped"
+    if not folder.is_dir():
+        return None
+    for file in folder.iterdir():
+        found = from_bytes(file.read_bytes()) if file.name.endswith(".npz") else None
+        if found is not None and found[1] == key:
+            return found[0]
+    return None

@@ -1,0 +1,369 @@
+"""Equilibrium of the chain, compiled: every link's strain is what its law gives for its wrench."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from softarm.estimator.rod.arrays import Actions, Drive, Laws, Work
+from softarm.estimator.rod.laws import evaluate_laws
+from softarm.estimator.rod.statics import action_points, place, wrenches
+from softarm.estimator.rod.tangent import (
+    inner_moments,
+    link_motion,
+    turned_parts,
+    unit_wrenches,
+    wrench_jacobian,
+)
+from softarm.estimator.rod.vectors import rotate
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@njit(cache=True, nogil=True)
+def linearise_chain(
+    length: Floats, actions: Actions, laws: Laws, drive: Drive, work: Work, gap: Floats
+) -> None:
+    """Evaluate law(wrench(strain)) + free - strain and, in ``work.tangent``, its negative derivative.
+
+    Args:
+        length: Rest lengths of the links [m], shape (links,).
+        actions: Where loads act.
+        laws: Link laws.
+        drive: Pressures, loads and free strains.
+        work: Strains and clamp are given, all else is filled.
+        gap: Filled with law + free - strain, shape (6 links,).
+    """
+    links = len(length)
+    wrench, beyond = np.empty((links, 6)), np.empty((links, 15))
+    value, inner, parts = np.empty((links, 8)), np.empty((links, 6, 3)), np.empty((links, 6, 3))
+    by_strain, chord = np.empty((6 * links, 6 * links)), np.empty(3)
+    strain, positions, middles = work.strain, work.positions, work.middles
+    place(strain, length, work.rotations, positions, middles)
+    action_points(strain, length, work.rotations, positions, actions, work.points)
+    wrenches(positions, middles, actions, work.points, drive, wrench, beyond)
+    evaluate_laws(laws, wrench, drive.pressures, value, work.slopes)
+    for i in range(links):
+        chord[:] = positions[i + 1] - positions[i]
+        link_motion(strain[i], work.rotations[i], middles[i], chord, positions[i + 1], work.motions[i])
+        for k in range(6):
+            gap[6 * i + k] = value[i, k] + drive.free[i, k] - strain[i, k]
+    inner_moments(strain, work.rotations, positions, actions, work.points, drive.force, inner)
+    turned_parts(middles, actions, drive, parts)
+    wrench_jacobian(positions, middles, beyond, work.motions, inner, parts, by_strain)
+    _through_laws(laws, work.slopes, by_strain, work.tangent)
+
+
+@njit(cache=True, nogil=True)
+def _through_laws(laws: Laws, slopes: Floats, by_strain: Floats, tangent: Floats) -> None:
+    """Fill the tangent, 1 - law' wrench'."""
+    links, columns = len(slopes), by_strain.shape[1]
+    for i in range(links):
+        for k in range(6):
+            row = tangent[6 * i + k]
+            row[:] = 0.0
+            for m in range(6):
+                by_wrench = slopes[i, 1 + m, k] / (laws.scale[i, m] * laws.stiffness[i])
+                for column in range(columns):
+                    row[column] -= by_wrench * by_strain[6 * i + m, column]
+            row[6 * i + k] += 1.0
+
+
+@njit(cache=True, nogil=True)
+def settle(
+    length: Floats,
+    actions: Actions,
+    laws: Laws,
+    drive: Drive,
+    work: Work,
+    gap: Floats,
+    tolerance: float,
+    iterations: int,
+) -> tuple[int, float]:
+    """Bring the strains so near to equilibrium that one more Newton step ends there.
+
+    Args:
+        length: Rest lengths of the links [m], shape (links,).
+        actions: Where loads act.
+        laws: Link laws.
+        drive: Pressures and loads.
+        work: Strains to begin with and clamp are given; all is brought to the last iterate.
+        gap: Filled with law + free - strain at the last iterate, shape (6 links,).
+        tolerance: Largest gap of a strain [rad, or share of its link's length] to stop at.
+        iterations: Largest number of linearisations.
+
+    Returns:
+        Number of linearisations, negative when it failed, and the last gap.
+    """
+    links = len(length)
+    size = np.inf
+    for count in range(1, iterations + 1):
+        linearise_chain(length, actions, laws, drive, work, gap)
+        size = 0.0
+        for i in range(links):
+            for k in range(6):
+                size = max(size, abs(gap[6 * i + k]) / (1.0 if k < 3 else max(length[i], 1e-3)))
+        if not size < 1e3:
+            return -count, size
+        if size < tolerance:
+            return count, size
+        move = np.linalg.solve(work.tangent, gap)
+        # Half a radian per link and step is as far as the linearisation can be trusted.
+        factor = min(1.0, 0.5 / np.abs(move).max())
+        for i in range(links):
+            for k in range(6):
+                work.strain[i, k] += factor * move[6 * i + k]
+    return -iterations, size
+
+
+@njit(cache=True, nogil=True)
+def input_gaps(
+    actions: Actions, laws: Laws, work: Work, units: Floats, owner: Indices, right: Floats
+) -> None:
+    """Fill the change of the laws' strains per unit of each pressure and of each unit action.
+
+    Args:
+        actions: Where loads act.
+        laws: Link laws.
+        work: A linearised configuration.
+        units: Force and couple of an action per unit of an input, shape (units, 6).
+        owner: Action and input (column) of each, shape (units, 2).
+        right: Filled, shape (6 links, columns); the pressures are the first columns.
+    """
+    links, slopes, chambers = len(work.strain), work.slopes, laws.chambers
+    wrench = np.empty((links, 6))
+    right[:] = 0.0
+    for i in range(links):
+        for n in range(chambers.shape[1]):
+            if chambers[i, n] >= 0:
+                unit = laws.scale[i, 6 + n] * laws.stiffness[i]
+                for k in range(6):
+                    right[6 * i + k, chambers[i, n]] = slopes[i, 7 + n, k] / unit
+    for u in range(len(owner)):
+        wrench[:] = 0.0
+        unit_wrenches(work.positions, work.middles, actions, owner[u, 0], work.points, units[u], wrench)
+        for i in range(links):
+            for m in range(6):
+                unit = laws.scale[i, m] * laws.stiffness[i]
+                for k in range(6):
+                    right[6 * i + k, owner[u, 1]] += slopes[i, 1 + m, k] / unit * wrench[i, m]
+
+
+@njit(cache=True, nogil=True)
+def stiffness_gaps(laws: Laws, wrench: Floats, pressures: Floats, slopes: Floats, right: Floats) -> None:
+    """Fill the change of each link's own strains per unit of its stiffness factor, shape (6 links, links).
+
+    A strain depends on x, the wrench / E and pressures / E, and on 1 / E - 1: its derivative by E is
+    -(law' x + law' by the last) / E^2 with x before it is over E.
+    """
+    right[:] = 0.0
+    last = 7 + laws.chambers.shape[1]
+    for i in range(len(wrench)):
+        factor = laws.stiffness[i]
+        for k in range(6):
+            total = slopes[i, last, k]
+            for m in range(6):
+                total += slopes[i, 1 + m, k] * wrench[i, m] / laws.scale[i, m]
+            for n in range(laws.chambers.shape[1]):
+                if laws.chambers[i, n] >= 0:
+                    total += slopes[i, 7 + n, k] * pressures[laws.chambers[i, n]] / laws.scale[i, 6 + n]
+            right[6 * i + k, i] = -total / (factor * factor)
+
+
+@njit(cache=True, nogil=True)
+def station_twists(motions: Floats, change: Floats, links: Indices, places: Floats, twists: Floats) -> None:
+    """Fill the twists of points fixed to stations for changes of the strains.
+
+    Args:
+        motions: As of ``link_motion``, shape (links, 6, 12).
+        change: Change of the strains, shape (6 links, columns).
+        links: Link before each point's station, -1 for the clamp, shape (points,).
+        places: Places of the points [m], shape (points, 3).
+        twists: Filled with (translation, rotation) of each point, shape (6 points, columns).
+    """
+    columns = change.shape[1]
+    twists[:] = 0.0
+    rigid = np.zeros((6, columns))
+    for j in range(len(motions)):
+        for c in range(6):
+            for k in range(6):
+                if motions[j, c, k] != 0.0:
+                    for column in range(columns):
+                        rigid[k, column] += motions[j, c, k] * change[6 * j + c, column]
+        for n in range(len(links)):
+            if links[n] == j:
+                _point_twist(rigid, places[n], twists[6 * n : 6 * n + 6])
+
+
+@njit(cache=True, nogil=True)
+def _point_twist(rigid: Floats, place: Floats, twist: Floats) -> None:
+    """Fill v + w x place and w, with w the first and v the last three rows of a rigid motion."""
+    for column in range(rigid.shape[1]):
+        w0, w1, w2 = rigid[0, column], rigid[1, column], rigid[2, column]
+        twist[0, column] = rigid[3, column] + w1 * place[2] - w2 * place[1]
+        twist[1, column] = rigid[4, column] + w2 * place[0] - w0 * place[2]
+        twist[2, column] = rigid[5, column] + w0 * place[1] - w1 * place[0]
+        twist[3, column] = w0
+        twist[4, column] = w1
+        twist[5, column] = w2
+
+
+@njit(cache=True, nogil=True)
+def respond(
+    length: Floats,
+    actions: Actions,
+    laws: Laws,
+    drive: Drive,
+    units: Floats,
+    owner: Indices,
+    columns: int,
+    shapes: Floats,
+    stations: Indices,
+    offsets: Floats,
+    tolerance: float,
+    iterations: int,
+    work: Work,
+    places: Floats,
+    change: Floats,
+    twists: Floats,
+) -> tuple[int, float]:
+    """Settle the chain and give the motion of points fixed to stations per unit of each input.
+
+    Args:
+        length: Rest lengths of the links [m], shape (links,).
+        actions: Where loads act.
+        laws: Link laws.
+        drive: Pressures and loads.
+        units: Force and couple of an action per unit of an input, shape (units, 6).
+        owner: Action and column of each, shape (units, 2).
+        columns: Number of inputs; the stiffness factors of the links and then the shapes follow them in
+            ``change`` where it has more columns. Where it has none, nothing is differentiated.
+        shapes: Free strains of the links whose effect is wanted, shape (6 links, shapes).
+        stations: Station of each point, 0 for the clamp, shape (points,).
+        offsets: Offset of each point in its station's frame [m], shape (points, 3).
+        tolerance: Largest gap of a strain to stop at.
+        iterations: Largest number of linearisations.
+        work: Strains to begin with and clamp are given; all is brought to equilibrium.
+        places: Filled with the points [m], shape (points, 3).
+        change: Filled with the strains' change per unit of each column, shape (6 links, columns).
+        twists: Filled with the points' twists per unit of each, shape (6 points, columns).
+
+    Returns:
+        Number of linearisations, negative when it failed, and the last gap.
+    """
+    links = len(length)
+    gap, every = np.empty(6 * links), change.shape[1]
+    count, size = settle(length, actions, laws, drive, work, gap, tolerance, iterations)
+    right = np.zeros((6 * links, every + 1))
+    right[:, every] = gap
+    if every > 0:
+        input_gaps(actions, laws, work, units, owner, right[:, :columns])
+    if every > columns:
+        wrench, beyond = np.empty((links, 6)), np.empty((links, 15))
+        wrenches(work.positions, work.middles, actions, work.points, drive, wrench, beyond)
+        stiffness_gaps(laws, wrench, drive.pressures, work.slopes, right[:, columns : columns + links])
+        right[:, columns + links : every] = shapes
+    if count > 0:
+        # The last Newton step, so small that the linearisation holds at its end as well.
+        moves = np.linalg.solve(work.tangent, right)
+        change[:] = moves[:, :every]
+        for i in range(links):
+            work.strain[i] += moves[6 * i : 6 * i + 6, every]
+        place(work.strain, length, work.rotations, work.positions, work.middles)
+    before, moved = np.empty(len(stations), np.int64), np.empty(3)
+    for n in range(len(stations)):
+        before[n] = stations[n] - 1
+        rotate(work.rotations[stations[n]], offsets[n], moved)
+        places[n] = work.positions[stations[n]] + moved
+    if count > 0:
+        station_twists(work.motions, change, before, places, twists)
+    return count, size
+
+
+@njit(cache=True, nogil=True)
+def respond_all(
+    length: Floats,
+    actions: Actions,
+    laws: Laws,
+    pressures: Floats,
+    amplitudes: Floats,
+    gravities: Floats,
+    free: Floats,
+    units: Floats,
+    owner: Indices,
+    columns: int,
+    shapes: Floats,
+    stations: Indices,
+    offsets: Floats,
+    tolerance: float,
+    iterations: int,
+    work: Work,
+    strains: Floats,
+    places: Floats,
+    rotations: Floats,
+    twists: Floats,
+    counts: Indices,
+) -> None:
+    """Settle the chain for many samples; arguments as of ``respond``.
+
+    Args:
+        length: Rest lengths of the links [m], shape (links,).
+        actions: Where loads act.
+        laws: Link laws.
+        pressures: Gauge pressures [Pa], shape (samples, chambers).
+        amplitudes: Loads [N or N m], shape (samples, loads).
+        gravities: Gravitational acceleration [m/s2], shape (samples, 3).
+        free: Sizes of the free strains, in the shapes, shape (samples, shapes).
+        units: Force and couple of an action per unit of load or gravity, shape (units, 6).
+        owner: Action and column of each, shape (units, 2).
+        columns: Number of pressures, loads and three components of gravity.
+        shapes: Free strains of the links, shape (6 links, shapes).
+        stations: Station of each point, shape (points,).
+        offsets: Offset of each point in its station's frame [m], shape (points, 3).
+        tolerance: Largest gap of a strain to stop at.
+        iterations: Largest number of linearisations.
+        work: Memory.
+        strains: Strains to begin with, NaN where each sample begins from the one before; brought to
+            equilibrium, shape (samples, links, 6).
+        places: Filled, shape (samples, points, 3).
+        rotations: Filled with the stations' rotations, shape (samples, points, 3, 3).
+        twists: Filled, shape (samples, 6 points, columns + links + shapes).
+        counts: Filled with the number of linearisations, negative where it failed, shape (samples,).
+    """
+    chambers = pressures.shape[1]
+    force, couple = np.zeros((len(actions.link), 3)), np.zeros((len(actions.link), 3))
+    change, strain = np.zeros((6 * len(length), twists.shape[2])), np.empty((len(length), 6))
+    for s in range(len(pressures)):
+        force[:] = 0.0
+        couple[:] = 0.0
+        for u in range(len(owner)):
+            column = owner[u, 1] - chambers
+            loads = amplitudes.shape[1]
+            size = amplitudes[s, column] if column < loads else gravities[s, column - loads]
+            for k in range(3):
+                force[owner[u, 0], k] += size * units[u, k]
+                couple[owner[u, 0], k] += size * units[u, 3 + k]
+        for i in range(len(length)):
+            for k in range(6):
+                strain[i, k] = 0.0
+                for f in range(shapes.shape[1]):
+                    strain[i, k] += shapes[6 * i + k, f] * free[s, f]
+        drive = Drive(pressures[s], force, couple, strain)
+        if not np.isnan(strains[s, 0, 0]):
+            work.strain[:] = strains[s]
+        count, _ = respond(
+            length, actions, laws, drive, units, owner, columns, shapes, stations, offsets,
+            tolerance, iterations, work, places[s], change, twists[s],
+        )  # fmt: skip
+        if count < 0:
+            # From rest once more, before it is given up.
+            work.strain[:] = 0.0
+            count, _ = respond(
+                length, actions, laws, drive, units, owner, columns, shapes, stations, offsets,
+                tolerance, iterations, work, places[s], change, twists[s],
+            )  # fmt: skip
+        counts[s] = count
+        strains[s] = work.strain
+        for n in range(len(stations)):
+            rotations[s, n] = work.rotations[stations[n]]
+        if count < 0:
+            work.strain[:] = 0.0

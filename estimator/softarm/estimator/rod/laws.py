@@ -1,0 +1,125 @@
+"""Link laws: polynomials that give a link's strain from its wrench and the pressures around it.
+
+With x = (wrench / (scale E), pressures / (scale E), 1 / E - 1), E the link's stiffness factor, the six
+strains are y = sum_k c_k x_a x_b x_c x_d over a table of variables per term, variable 0 standing for the
+constant 1. The last variable stands for what does not scale with E: winding and rigid sections.
+"""
+
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from softarm.estimator.rod.arrays import Laws
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+DEGREE = 4
+"""Factors per term in the table; lower degrees are filled up with the constant."""
+OUTPUTS = 8
+"""Six strains, padded to a full vector register."""
+
+
+def term_table(
+    wrench: int,
+    pressures: int,
+    total: int = 3,
+    pressure_total: int = 4,
+    mixed: tuple[tuple[int, int], ...] = ((1, 3),),
+    scaled: bool = False,
+) -> Indices:
+    """List the monomials of a link law.
+
+    Args:
+        wrench: Number of wrench components.
+        pressures: Number of pressures.
+        total: Largest total degree of a general monomial.
+        pressure_total: Largest degree of a monomial of pressures alone.
+        mixed: Degrees in the wrench and in the pressures of more families of monomials.
+        scaled: Whether monomials up to the second degree change with the stiffness factor.
+
+    Returns:
+        Variables of each term, the constant 0, wrench 1 to 6, then pressures and what tells the stiffness
+        factor; shape (terms, 4).
+    """
+    forces, pushes = range(1, wrench + 1), range(wrench + 1, wrench + pressures + 1)
+    terms = {c for k in range(1, total + 1) for c in combinations_with_replacement([*forces, *pushes], k)}
+    terms |= {c for k in range(1, pressure_total + 1) for c in combinations_with_replacement(pushes, k)}
+    for by_wrench, by_pressure in mixed:
+        terms |= {
+            (*first, *second)
+            for first in combinations_with_replacement(forces, by_wrench)
+            for second in combinations_with_replacement(pushes, by_pressure)
+        }
+    if scaled:
+        factor, every = wrench + pressures + 1, [*forces, *pushes]
+        terms |= {(*c, factor) for k in (1, 2) for c in combinations_with_replacement(every, k)}
+        terms |= {(c, factor, factor) for c in every}
+    rows = [(*(0,) * (DEGREE - len(term)), *term) for term in terms]
+    return np.array(sorted(rows, key=lambda row: (sum(v > 0 for v in row), row)), dtype=np.int64)
+
+
+def features(table: Indices, variables: Floats) -> Floats:
+    """Evaluate all terms, shape (samples, terms), at variables, shape (samples, variables)."""
+    padded = np.concatenate([np.ones((len(variables), 1)), variables], axis=1)
+    values: Floats = np.prod(padded[:, table], axis=-1)
+    return values
+
+
+def feature_slopes(table: Indices, variables: Floats, directions: Floats) -> Floats:
+    """Differentiate all terms along directions, both of shape (samples, variables)."""
+    padded = np.concatenate([np.ones((len(variables), 1)), variables], axis=1)
+    along = np.concatenate([np.zeros((len(variables), 1)), directions], axis=1)
+    factors, slopes = padded[:, table], along[:, table]
+    total = np.zeros(factors.shape[:2])
+    for place in range(DEGREE):
+        others = np.prod(np.delete(factors, place, axis=-1), axis=-1)
+        total += others * slopes[..., place]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def law_slopes(
+    table: Indices, coefficients: Floats, variables: Floats, value: Floats, slopes: Floats
+) -> None:
+    """Evaluate a law and its derivative: slopes (1 + variables, 8), of which row 0 is of no use."""
+    value[:] = 0.0
+    slopes[:] = 0.0
+    for k in range(table.shape[0]):
+        a, b, c, d = table[k, 0], table[k, 1], table[k, 2], table[k, 3]
+        first, second = variables[a] * variables[b], variables[c] * variables[d]
+        by_a, by_b = variables[b] * second, variables[a] * second
+        by_c, by_d = variables[d] * first, variables[c] * first
+        term = first * second
+        for o in range(8):
+            coefficient = coefficients[k, o]
+            value[o] += coefficient * term
+            slopes[a, o] += coefficient * by_a
+            slopes[b, o] += coefficient * by_b
+            slopes[c, o] += coefficient * by_c
+            slopes[d, o] += coefficient * by_d
+
+
+@njit(cache=True, nogil=True)
+def evaluate_laws(laws: Laws, wrench: Floats, pressures: Floats, value: Floats, slopes: Floats) -> None:
+    """Evaluate all links' laws.
+
+    Args:
+        laws: The laws.
+        wrench: Shape (links, 6).
+        pressures: [Pa], shape (chambers,).
+        value: Filled with the strains, shape (links, 8).
+        slopes: Filled with the derivative by the variables, shape (links, 8 + width, 8).
+    """
+    width = laws.chambers.shape[1]
+    variables = np.empty(8 + width)
+    variables[0] = 1.0
+    for i in range(len(wrench)):
+        for k in range(6):
+            variables[1 + k] = wrench[i, k] / (laws.scale[i, k] * laws.stiffness[i])
+        for n in range(width):
+            k = laws.chambers[i, n]
+            variables[7 + n] = 0.0 if k < 0 else pressures[k] / (laws.scale[i, 6 + n] * laws.stiffness[i])
+        variables[7 + width] = 1.0 / laws.stiffness[i] - 1.0
+        law_slopes(laws.table, laws.coefficients[i], variables, value[i], slopes[i])

@@ -1,0 +1,327 @@
+"""The calibrated rod as a model of the arm."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.errors import InputError
+from softarm.estimator.model import Frames, Inputs, Load
+from softarm.estimator.rod.arrays import Actions, Drive, Laws, Work, new_work
+from softarm.estimator.rod.balance import respond, respond_all
+from softarm.estimator.rod.chain import Chain
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+TOLERANCE, COARSE = 1e-6, 1e-4
+"""Gap of a strain [rad, share of a link's length] that one more Newton step closes to about its square; the
+larger where only the response is wanted."""
+ITERATIONS = 25
+SHARES = ((3, 0), (4, 1), (5, 2), (2, 5))
+"""Component of the wrench and strain it makes, for each free strain: two bends, the twist, the elongation."""
+CONTINUATION = (1, 4, 16, 64)
+"""Numbers of load steps that ``solve`` tries in turn."""
+
+
+@dataclass(frozen=True)
+class RodStep:
+    """The rod at the equilibrium under its inputs; see ``softarm.estimator.model.Linearisation``.
+
+    Args:
+        inputs: Inputs.
+        strain: Strains of the links, shape (links, 6).
+        frames: Frames of the sections.
+        motion: Section twists per unit of each pressure, then each load, shape (6 sections, inputs).
+        change: Change of the strains per unit of each, shape (6 links, inputs).
+        residual_norm: 0 in equilibrium, infinite where none was found.
+        iterations: Linearisations that it took.
+    """
+
+    inputs: Inputs
+    strain: Floats
+    frames: Frames
+    motion: Floats
+    change: Floats
+    residual_norm: float
+    iterations: int
+
+    def response(self, rows: Floats) -> tuple[Floats, Floats]:
+        """Project the motion of the sections on rows; nothing drifts in equilibrium."""
+        return np.zeros(len(rows)), rows @ self.motion
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Answers for many samples.
+
+    Args:
+        frames: Frames of the sections, arrays with a leading axis (samples,).
+        motion: Section twists per unit of each pressure, load, component of gravity and stiffness factor of
+            each region, shape (samples, 6 sections, inputs + 3 + regions).
+        by_free: Section twists per unit of the free strains of each region, shape (samples, 6 sections,
+            regions, 4).
+        converged: Shape (samples,).
+        states: Strains of the links, shape (samples, links, 6).
+    """
+
+    frames: Frames
+    motion: Floats
+    by_free: Floats
+    converged: NDArray[np.bool_]
+    states: Floats
+
+
+@dataclass(frozen=True)
+class CalibratedRod:
+    """A Cosserat rod whose link laws were fitted to a finite-element model; implements ``ArmModel``.
+
+    Every state it gives is in equilibrium. Its state is the array of strains, shape (links, 6).
+
+    Args:
+        chain: Rest geometry.
+        laws: Link laws; ``laws.stiffness`` holds the stiffness factors.
+        loads: Loads whose amplitudes are inputs.
+        reach: Largest size of each law variable in the fit, shape (links, 6 + width).
+    """
+
+    chain: Chain
+    laws: Laws
+    loads: tuple[Load, ...]
+    reach: Floats
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections whose frames it gives."""
+        return self.chain.sections
+
+    @property
+    def chambers(self) -> int:
+        """Number of chambers."""
+        return self.chain.chamber_count
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the regions whose stiffness can be scaled."""
+        return tuple(dict.fromkeys(self.chain.regions))
+
+    @property
+    def factors(self) -> Floats:
+        """Stiffness factor of each region, shape (regions,)."""
+        first = [self.chain.regions.index(name) for name in self.regions]
+        return np.asarray(self.laws.stiffness[first], dtype=np.float64)
+
+    def with_loads(self, loads: Sequence[Load]) -> "CalibratedRod":
+        """Give the same rod with other loads, anywhere along it."""
+        return replace(self, loads=tuple(loads))
+
+    def with_scales(self, scales: Mapping[str, float]) -> "CalibratedRod":
+        """Give the same rod with other stiffness factors of some regions; nothing is fitted anew.
+
+        Strain depends on wrench / E and pressure / E, exactly so where all that is elastic in a region
+        (fibres included) is scaled alike.
+
+        Raises:
+            InputError: If a region is unknown or a factor is not positive.
+        """
+        factors = self.laws.stiffness.copy()
+        for name, factor in scales.items():
+            if name not in self.regions:
+                raise InputError(
+                    "scales", f"no region {name!r}", f"the regions are {', '.join(self.regions)}"
+                )
+            if not factor > 0.0:
+                raise InputError("scales", f"{name} = {factor:g} is not positive", "give a factor above 0")
+            factors[[region == name for region in self.chain.regions]] = factor
+        return replace(self, laws=self.laws._replace(stiffness=factors))
+
+    def rest(self) -> Floats:
+        """Give the unloaded state."""
+        return np.zeros((self.chain.links, 6))
+
+    def linearise(self, state: Floats, inputs: Inputs) -> RodStep:
+        """Find the equilibrium under inputs near a state and linearise there."""
+        drive = self._drive(inputs)
+        work = self._work(state)
+        sections = len(self.sections)
+        columns = self.chambers + len(self.loads)
+        places, twists = np.empty((sections, 3)), np.zeros((6 * sections, columns))
+        change = np.zeros((6 * self.chain.links, columns))
+        units, owner = self._units
+        count, _ = respond(
+            self._lengths, self._actions, self.laws, drive, units, owner, columns, self._shapes,
+            self.chain.section_station, self.chain.section_offset, TOLERANCE, ITERATIONS, work, places,
+            change, twists,
+        )  # fmt: skip
+        rotations = work.rotations[self.chain.section_station] @ self.chain.section_rotation
+        residual = 0.0 if count > 0 else np.inf
+        return RodStep(inputs, work.strain, Frames(places, rotations), twists, change, residual, abs(count))
+
+    def advance(self, step: RodStep, change: Floats) -> Floats:
+        """Carry the strains along their tangent for inputs changed by ``change``."""
+        state: Floats = step.strain + (step.change @ change).reshape(-1, 6)
+        return state
+
+    def solve(self, inputs: Inputs, start: Floats) -> tuple[Floats, bool]:
+        """Find the equilibrium, directly or along the way from rest; the flag tells whether it was found."""
+        step = self.linearise(start, inputs)
+        if step.residual_norm == 0.0:
+            return step.strain, True
+        for steps in CONTINUATION:
+            state, found = self._from_rest(inputs, steps)
+            if found:
+                return state, True
+        return start, False
+
+    def evaluate(
+        self,
+        pressures: Floats,
+        loads: Floats,
+        gravity: Floats,
+        free: Floats | None = None,
+        *,
+        start: Floats | None = None,
+        slopes: bool = True,
+    ) -> Batch:
+        """Solve many samples in one compiled loop.
+
+        Args:
+            pressures: Gauge pressures [Pa], shape (samples, chambers).
+            loads: Load amplitudes [N or N m], shape (samples, loads).
+            gravity: Gravitational acceleration in the base frame [m/s2], shape (3,) or (samples, 3).
+            free: What the material of each region strains beside what its law gives: two bends and the twist
+                [rad], and its elongation [m], shape (samples, regions, 4).
+            start: States to begin with, shape (samples, links, 6); each sample begins from the one before
+                where they are left out.
+            slopes: Differentiate; else the derivatives have no columns.
+
+        Returns:
+            Frames and their derivatives by inputs, gravity, stiffness factors and free strains.
+        """
+        samples, sections, links = len(pressures), len(self.sections), self.chain.links
+        columns = self.chambers + len(self.loads) + 3
+        units, owner = self._units_and_gravity
+        places = np.empty((samples, sections, 3))
+        rotations = np.empty((samples, sections, 3, 3))
+        strains = np.full((samples, links, 6), np.nan) if start is None else np.array(start)
+        shapes = self._shapes
+        ways = shapes.shape[1]
+        width = columns + links + ways if slopes else 0
+        sizes = np.zeros((samples, ways)) if free is None else _dense(free).reshape(samples, ways)
+        twists = np.zeros((samples, 6 * sections, width))
+        counts = np.zeros(samples, dtype=np.int64)
+        respond_all(
+            self._lengths, self._actions, self.laws, _dense(pressures), _dense(loads),
+            _dense(np.broadcast_to(gravity, (samples, 3))), sizes, units, owner, columns, shapes,
+            self.chain.section_station, self.chain.section_offset, TOLERANCE if slopes else COARSE,
+            ITERATIONS, self._work(self.rest()), strains, places, rotations, twists, counts,
+        )  # fmt: skip
+        by_factor, by_free = twists[..., columns : columns + links], twists[..., columns + links :]
+        by_region = by_factor @ self._membership if slopes else by_factor
+        motion = np.concatenate([twists[..., :columns], by_region], axis=-1)
+        by_free = by_free.reshape(samples, 6 * sections, ways // 4 if slopes else 0, 4)
+        frames = Frames(places, rotations @ self.chain.section_rotation)
+        return Batch(frames, motion, by_free, counts > 0, strains)
+
+    def station_frames(self, state: Floats, inputs: Inputs) -> Frames:
+        """Give the frames of all stations at the equilibrium near a state, the clamp first."""
+        step = self.linearise(state, inputs)
+        work = self._work(step.strain)
+        every = np.arange(self.chain.links + 1)
+        units, owner = self._units
+        places = np.empty((len(every), 3))
+        columns = self.chambers + len(self.loads)
+        respond(
+            self._lengths, self._actions, self.laws, self._drive(inputs), units, owner, columns, self._shapes,
+            every, np.zeros((len(every), 3)), TOLERANCE, ITERATIONS, work, places,
+            np.zeros((6 * self.chain.links, columns)), np.zeros((6 * len(every), columns)),
+        )  # fmt: skip
+        return Frames(places, work.rotations)
+
+    def _from_rest(self, inputs: Inputs, steps: int) -> tuple[Floats, bool]:
+        step = self.linearise(
+            self.rest(), Inputs(0.0 * inputs.pressures, 0.0 * inputs.loads, 0.0 * inputs.gravity)
+        )
+        vector = np.concatenate([inputs.pressures, inputs.loads])
+        for k in range(1, steps + 1):
+            part = k / steps
+            here = Inputs(part * inputs.pressures, part * inputs.loads, part * inputs.gravity)
+            step = self.linearise(self.advance(step, vector / steps), here)
+            if step.residual_norm > 0.0:
+                return step.strain, False
+        return step.strain, True
+
+    def _drive(self, inputs: Inputs) -> Drive:
+        links = self.chain.links
+        force, couple = np.zeros((links + len(self.loads), 3)), np.zeros((links + len(self.loads), 3))
+        force[:links] = self.chain.mass[:, None] * inputs.gravity
+        sized = np.asarray(inputs.loads)[:, None]
+        force[links:] = sized * self._directions[:, :3]
+        couple[links:] = sized * self._directions[:, 3:]
+        return Drive(_dense(inputs.pressures), force, couple, self.rest())
+
+    def _work(self, strain: Floats) -> Work:
+        work = new_work(self.chain.links, self.chain.links + len(self.loads), self.laws.chambers.shape[1])
+        work.positions[0, 2] = self.chain.heights[0]
+        work.strain[:] = strain
+        return work
+
+    @cached_property
+    def _lengths(self) -> Floats:
+        return self.chain.lengths
+
+    @cached_property
+    def _actions(self) -> Actions:
+        return self.chain.actions(self.loads)
+
+    @cached_property
+    def _directions(self) -> Floats:
+        """Force and couple of each load per unit, none for a load on the clamp, shape (loads, 6)."""
+        directions = np.zeros((len(self.loads), 6))
+        for k, load in enumerate(self.loads):
+            if self.chain.place(load)[0] >= 0:
+                directions[k, slice(0, 3) if load.kind == "force" else slice(3, 6)] = load.direction
+        return directions
+
+    @cached_property
+    def _units(self) -> tuple[Floats, Indices]:
+        """Unit actions of the loads, and the action and input each belongs to."""
+        index = np.arange(len(self.loads))
+        owner = np.stack([self.chain.links + index, self.chambers + index], axis=1)
+        return self._directions, owner.astype(np.int64)
+
+    @cached_property
+    def _units_and_gravity(self) -> tuple[Floats, Indices]:
+        units, owner = self._units
+        links, first = self.chain.links, self.chambers + len(self.loads)
+        weights = np.zeros((3 * links, 6))
+        whose = np.zeros((3 * links, 2), dtype=np.int64)
+        for axis in range(3):
+            rows = slice(axis * links, (axis + 1) * links)
+            weights[rows, axis] = self.chain.mass
+            whose[rows] = np.stack([np.arange(links), np.full(links, first + axis)], axis=1)
+        return np.concatenate([units, weights]), np.concatenate([owner, whose])
+
+    @cached_property
+    def _shapes(self) -> Floats:
+        """Strains of the links per unit of each region's free strains, shape (6 links, 4 regions).
+
+        Links share them as they share the strain under an even bending moment, torque or axial force.
+        """
+        shapes = np.zeros((self.chain.links, 6, len(self.regions), 4))
+        for kind, (wrench, strain) in enumerate(SHARES):
+            row = np.flatnonzero((self.laws.table == (0, 0, 0, 1 + wrench)).all(axis=1))[0]
+            compliance = np.abs(self.laws.coefficients[:, row, strain]) / self.laws.scale[:, wrench]
+            own = compliance[:, None] * self._membership
+            shapes[:, strain, :, kind] = own / np.maximum(own.sum(axis=0), 1e-300)
+        return shapes.reshape(6 * self.chain.links, -1)
+
+    @cached_property
+    def _membership(self) -> Floats:
+        """Which links belong to each region, shape (links, regions)."""
+        return np.array([[float(region == name) for name in self.regions] for region in self.chain.regions])
+
+
+def _dense(values: Floats) -> Floats:
+    return np.ascontiguousarray(values, dtype=np.float64)

@@ -1,0 +1,188 @@
+"""Where to cut a specimen into links, and what each link carries."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.arm import region_materials
+from softarm.estimator.fem import FiniteElementModel
+from softarm.estimator.fem.interpolation import PointMap, cross_section, locate
+from softarm.estimator.fem.sections import SectionFrame
+from softarm.estimator.fem.shapes import quadrature, shape_functions
+from softarm.estimator.mesh import Mesh
+from softarm.estimator.rod.chain import Chain, point_weights
+from softarm.estimator.rod.symmetry import candidates
+from softarm.estimator.specimen import Section, Specimen
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+RASTER = 24
+"""Points across a station, before their images."""
+OUTSIDE = 1e-3
+"""Distance from an element, in its own coordinates, from which an image of a point is off the body."""
+NEAR = 1e-6
+"""Heights closer than this are one station [m]."""
+
+
+@dataclass(frozen=True)
+class Stations:
+    """Frames of the finite-element model at the stations, the clamp left out.
+
+    Args:
+        chain: The links between them.
+        frames: Frame of each station after the clamp.
+        maps: Each frame's points as weights of the nodes.
+    """
+
+    chain: Chain
+    frames: tuple[SectionFrame, ...]
+    maps: tuple[PointMap, ...]
+
+    def poses(self, positions: Floats, moves: Floats) -> tuple[Floats, Floats, Floats]:
+        """Give the stations' frames at current nodes, and their twists for moves of the nodes.
+
+        Args:
+            positions: Nodes [m], shape (nodes, 3).
+            moves: Displacements of the nodes per unit of each input, shape (inputs, nodes, 3).
+
+        Returns:
+            Origins, shape (stations, 3), rotations, shape (stations, 3, 3), and twists (translation,
+            rotation), shape (stations, 6, inputs).
+        """
+        origins, rotations, twists = [], [], []
+        flat = np.moveaxis(moves, 0, 1).reshape(len(positions), -1)
+        for frame, points in zip(self.frames, self.maps, strict=True):
+            pose = frame.at(positions)
+            on_points = np.asarray(points.matrix(len(positions)) @ flat).reshape(len(points), len(moves), 3)
+            spin = np.cross(frame.arms[:, None], on_points @ pose.turn).sum(axis=0) @ pose.spin.T
+            shift = on_points.mean(axis=0) + np.cross(spin, pose.position - pose.centre)
+            origins.append(pose.position)
+            rotations.append(pose.rotation)
+            twists.append(np.concatenate([shift, spin], axis=1).T)
+        return np.array(origins), np.array(rotations), np.array(twists)
+
+
+def cut(specimen: Specimen, model: FiniteElementModel, links_per_segment: int = 4) -> Stations:
+    """Cut an arm into links: each soft segment into equal parts, a station on every rigid section.
+
+    Args:
+        specimen: Description.
+        model: Its finite-element model, with all sections of the specimen.
+        links_per_segment: Links per soft segment; those at its ends reach into the rigid sections.
+    """
+    clamp = specimen.clamp.up_to_m
+    moving = [section for section in specimen.sections if section.to_m > clamp + NEAR]
+    places: dict[float, SectionFrame] = {}
+    for section in moving:
+        height = 0.5 * (section.from_m + section.to_m)
+        origin = np.array([0.0, 0.0, height])
+        places[height] = replace(model.frames[section.name], origin=origin, rotation=np.eye(3))
+    for segment in specimen.segments:
+        low, high = max(segment.from_m, clamp), segment.to_m
+        for height in np.linspace(low, high, links_per_segment + 1)[1:-1]:
+            places[float(height)] = _slice(specimen, model.mesh, float(height))
+    heights = np.array([clamp, *sorted(places)])
+    frames = tuple(places[height] for height in heights[1:].tolist())
+    chain = _chain(specimen, model, heights)
+    return Stations(chain, frames, tuple(frame.points for frame in frames))
+
+
+def _slice(specimen: Specimen, mesh: Mesh, height: float) -> SectionFrame:
+    """Give the frame of a cross-section, of points that lie as evenly about the axis as the arm does.
+
+    A raster alone would make a symmetric arm seem lopsided.
+    """
+    raster = cross_section(mesh, height, RASTER).apply(mesh.points)
+    images = [locate(mesh, raster @ symmetry.vectors.T) for symmetry in candidates(specimen)]
+    kept = [found for found, violation in images if violation.max() < OUTSIDE]
+    points = PointMap(
+        np.concatenate([found.nodes for found in kept]), np.concatenate([found.weights for found in kept])
+    )
+    rest = points.apply(mesh.points)
+    mean, axis = rest.mean(axis=0), np.array([0.0, 0.0, height])
+    return SectionFrame(points, (rest - mean) / len(rest), mean, axis, np.eye(3))
+
+
+def _chain(specimen: Specimen, model: FiniteElementModel, heights: Floats) -> Chain:
+    sections = [specimen.section(name) for name in model.sections]
+    station = np.array([_station(section, heights) for section in sections], dtype=np.int64)
+    origins = np.array([section.frame_origin_m for section in sections])
+    on_axis = np.column_stack([np.zeros((len(sections), 2)), heights[station]])
+    regions = tuple(_region(specimen, low, high) for low, high in pairwise(heights.tolist()))
+    mass, centre, weights = _masses(specimen, model.mesh, heights)
+    return Chain(
+        heights=heights,
+        sections=tuple(model.sections),
+        section_station=station,
+        section_offset=origins - on_axis,
+        section_rotation=np.array([model.frames[section.name].rotation for section in sections]),
+        regions=regions,
+        chambers=_chambers(specimen, heights),
+        chamber_count=len(specimen.chambers),
+        mass=mass,
+        mass_centre=centre,
+        mass_weights=weights,
+    )
+
+
+def _station(section: Section, heights: Floats) -> int:
+    height = 0.5 * (section.from_m + section.to_m)
+    return int(np.argmin(np.abs(heights - max(height, heights[0]))))
+
+
+def _region(specimen: Specimen, low: float, high: float) -> str:
+    """Name the part that fills most of a link; a soft segment goes before a rigid section."""
+    overlap = {part.name: min(high, part.to_m) - max(low, part.from_m) for part in specimen.parts}
+    soft = {segment.name for segment in specimen.segments}
+    return max(overlap, key=lambda name: (overlap[name] > NEAR and name in soft, overlap[name]))
+
+
+def _chambers(specimen: Specimen, heights: Floats) -> Indices:
+    """List the chambers that a link touches, or else those nearest to it."""
+    rows = []
+    for low, high in pairwise(heights.tolist()):
+        gaps = {c.index: max(c.from_m - high, low - c.to_m) for c in specimen.chambers}
+        least = max(min(gaps.values(), default=0.0), -NEAR)
+        rows.append(sorted(index for index, gap in gaps.items() if gap <= least + NEAR))
+    width = max((len(row) for row in rows), default=0)
+    return np.array([[*row, *[-1] * (width - len(row))] for row in rows], dtype=np.int64).reshape(
+        len(rows), width
+    )
+
+
+def _masses(specimen: Specimen, mesh: Mesh, heights: Floats) -> tuple[Floats, Floats, Floats]:
+    """Share the mass among the links, each quadrature point of the elements a point load of its own."""
+    links, lengths = len(heights) - 1, np.diff(heights)
+    height, mass = _mass_points(specimen, mesh)
+    link = np.clip(np.searchsorted(heights, height, side="right") - 1, 0, links - 1)
+    share = np.clip((height - heights[link]) / lengths[link], 0.0, 1.0)
+    # What lies below the clamp hangs on it.
+    mass = np.where(height < heights[0], 0.0, mass)
+    total = np.array([mass[link == i].sum() for i in range(links)])
+    weight = mass / np.where(total > 0, total, 1.0)[link]
+    parts = np.column_stack([share, point_weights(share, lengths[link])]) * weight[:, None]
+    means = np.array([parts[link == i].sum(axis=0) for i in range(links)])
+    return total, np.minimum(means[:, 0], 1.0 - 1e-9), np.ascontiguousarray(means[:, 1:])
+
+
+def _mass_points(specimen: Specimen, mesh: Mesh) -> tuple[Floats, Floats]:
+    """Give height and mass of points spread finely through the elements."""
+    densities = np.array([material.density for material in region_materials(specimen, mesh).values()])
+    heights, masses = [], []
+    for block in mesh.blocks:
+        places, weights = _fine_rule() if block.kind.startswith("hex") else quadrature(block.kind)
+        values, slopes = shape_functions(block.kind, places)
+        corners = mesh.points[block.connectivity]
+        volume = np.linalg.det(np.einsum("eni,qnk->eqik", corners, slopes)) * weights
+        heights.append(np.einsum("en,qn->eq", corners[..., 2], values).ravel())
+        masses.append((volume * densities[block.region][:, None]).ravel())
+    return np.concatenate(heights), np.concatenate(masses)
+
+
+def _fine_rule(cells: int = 8) -> tuple[Floats, Floats]:
+    """Give midpoints and sizes of equal cells of the parent cube: an element may be longer than a link."""
+    middles = (np.arange(cells) + 0.5) * (2.0 / cells) - 1.0
+    places = np.stack(np.meshgrid(middles, middles, middles, indexing="ij"), axis=-1).reshape(-1, 3)
+    return places, np.full(cells**3, 8.0 / cells**3)

@@ -1,0 +1,287 @@
+"""Derivatives of the chain's statics, compiled; symbols as in ``statics``."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from softarm.estimator.rod.arrays import Actions, Drive
+from softarm.estimator.rod.statics import add_part
+from softarm.estimator.rod.vectors import cross, rotate, rotate_back
+from softarm.estimator.rotations import exp_kernel, jacobian_kernel
+
+Floats = NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True)
+def link_motion(
+    strain: Floats,
+    rotation: Floats,
+    middle: Floats,
+    chord: Floats,
+    far: Floats,
+    motion: Floats,
+) -> None:
+    """Fill the motion that each strain of a link causes.
+
+    Args:
+        strain: theta and t, shape (6,).
+        rotation: R of the near station, shape (3, 3).
+        middle: R_mid, shape (3, 3).
+        chord: Far less near station [m], shape (3,).
+        far: Far station [m], shape (3,).
+        motion: Filled per strain with the rotation w beyond the link (3), the velocity v of dx = w x x + v
+            (3), the rotation of R_mid (3) and the motion of the far station (3), shape (6, 12).
+    """
+    whole, half = np.empty((1, 3)), np.empty((1, 3))
+    jacobian, half_jacobian = np.empty((1, 3, 3)), np.empty((1, 3, 3))
+    column, spin, lever = np.empty(3), np.empty(3), np.empty(3)
+    for k in range(3):
+        whole[0, k] = strain[k]
+        half[0, k] = 0.5 * strain[k]
+    jacobian_kernel(whole, jacobian)
+    jacobian_kernel(half, half_jacobian)
+    for c in range(3):
+        column[:] = jacobian[0, :, c]
+        rotate(rotation, column, spin)
+        motion[c, 0:3] = spin
+        cross(spin, far, lever)
+        column[:] = 0.5 * half_jacobian[0, :, c]
+        rotate(rotation, column, spin)
+        motion[c, 6:9] = spin
+        cross(spin, chord, column)
+        motion[c, 9:12] = column
+        for k in range(3):
+            motion[c, 3 + k] = column[k] - lever[k]
+        motion[3 + c, 0:3] = 0.0
+        motion[3 + c, 3:6] = middle[:, c]
+        motion[3 + c, 6:9] = 0.0
+        motion[3 + c, 9:12] = middle[:, c]
+
+
+@njit(cache=True, nogil=True)
+def point_motion(strain: Floats, rotation: Floats, share: float, arm: Floats, motion: Floats) -> None:
+    """Fill the motion of a point at a share of a link for each of its strains, shape (6, 3).
+
+    Args:
+        strain: theta and t, shape (6,).
+        rotation: R of the near station, shape (3, 3).
+        share: Share s of the link.
+        arm: Point less near station [m], shape (3,).
+        motion: Filled, shape (6, 3).
+    """
+    part, turn, jacobian = np.empty((1, 3)), np.empty((1, 3, 3)), np.empty((1, 3, 3))
+    column, spin = np.empty(3), np.empty(3)
+    for k in range(3):
+        part[0, k] = 0.5 * share * strain[k]
+    exp_kernel(part, turn)
+    jacobian_kernel(part, jacobian)
+    for c in range(3):
+        column[:] = 0.5 * share * jacobian[0, :, c]
+        rotate(rotation, column, spin)
+        cross(spin, arm, column)
+        motion[c] = column
+        column[:] = share * turn[0, :, c]
+        rotate(rotation, column, spin)
+        motion[3 + c] = spin
+
+
+@njit(cache=True, nogil=True)
+def inner_moments(
+    strain: Floats,
+    rotations: Floats,
+    positions: Floats,
+    actions: Actions,
+    points: Floats,
+    force: Floats,
+    moments: Floats,
+) -> None:
+    """Fill the change of moment by the actions inside each link for each of its strains, (links, 6, 3)."""
+    arm, change, motion = np.empty(3), np.empty(3), np.empty((6, 3))
+    moments[:] = 0.0
+    for a in range(len(actions.link)):
+        if actions.share[a] >= 1.0:
+            continue
+        i = actions.link[a]
+        arm[:] = points[a] - positions[i]
+        point_motion(strain[i], rotations[i], actions.share[a], arm, motion)
+        for c in range(6):
+            cross(motion[c], force[a], change)
+            moments[i, c] += change
+
+
+@njit(cache=True, nogil=True)
+def rigid_moment(motion: Floats, beyond: Floats, moment: Floats) -> None:
+    """Fill the change of the moment about the origin when all beyond moves: sum (w x x + v) x F.
+
+    Args:
+        motion: w (3), then v (3), shape (6,).
+        beyond: Sums over the actions beyond, as of ``wrenches``, shape (15,).
+        moment: Filled, shape (3,).
+    """
+    cross(motion[3:6], beyond[0:3], moment)
+    trace = beyond[6] + beyond[10] + beyond[14]
+    for k in range(3):
+        moment[k] -= trace * motion[k]
+        for m in range(3):
+            moment[k] += beyond[6 + 3 * k + m] * motion[m]
+
+
+@njit(cache=True, nogil=True)
+def wrench_jacobian(
+    positions: Floats,
+    middles: Floats,
+    beyond: Floats,
+    motions: Floats,
+    inner: Floats,
+    parts: Floats,
+    jacobian: Floats,
+) -> None:
+    """Fill the derivative of all wrenches by all strains.
+
+    A strain of link j moves all beyond it as a rigid body. Nearer links feel the change of the moment of the
+    moved actions, the same for all; farther ones turn with their actions; the link itself does both in part.
+
+    Args:
+        positions: Stations [m], shape (links + 1, 3).
+        middles: R_mid, shape (links, 3, 3).
+        beyond: Sums over the actions beyond each link, shape (links, 15).
+        motions: Motion by each strain, as of ``link_motion``, shape (links, 6, 12).
+        inner: Change of moment by actions inside each link, shape (links, 6, 3).
+        parts: Change of wrench by turning those actions, as of ``turned_parts``, shape (links, 6, 3).
+        jacobian: Filled, shape (6 links, 6 links).
+    """
+    links = len(middles)
+    change, local = np.empty(3), np.empty(3)
+    turned = np.empty((links, 6, 3))
+    jacobian[:] = 0.0
+    for i in range(1, links):
+        _turned_whole(positions, middles, beyond, i, turned[i])
+        turned[i] += parts[i]
+    for j in range(links):
+        for c in range(6):
+            column = 6 * j + c
+            rigid_moment(motions[j, c], beyond[j], change)
+            _own_link(positions, middles, beyond, motions[j, c], change, j, column, jacobian)
+            _add_turn(parts[j], motions[j, c, 6:9], j, column, jacobian)
+            for i in range(j + 1, links):
+                _add_turn(turned[i], motions[j, c, 0:3], i, column, jacobian)
+            for k in range(3):
+                change[k] += inner[j, c, k]
+            for i in range(j):
+                rotate_back(middles[i], change, local)
+                jacobian[6 * i + 3 : 6 * i + 6, column] = local
+
+
+@njit(cache=True, nogil=True)
+def _moment_about_middle(positions: Floats, beyond: Floats, i: int, arm: Floats, moment: Floats) -> None:
+    """Fill the middle of a link's chord and the moment about it of all beyond."""
+    for k in range(3):
+        arm[k] = 0.5 * (positions[i, k] + positions[i + 1, k])
+    cross(arm, beyond[i, 0:3], moment)
+    for k in range(3):
+        moment[k] = beyond[i, 3 + k] - moment[k]
+
+
+@njit(cache=True, nogil=True)
+def _own_link(
+    positions: Floats,
+    middles: Floats,
+    beyond: Floats,
+    motion: Floats,
+    change: Floats,
+    j: int,
+    column: int,
+    jacobian: Floats,
+) -> None:
+    """Fill the derivative of a link's wrench by its own strain: R_mid turns, all beyond moves."""
+    arm, moment, local, turned = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    total, spin = beyond[j, 0:3], motion[6:9]
+    cross(total, spin, turned)
+    rotate_back(middles[j], turned, local)
+    jacobian[6 * j : 6 * j + 3, column] = local
+    _moment_about_middle(positions, beyond, j, arm, moment)
+    cross(moment, spin, turned)
+    cross(total, motion[9:12], local)
+    for k in range(3):
+        turned[k] += change[k] + 0.5 * local[k]
+    rotate_back(middles[j], turned, local)
+    jacobian[6 * j + 3 : 6 * j + 6, column] = local
+
+
+@njit(cache=True, nogil=True)
+def _add_turn(turned: Floats, spin: Floats, i: int, column: int, jacobian: Floats) -> None:
+    """Add the change of link i's wrench by a turn, shape (3,), to a column of the jacobian."""
+    for r in range(6):
+        change = turned[r, 0] * spin[0] + turned[r, 1] * spin[1] + turned[r, 2] * spin[2]
+        jacobian[6 * i + r, column] += change
+
+
+@njit(cache=True, nogil=True)
+def _turned_whole(positions: Floats, middles: Floats, beyond: Floats, i: int, turned: Floats) -> None:
+    """Fill the change of a link's wrench per unit turn w of it and all beyond: sum (w x r) x F - w x M."""
+    arm, moment, local = np.empty(3), np.empty(3), np.empty(3)
+    spin, change = np.empty(3), np.empty(3)
+    total = beyond[i, 0:3]
+    _moment_about_middle(positions, beyond, i, arm, moment)
+    trace = 0.0
+    for k in range(3):
+        trace += beyond[i, 6 + 4 * k] - arm[k] * total[k]
+    for axis in range(3):
+        spin[:] = 0.0
+        spin[axis] = 1.0
+        cross(total, spin, change)
+        rotate_back(middles[i], change, local)
+        turned[0:3, axis] = local
+        cross(moment, spin, change)
+        change[axis] -= trace
+        for k in range(3):
+            change[k] += beyond[i, 6 + 3 * k + axis] - arm[k] * total[axis]
+        rotate_back(middles[i], change, local)
+        turned[3:6, axis] = local
+
+
+@njit(cache=True, nogil=True)
+def turned_parts(middles: Floats, actions: Actions, drive: Drive, parts: Floats) -> None:
+    """Fill what a unit turn changes of the wrench that actions inside each link add, shape (links, 6, 3)."""
+    force, couple, column, spin = np.empty(3), np.empty(3), np.empty(6), np.empty(3)
+    parts[:] = 0.0
+    for a in range(len(actions.link)):
+        i = actions.link[a]
+        if actions.share[a] >= 1.0:
+            continue
+        for axis in range(3):
+            spin[:] = 0.0
+            spin[axis] = 1.0
+            cross(drive.force[a], spin, force)
+            cross(drive.couple[a], spin, couple)
+            column[:] = 0.0
+            add_part(actions.beta[a], middles[i], force, couple, column)
+            for k in range(6):
+                parts[i, k, axis] += column[k]
+
+
+@njit(cache=True, nogil=True)
+def unit_wrenches(
+    positions: Floats,
+    middles: Floats,
+    actions: Actions,
+    action: int,
+    points: Floats,
+    unit: Floats,
+    wrench: Floats,
+) -> None:
+    """Add a force and couple, shape (6,), at an action's place to all links' wrenches, shape (links, 6)."""
+    arm, moment, local = np.empty(3), np.empty(3), np.empty(3)
+    last = actions.link[action]
+    if actions.share[action] < 1.0:
+        add_part(actions.beta[action], middles[last], unit[:3], unit[3:], wrench[last])
+        last -= 1
+    for i in range(last + 1):
+        for k in range(3):
+            arm[k] = points[action, k] - 0.5 * (positions[i, k] + positions[i + 1, k])
+        cross(arm, unit[:3], moment)
+        for k in range(3):
+            moment[k] += unit[3 + k]
+        rotate_back(middles[i], unit[:3], local)
+        wrench[i, 0:3] += local
+        rotate_back(middles[i], moment, local)
+        wrench[i, 3:6] += local

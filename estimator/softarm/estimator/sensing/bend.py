@@ -1,0 +1,183 @@
+"""Two-axis bend of a section, from a flexible bend sensor or from two motion-capture bodies."""
+
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.rotations import exp, left_jacobian, skew
+from softarm.estimator.sensing.measurement import (
+    Scene,
+    Sensitivity,
+    no_load_rows,
+    section_rotation,
+    transpose,
+    twist_rows,
+)
+
+Floats = NDArray[np.float64]
+
+MIRROR = np.diag([1.0, -1.0])
+
+
+@dataclass(frozen=True)
+class Bend:
+    """Tilt of a section's z axis seen in the frame of another section: theta (cos phi, sin phi).
+
+    With U the rotation of the reference and R that of the section, u and m the misalignments of what is
+    mounted on them: d = (U exp(u))^T R exp(m) e_z, theta = angle(d, e_z), b = theta (d_x, d_y) / sin(theta).
+    The prediction is scale * (Rot(in_plane) M b) + bias, M the mirror y -> -y where the axes are recorded
+    left-handed. A reading is the two angles [rad].
+
+    Args:
+        name: Name in reports.
+        section: Index of the section.
+        sigma: Standard deviation of each angle [rad], one number or shape (2,).
+        reference: Index of the section whose frame the tilt is seen in; ``None`` is the clamp.
+        in_plane: Rotation of the recorded axes about the reference's z axis [rad].
+        reference_tilt: Misalignment u of the body on the reference about its x and y axes [rad], shape (2,).
+        section_tilt: Misalignment m of the body on the section about its x and y axes [rad], shape (2,).
+        scale: Factor of each recorded angle, shape (2,).
+        bias: Offset of each recorded angle [rad], shape (2,).
+        mirrored: Whether the recorded axes are left-handed.
+        dead_zone: Half width of the zone about zero in which the sensor reads zero [rad]; a reading inside
+            it has the variance of a uniform distribution over the zone added (BendLabs: 0.5 degrees).
+    """
+
+    name: str
+    section: int
+    sigma: float | Floats
+    reference: int | None = None
+    in_plane: float = 0.0
+    reference_tilt: Floats = field(default_factory=lambda: np.zeros(2))
+    section_tilt: Floats = field(default_factory=lambda: np.zeros(2))
+    scale: Floats = field(default_factory=lambda: np.ones(2))
+    bias: Floats = field(default_factory=lambda: np.zeros(2))
+    mirrored: bool = False
+    dead_zone: float = 0.0
+
+    registration = None
+    size = 2
+    reading_size = 2
+    parameter_names = (
+        "in_plane",
+        "reference_tilt_x",
+        "reference_tilt_y",
+        "section_tilt_x",
+        "section_tilt_y",
+        "scale_x",
+        "scale_y",
+        "bias_x",
+        "bias_y",
+    )
+
+    @property
+    def parameters(self) -> Floats:
+        """In-plane rotation, tilts of reference and section, scales, biases, shape (9,)."""
+        return np.concatenate(
+            [[self.in_plane], self.reference_tilt, self.section_tilt, self.scale, self.bias]
+        )
+
+    def with_parameters(self, values: Floats) -> Self:
+        """Give the same sensor with other alignment parameters, shape (9,)."""
+        return replace(
+            self,
+            in_plane=float(values[0]),
+            reference_tilt=values[1:3],
+            section_tilt=values[3:5],
+            scale=values[5:7],
+            bias=values[7:9],
+        )
+
+    def predict(self, scene: Scene) -> Floats:
+        """Give the two angles [rad], shape (..., 2)."""
+        bend: Floats = bend_of(self._direction(scene)) @ self._frame().T * self.scale + self.bias
+        return bend
+
+    def sensitivity(self, scene: Scene, reading: Floats) -> Sensitivity:
+        """Compare two angles [rad], shape (..., 2), with the scene."""
+        direction = self._direction(scene)
+        shape = self.scale[:, None] * self._frame() @ bend_jacobian(direction)
+        reference = section_rotation(scene.frames, self.reference) @ exp(_axes(self.reference_tilt))
+        # A rotation vector w of the section turns d by U^T (w x U d), one of the reference by its opposite.
+        turned = shape @ -skew(direction) @ transpose(reference)
+        rows = np.concatenate([np.zeros_like(turned), turned], axis=-1)
+        twists = twist_rows(scene.frames, self.section, rows)
+        twists = twists - twist_rows(scene.frames, self.reference, rows)
+        predicted = bend_of(direction) @ self._frame().T * self.scale + self.bias
+        return Sensitivity(reading - predicted, twists, no_load_rows(scene, self.size))
+
+    def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:  # noqa: ARG002
+        """Give the derivative by the alignment parameters, shape (..., 2, 9)."""
+        direction = self._direction(scene)
+        bend = bend_of(direction)
+        shape = self.scale[:, None] * self._frame() @ bend_jacobian(direction)
+        quarter = np.array([[0.0, -1.0], [1.0, 0.0]])
+        unscaled = bend @ self._frame().T
+        rows = np.zeros((*bend.shape[:-1], 2, 9))
+        rows[..., 0] = unscaled @ quarter.T * self.scale
+        reference, section = _axes(self.reference_tilt), _axes(self.section_tilt)
+        right = left_jacobian(-reference)
+        rows[..., 1:3] = (shape @ skew(direction) @ right)[..., :2]
+        turned = transpose(self._reference(scene)) @ section_rotation(scene.frames, self.section)
+        left = -skew(exp(section)[:, 2]) @ left_jacobian(section)
+        rows[..., 3:5] = (shape @ turned @ left)[..., :2]
+        rows[..., 0, 5] = unscaled[..., 0]
+        rows[..., 1, 6] = unscaled[..., 1]
+        rows[..., 0, 7] = rows[..., 1, 8] = 1.0
+        return rows
+
+    def covariance(self, reading: Floats) -> Floats:
+        """Give the covariance of the noise [rad2], the dead zone included, shape (..., 2, 2)."""
+        quiet = np.abs(reading - self.bias) <= self.dead_zone
+        variance = np.broadcast_to(self.sigma, 2) ** 2 + np.where(quiet, self.dead_zone**2 / 3.0, 0.0)
+        covariance: Floats = variance[..., None] * np.eye(2)
+        return covariance
+
+    def _frame(self) -> Floats:
+        cosine, sine = np.cos(self.in_plane), np.sin(self.in_plane)
+        rotation = np.array([[cosine, -sine], [sine, cosine]])
+        return rotation @ MIRROR if self.mirrored else rotation
+
+    def _reference(self, scene: Scene) -> Floats:
+        rotation: Floats = section_rotation(scene.frames, self.reference) @ exp(_axes(self.reference_tilt))
+        return rotation
+
+    def _direction(self, scene: Scene) -> Floats:
+        axis = section_rotation(scene.frames, self.section) @ exp(_axes(self.section_tilt))[:, 2]
+        direction: Floats = (transpose(self._reference(scene)) @ axis[..., None])[..., 0]
+        return direction
+
+
+def bend_of(direction: Floats) -> Floats:
+    """Give the bend theta (cos phi, sin phi) [rad], shape (..., 2), of unit vectors, shape (..., 3)."""
+    bend: Floats = _ratio(direction)[0][..., None] * direction[..., :2]
+    return bend
+
+
+def bend_jacobian(direction: Floats) -> Floats:
+    """Give the derivative of ``bend_of`` along the unit sphere, shape (..., 2, 3)."""
+    ratio, slope = _ratio(direction)
+    across = direction[..., :2]
+    jacobian = np.zeros((*direction.shape[:-1], 2, 3))
+    jacobian[..., :2] = slope[..., None, None] * across[..., :, None] * across[..., None, :]
+    jacobian[..., 0, 0] += ratio
+    jacobian[..., 1, 1] += ratio
+    jacobian[..., 2] = -across
+    return jacobian
+
+
+def _ratio(direction: Floats) -> tuple[Floats, Floats]:
+    """Give theta / sin(theta) and (sin cos - theta) / sin^3, by series near zero."""
+    sine = np.hypot(direction[..., 0], direction[..., 1])
+    angle = np.arctan2(sine, direction[..., 2])
+    small = (sine < 1e-3) & (direction[..., 2] > 0)
+    safe = np.where(small, 1.0, sine)
+    ratio = np.where(small, 1.0 + sine**2 / 6.0, angle / safe)
+    slope = np.where(small, -2.0 / 3.0 - sine**2 / 5.0, (safe * direction[..., 2] - angle) / safe**3)
+    return ratio, slope
+
+
+def _axes(tilt: Floats) -> Floats:
+    """Extend a tilt about x and y to a rotation vector."""
+    return np.array([tilt[0], tilt[1], 0.0])

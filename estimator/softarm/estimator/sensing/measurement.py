@@ -1,0 +1,123 @@
+"""What every measurement answers: its prediction, innovation, sensitivities and noise.
+
+A reading y is compared with the model in the tangent space of its kind. With h the prediction, the
+innovation is r = y (-) h and its sensitivities are those of the prediction, so that a twist dx of the
+sections changes r by -rows dx. Every function takes any number of leading axes (samples in time).
+"""
+
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.model import Frames
+from softarm.estimator.sensing.registration import Registration
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What the sensors look at.
+
+    Args:
+        frames: Section frames in the base frame; arrays may have leading axes.
+        loads: Amplitudes of the model's loads [N or N m], shape (..., loads).
+    """
+
+    frames: Frames
+    loads: Floats
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """An innovation and the derivatives of the prediction behind it.
+
+    Args:
+        innovation: Measured minus predicted, shape (..., size); NaN where the reading is absent.
+        twists: Derivative by the stacked section twists, shape (..., size, 6 sections).
+        loads: Derivative by the load amplitudes, shape (..., size, loads).
+    """
+
+    innovation: Floats
+    twists: Floats
+    loads: Floats
+
+
+class Measurement(Protocol):
+    """One sensor: immutable, its alignment among its fields."""
+
+    @property
+    def name(self) -> str:
+        """Name in reports, such as ``bend_tip``."""
+
+    @property
+    def size(self) -> int:
+        """Number of entries of the innovation."""
+
+    @property
+    def reading_size(self) -> int:
+        """Number of entries of a reading."""
+
+    @property
+    def registration(self) -> Registration | None:
+        """Laboratory to base, where readings are given in the laboratory frame."""
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the alignment parameters."""
+
+    @property
+    def parameters(self) -> Floats:
+        """Values of the alignment parameters."""
+
+    def with_parameters(self, values: Floats) -> Self:
+        """Give the same sensor with other alignment parameters."""
+
+    def predict(self, scene: Scene) -> Floats:
+        """Give the reading that the scene would cause, shape (..., reading_size)."""
+
+    def sensitivity(self, scene: Scene, reading: Floats) -> Sensitivity:
+        """Compare a reading, shape (..., reading_size), with the scene."""
+
+    def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:
+        """Give the derivative of the prediction by the alignment, shape (..., size, parameters)."""
+
+    def covariance(self, reading: Floats) -> Floats:
+        """Give the covariance of the noise of a reading, shape (..., size, size)."""
+
+
+def twist_rows(frames: Frames, section: int | None, rows: Floats) -> Floats:
+    """Place the derivative by one section's twist among the stacked twists of all.
+
+    Args:
+        frames: Frames of all sections.
+        section: Index of the section; ``None`` stands for the clamp, which does not move.
+        rows: Derivative by the section's translation and rotation, shape (..., size, 6).
+
+    Returns:
+        Shape (..., size, 6 sections).
+    """
+    sections = frames.positions.shape[-2]
+    stacked = np.zeros((*rows.shape[:-1], 6 * sections))
+    if section is not None:
+        stacked[..., 6 * section : 6 * section + 6] = rows
+    return stacked
+
+
+def no_load_rows(scene: Scene, size: int) -> Floats:
+    """Give the derivative by the loads of a prediction that only depends on the frames."""
+    return np.zeros((*scene.loads.shape[:-1], size, scene.loads.shape[-1]))
+
+
+def section_rotation(frames: Frames, section: int | None) -> Floats:
+    """Give the rotation of a section, or the identity for the clamp, shape (..., 3, 3)."""
+    if section is None:
+        return np.broadcast_to(np.eye(3), (*frames.rotations.shape[:-3], 3, 3))
+    rotation: Floats = frames.rotations[..., section, :, :]
+    return rotation
+
+
+def transpose(matrices: Floats) -> Floats:
+    """Swap the last two axes."""
+    return np.swapaxes(matrices, -1, -2)

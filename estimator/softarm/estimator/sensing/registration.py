@@ -1,0 +1,76 @@
+"""Where the laboratory's frame lies in the arm's base frame."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.errors import InputError
+from softarm.estimator.rotations import exp, nearest_rotation, skew
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """The rigid map from the laboratory to the base frame: base = rotation lab + translation.
+
+    Args:
+        rotation: Shape (3, 3).
+        translation: [m], shape (3,).
+        covariance: Covariance of its error as a twist in the base frame, base' = exp(w) base + v,
+            v [m] before w [rad], shape (6, 6).
+    """
+
+    rotation: Floats = field(default_factory=lambda: np.eye(3))
+    translation: Floats = field(default_factory=lambda: np.zeros(3))
+    covariance: Floats = field(default_factory=lambda: np.zeros((6, 6)))
+
+    def to_base(self, points: Floats) -> Floats:
+        """Map laboratory points into the base frame, shape (..., 3)."""
+        moved: Floats = points @ self.rotation.T + self.translation
+        return moved
+
+    def moved(self, twist: Floats) -> "Registration":
+        """Move what it maps to by a twist (v [m], w [rad]) of shape (6,): base' = exp(w) base + v."""
+        turn = exp(twist[3:])
+        return Registration(turn @ self.rotation, turn @ self.translation + twist[:3], self.covariance)
+
+    def to_laboratory(self, points: Floats) -> Floats:
+        """Map base points into the laboratory frame, shape (..., 3)."""
+        moved: Floats = (points - self.translation) @ self.rotation
+        return moved
+
+
+def register(base_points: Floats, laboratory_points: Floats, sigma: float) -> Registration:
+    """Find the laboratory in the base frame from markers on the base (Kabsch 1976).
+
+    The covariance is that of the least-squares fit, (sum J^T J / sigma^2)^-1 with J = [1, -[x]] at each
+    marker x; three markers on a line leave it infinite about that line and are refused.
+
+    Args:
+        base_points: Known positions of the markers in the base frame [m], shape (markers, 3).
+        laboratory_points: Measured positions [m], shape (markers, 3), or (samples, markers, 3) of which the
+            mean is taken without lost readings (NaN).
+        sigma: Standard deviation of one coordinate of ``laboratory_points`` (of their mean) [m].
+
+    Returns:
+        The registration.
+
+    Raises:
+        InputError: With fewer than three markers, or with markers on one line.
+    """
+    measured = np.asarray(laboratory_points, dtype=np.float64)
+    if measured.ndim == 3:
+        measured = np.nanmean(measured, axis=0)
+    seen = np.isfinite(measured).all(axis=-1)
+    known, measured = base_points[seen], measured[seen]
+    if len(known) < 3:
+        raise InputError("base markers", f"{len(known)} of them seen", "at least three are needed")
+    centre, measured_centre = known.mean(axis=0), measured.mean(axis=0)
+    spread = np.linalg.svd(known - centre, compute_uv=False)
+    if spread[1] < 1e-3 * spread[0]:
+        raise InputError("base markers", "they lie on one line", "move one of them off it")
+    rotation = nearest_rotation((known - centre).T @ (measured - measured_centre))
+    jacobians = np.concatenate([np.tile(np.eye(3), (len(known), 1, 1)), -skew(known)], axis=-1)
+    information = np.einsum("nij,nik->jk", jacobians, jacobians) / sigma**2
+    return Registration(rotation, centre - rotation @ measured_centre, np.linalg.inv(information))

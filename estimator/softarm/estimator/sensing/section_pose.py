@@ -1,0 +1,96 @@
+"""Pose of a section from motion capture."""
+
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.rotations import skew
+from softarm.estimator.sensing.measurement import Scene, Sensitivity, no_load_rows, twist_rows
+from softarm.estimator.sensing.orientation import Orientation
+from softarm.estimator.sensing.registration import Registration
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SectionPose:
+    """Position and orientation of a body fixed to a section.
+
+    With the section at p, R the body is predicted at p + R offset, R exp(misalignment). The innovation is
+    measured minus predicted position [m] in the base frame, then the orientation's innovation [rad] in the
+    axes of the body. A reading is a position [m] and a quaternion (w, x, y, z) in the laboratory frame.
+
+    Args:
+        name: Name in reports.
+        section: Index of the section.
+        position_sigma: Standard deviation of each coordinate [m], one number or shape (3,).
+        rotation_sigma: Standard deviation about each axis [rad], one number or shape (3,).
+        offset: Origin of the body in the section's frame [m], shape (3,).
+        misalignment: Mounting rotation of the body on the section [rad], shape (3,).
+        registration: Laboratory to base.
+    """
+
+    name: str
+    section: int
+    position_sigma: float | Floats
+    rotation_sigma: float | Floats
+    offset: Floats = field(default_factory=lambda: np.zeros(3))
+    misalignment: Floats = field(default_factory=lambda: np.zeros(3))
+    registration: Registration = field(default_factory=Registration)
+
+    size = 6
+    reading_size = 7
+    parameter_names = ("offset_x", "offset_y", "offset_z", *Orientation.parameter_names)
+
+    @property
+    def parameters(self) -> Floats:
+        """The offset [m], then the misalignment [rad], shape (6,)."""
+        return np.concatenate([self.offset, self.misalignment])
+
+    def with_parameters(self, values: Floats) -> Self:
+        """Give the same sensor with another offset and misalignment, shape (6,)."""
+        return replace(self, offset=values[:3], misalignment=values[3:])
+
+    def predict(self, scene: Scene) -> Floats:
+        """Give position and quaternion in the laboratory frame, shape (..., 7)."""
+        position = self.registration.to_laboratory(self._origin(scene) + self._arm(scene))
+        return np.concatenate([position, self._orientation().predict(scene)], axis=-1)
+
+    def sensitivity(self, scene: Scene, reading: Floats) -> Sensitivity:
+        """Compare position and quaternion in the laboratory frame, shape (..., 7), with the scene."""
+        arm = self._arm(scene)
+        position = self.registration.to_base(reading[..., :3]) - self._origin(scene) - arm
+        turned = self._orientation().sensitivity(scene, reading[..., 3:])
+        identity = np.broadcast_to(np.eye(3), (*arm.shape[:-1], 3, 3))
+        moved = twist_rows(scene.frames, self.section, np.concatenate([identity, -skew(arm)], axis=-1))
+        return Sensitivity(
+            np.concatenate([position, turned.innovation], axis=-1),
+            np.concatenate([moved, turned.twists], axis=-2),
+            no_load_rows(scene, self.size),
+        )
+
+    def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:
+        """Give the derivative by offset and misalignment, shape (..., 6, 6)."""
+        rotation = scene.frames.rotations[..., self.section, :, :]
+        rows = np.zeros((*rotation.shape[:-2], 6, 6))
+        rows[..., :3, :3] = rotation
+        rows[..., 3:, 3:] = self._orientation().parameter_rows(scene, reading[..., 3:])
+        return rows
+
+    def covariance(self, reading: Floats) -> Floats:
+        """Give the covariance of the noise, shape (..., 6, 6)."""
+        position, rotation = np.broadcast_to(self.position_sigma, 3), np.broadcast_to(self.rotation_sigma, 3)
+        diagonal = np.diag(np.concatenate([position, rotation]) ** 2)
+        return np.broadcast_to(diagonal, (*np.shape(reading)[:-1], 6, 6))
+
+    def _orientation(self) -> Orientation:
+        return Orientation(self.name, self.section, self.rotation_sigma, self.misalignment, self.registration)
+
+    def _origin(self, scene: Scene) -> Floats:
+        origin: Floats = scene.frames.positions[..., self.section, :]
+        return origin
+
+    def _arm(self, scene: Scene) -> Floats:
+        arm: Floats = scene.frames.rotations[..., self.section, :, :] @ self.offset
+        return arm

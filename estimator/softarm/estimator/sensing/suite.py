@@ -1,0 +1,257 @@
+"""All sensors of an arm, any of which may be silent at an instant."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.errors import InputError
+from softarm.estimator.model import Frames
+from softarm.estimator.rotations import skew
+from softarm.estimator.sensing.marker import Marker
+from softarm.estimator.sensing.measurement import Measurement, Scene, Sensitivity
+from softarm.estimator.sensing.orientation import Orientation
+from softarm.estimator.sensing.section_pose import SectionPose
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What the present sensors say at one instant, rows of absent ones left out.
+
+    Args:
+        innovation: Measured minus predicted, shape (rows,).
+        twists: Derivative of the prediction by the stacked section twists, shape (rows, 6 sections).
+        loads: Derivative of the prediction by the load amplitudes, shape (rows, loads).
+        covariance: Covariance of the noise, shape (rows, rows).
+        rows: Which rows of the whole suite these are, shape (rows,).
+    """
+
+    innovation: Floats
+    twists: Floats
+    loads: Floats
+    covariance: Floats
+    rows: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class SensorSuite:
+    """A mixture of measurements; readings are stacked into one vector, NaN where absent.
+
+    Args:
+        measurements: The sensors, each with a name of its own.
+
+    Raises:
+        InputError: If two sensors have one name.
+    """
+
+    measurements: tuple[Measurement, ...]
+
+    def __post_init__(self) -> None:
+        names = [measurement.name for measurement in self.measurements]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError("sensors", f"{name!r} is named twice", "give each a name of its own")
+
+    @cached_property
+    def size(self) -> int:
+        """Number of rows of the innovation."""
+        return sum(measurement.size for measurement in self.measurements)
+
+    @cached_property
+    def slices(self) -> Mapping[str, slice]:
+        """Rows of the innovation that belong to each sensor."""
+        ends = np.cumsum([0] + [measurement.size for measurement in self.measurements]).tolist()
+        names = (measurement.name for measurement in self.measurements)
+        return {name: slice(a, b) for name, a, b in zip(names, ends, ends[1:], strict=False)}
+
+    @cached_property
+    def _cuts(self) -> list[int]:
+        sizes = [measurement.reading_size for measurement in self.measurements]
+        return [int(end) for end in np.cumsum([0, *sizes])]
+
+    def stack(self, readings: Mapping[str, Floats]) -> Floats:
+        """Stack readings by sensor into one vector, NaN for those left out.
+
+        Args:
+            readings: Sensor name to reading, shape (..., reading_size) with equal leading axes.
+
+        Returns:
+            Shape (..., readings).
+
+        Raises:
+            InputError: If a name is unknown or a reading has a wrong size.
+        """
+        names = [measurement.name for measurement in self.measurements]
+        for name in readings:
+            if name not in names:
+                raise InputError("readings", f"no sensor {name!r}", f"the sensors are {', '.join(names)}")
+        leading = np.broadcast_shapes(*(np.shape(reading)[:-1] for reading in readings.values()))
+        stacked = np.full((*leading, self._cuts[-1]), np.nan)
+        for index, measurement in enumerate(self.measurements):
+            reading = readings.get(measurement.name)
+            if reading is None:
+                continue
+            size = np.shape(reading)[-1]
+            if size != measurement.reading_size:
+                what = f"{size} numbers instead of {measurement.reading_size}"
+                raise InputError(f"reading {measurement.name}", what, "give all of them, NaN where lost")
+            stacked[..., self._cuts[index] : self._cuts[index + 1]] = reading
+        return stacked
+
+    def predict(self, scene: Scene) -> Floats:
+        """Give the stacked readings that the scene would cause, shape (..., readings)."""
+        parts = [measurement.predict(scene) for measurement in self.measurements]
+        return np.concatenate([*parts, np.zeros((*scene.loads.shape[:-1], 0))], axis=-1)
+
+    def sensitivity(self, scene: Scene, readings: Floats) -> Sensitivity:
+        """Compare stacked readings with the scene; rows of absent sensors have a NaN innovation."""
+        parts = [
+            measurement.sensitivity(scene, reading)
+            for measurement, reading in zip(self.measurements, self._split(readings), strict=True)
+        ]
+        return Sensitivity(
+            np.concatenate([part.innovation for part in parts], axis=-1),
+            np.concatenate([part.twists for part in parts], axis=-2),
+            np.concatenate([part.loads for part in parts], axis=-2),
+        )
+
+    def covariance(self, scene: Scene, readings: Floats, twists: Floats) -> Floats:
+        """Give the covariance of the noise of all rows, the registrations' errors included.
+
+        An error of a registration moves all the readings that use it together. Moving the laboratory is
+        moving the arm the other way, so its derivative follows from that by the section twists.
+
+        Args:
+            scene: The frames about which the noise is wanted.
+            readings: Stacked readings, shape (..., readings).
+            twists: Derivative by the section twists, shape (..., size, 6 sections).
+
+        Returns:
+            Shape (..., size, size).
+        """
+        covariance = self.own_noise(readings)
+        for registration, members in self._registrations:
+            moved = np.zeros((self.size, 1))
+            for name in members:
+                moved[self.slices[name]] = 1.0
+            rigid = moved * (twists @ _rigid_motion(scene.frames))
+            covariance += rigid @ registration @ np.swapaxes(rigid, -1, -2)
+        return covariance
+
+    def own_noise(self, readings: Floats) -> Floats:
+        """Give the covariance of the sensors' own noise, without the registrations', shape as ``covariance``.
+
+        It depends on the readings alone.
+        """
+        covariance = np.zeros((*np.shape(readings)[:-1], self.size, self.size))
+        for measurement, reading in zip(self.measurements, self._split(readings), strict=True):
+            rows = self.slices[measurement.name]
+            covariance[..., rows, rows] = measurement.covariance(reading)
+        return covariance
+
+    def observe(self, scene: Scene, readings: Floats, own_noise: Floats | None = None) -> Observation:
+        """Compare the present readings of one instant, shape (readings,), with the scene.
+
+        Args:
+            scene: What they look at.
+            readings: Stacked readings, shape (readings,).
+            own_noise: What ``own_noise`` gives for them, where it is known already.
+        """
+        whole = self.sensitivity(scene, readings)
+        rows = np.flatnonzero(np.isfinite(whole.innovation))
+        covariance = self.own_noise(readings) if own_noise is None else own_noise
+        if self._registrations:
+            covariance = self.covariance(scene, readings, np.nan_to_num(whole.twists))
+        return Observation(
+            whole.innovation[rows],
+            whole.twists[rows],
+            whole.loads[rows],
+            covariance[np.ix_(rows, rows)],
+            rows,
+        )
+
+    @cached_property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of all alignment parameters, ``<sensor>.<parameter>``."""
+        return tuple(
+            f"{measurement.name}.{name}"
+            for measurement in self.measurements
+            for name in measurement.parameter_names
+        )
+
+    @property
+    def parameters(self) -> Floats:
+        """Values of all alignment parameters."""
+        return np.concatenate([measurement.parameters for measurement in self.measurements])
+
+    def with_parameters(self, values: Floats) -> "SensorSuite":
+        """Give the same sensors with other alignment parameters."""
+        ends = np.cumsum([len(measurement.parameter_names) for measurement in self.measurements])
+        parts = np.split(np.asarray(values, dtype=np.float64), ends[:-1])
+        aligned = (m.with_parameters(part) for m, part in zip(self.measurements, parts, strict=True))
+        return replace(self, measurements=tuple(aligned))
+
+    @cached_property
+    def base_recorded(self) -> bool:
+        """Whether the recorded base tells where the laboratory is."""
+        known = [m.registration for m in self.measurements if m.registration is not None]
+        return any(not np.array_equal(one.rotation, np.eye(3)) for one in known)
+
+    def moved(self, twist: Floats) -> "SensorSuite":
+        """Move what the registrations map to by a twist (v [m], w [rad]), shape (6,)."""
+        known = {id(m.registration): m.registration for m in self.measurements}
+        moved = {key: one.moved(twist) for key, one in known.items() if one is not None}
+        return replace(
+            self,
+            measurements=tuple(
+                replace(m, registration=moved[id(m.registration)])
+                if isinstance(m, SectionPose | Orientation | Marker)
+                else m
+                for m in self.measurements
+            ),
+        )
+
+    def parameter_rows(self, scene: Scene, readings: Floats) -> Floats:
+        """Give the derivative by all alignment parameters, shape (..., size, parameters)."""
+        parts = [
+            measurement.parameter_rows(scene, reading)
+            for measurement, reading in zip(self.measurements, self._split(readings), strict=True)
+        ]
+        rows = np.zeros((*np.shape(readings)[:-1], self.size, len(self.parameter_names)))
+        top = left = 0
+        for part in parts:
+            bottom, right = top + part.shape[-2], left + part.shape[-1]
+            rows[..., top:bottom, left:right] = part
+            top, left = bottom, right
+        return rows
+
+    def _split(self, readings: Floats) -> list[Floats]:
+        return [readings[..., a:b] for a, b in zip(self._cuts, self._cuts[1:], strict=False)]
+
+    @cached_property
+    def _registrations(self) -> list[tuple[Floats, tuple[str, ...]]]:
+        """Covariance of each uncertain registration with the sensors that use it."""
+        found = {
+            id(measurement.registration): measurement.registration
+            for measurement in self.measurements
+            if measurement.registration is not None and measurement.registration.covariance.any()
+        }
+        return [
+            (
+                registration.covariance,
+                tuple(m.name for m in self.measurements if m.registration is registration),
+            )
+            for registration in found.values()
+        ]
+
+
+def _rigid_motion(frames: Frames) -> Floats:
+    """Give the section twists of a rigid motion (v, w) of the base frame, shape (..., 6 sections, 6)."""
+    sections = frames.positions.shape[-2]
+    motion = np.zeros((*frames.positions.shape[:-2], sections, 6, 6))
+    motion[..., :3, :3] = motion[..., 3:, 3:] = np.eye(3)
+    motion[..., :3, 3:] = -skew(frames.positions)
+    return motion.reshape(*frames.positions.shape[:-2], 6 * sections, 6)

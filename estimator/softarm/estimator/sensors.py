@@ -1,0 +1,130 @@
+"""The sensors of a specimen: noise and alignment from its description, any one added by name."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from softarm.estimator.errors import InputError
+from softarm.estimator.rotations import exp, from_quaternions
+from softarm.estimator.sensing import ActuationMap, Bend, Marker, Orientation, Registration, SectionPose
+from softarm.estimator.specimen import Specimen
+
+
+def mounted_base(specimen: Specimen) -> Registration:
+    """Give the map from the frame of the body on the base, as it was calibrated, to the base frame.
+
+    For readings that are told relative to that body.
+    """
+    base = specimen.sections[0]
+    found = specimen.calibration.frame(base.name)
+    rest = from_quaternions(np.array(base.frame_quaternion))
+    turn = rest @ exp(np.array(found.misalignment_rad)) @ rest.T
+    origin = np.array(base.frame_origin_m)
+    return Registration(turn, origin + rest @ np.array(found.offset_m) - turn @ origin)
+
+
+@dataclass(frozen=True)
+class SpecimenSensors:
+    """Makes the measurements of a specimen.
+
+    Args:
+        specimen: Description, with the alignment that calibration found.
+        sections: Names of the sections in the order of the model that is measured.
+        registration: Laboratory to base, for readings given in the laboratory frame.
+    """
+
+    specimen: Specimen
+    sections: tuple[str, ...]
+    registration: Registration
+
+    @cached_property
+    def _above(self) -> dict[str, int | None]:
+        order = [section.name for section in self.specimen.sections]
+        return {
+            name: self.sections.index(before) if before in self.sections else None
+            for before, name in zip([None, *order], order, strict=False)
+        }
+
+    def _index(self, section: str) -> int:
+        if section not in self.sections:
+            listed = ", ".join(self.sections)
+            raise InputError("sensor", f"no section {section!r}", f"the specimen's sections are {listed}")
+        return self.sections.index(section)
+
+    def bend(self, section: str, dead_zone: float = 0.0) -> Bend:
+        """Two-axis bend against the section above, named ``bend_<section>``.
+
+        Args:
+            section: The section.
+            dead_zone: Half width of the sensor's dead zone [rad].
+        """
+        found = self.specimen.calibration.bend(section)
+        return Bend(
+            f"bend_{section}",
+            self._index(section),
+            self.specimen.noise.bend_rad,
+            reference=self._above[section],
+            in_plane=found.rotation_rad.value,
+            bias=np.array([found.bias_x_rad.value, found.bias_y_rad.value]),
+            mirrored=found.mirrored,
+            dead_zone=dead_zone,
+        )
+
+    def orientation(self, section: str, sigma: float | None = None) -> Orientation:
+        """Orientation of a section, named ``orientation_<section>``.
+
+        Args:
+            section: The section.
+            sigma: Standard deviation about each axis [rad]; the specimen's when left out.
+        """
+        return Orientation(
+            f"orientation_{section}",
+            self._index(section),
+            self.specimen.noise.orientation_rad if sigma is None else sigma,
+            np.array(self.specimen.calibration.frame(section).misalignment_rad),
+            self.registration,
+        )
+
+    def pose(self, section: str) -> SectionPose:
+        """Pose of a motion-capture body on a section, named ``frame_<section>``."""
+        found = self.specimen.calibration.frame(section)
+        return SectionPose(
+            f"frame_{section}",
+            self._index(section),
+            self.specimen.noise.position_m,
+            self.specimen.noise.orientation_rad,
+            np.array(found.offset_m),
+            np.array(found.misalignment_rad),
+            self.registration,
+        )
+
+    def marker(self, name: str) -> Marker:
+        """Marker of the specimen, named ``marker_<name>``.
+
+        Raises:
+            InputError: The specimen has no such marker.
+        """
+        for marker in self.specimen.markers:
+            if marker.name == name:
+                return Marker(
+                    f"marker_{name}",
+                    self._index(marker.section),
+                    self.specimen.noise.marker_m,
+                    np.array(marker.offset_m),
+                    registration=self.registration,
+                )
+        known = ", ".join(marker.name for marker in self.specimen.markers) or "none"
+        raise InputError(f"marker {name}", "is not in the specimen", f"its markers are {known}")
+
+    def actuation(self) -> ActuationMap:
+        """From recorded pressures to those in the chambers."""
+        found = [self.specimen.calibration.chamber(chamber.index) for chamber in self.specimen.chambers]
+        none = (0.0,) * len(found)
+        return ActuationMap(
+            np.array([entry.gain.value for entry in found]),
+            np.array([entry.bias_pa.value for entry in found]),
+            self.specimen.noise.pressure_pa,
+            np.array([entry.curve_per_pa.value for entry in found]),
+            np.array([entry.bow_per_pa2.value for entry in found]),
+            np.array([entry.crosstalk or none for entry in found]),
+        )

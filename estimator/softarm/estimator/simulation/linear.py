@@ -1,0 +1,80 @@
+"""The arm linearised along a drive: cheap enough to try hundreds of hypotheses."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.model import Frames
+from softarm.estimator.rotations import exp
+from softarm.estimator.simulation.drive import Drive, Response
+from softarm.estimator.simulation.segments import Segments
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LinearisedArm:
+    """The response to a baseline drive, and its first-order change; an ``Arm``.
+
+    Args:
+        segments: The segments.
+        drive: Baseline drive.
+        baseline: Response to it.
+    """
+
+    segments: Segments
+    drive: Drive
+    baseline: Response
+
+    def twists(self, drive: Drive) -> Floats:
+        """Give the sections' twists, shape (samples, 6 sections), by the change from the baseline drive."""
+        return self.rigid(drive) + self._elastic(drive)
+
+    def respond(
+        self,
+        drive: Drive,
+        near: Response | None = None,  # noqa: ARG002
+        *,
+        slopes: bool = True,  # noqa: ARG002
+    ) -> Response:
+        """Answer a drive to first order."""
+        elastic = self._elastic(drive)
+        parts = (elastic + self.rigid(drive)).reshape(drive.samples, -1, 6)
+        frames = Frames(
+            self.baseline.frames.positions + parts[..., :3],
+            exp(parts[..., 3:]) @ self.baseline.frames.rotations,
+        )
+        strains = self.baseline.strains + np.einsum("tgij,tj->tgi", self._rows, elastic)
+        return replace(self.baseline, frames=frames, strains=strains)
+
+    @cached_property
+    def _rows(self) -> Floats:
+        """Derivative of the strains by the twists, shape (samples, segments, 4, 6 sections)."""
+        return self.segments.rows(self.baseline.frames)
+
+    def _elastic(self, drive: Drive) -> Floats:
+        """Give the twists by deformation; a turned base turns gravity and wrenches the other way."""
+        base = self.drive
+        tilt = drive.base_rotation - base.base_rotation
+        couples = np.einsum("tgij,tgi->tj", self._rows, drive.couples - base.couples)
+        standing = base.wrenches.reshape(base.samples, -1, 3)
+        wrenches = (drive.wrenches - base.wrenches).reshape(standing.shape)
+        wrenches = wrenches - np.cross(tilt[:, None], standing)
+        gravity = drive.gravity - base.gravity - np.cross(tilt, base.gravity)
+        change = [
+            drive.pressures - base.pressures,
+            wrenches.reshape(base.samples, -1) + couples,
+            gravity,
+        ]
+        twists: Floats = np.einsum("tri,ti->tr", self.baseline.motion, np.concatenate(change, axis=1))
+        free = (drive.free - base.free).reshape(base.samples, -1)
+        yielded: Floats = np.einsum("tri,ti->tr", self.baseline.by_free, free)
+        return twists + yielded
+
+    def rigid(self, drive: Drive) -> Floats:
+        """Give the twists by the turn of the base about the origin."""
+        places = self.baseline.frames.positions
+        tilt = np.broadcast_to((drive.base_rotation - self.drive.base_rotation)[:, None], places.shape)
+        rigid: Floats = np.concatenate([np.cross(tilt, places), tilt], axis=-1)
+        return rigid.reshape(len(places), -1)

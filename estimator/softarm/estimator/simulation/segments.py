@@ -1,0 +1,118 @@
+"""Generalised strains of the segments: how each soft length bends, twists and stretches.
+
+With R_a, R_b the rotations from rest of the sections above and below a segment and c the chord between
+their origins, the strains are the rotation vector theta = log(R_a^T R_b) and the elongation
+|c| f(beta) - rest length, f(beta) = (beta / 2) / sin(beta / 2), of an arc that bends by beta = |theta_xy|.
+Loads conjugate to them act on the sections through the transposed derivative (virtual work).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.errors import InputError
+from softarm.estimator.model import Frames
+from softarm.estimator.rotations import inverse_left_jacobian, log
+from softarm.estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Segments:
+    """The segments between the sections whose frames a model gives.
+
+    Args:
+        names: Names of the segments, base to tip.
+        above: Section above each segment; -1 stands for the clamp, which does not move.
+        below: Section below each segment.
+        rest: Frames of the sections at rest.
+    """
+
+    names: tuple[str, ...]
+    above: tuple[int, ...]
+    below: tuple[int, ...]
+    rest: Frames
+
+    @classmethod
+    def of(cls, specimen: Specimen, sections: tuple[str, ...], rest: Frames) -> "Segments":
+        """Find the sections on either side of each segment.
+
+        Raises:
+            InputError: If no section that the model gives lies below a segment.
+        """
+        known = [(specimen.section(name), index) for index, name in enumerate(sections)]
+        above, below = [], []
+        for part in specimen.segments:
+            upper = [(s.to_m, index) for s, index in known if s.to_m <= part.from_m + 1e-9]
+            lower = [(s.from_m, -index, index) for s, index in known if s.from_m >= part.to_m - 1e-9]
+            if not lower:
+                raise InputError("sections", f"none below segment {part.name!r}", "add a section at its end")
+            above.append(max(upper)[1] if upper else -1)
+            below.append(min(lower)[2])
+        return cls(tuple(part.name for part in specimen.segments), tuple(above), tuple(below), rest)
+
+    @property
+    def count(self) -> int:
+        """Number of segments."""
+        return len(self.names)
+
+    def _ends(self, frames: Frames) -> tuple[Floats, Floats, Floats]:
+        """Give R_a, R_b, shape (..., segments, 3, 3), and the chords, shape (..., segments, 3)."""
+        turned = frames.rotations @ np.swapaxes(self.rest.rotations, -1, -2)
+        upper = np.zeros((*turned.shape[:-3], self.count, 3, 3))
+        start = np.zeros(upper.shape[:-1])
+        for g, a in enumerate(self.above):
+            upper[..., g, :, :] = np.eye(3) if a < 0 else turned[..., a, :, :]
+            start[..., g, :] = 0.0 if a < 0 else frames.positions[..., a, :]
+        lower = turned[..., list(self.below), :, :]
+        return upper, lower, frames.positions[..., list(self.below), :] - start
+
+    @property
+    def lengths(self) -> Floats:
+        """Distances of the ends at rest [m], shape (segments,)."""
+        lengths: Floats = np.linalg.norm(self._ends(self.rest)[2], axis=-1)
+        return lengths
+
+    def strains(self, frames: Frames) -> Floats:
+        """Give the generalised strains, shape (..., segments, 4)."""
+        upper, lower, chord = self._ends(frames)
+        theta = log(np.swapaxes(upper, -1, -2) @ lower)
+        arc = np.linalg.norm(chord, axis=-1) * _swell(np.hypot(theta[..., 0], theta[..., 1]))[0]
+        return np.concatenate([theta, (arc - self.lengths)[..., None]], axis=-1)
+
+    def rows(self, frames: Frames) -> Floats:
+        """Differentiate the strains by the sections' twists, shape (..., segments, 4, 6 sections)."""
+        upper, lower, chord = self._ends(frames)
+        inward = np.swapaxes(upper, -1, -2)
+        theta = log(inward @ lower)
+        turning = inverse_left_jacobian(theta) @ inward
+        beta = np.hypot(theta[..., 0], theta[..., 1])
+        swell, over_beta = _swell(beta)
+        length = np.linalg.norm(chord, axis=-1)
+        along = chord * (swell / length)[..., None]
+        bend = (length * over_beta)[..., None, None] * theta[..., None, :2] @ turning[..., :2, :]
+        sections = self.rest.positions.shape[-2]
+        rows = np.zeros((*theta.shape[:-1], 4, sections, 6))
+        for g, (a, b) in enumerate(zip(self.above, self.below, strict=True)):
+            for section, sign in ((a, -1.0), (b, 1.0)):
+                if section >= 0:
+                    rows[..., g, :3, section, 3:] += sign * turning[..., g, :, :]
+                    rows[..., g, 3, section, 3:] += sign * bend[..., g, 0, :]
+                    rows[..., g, 3, section, :3] += sign * along[..., g, :]
+        return rows.reshape(*theta.shape[:-1], 4, 6 * sections)
+
+    def wrenches(self, frames: Frames, couples: Floats) -> Floats:
+        """Give the sections' wrenches, shape (..., sections, 6), that do the work of segment couples."""
+        wrench: Floats = np.einsum("...gij,...gi->...j", self.rows(frames), couples)
+        return wrench.reshape(*wrench.shape[:-1], -1, 6)
+
+
+def _swell(beta: Floats) -> tuple[Floats, Floats]:
+    """Give f(beta) and f'(beta) / beta."""
+    half = 0.5 * np.maximum(beta, 1e-3)
+    sine, cosine = np.sin(half), np.cos(half)
+    swell = half / sine
+    slope = 0.5 * (sine - half * cosine) / sine**2 / (2.0 * half)
+    small = beta < 1e-3
+    return np.where(small, 1.0 + beta**2 / 24.0, swell), np.where(small, 1.0 / 12.0, slope)

@@ -1,0 +1,102 @@
+"""What calibration found: how the arm, its actuators and its sensors differ from the description."""
+
+from pydantic import Field
+from softarm.estimator.specimen.body import Index
+from softarm.estimator.specimen.entry import Entry, Finite, Name, NotNegative, Value, Vector
+
+UNIT = Value(value=1.0)
+ZERO = Value(value=0.0)
+
+
+class ChamberCalibration(Entry):
+    """Pressure in the model's chamber = gain * (1 + curve * r + bow * r^2) * r + bias + crosstalk . recorded.
+
+    Here r is its own recorded pressure.
+    """
+
+    index: Index
+    """Chamber."""
+    gain: Value = UNIT
+    """Factor on the recorded pressure [-]."""
+    bias_pa: Value = ZERO
+    """Pressure added after the gain."""
+    curve_per_pa: Value = ZERO
+    """Relative growth of the gain with the pressure [1/Pa]: what the winding gives way."""
+    bow_per_pa2: Value = ZERO
+    """Relative growth of the gain with the square of the pressure [1/Pa2]."""
+    crosstalk: tuple[Finite, ...] = ()
+    """Share of every chamber's recorded pressure that acts here as well, its own 0 [-]; empty for none."""
+    crosstalk_std: tuple[NotNegative, ...] = ()
+    """Standard deviation of each."""
+
+
+class BendCalibration(Entry):
+    """Recorded bend = Rot(rotation) diag(1, -1 if mirrored else 1) model's bend + bias."""
+
+    section: Name
+    """Section whose bend it is."""
+    rotation_rad: Value = ZERO
+    """In-plane rotation of the recorded axes."""
+    mirrored: bool = False
+    """Whether the recorded second axis has the opposite sign."""
+    bias_x_rad: Value = ZERO
+    """Bias of the first recorded axis."""
+    bias_y_rad: Value = ZERO
+    """Bias of the second recorded axis."""
+
+
+class FrameCalibration(Entry):
+    """Recorded pose in the base frame: R_recorded = R exp(misalignment), p_recorded = p + R offset."""
+
+    section: Name
+    """Section whose pose it is."""
+    misalignment_rad: Vector = (0.0, 0.0, 0.0)
+    """Rotation vector of the recorded frame in the section's axes."""
+    misalignment_std_rad: Vector = (0.0, 0.0, 0.0)
+    """Standard deviation of each component."""
+    offset_m: Vector = (0.0, 0.0, 0.0)
+    """Origin of the recorded frame in the section's axes."""
+    offset_std_m: Vector = (0.0, 0.0, 0.0)
+    """Standard deviation of each component."""
+
+
+class Calibration(Entry):
+    """Results of ``softarm calibrate``; an empty table changes nothing."""
+
+    recordings: tuple[str, ...] = ()
+    """Recordings that the values came from."""
+    provenance: str = ""
+    """When and how they were made."""
+    scatter: dict[str, float] = Field(default_factory=dict)
+    """Scatter of measured minus predicted where no fit had seen it, by sensor and quantity [m, rad]."""
+    modulus_scale: dict[Name, Value] = Field(default_factory=dict)
+    """Factor on the stiffness of each segment or section, by its name [-]."""
+    fibre_scale: Value = UNIT
+    """Factor on the stiffness of the fibres [-]."""
+    stretch_gain: Value = ZERO
+    """Relative growth of what a pressure is worth per unit of its chamber's stretch [-]."""
+    chambers: tuple[ChamberCalibration, ...] = ()
+    """Gain and bias of each chamber's pressure."""
+    bends: tuple[BendCalibration, ...] = ()
+    """Alignment and bias of each section's two-axis bend."""
+    frames: tuple[FrameCalibration, ...] = ()
+    """Alignment of each section's recorded pose."""
+
+    def scale(self, region: str) -> float:
+        """Give the factor on the stiffness of a segment or section; 1 where none was found."""
+        return self.modulus_scale.get(region, UNIT).value
+
+    def chamber(self, index: int) -> ChamberCalibration:
+        """Give what was found for a chamber, or a unit gain without bias."""
+        found = (entry for entry in self.chambers if entry.index == index)
+        return next(found, ChamberCalibration(index=index))
+
+    def bend(self, section: str) -> BendCalibration:
+        """Give what was found for a section's bend, or no alignment and no bias."""
+        found = (entry for entry in self.bends if entry.section == section)
+        return next(found, BendCalibration(section=section))
+
+    def frame(self, section: str) -> FrameCalibration:
+        """Give what was found for a section's pose, or no misalignment."""
+        found = (entry for entry in self.frames if entry.section == section)
+        return next(found, FrameCalibration(section=section))

@@ -1,0 +1,151 @@
+"""The page that explains every key of a specimen: ``python -m softarm.estimator.specimen.page`` prints it."""
+
+import types
+from importlib import resources
+from typing import Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+from softarm.estimator.specimen.body import Chamber, Clamp, Fibres, Marker, Section, Segment, SensorNoise
+from softarm.estimator.specimen.calibration import (
+    BendCalibration,
+    Calibration,
+    ChamberCalibration,
+    FrameCalibration,
+)
+from softarm.estimator.specimen.entry import Value
+from softarm.estimator.specimen.geometry import Block, MeshFile, QuadrantCylinder, SweptLobes
+from softarm.estimator.specimen.material import Corotational, Gent, NeoHookean, Softening, Yeoh
+from softarm.estimator.specimen.physics import EffectName, Parameter, Physics, Place
+from softarm.estimator.specimen.specimen import Specimen
+
+TABLES: tuple[tuple[str, type[BaseModel]], ...] = (
+    ("The file", Specimen),
+    ("`[geometry]`, kind `swept_lobes`", SweptLobes),
+    ("`[geometry]`, kind `quadrant_cylinder`", QuadrantCylinder),
+    ("`[geometry]`, kind `block`", Block),
+    ("`[geometry]`, kind `mesh_file`", MeshFile),
+    ("`[materials.NAME]`, law `neo_hookean`", NeoHookean),
+    ("`[materials.NAME]`, law `yeoh`", Yeoh),
+    ("`[materials.NAME]`, law `gent`", Gent),
+    ("`[materials.NAME]`, law `softening`", Softening),
+    ("`[materials.NAME]`, law `corotational`", Corotational),
+    ("`[[segments]]`", Segment),
+    ("`[[sections]]`", Section),
+    ("`[[chambers]]`", Chamber),
+    ("`[fibres]`", Fibres),
+    ("`[clamp]`", Clamp),
+    ("`[[markers]]`", Marker),
+    ("`[noise]`", SensorNoise),
+    ("`[calibration]`", Calibration),
+    ("`[[calibration.chambers]]`", ChamberCalibration),
+    ("`[[calibration.bends]]`", BendCalibration),
+    ("`[[calibration.frames]]`", FrameCalibration),
+    ("A calibrated value", Value),
+    ("`[[physics]]`", Physics),
+    ("`[physics.where]`", Place),
+    ("`[physics.parameters.NAME]`", Parameter),
+)
+UNITS = {
+    "_kg_m3": "kg/m3",
+    "_m_s2": "m/s2",
+    "_n_m": "N/m",
+    "_rad": "rad",
+    "_pa": "Pa",
+    "_kg": "kg",
+    "_n": "N",
+    "_m": "m",
+}
+INTRODUCTION = """# The specimen file
+
+One TOML file tells all that the model knows of one robot. `--specimen` takes its path, or the name of a
+shipped one: `sopra`, `single_segment`, `beam`. Every value is in SI units, and the end of a key names its
+unit. The base frame has its origin at the clamp and its z axis from the base to the tip along the arm at
+rest; heights count from there. Pressures are gauge pressures. Quaternions are (w, x, y, z) of the rotation
+that takes a section's axes to those of the base frame.
+
+An unknown key, a missing one, a value outside its limits and parts that do not fit together are told all at
+once, each with its field, its value and the cure. Calibration and diagnosis write their results into the
+same file, so the live estimator runs on them.
+
+This page is printed from the models that read the file: `python -m softarm.estimator.specimen.page`.
+"""
+
+
+def specimen_page() -> str:
+    """Write the page."""
+    example = (resources.files("softarm.estimator.specimen") / "shipped" / "single_segment.toml").read_text(
+        "utf-8"
+    )
+    parts = [INTRODUCTION, f"## Example\n\n```toml\n{example}```\n", "## Keys\n"]
+    parts += [_table(title, model) for title, model in TABLES]
+    effects = ", ".join(f"`{name}`" for name in get_args(EffectName))
+    parts.append(f"### Effects\n\n`effect` is one of {effects}.\n")
+    return "\n".join(parts)
+
+
+def _table(title: str, model: type[BaseModel]) -> str:
+    lines = [f"### {title}\n", _one_line(model.__doc__ or ""), ""]
+    lines += ["| key | unit | value | default | meaning |", "|---|---|---|---|---|"]
+    for name, field in model.model_fields.items():
+        key = field.alias or name
+        meaning = _one_line(field.description or "").replace("|", r"\|")
+        lines.append(f"| `{key}` | {_unit(key)} | {_kind(field)} | {_default(field)} | {meaning} |")
+    return "\n".join(lines) + "\n"
+
+
+def _one_line(text: str) -> str:
+    paragraphs = text.split("\n\n")
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs).strip().replace("``", "`")
+
+
+def _unit(key: str) -> str:
+    return next((unit for ending, unit in UNITS.items() if key.endswith(ending)), "")
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "required"
+    value = field.default
+    if value is PydanticUndefined or value is None or isinstance(value, BaseModel) or value in ((), ""):
+        return ""
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(str, value))}]"
+    return f"`{value}`" if isinstance(value, str) else str(value).lower()
+
+
+def _kind(field: FieldInfo) -> str:
+    limits = [
+        f"{word} {getattr(rule, key):g}"
+        for rule in field.metadata
+        for key, word in (("gt", "above"), ("ge", "at least"), ("lt", "below"), ("le", "at most"))
+        if getattr(rule, key, None) is not None
+    ]
+    return ", ".join([_words(field.annotation), *limits])
+
+
+def _words(annotation: Any) -> str:
+    """Say in words what a value of some type is."""
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if hasattr(annotation, "__metadata__"):
+        return _words(arguments[0])
+    if origin is Literal:
+        return (
+            " or ".join(f"`{choice}`" for choice in arguments) if len(arguments) < 5 else "an effect's name"
+        )
+    if origin in (Union, types.UnionType):
+        known = [option for option in arguments if option is not type(None)]
+        return _words(known[0])
+    if origin is tuple:
+        inner = _words(arguments[0])
+        return f"list of {inner}s" if Ellipsis in arguments else f"{len(arguments)} {inner}s"
+    if origin is dict:
+        return f"table of {_words(arguments[1])}s by name"
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return "table"
+    return {float: "number", int: "whole number", str: "text", bool: "true or false"}[annotation]
+
+
+if __name__ == "__main__":
+    print(specimen_page(), end="")

@@ -1,0 +1,6 @@
+"""Chambers whose pressure is worth more as they are stretched."""
+
+from softarm.estimator.stretch.law import StretchLaw
+from softarm.estimator.stretch.model import StretchedModel, stretched
+
+__all__ = ["StretchLaw", "StretchedModel", "stretched"]

@@ -1,0 +1,164 @@
+"""A model whose chambers' pressures are worth more as they are stretched.
+
+With p the pressures on unstretched chambers, s(x) the stretches and g the gain, the wrapped model is given
+P = p (1 + g s). With C and D its section twists per unit of pressures and loads, d its Newton step at
+unchanged inputs and E the rows of s, the stretches move by z = E (d + C dP + D dl), where
+dP = (1 + g s) dp + g p (z + q), q being the stretches at the frames less those that P was made with.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
+from softarm.estimator.specimen import Specimen
+from softarm.estimator.stretch.law import StretchLaw
+
+Floats = NDArray[np.float64]
+State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
+
+PASSES = 12
+SETTLED = 1e-6
+"""Change of a stretch from pass to pass at which pressures and stretches agree."""
+
+
+@dataclass(frozen=True)
+class StretchedStep(Generic[State, Step]):
+    """The wrapped model's linearisation, with pressures that follow the stretch.
+
+    Args:
+        model: The model.
+        inputs: Pressures on unstretched chambers, loads, gravity.
+        made_with: Stretches that the wrapped model's pressures were made with, shape (chambers,).
+        step: The wrapped model's linearisation.
+    """
+
+    model: "StretchedModel[State, Step]"
+    inputs: Inputs
+    made_with: Floats
+    step: Step
+
+    @property
+    def frames(self) -> Frames:
+        """Frames of the sections at the iterate."""
+        return self.step.frames
+
+    @property
+    def residual_norm(self) -> float:
+        """Norm of the out-of-balance force over that of the applied forces."""
+        return self.step.residual_norm
+
+    def response(self, rows: Floats) -> tuple[Floats, Floats]:
+        """Project the motion of the sections on rows; see ``Linearisation.response``."""
+        drift, columns = self.step.response(rows)
+        still, moved = self._pressures
+        chambers = self.model.chambers
+        by_input = columns[:, :chambers] @ moved
+        by_input[:, chambers:] += columns[:, chambers:]
+        return drift + columns[:, :chambers] @ still, by_input
+
+    @cached_property
+    def _pressures(self) -> tuple[Floats, Floats]:
+        """Change of the wrapped model's pressures: at unchanged inputs, (chambers,), and per input."""
+        law, chambers = self.model.law, self.model.chambers
+        drift, columns = self.step.response(law.rows(self.frames))
+        push, stretches = law.gain * self.inputs.pressures, law.stretches(self.frames)
+        own = np.zeros((chambers, columns.shape[1]))
+        own[:, :chambers] = np.diag(1.0 + law.gain * stretches)
+        behind = stretches - self.made_with
+        kept = np.eye(chambers) - columns[:, :chambers] * push
+        still = np.linalg.solve(kept, drift + columns[:, :chambers] @ (push * behind))
+        by_input = columns[:, :chambers] @ own
+        by_input[:, chambers:] += columns[:, chambers:]
+        moved = np.linalg.solve(kept, by_input)
+        return push * (still + behind), own + push[:, None] * moved
+
+    def inner(self, change: Floats) -> Floats:
+        """Give the change of the wrapped model's inputs for that of these, shape (inputs,)."""
+        still, moved = self._pressures
+        return np.concatenate([still + moved @ change, change[self.model.chambers :]])
+
+
+@dataclass(frozen=True)
+class StretchedModel(Generic[State, Step]):
+    """A model whose pressures are worth more under stretch; implements ``ArmModel``.
+
+    Its states are those of the wrapped model.
+
+    Args:
+        model: The model of the arm.
+        law: Its chambers' stretches and what they are worth.
+    """
+
+    model: ArmModel[State, Step]
+    law: StretchLaw
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections whose frames it gives."""
+        return self.model.sections
+
+    @property
+    def chambers(self) -> int:
+        """Number of chambers."""
+        return self.model.chambers
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Loads whose amplitudes are inputs."""
+        return self.model.loads
+
+    def with_loads(self, loads: Sequence[Load]) -> "StretchedModel[State, Step]":
+        """Copy the model with other loads."""
+        wrapped: Any = self.model
+        return replace(self, model=wrapped.with_loads(loads))
+
+    def rest(self) -> State:
+        """Give the unloaded state."""
+        return self.model.rest()
+
+    def linearise(self, state: State, inputs: Inputs) -> StretchedStep[State, Step]:
+        """Linearise about a state under given inputs."""
+        frames_at = getattr(self.model, "section_frames", None)
+        if frames_at is not None:
+            return self._step(state, inputs, self.law.stretches(frames_at(state)))
+        # Such a model finds an equilibrium itself, whose stretches are nearly the right ones.
+        plain = self._step(state, inputs, np.zeros(self.chambers))
+        return self._step(state, inputs, self.law.stretches(plain.frames))
+
+    def advance(self, step: StretchedStep[State, Step], change: Floats) -> State:
+        """Take the Newton step for inputs changed by ``change`` (pressures, then loads)."""
+        return self.model.advance(step.step, step.inner(change))
+
+    def solve(self, inputs: Inputs, start: State) -> tuple[State, bool]:
+        """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
+        state, stretches = start, np.zeros(self.chambers)
+        for _ in range(PASSES):
+            given = replace(inputs, pressures=self.law.worth(inputs.pressures, stretches))
+            state, found = self.model.solve(given, state)
+            if not found:
+                return state, False
+            before, stretches = stretches, self.law.stretches(self.model.linearise(state, given).frames)
+            if np.abs(stretches - before).max(initial=0.0) < SETTLED:
+                break
+        return state, True
+
+    def _step(self, state: State, inputs: Inputs, stretches: Floats) -> StretchedStep[State, Step]:
+        given = replace(inputs, pressures=self.law.worth(inputs.pressures, stretches))
+        return StretchedStep(self, inputs, stretches, self.model.linearise(state, given))
+
+
+def stretched(model: ArmModel[State, Step], specimen: Specimen) -> ArmModel[State, Any]:
+    """Let a model's pressures follow the stretch, where the specimen's calibration says so.
+
+    Args:
+        model: Model of the specimen.
+        specimen: The robot.
+    """
+    if not specimen.calibration.stretch_gain.value:
+        return model
+    return StretchedModel(model, StretchLaw.of(specimen, tuple(model.sections)))

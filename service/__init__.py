@@ -1,1 +1,0 @@
-"""The daemon beside the arm, the command line, and the recordings."""

@@ -1,5 +1,0 @@
-"""Run ``python -m service`` as ``softarm``."""
-
-from service.cli import main
-
-main()

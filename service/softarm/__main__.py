@@ -1,0 +1,5 @@
+"""Run ``python -m softarm`` as ``softarm``."""
+
+from softarm.cli import main
+
+main()

@@ -1,0 +1,1 @@
+"""Work on recordings: estimates, plots and diagnoses."""

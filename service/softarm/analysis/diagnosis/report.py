@@ -1,0 +1,188 @@
+"""``report.json``: a diagnosis as the contract writes it down, checked when written and when read."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from softarm.estimator.diagnosis.result import Diagnosis, Finding
+from softarm.estimator.errors import InputError
+from softarm.estimator.specimen.physics import EffectName, Place
+
+SCHEMA: Literal["softarm.diagnosis/1"] = "softarm.diagnosis/1"
+FILE = "report.json"
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class Where(_Part):
+    """Where an effect acts; null where it does not apply."""
+
+    segment: str | None = None
+    chamber: int | None = None
+    section: str | None = None
+    sensor: str | None = None
+    axis: str | None = None
+
+
+class BaselinePart(_Part):
+    """The calibrated model without any effect."""
+
+    rms: dict[str, Number]
+    noise_floor: dict[str, Number]
+    normalised_rms: Number
+
+
+class ParameterPart(_Part):
+    """A parameter of an effect."""
+
+    value: Number
+    std: Number
+    unit: str
+
+
+class EvidencePart(_Part):
+    """Why a finding is believed."""
+
+    delta_bic: Number
+    heldout_before: Number
+    heldout_after: Number
+    heldout_gain_ci95: tuple[Number, Number]
+
+
+class ConfusablePart(_Part):
+    """What these data cannot tell from a finding, and the manoeuvre that would."""
+
+    effect: EffectName
+    where: Where
+    manoeuvre: str
+
+
+class RejectedPart(_Part):
+    """An alternative that lost, and by how much."""
+
+    effect: EffectName
+    delta_bic: Number
+
+
+class FindingPart(_Part):
+    """Physics that was left out."""
+
+    effect: EffectName
+    where: Where
+    when: str
+    statement: str
+    parameters: dict[str, ParameterPart]
+    evidence: EvidencePart
+    confusable_with: list[ConfusablePart]
+    rejected: list[RejectedPart]
+
+
+class HeldoutPart(_Part):
+    """Prediction of data that no fit and no choice has seen."""
+
+    normalised_rms_before: Number
+    normalised_rms_after: Number
+    gain_ci95: tuple[Number, Number]
+    how_split: str
+
+
+class UnexplainedPart(_Part):
+    """What is left."""
+
+    normalised_rms: Number
+    where: Where
+    when: str
+
+
+class Report(_Part):
+    """A diagnosis."""
+
+    schema_: Literal["softarm.diagnosis/1"] = Field(SCHEMA, alias="schema")
+    specimen: str
+    recordings: list[str]
+    verdict: Literal["consistent", "explained", "partly_explained", "unexplained"]
+    baseline: BaselinePart
+    findings: list[FindingPart]
+    heldout: HeldoutPart
+    unexplained: UnexplainedPart
+
+    def dump(self) -> str:
+        """Give the text of ``report.json``."""
+        return json.dumps(self.model_dump(by_alias=True, mode="json"), indent=2) + "\n"
+
+
+def report_of(diagnosis: Diagnosis) -> Report:
+    """Write a diagnosis down."""
+    heldout, left = diagnosis.heldout, diagnosis.unexplained
+    return Report(
+        schema=SCHEMA,
+        specimen=diagnosis.specimen,
+        recordings=list(diagnosis.recordings),
+        verdict=diagnosis.verdict,
+        baseline=BaselinePart(
+            rms=dict(diagnosis.baseline.rms),
+            noise_floor=dict(diagnosis.baseline.noise_floor),
+            normalised_rms=diagnosis.baseline.normalised_rms,
+        ),
+        findings=[_finding(finding) for finding in diagnosis.findings],
+        heldout=HeldoutPart(
+            normalised_rms_before=heldout.before,
+            normalised_rms_after=heldout.after,
+            gain_ci95=heldout.gain_ci95,
+            how_split=heldout.how_split,
+        ),
+        unexplained=UnexplainedPart(
+            normalised_rms=left.normalised_rms, where=_where(left.where), when=left.when
+        ),
+    )
+
+
+def read_report(path: Path) -> Report:
+    """Read and check a report; ``path`` is the file or its folder.
+
+    Raises:
+        InputError: It is absent or is no report.
+    """
+    file = path / FILE if path.is_dir() else path
+    try:
+        return Report.model_validate_json(file.read_bytes())
+    except OSError:
+        raise InputError(str(file), "there is no such report", "give the --out of softarm diagnose") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(map(str, first["loc"]))
+        raise InputError(f"{file}, {field}", first["msg"], "write it again with softarm diagnose") from None
+
+
+def _where(place: Place) -> Where:
+    return Where(**place.model_dump())
+
+
+def _finding(finding: Finding) -> FindingPart:
+    evidence = finding.evidence
+    return FindingPart(
+        effect=finding.effect,
+        where=_where(finding.where),
+        when=finding.when,
+        statement=finding.statement,
+        parameters={
+            name: ParameterPart(value=q.value, std=q.std, unit=q.unit)
+            for name, q in finding.parameters.items()
+        },
+        evidence=EvidencePart(
+            delta_bic=evidence.delta_bic,
+            heldout_before=evidence.heldout_before,
+            heldout_after=evidence.heldout_after,
+            heldout_gain_ci95=evidence.heldout_gain_ci95,
+        ),
+        confusable_with=[
+            ConfusablePart(effect=rival.effect, where=_where(rival.where), manoeuvre=rival.manoeuvre)
+            for rival in finding.confusable_with
+        ],
+        rejected=[RejectedPart(effect=r.effect, delta_bic=r.delta_bic) for r in finding.rejected],
+    )

@@ -1,0 +1,283 @@
+"""From the paths of recordings to a diagnosis."""
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from softarm.analysis.diagnosis.models import finite_element_model, quick_rod, rod_model
+from softarm.analysis.offline.inputs import load_recordings
+from softarm.common.rods import known_rod, trusted
+from softarm.estimator.calibration import (
+    BatchSolver,
+    Calibrated,
+    CalibrationRefusedError,
+    Check,
+    Options,
+    arrange,
+    calibrate,
+    calibrated_specimen,
+)
+from softarm.estimator.calibration.identifiability import identify
+from softarm.estimator.diagnosis.admit import Admitted, admit, motion_columns
+from softarm.estimator.diagnosis.diagnose import Outcome, diagnose
+from softarm.estimator.diagnosis.prepare import LEAST_BLOCKS, averaged, blocks_of, prepare
+from softarm.estimator.diagnosis.release import find_release
+from softarm.estimator.diagnosis.session import Session
+from softarm.estimator.diagnosis.stage import Model
+from softarm.estimator.diagnosis.stuck import stuck_findings, stuck_notes, stuck_pressures, without_pressures
+from softarm.estimator.diagnosis.valve_stage import splits_of, valve_diagnosis, valve_findings, with_valves
+from softarm.estimator.effects import EFFECTS
+from softarm.estimator.effects.accepted import physics_entry
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Recording
+from softarm.estimator.rod import CalibratedRod, FittedRod, adapted
+from softarm.estimator.sensing import Bend
+from softarm.estimator.specimen import Specimen
+from softarm.estimator.specimen.physics import EffectName
+
+SAMPLES = 9000
+"""Largest number of samples over all recordings."""
+STEP = 0.1
+"""Shortest window of a mean in long recordings [s]."""
+SHORT = 20.0
+"""Recordings below it [s] are looked at more closely."""
+FEW = 400
+"""Different inputs up to which finite elements are fast enough."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to diagnose.
+
+    Args:
+        recordings: Recordings in question.
+        nominal: Recordings of the arm in its known state.
+        specimen: The robot.
+        seed: Of everything random.
+        effects: Effects to try; all when empty.
+    """
+
+    recordings: tuple[Path, ...]
+    nominal: tuple[Path, ...]
+    specimen: Specimen
+    seed: int = 0
+    effects: tuple[str, ...] = ()
+
+
+def run(request: Request, executor: Executor, tell: Callable[[str], None] = lambda _: None) -> Outcome:
+    """Diagnose recordings.
+
+    Args:
+        request: What to diagnose.
+        executor: Runs independent work.
+        tell: Told what is being done.
+
+    Raises:
+        InputError: A recording cannot be read, does not fit the specimen, or cannot decide anything.
+    """
+    began = time.monotonic()
+    tell("reading")
+    effects = _known(request.effects)
+    suspects, nominal = load_recordings(request.recordings), load_recordings(request.nominal)
+    _refuse_doubles(suspects, nominal)
+    admitted = admit(suspects, nominal, request.specimen)
+    stuck = tuple(one for recording, _ in admitted.all for one in stuck_pressures(recording))
+    valves, known_valves = (
+        splits_of([without_pressures(recording, stuck) for recording in group])
+        for group in (admitted.suspects, admitted.nominal)
+    )
+    questioned = {recording.name for recording in admitted.suspects}
+    faults = (
+        *valve_findings(valves, known_valves),
+        *stuck_findings([one for one in stuck if one.recording in questioned]),
+    )
+    admitted = admitted.mended(
+        lambda one: without_pressures(one, stuck, by_set_points=True), stuck_notes(stuck)
+    )
+    if not any(motion_columns(recording) for recording in admitted.suspects):
+        diagnosis = valve_diagnosis(request.specimen.name, admitted, valves, faults)
+        return Outcome(replace(diagnosis, seconds=time.monotonic() - began), (), ())
+    known = known_rod(request.specimen)
+
+    @cache
+    def rod() -> CalibratedRod:
+        """Give the rod that is known, else one that is fitted once."""
+        return adapted((known or quick_rod(request.specimen, tell)).rod, request.specimen)
+
+    if _on_mesh(request.specimen, admitted, known):
+        model = finite_element_model(request.specimen)
+    else:
+        tell("preparing the model")
+        model = rod_model(request.specimen, rod())
+    sessions, notes = sessions_of(admitted, request.specimen, model)
+    if _without_axes(request.specimen, sessions):
+        tell("finding the axes of bends")
+        specimen, words = with_axes(request.specimen, admitted, model.sections, rod())
+        model = replace(model, specimen=specimen)
+        sessions, notes = sessions_of(admitted, specimen, model)
+        notes = (*notes, words)
+    if model.fast and known is not None and not trusted(known):
+        error = 100.0 * known.report.trained.force_rms
+        notes = (*notes, f"The calibrated rod is {error:.1f} % of range off the finite elements in force.")
+    outcome = diagnose(
+        model, sessions, executor, seed=request.seed, notes=notes, effects=effects, advance=tell
+    )
+    diagnosis = replace(with_valves(outcome.diagnosis, faults), seconds=time.monotonic() - began)
+    return replace(outcome, diagnosis=diagnosis)
+
+
+def _without_axes(specimen: Specimen, sessions: Sequence[Session]) -> bool:
+    sensors = [m for session in sessions for m in session.suite.measurements]
+    return not specimen.calibration.bends and any(isinstance(sensor, Bend) for sensor in sensors)
+
+
+def with_axes(
+    specimen: Specimen, admitted: Admitted, sections: tuple[str, ...], rod: CalibratedRod
+) -> tuple[Specimen, str]:
+    """Calibrate a specimen whose bends' axes nobody knows; every fourth stretch of time stays unseen."""
+    chosen = admitted.nominal or tuple(
+        recording.window(np.asarray(blocks_of(recording.time) % 4 != 2)) for recording in admitted.suspects
+    )
+    runs = [arrange(recording, specimen, sections) for recording in chosen]
+    solver = BatchSolver(rod.with_loads(()))
+    try:
+        found = calibrate(solver, specimen, runs, Options(search_axes=True))
+    except CalibrationRefusedError as refusal:
+        return specimen, f"The axes of the bends stay as described: {refusal}"
+    words = (
+        "Rotation and handedness of the bends' axes were found before anything else, outside held-out time."
+    )
+    return calibrated_specimen(specimen, found), words
+
+
+def improved_specimen(specimen: Specimen, outcome: Outcome) -> Specimen:
+    """Write findings into a specimen; an effect replaces one of its kind at its place.
+
+    A specimen that was calibrated stays so: the diagnosis calibrates on the rod, which is coarser than the
+    finite elements that a calibration is for. One that was not gets what the diagnosis found.
+    """
+    if not specimen.calibration.modulus_scale:
+        specimen = _calibrated(specimen, outcome)
+    entries = [
+        physics_entry(placed, stds, outcome.diagnosis.recordings)
+        for placed, stds in zip(outcome.accepted, outcome.stds, strict=True)
+    ]
+    new = {(entry.effect, entry.where) for entry in entries}
+    kept = [entry for entry in specimen.physics if (entry.effect, entry.where) not in new]
+    return specimen.model_copy(update={"physics": (*kept, *entries)})
+
+
+def _calibrated(specimen: Specimen, outcome: Outcome) -> Specimen:
+    fitted = outcome.fitted
+    if fitted is None:
+        return specimen
+    diagnosis = outcome.diagnosis
+    names = diagnosis.nominal or diagnosis.recordings
+    found = Calibrated(
+        identified=identify(fitted.layout, fitted.values, outcome.covariance),
+        covariance=outcome.covariance,
+        mirrored={
+            section: specimen.calibration.bend(section).mirrored
+            for section in (s.name for s in specimen.sections)
+            if f"bend_{section}.in_plane" in fitted.layout.names
+        },
+        check=Check({}, {}, {}, {}, 0),
+        lags=(),
+        status="converged",
+        nodes=0,
+        unsolved=0,
+        recordings=names,
+        scatter={},
+    )
+    return calibrated_specimen(specimen, found, "by softarm diagnose, before any effect was looked for")
+
+
+def sessions_of(
+    admitted: Admitted, specimen: Specimen, model: Model
+) -> tuple[tuple[Session, ...], tuple[str, ...]]:
+    """Bring all recordings to the rate of a diagnosis."""
+    notes = list(admitted.notes)
+    native, steps = [], []
+    for recording, nominal in admitted.all:
+        prepared = prepare(recording, specimen, model.sections, nominal=nominal)
+        notes += prepared.notes
+        ring = ring_frequency(prepared.session)
+        release = find_release(prepared.session, ring)
+        if release is not None:
+            notes.append(
+                f"{recording.name}: let go at {release.time:.2f} s and swings at {ring:.2f} Hz; judged "
+                "after the swing has died away."
+            )
+        session = release.session if release else prepared.session
+        native.append(session)
+        steps.append(_step(session, ring))
+    total = sum(session.seconds / step for session, step in zip(native, steps, strict=True))
+    stretch = max(1.0, total / SAMPLES)
+    sessions = tuple(averaged(one, step * stretch) for one, step in zip(native, steps, strict=True))
+    longest = max(float(session.step) for session in sessions)
+    notes.append(
+        f"Readings were averaged over windows of up to {longest:.2f} s: "
+        f"{sum(session.samples for session in sessions)} samples in all."
+    )
+    return sessions, tuple(dict.fromkeys(notes))
+
+
+def _step(session: Session, ring: float | None) -> float:
+    """Choose a window [s]: long enough to average a ring away, short enough to see lags."""
+    if session.ring is not None:
+        # At rest it shows one pose: more means would only repeat what the model gets wrong of it.
+        return session.seconds / LEAST_BLOCKS
+    if session.seconds >= SHORT:
+        return STEP
+    return max(session.step, min(2.0 / ring, session.seconds / 8.0)) if ring else session.step
+
+
+def ring_frequency(session: Session) -> float | None:
+    """Find the frequency of a ring of 1.5 to 15 Hz [Hz]; ``None`` where there is none."""
+    readings = session.readings
+    count = len(readings)
+    if count < 64 or session.step > 0.03:
+        return None
+    spread = np.nanstd(readings, axis=0)
+    column = readings[:, int(np.nanargmax(np.where(np.isfinite(spread), spread, 0.0)))]
+    rates = np.gradient(np.nan_to_num(column, nan=float(np.nanmean(column))))
+    power = np.abs(np.fft.rfft(rates - rates.mean())) ** 2
+    frequencies = np.fft.rfftfreq(count, session.step)
+    band = (frequencies >= 1.5) & (frequencies <= 15.0)
+    if not band.any() or power[band].sum() < 0.5 * power.sum():
+        return None
+    return float(frequencies[band][int(np.argmax(power[band]))])
+
+
+def _on_mesh(specimen: Specimen, admitted: Admitted, known: FittedRod | None) -> bool:
+    """Tell whether the recordings ask for so few different answers that finite elements may give them."""
+    if specimen.geometry.kind != "block" and known is not None:
+        return False
+    distinct = 0
+    for recording, _ in admitted.all:
+        pressures = [recording.pressure(k)[0] for k in recording.chambers]
+        if pressures:
+            distinct += len(np.unique(np.round(np.nan_to_num(np.column_stack(pressures)), -2), axis=0))
+    return distinct <= FEW
+
+
+def _known(names: Sequence[str]) -> list[EffectName] | None:
+    """Give the effects of some names, in the order of the library; ``None`` stands for all."""
+    for name in names:
+        if name not in EFFECTS:
+            close = get_close_matches(name, EFFECTS, n=1, cutoff=0.5)
+            cure = f"did you mean {close[0]}?" if close else f"choose among {', '.join(EFFECTS)}"
+            raise InputError("--effect", f"{name!r} is no effect", cure)
+    return [effect.name for effect in EFFECTS.values() if effect.name in names] or None
+
+
+def _refuse_doubles(suspects: Sequence[Recording], nominal: Sequence[Recording]) -> None:
+    names = [recording.name for recording in (*suspects, *nominal)]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"recording {name}", "is given twice", "name every recording once")

@@ -1,0 +1,60 @@
+"""Who does the independent work of a diagnosis: this process, others, or a Dask cluster."""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import Any
+
+from softarm.estimator.errors import InputError
+
+
+class Inline(Executor):
+    """Runs work at once in this process."""
+
+    def submit(self, work: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Run work and give its finished future."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(work(*args, **kwargs))
+        except Exception as error:  # noqa: BLE001 - the future hands it to whoever asks for the result
+            future.set_exception(error)
+        return future
+
+
+@contextmanager
+def workers(jobs: int, dask: str | None = None, patience: float = 10.0) -> Iterator[Executor]:
+    """Give an executor.
+
+    Args:
+        jobs: Number of processes; 1 stays in this one.
+        dask: Address of a Dask scheduler.
+        patience: How long to wait for that [s].
+
+    Raises:
+        InputError: Dask is wanted and not installed, or not there.
+    """
+    if dask is not None:
+        with _dask(dask, patience) as executor:
+            yield executor
+        return
+    if jobs == 1:
+        yield Inline()
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as executor:
+        yield executor
+
+
+@contextmanager
+def _dask(address: str, patience: float) -> Iterator[Executor]:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("--dask", "Dask is not installed", "pip install distributed") from None
+    try:
+        client: Any = Client(address, timeout=patience)  # type: ignore[no-untyped-call]
+    except OSError:
+        raise InputError("--dask", f"no scheduler answers at {address}", "check the address") from None
+    with client:
+        executor: Executor = client.get_executor()
+        yield executor

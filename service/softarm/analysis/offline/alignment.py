@@ -1,0 +1,96 @@
+"""Recordings of an arm that nobody calibrated: the specimen is fitted to the recording itself."""
+
+from collections.abc import Callable
+
+import numpy as np
+from softarm.analysis.offline.track import actuation
+from softarm.common.rods import known_trusted_rod
+from softarm.estimator.arm import build_arm
+from softarm.estimator.calibration import (
+    BatchSolver,
+    CalibrationRefusedError,
+    NodeSolver,
+    Options,
+    Run,
+    Solver,
+    arrange,
+    calibrate,
+    calibrated_specimen,
+)
+from softarm.estimator.calibration.nodes import choose_nodes
+from softarm.estimator.calibration.search import search_axes
+from softarm.estimator.recording import Recording
+from softarm.estimator.sensing import Bend, Scene
+from softarm.estimator.specimen import Specimen
+
+LEAST_DURATION = 30.0
+"""Seconds that a recording must last: a short one tells a force from a pose by nothing."""
+LEAST_ERROR = np.radians(3.0)
+"""Rms of what pressures alone leave of a bend, above which the specimen is not that of the recording."""
+BETTER = 2.0
+"""Factor by which axes, gain and bias of its own must better that."""
+PROBES = 60
+NODES = 160
+
+
+def aligned(
+    specimen: Specimen, recording: Recording, advance: Callable[[float], None] = lambda _: None
+) -> tuple[Specimen, str]:
+    """Calibrate a specimen on a recording of bends that it plainly does not predict; else give it as it is.
+
+    Nothing is done where the specimen was calibrated, where the recording is short, or where pressures
+    predict the bends: forces that act all along the recording would be taken for pose.
+
+    Args:
+        specimen: Description.
+        recording: What was recorded.
+        advance: Called now and then.
+
+    Returns:
+        The specimen and what was done in one sentence, empty for nothing.
+    """
+    lasts = float(recording.time[-1] - recording.time[0])
+    if not recording.bends or specimen.calibration.recordings or lasts < LEAST_DURATION:
+        return specimen, ""
+    solver = quick_solver(specimen, advance)
+    run = arrange(recording, specimen, solver.sections)
+    foreign = _foreign(solver, specimen, run)
+    if not foreign:
+        return specimen, ""
+    what = f"{recording.name}: {specimen.name} as described does not predict {' and '.join(foreign)}"
+    try:
+        found = calibrate(solver, specimen, [run], Options(nodes=NODES))
+    except CalibrationRefusedError as refusal:
+        return specimen, f"{what}, and cannot be fitted to it: {refusal.what}"
+    return calibrated_specimen(specimen, found), (
+        f"{what}; moduli, gains and axes were fitted to this recording first, so a force that acts all along "
+        "it counts as pose (softarm calibrate keeps such a fit)"
+    )
+
+
+def quick_solver(specimen: Specimen, advance: Callable[[float], None]) -> Solver:
+    """Give the rod where it is known and near the finite elements, else these."""
+    rod = known_trusted_rod(specimen)
+    if rod is not None:
+        return BatchSolver(rod.with_loads(()))
+    return NodeSolver(build_arm(specimen, loads=()), advance)
+
+
+def _foreign(solver: Solver, specimen: Specimen, run: Run) -> tuple[str, ...]:
+    """Name the bends that pressures predict badly, and far better with axes, gain and bias of their own."""
+    nodes = choose_nodes(run, PROBES)
+    none = np.zeros((len(nodes.time), 0))
+    gravity = np.array(specimen.gravity_m_s2)
+    pressures = actuation(specimen, run).to_chamber(nodes.pressures)
+    found = solver.respond({}, pressures, none, gravity, None)
+    solved, answer = nodes.keep(found.converged), found.keep(found.converged)
+    if len(solved.time) < 0.5 * PROBES:
+        return tuple(m.name for m in run.suite.measurements if isinstance(m, Bend))
+    left = solved.readings - run.suite.predict(Scene(answer.frames, none[found.converged]))
+    fits = search_axes(run.suite, [solved], [answer.frames])
+    return tuple(
+        name
+        for name, axes in fits.items()
+        if (error := float(np.sqrt(np.nanmean(left[:, run.suite.slices[name]] ** 2)))) > LEAST_ERROR
+        and error > BETTER * axes.rms
+    )

@@ -1,0 +1,74 @@
+"""What offline commands begin with: recordings, their specimen, their model, a window of time."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Specimen, load_specimen, parse_specimen
+from softarm.recordings import load_recording, read_attachments
+
+SPECIMEN_FILE = "specimen.toml"
+
+
+def load_recordings(
+    paths: Sequence[Path], window: tuple[float, float] | None = None
+) -> tuple[Recording, ...]:
+    """Load recordings, each cut to a window of its time [s] where one is given.
+
+    Raises:
+        InputError: A recording cannot be read, or has no samples in the window.
+    """
+    return tuple(cut(load_recording(path), window) for path in paths)
+
+
+def cut(recording: Recording, window: tuple[float, float] | None) -> Recording:
+    """Keep the samples within a window of time [s].
+
+    Raises:
+        InputError: There are none.
+    """
+    if window is None:
+        return recording
+    inside = (recording.time >= window[0]) & (recording.time <= window[1])
+    if not inside.any():
+        raise InputError(
+            f"{recording.name}, --window",
+            f"has no samples between {window[0]:g} and {window[1]:g} s",
+            f"it lasts from {recording.time[0]:g} to {recording.time[-1]:g} s",
+        )
+    return recording.window(np.asarray(inside))
+
+
+def specimen_of(given: str | None, paths: Sequence[Path], recordings: Sequence[Recording]) -> Specimen:
+    """Load the specimen that is given, else that which the first recording holds, else that which it names.
+
+    Raises:
+        InputError: There is none, or it cannot be read.
+    """
+    if given is not None:
+        return load_specimen(given)
+    attached = read_attachments(paths[0]).get(SPECIMEN_FILE)
+    if attached is not None:
+        return parse_specimen(attached.decode(), f"{paths[0]}, {SPECIMEN_FILE}")
+    named = recordings[0].info.get("specimen")
+    if named is None:
+        raise InputError(str(paths[0]), "names no specimen", "give it with --specimen")
+    beside = paths[0].parent / str(named)
+    return load_specimen(beside if beside.is_file() else str(named))
+
+
+def in_its_mount(specimen: Specimen, recording: Recording) -> Specimen:
+    """Give the specimen in the mount of a recording, whose ``gravity_m_s2`` counts where it has one.
+
+    Raises:
+        InputError: It is not three finite numbers.
+    """
+    given = recording.info.get("gravity_m_s2")
+    if given is None:
+        return specimen
+    gravity = np.asarray(given, dtype=object)
+    if gravity.shape != (3,) or not all(isinstance(g, int | float) and np.isfinite(g) for g in gravity):
+        raise InputError(f"{recording.name}, gravity_m_s2", f"is {given}", "give x, y and z in m/s2")
+    return specimen.model_copy(update={"gravity_m_s2": tuple(float(g) for g in gravity)})

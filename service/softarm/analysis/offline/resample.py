@@ -1,0 +1,56 @@
+"""A recording brought to a lower rate by means over even windows."""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.calibration import Run
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Floats
+
+
+def resample(run: Run, rate: float) -> Run:
+    """Average a run over consecutive windows; a run that is slower already stays as it is.
+
+    The mean of a window of length 1 / rate keeps motion faster than half the rate from turning up at lower
+    frequencies. Windows without any reading are left out; a reading absent from a whole window stays NaN.
+
+    Args:
+        run: What was recorded.
+        rate: Windows per second.
+
+    Raises:
+        InputError: The rate is not positive.
+    """
+    if not rate > 0:
+        raise InputError("--rate", f"{rate} is not positive", "give samples per second, such as 10")
+    steps = np.diff(run.time)
+    if len(steps) == 0 or np.median(steps) >= 1.0 / rate:
+        return run
+    windows = ((run.time - run.time[0]) * rate + 1e-9).astype(np.int64)
+    numbers, places = np.unique(windows, return_inverse=True)
+    return Run(
+        run.name,
+        _means(run.time[:, None], places, len(numbers))[:, 0],
+        _means(run.pressures, places, len(numbers)),
+        run.pressure_source,
+        run.suite,
+        _means(run.readings, places, len(numbers)),
+        _means(run.loads, places, len(numbers)),
+        run.load_names,
+        run.registration,
+        run.ignored_markers,
+    )
+
+
+def _means(
+    columns: Floats,
+    places: NDArray[np.int64],
+    count: int,
+) -> Floats:
+    """Average columns, shape (samples, columns), over groups of samples, lost readings left out."""
+    means = np.full((count, columns.shape[1]), np.nan)
+    for index, column in enumerate(columns.T):
+        seen = np.isfinite(column)
+        total = np.bincount(places[seen], column[seen], count)
+        members = np.bincount(places[seen], minlength=count)
+        means[members > 0, index] = total[members > 0] / members[members > 0]
+    return means

@@ -1,0 +1,130 @@
+"""Estimates over time as a recording and as tables."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from softarm.analysis.offline.track import STATUSES, State, Track
+from softarm.estimator.recording import POSE_SUFFIXES, Floats, Recording
+from softarm.estimator.rotations import to_quaternions
+
+Cells = dict[str, str | int | float | bool | None]
+AXES = "xyz"
+
+
+def as_recording(track: Track[State], source: Recording, info: Mapping[str, Any]) -> Recording:
+    """Put estimates beside the readings that they rest on, at the times of the estimates.
+
+    Columns: ``estimate_force_<load>_n`` and ``..._std_n`` (moments ``estimate_moment_<load>_nm``),
+    ``estimate_frame_<section>_<x_m ... qz>`` and ``..._<x>_std_m``, ``..._<x>_std_rad``,
+    ``estimate_pressure_<k>_pa``, ``estimate_misfit``, ``estimate_freedom`` and ``estimate_status`` (0
+    converged, 1 iterations exhausted, 2 diverged).
+
+    Args:
+        track: The estimates.
+        source: The recording that was estimated.
+        info: What else ``recording.toml`` should say.
+    """
+    columns: dict[str, Floats] = {}
+    for name, values in source.columns.items():
+        if not name.startswith("estimate_"):
+            columns[name] = _nearest(source.time, values, track.run.time)
+    columns |= _forces(track) | _frames(track)
+    for chamber in range(track.pressures.shape[1]):
+        columns[f"estimate_pressure_{chamber}_pa"] = track.pressures[:, chamber]
+    columns["estimate_misfit"] = track.misfit
+    columns["estimate_freedom"] = track.freedom
+    columns["estimate_status"] = track.status.astype(np.float64)
+    return Recording(source.name, track.run.time, columns, {**source.info, **info})
+
+
+def force_rows(track: Track[State]) -> list[Cells]:
+    """Summarise each load over time: mean, spread over time, largest, and the estimate's own deviation."""
+    rows: list[Cells] = []
+    for index, load in enumerate(track.loads):
+        values = track.forces[:, index]
+        rows.append(
+            {
+                "load": load.name,
+                "unit": "N" if load.kind == "force" else "N m",
+                "mean": float(np.nanmean(values)),
+                "std_over_time": float(np.nanstd(values)),
+                "largest": float(values[np.nanargmax(np.abs(values))]),
+                "std_of_estimate": float(np.nanmedian(track.force_std[:, index])),
+            }
+        )
+    return rows
+
+
+def sensor_rows(track: Track[State]) -> list[Cells]:
+    """Summarise what each sensor's readings keep over the estimate, beside the sensor's noise."""
+    rows: list[Cells] = []
+    for measurement in track.run.suite.measurements:
+        residuals = track.residuals[:, track.run.suite.slices[measurement.name]]
+        noise = np.sqrt(np.diag(measurement.covariance(np.zeros(measurement.reading_size))))
+        lengths = measurement.name.startswith("marker")
+        seen = np.isfinite(residuals).all(axis=1)
+        rows.append(
+            {
+                "sensor": measurement.name,
+                "samples": int(seen.sum()),
+                "residual_rms": float(np.sqrt((residuals[seen] ** 2).mean())) if seen.any() else None,
+                "noise": float(np.sqrt((noise**2).mean())),
+                "unit": "m" if lengths else "m, rad" if measurement.size == 6 else "rad",
+            }
+        )
+    return rows
+
+
+def section_rows(track: Track[State]) -> list[Cells]:
+    """Summarise each section's position over time [mm] and its deviation."""
+    rows: list[Cells] = []
+    for index, section in enumerate(track.sections):
+        positions = track.frames.positions[:, index] * 1e3
+        row: Cells = {"section": section}
+        for axis, letter in enumerate(AXES):
+            row[f"{letter}_from_mm"] = float(np.nanmin(positions[:, axis]))
+            row[f"{letter}_to_mm"] = float(np.nanmax(positions[:, axis]))
+        row["std_mm"] = float(np.nanmedian(track.frame_std[:, index, :3].max(axis=1)) * 1e3)
+        row["std_degrees"] = float(np.degrees(np.nanmedian(track.frame_std[:, index, 3:].max(axis=1))))
+        rows.append(row)
+    return rows
+
+
+def status_counts(track: Track[State]) -> dict[str, int]:
+    """Count how the searches ended."""
+    return {name: int((track.status == number).sum()) for number, name in enumerate(STATUSES)}
+
+
+def _forces(track: Track[State]) -> dict[str, Floats]:
+    columns = {}
+    for index, load in enumerate(track.loads):
+        kind, unit = ("force", "n") if load.kind == "force" else ("moment", "nm")
+        columns[f"estimate_{kind}_{load.name}_{unit}"] = track.forces[:, index]
+        columns[f"estimate_{kind}_{load.name}_std_{unit}"] = track.force_std[:, index]
+    return columns
+
+
+def _frames(track: Track[State]) -> dict[str, Floats]:
+    columns = {}
+    for index, section in enumerate(track.sections):
+        rotations = track.frames.rotations[:, index]
+        good = np.isfinite(rotations).all(axis=(1, 2))
+        pose = np.full((len(rotations), 7), np.nan)
+        pose[good, :3] = track.frames.positions[good, index]
+        pose[good, 3:] = to_quaternions(rotations[good])
+        for number, suffix in enumerate(POSE_SUFFIXES):
+            columns[f"estimate_frame_{section}_{suffix}"] = pose[:, number]
+        for number, unit in enumerate(("m", "m", "m", "rad", "rad", "rad")):
+            name = f"estimate_frame_{section}_{AXES[number % 3]}_std_{unit}"
+            columns[name] = track.frame_std[:, index, number]
+    return columns
+
+
+def _nearest(time: Floats, values: Floats, wanted: Floats) -> Floats:
+    """Give the reading nearest to each wanted time, NaN where it lies further than half a step away."""
+    after = np.clip(np.searchsorted(time, wanted), 0, len(time) - 1)
+    before = np.clip(after - 1, 0, len(time) - 1)
+    closer = np.where(np.abs(time[before] - wanted) <= np.abs(time[after] - wanted), before, after)
+    reach = 0.51 * float(np.median(np.diff(wanted))) if len(wanted) > 1 else np.inf
+    return np.where(np.abs(time[closer] - wanted) <= reach, values[closer], np.nan)

@@ -1,0 +1,32 @@
+"""The surface of an arm's body in a state of its model, for pictures."""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.analysis.plots.arm import Surface
+from softarm.estimator.fem import FiniteElementModel, FiniteElementState
+from softarm.estimator.mesh import Floats, Mesh
+from softarm.estimator.rod import CalibratedRod
+from softarm.estimator.rod.skin import skin
+
+CORNERS = {"tri3": 3, "tri6": 3, "quad4": 4, "quad8": 4}
+
+
+def outer_surface(model: FiniteElementModel, state: FiniteElementState) -> Surface:
+    """Give the deformed outer surface; that of all chambers where the mesh names none."""
+    return Surface(model.body.points + state.displacement, _facets(model.mesh))
+
+
+def skin_surface(mesh: Mesh, rod: CalibratedRod, strain: Floats) -> Surface:
+    """Give the surface around a rod, the cross-sections as they are at rest."""
+    return Surface(skin(mesh.points, rod.chain, strain), _facets(mesh))
+
+
+def _facets(mesh: Mesh) -> NDArray[np.int64]:
+    surfaces = mesh.surfaces
+    chosen = [surfaces["outer"]] if "outer" in surfaces else list(surfaces.values())
+    facets: list[NDArray[np.int64]] = [
+        surface.facets[:, : CORNERS[surface.kind]] for surface in chosen if CORNERS[surface.kind] == 4
+    ]
+    triangles = [surface.facets[:, :3] for surface in chosen if CORNERS[surface.kind] == 3]
+    facets += [np.column_stack([t, t[:, 2]]) for t in triangles]
+    return np.concatenate(facets)

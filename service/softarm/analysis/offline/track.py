@@ -1,0 +1,282 @@
+"""Pose and external force over a recording, sample by sample, with their uncertainty."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from time import monotonic
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.augmented import Follower, estimator_of
+from softarm.estimator.calibration import Run
+from softarm.estimator.errors import InputError
+from softarm.estimator.fem import FiniteElementState
+from softarm.estimator.inverse import Estimate, Estimator, LoadProcess, TrackerSettings
+from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
+from softarm.estimator.sensing import ActuationMap, Registration, SensorSuite
+from softarm.estimator.sensors import SpecimenSensors
+from softarm.estimator.simulation import section_loads
+from softarm.estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
+
+FORCE_SIGMA = 1.0  # N; long-run spread of an unknown force, the range of the paper's experiments
+MOMENT_SIGMA = 0.1  # N m
+STATUSES = ("converged", "iterations_exhausted", "diverged")
+SHOWN = 6
+PATIENCE_S = 40.0
+"""Seconds of searches in vain, one after the other, after which the rest of a run is given up."""
+
+
+@dataclass
+class Waypoints(Generic[State]):
+    """States along a run, from which estimates at the same samples on other sensors begin.
+
+    Args:
+        loads: Names of the loads of the model that found them.
+        found: State and inputs of each sample, ``None`` where the search diverged; empty until a run was
+            followed.
+    """
+
+    loads: tuple[str, ...] = ()
+    found: list[tuple[State, Inputs] | None] = field(default_factory=list)
+
+    def at(self, index: int, loads: Sequence[Load]) -> tuple[State, Inputs] | None:
+        """Give a sample's state with the inputs of a model that has other unknown loads as well."""
+        if index >= len(self.found) or (known := self.found[index]) is None:
+            return None
+        state, inputs = known
+        values = dict(zip(self.loads, inputs.loads.tolist(), strict=True))
+        amplitudes = np.array([values.get(load.name, 0.0) for load in loads])
+        given = Inputs(inputs.pressures, amplitudes, inputs.gravity)
+        if isinstance(state, FiniteElementState):
+            state = replace(state, inputs=given)
+        return state, given
+
+
+@dataclass(frozen=True)
+class Track(Generic[State]):
+    """Estimates over time; NaN where a search diverged.
+
+    Args:
+        run: What was recorded, at the times of the estimates.
+        sections: Names of the sections.
+        loads: The loads that were estimated.
+        forces: Their amplitudes [N or N m], shape (samples, loads).
+        force_covariance: Shape (samples, loads, loads).
+        pressures: Pressures in the chambers [Pa], shape (samples, chambers).
+        frames: Frames of the sections in the base frame.
+        frame_std: Standard deviation of each section's translation [m] and rotation [rad] in base axes,
+            shape (samples, sections, 6).
+        residuals: Measured minus estimated of the whole suite, shape (samples, rows).
+        misfit: Weighted squares that the data keep; chi-square where the model is right, shape (samples,).
+        freedom: Its expectation, shape (samples,).
+        status: Index into ``STATUSES``, shape (samples,).
+        shown: Index and state of a few samples, for pictures.
+        statement: What was estimated from what, and what cannot be seen.
+        given_up: Number of samples at the end that were not tried, after too long a search in vain.
+    """
+
+    run: Run
+    sections: tuple[str, ...]
+    loads: tuple[Load, ...]
+    forces: Floats
+    force_covariance: Floats
+    pressures: Floats
+    frames: Frames
+    frame_std: Floats
+    residuals: Floats
+    misfit: Floats
+    freedom: Floats
+    status: NDArray[np.int64]
+    shown: tuple[tuple[int, State], ...]
+    statement: str
+    given_up: int = 0
+
+    @property
+    def force_std(self) -> Floats:
+        """Standard deviation of each load, shape (samples, loads)."""
+        return np.sqrt(np.diagonal(self.force_covariance, axis1=1, axis2=2))
+
+
+def track(
+    model: ArmModel[State, Step],
+    specimen: Specimen,
+    run: Run,
+    advance: Callable[[float], None] = lambda _: None,
+    guide: ArmModel[Any, Any] | None = None,
+    waypoints: Waypoints[State] | None = None,
+) -> Track[State]:
+    """Estimate loads and frames at every sample of a run, each on its own.
+
+    Recorded pressures count as readings with their noise; the loads as unknown with a spread of
+    ``FORCE_SIGMA``.
+
+    Args:
+        model: Model of the specimen whose loads are the unknown ones.
+        specimen: The robot.
+        run: What was recorded, arranged for the model's sections.
+        advance: Called with 1 after each sample.
+        guide: A fast model with the same loads, at whose answer a search begins that has nothing to go on.
+        waypoints: States of the same samples to begin at; filled where it is empty.
+    """
+    estimator = _estimator(model, specimen, run, guide)
+    gravity = np.array(specimen.gravity_m_s2)
+    chosen = {int(k) for k in np.linspace(0, len(run.time) - 1, SHOWN)}
+    shown: list[tuple[int, State]] = []
+    samples = _Samples.sized(len(run.time), model, run.suite)
+    statement = ""
+    waypoints = waypoints or Waypoints()
+    known = bool(waypoints.found)
+    waypoints.loads = waypoints.loads or tuple(load.name for load in model.loads)
+    in_vain_s, given_up = 0.0, 0
+    for index, (time, readings, pressures) in enumerate(
+        zip(run.time, run.readings, run.pressures, strict=True)
+    ):
+        if in_vain_s > PATIENCE_S:
+            given_up = len(run.time) - index
+            waypoints.found += [] if known else [None] * given_up
+            advance(given_up)
+            break
+        begin_near(estimator, waypoints, index, model.loads)
+        began = monotonic()
+        estimate = estimator.update(float(time), readings, pressures, gravity)
+        in_vain_s = in_vain_s + monotonic() - began if estimate.status == "diverged" else 0.0
+        samples.put(index, estimate)
+        if not known:
+            lost = estimate.status == "diverged"
+            waypoints.found.append(None if lost else (estimate.state, estimate.inputs))
+        if index in chosen and estimate.status != "diverged":
+            shown.append((index, estimate.state))
+        if not statement and estimate.converged:
+            statement = estimate.observability.statement
+        advance(1)
+    return replace(samples.track(model, run, tuple(shown), statement), given_up=given_up)
+
+
+def begin_near(
+    estimator: Follower[State], waypoints: Waypoints[State], index: int, loads: Sequence[Load]
+) -> None:
+    """Let an estimator without physics begin at a waypoint, where there is one."""
+    start = waypoints.at(index, loads)
+    if start is not None and isinstance(estimator, Estimator):
+        estimator.begin_at(*start)
+
+
+def _estimator(
+    model: ArmModel[State, Step], specimen: Specimen, run: Run, guide: ArmModel[Any, Any] | None
+) -> Follower[State]:
+    """Make the estimator; physics of the specimen needs the model under the wrenches of its sections."""
+    followed = model
+    if specimen.physics:
+        with_loads = getattr(model, "with_loads", None)
+        if with_loads is None:
+            raise InputError("physics", "this model takes no other loads", "estimate with a model that does")
+        followed = with_loads(section_loads(model.sections))
+    return estimator_of(
+        specimen,
+        followed,
+        model.loads,
+        run.suite,
+        settings(model.loads, specimen, run),
+        pressures_measured="commanded" not in run.pressure_source,
+        guide=guide,
+        recorded=(run.time, run.pressures),
+    )
+
+
+def settings(loads: Sequence[Load], specimen: Specimen, run: Run) -> TrackerSettings:
+    """Choose what the estimator assumes of a run: noise of its pressures, spread of its loads."""
+    sigma = [FORCE_SIGMA if load.kind == "force" else MOMENT_SIGMA for load in loads]
+    return TrackerSettings(
+        process=LoadProcess(np.array(sigma), time_constant=0.0),
+        actuation=actuation(specimen, run),
+        pressure_limits=np.array(specimen.pressure_limits),
+    )
+
+
+def actuation(specimen: Specimen, run: Run) -> ActuationMap:
+    """Give the map from recorded to chamber pressures; nominal pressures are noisier than measured ones."""
+    sections = tuple(section.name for section in specimen.sections)
+    found = SpecimenSensors(specimen, sections, Registration()).actuation()
+    if "commanded" not in run.pressure_source:
+        return found
+    highest = float(np.nanmax(run.pressures, initial=0.0))
+    nominal = specimen.noise.nominal_pressure_relative * highest
+    return replace(found, sigma=max(found.sigma, nominal))
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Arrays that fill up sample by sample."""
+
+    forces: Floats
+    covariance: Floats
+    pressures: Floats
+    positions: Floats
+    rotations: Floats
+    frame_std: Floats
+    residuals: Floats
+    misfit: Floats
+    freedom: Floats
+    status: NDArray[np.int64]
+
+    @classmethod
+    def sized(cls, count: int, model: ArmModel[State, Step], suite: SensorSuite) -> "_Samples":
+        loads, sections = len(model.loads), len(model.sections)
+
+        def empty(*shape: int) -> Floats:
+            return np.full((count, *shape), np.nan)
+
+        return cls(
+            empty(loads),
+            empty(loads, loads),
+            empty(model.chambers),
+            empty(sections, 3),
+            empty(sections, 3, 3),
+            empty(sections, 6),
+            empty(suite.size),
+            empty(),
+            empty(),
+            np.full(count, STATUSES.index("diverged")),
+        )
+
+    def put(self, index: int, estimate: Estimate[State]) -> None:
+        self.status[index] = STATUSES.index(estimate.status)
+        if estimate.status == "diverged":
+            return
+        self.forces[index] = estimate.inputs.loads
+        self.covariance[index] = estimate.load_covariance
+        self.pressures[index] = estimate.inputs.pressures
+        self.positions[index] = estimate.frames.positions
+        self.rotations[index] = estimate.frames.rotations
+        self.frame_std[index] = np.sqrt(np.maximum(np.diag(estimate.frame_covariance), 0.0)).reshape(-1, 6)
+        self.residuals[index] = np.concatenate(list(estimate.residuals.values()))
+        self.misfit[index] = estimate.normalised_innovation_squared
+        self.freedom[index] = estimate.degrees_of_freedom
+
+    def track(
+        self,
+        model: ArmModel[State, Step],
+        run: Run,
+        shown: tuple[tuple[int, State], ...],
+        statement: str,
+    ) -> Track[State]:
+        return Track(
+            run,
+            tuple(model.sections),
+            tuple(model.loads),
+            self.forces,
+            self.covariance,
+            self.pressures,
+            Frames(self.positions, self.rotations),
+            self.frame_std,
+            self.residuals,
+            self.misfit,
+            self.freedom,
+            self.status,
+            shown,
+            statement,
+        )

@@ -1,0 +1,23 @@
+"""The planned pressures of an excitation over time."""
+
+from pathlib import Path
+
+import numpy as np
+from softarm.analysis.plots.figures import label, save, stacked
+from softarm.estimator.excitation import Plan
+
+KILO = 1e-3
+
+
+def plot_plan(plan: Plan, path: Path) -> Path:
+    """Draw the set-points of each manoeuvre, one panel a manoeuvre."""
+    figure, panels = stacked(max(1, len(plan.choices)), share=False)
+    for panel, choice in zip(panels, plan.choices, strict=False):
+        manoeuvre = choice.manoeuvre
+        for chamber, column in enumerate(manoeuvre.pressures.T):
+            if np.any(column > 0.0):
+                panel.plot(manoeuvre.times, KILO * column, linewidth=0.9, label=f"chamber {chamber}")
+        panel.set_xlabel("s", fontsize=8)
+        label(panel, f"{manoeuvre.name}: {manoeuvre.by_hand or manoeuvre.shows}", "kPa")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return save(figure, path)

@@ -1,0 +1,127 @@
+"""What a recording's streams look like over time: one panel per kind of stream, in units for people."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from softarm.estimator.recording import Floats, Recording
+from softarm.estimator.rotations import from_quaternions, log
+
+KILO = 1e-3
+MILLI = 1e3
+
+
+@dataclass(frozen=True)
+class Line:
+    """One curve.
+
+    Args:
+        label: What it is.
+        values: In the panel's unit, shape (samples,).
+        dashed: Whether it is a wish (a commanded pressure) and not a reading.
+    """
+
+    label: str
+    values: Floats
+    dashed: bool = False
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One set of axes.
+
+    Args:
+        title: Kind of stream.
+        unit: Unit of its curves.
+        lines: The curves.
+        moves: Whether it shows motion, so that a spectrum of it tells of vibration.
+    """
+
+    title: str
+    unit: str
+    lines: tuple[Line, ...]
+    moves: bool = True
+
+
+def panels(recording: Recording) -> tuple[Panel, ...]:
+    """Arrange all streams of a recording in panels."""
+    return tuple(
+        panel
+        for panel in (
+            *_pressures(recording),
+            *_bends(recording),
+            *_poses(recording),
+            *_markers(recording),
+            *_gauges(recording),
+            *_estimates(recording),
+        )
+        if panel.lines
+    )
+
+
+def _pressures(recording: Recording) -> Iterator[Panel]:
+    lines = []
+    for chamber in recording.chambers:
+        for name, label, dashed in (
+            (f"pressure_{chamber}_pa", f"chamber {chamber}", False),
+            (f"pressure_cmd_{chamber}_pa", f"chamber {chamber} commanded", True),
+        ):
+            if name in recording.columns:
+                lines.append(Line(label, recording.columns[name] * KILO, dashed))
+    yield Panel("Pressure, gauge", "kPa", tuple(lines), moves=False)
+
+
+def _bends(recording: Recording) -> Iterator[Panel]:
+    for section in recording.bends:
+        angles = np.degrees(recording.bend(section))
+        yield Panel(f"Bend of {section}", "degrees", (Line("x", angles[:, 0]), Line("y", angles[:, 1])))
+
+
+def _poses(recording: Recording) -> Iterator[Panel]:
+    for section in recording.frames:
+        pose = recording.pose(section)
+        moved = (pose[:, :3] - _first(pose[:, :3])) * MILLI
+        turned = _turned(pose[:, 3:])
+        yield Panel(f"Position of {section}, from the first sample", "mm", _axes(moved))
+        yield Panel(f"Rotation of {section}, from the first sample", "degrees", _axes(turned))
+
+
+def _turned(quaternions: Floats) -> Floats:
+    """Give rotation vectors from the first orientation [degrees], shape (samples, 3)."""
+    turned = np.full((len(quaternions), 3), np.nan)
+    seen = np.isfinite(quaternions).all(axis=1)
+    if seen.any():
+        rotations = from_quaternions(quaternions[seen])
+        turned[seen] = np.degrees(log(rotations[0].T @ rotations))
+    return turned
+
+
+def _markers(recording: Recording) -> Iterator[Panel]:
+    for axis, letter in enumerate("xyz"):
+        lines = []
+        for name in recording.markers:
+            positions = recording.marker(name)
+            lines.append(Line(name, (positions[:, axis] - _first(positions)[axis]) * MILLI))
+        yield Panel(f"Markers along {letter}, from the first sample", "mm", tuple(lines))
+
+
+def _gauges(recording: Recording) -> Iterator[Panel]:
+    lines = tuple(Line(name, recording.gauge(name)) for name in recording.gauges)
+    yield Panel("Force gauges, pull positive", "N", lines, moves=False)
+
+
+def _estimates(recording: Recording) -> Iterator[Panel]:
+    forces = recording.members(r"estimate_force_(.+?)(?<!_std)_n")
+    lines = tuple(Line(name, recording.columns[f"estimate_force_{name}_n"]) for name in forces)
+    yield Panel("Estimated forces", "N", lines, moves=False)
+
+
+def _axes(values: Floats) -> tuple[Line, ...]:
+    return tuple(Line(letter, values[:, axis]) for axis, letter in enumerate("xyz"))
+
+
+def _first(values: Floats) -> Floats:
+    """Give the first reading that was not lost, shape (3,)."""
+    seen = np.flatnonzero(np.isfinite(values).all(axis=1))
+    first: Floats = values[seen[0]] if seen.size else np.full(values.shape[1], np.nan)
+    return first

@@ -1,0 +1,129 @@
+"""Plots of a recording: its streams over time, the spectra of its motion, the paths of what moves."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.signal import welch
+from softarm.analysis.plots.figures import blank, label, save, stacked
+from softarm.analysis.plots.panels import Panel, panels
+from softarm.estimator.recording import Floats, Recording
+
+SHORTEST_SPECTRUM = 64  # samples
+MILLI = 1e3
+
+
+def plot_recording(
+    recording: Recording, folder: Path, advance: Callable[[float], None] = lambda _: None
+) -> tuple[Path, ...]:
+    """Draw all plots that a recording has data for.
+
+    Args:
+        recording: What to plot.
+        folder: Where the PNG files go.
+        advance: Called with 1 after each figure.
+
+    Returns:
+        The files written.
+    """
+    written = []
+    for name, draw in (("streams", draw_streams), ("spectra", draw_spectra), ("paths", draw_paths)):
+        figure = draw(recording)
+        if figure is not None:
+            written.append(save(figure, folder / f"{name}.png"))
+        advance(1)
+    return tuple(written)
+
+
+def draw_streams(recording: Recording) -> Figure:
+    """Draw all streams over time."""
+    shown = panels(recording)
+    figure, all_axes = stacked(len(shown))
+    for axes, panel in zip(all_axes, shown, strict=True):
+        for number, line in enumerate(panel.lines):
+            dashed = line.dashed
+            axes.plot(
+                recording.time,
+                line.values,
+                "--" if dashed else "-",
+                color=f"C{(number // 2 if _paired(panel) else number) % 10}",
+                linewidth=0.8,
+                alpha=0.6 if dashed else 1.0,
+                label=line.label,
+            )
+        label(axes, panel.title, panel.unit)
+    all_axes[-1].set_xlabel("time [s]", fontsize=8)
+    figure.suptitle(recording.name, fontsize=11)
+    return figure
+
+
+def _paired(panel: Panel) -> bool:
+    """Tell whether each reading is followed by its wish, so that both take one colour."""
+    return len(panel.lines) > 1 and [line.dashed for line in panel.lines[:2]] == [False, True]
+
+
+def draw_spectra(recording: Recording) -> Figure | None:
+    """Draw the amplitude spectra of all that moves; ``None`` where nothing does, or not for long enough."""
+    moving = [panel for panel in panels(recording) if panel.moves]
+    if not moving or len(recording.time) < SHORTEST_SPECTRUM:
+        return None
+    rate = 1.0 / float(np.median(np.diff(recording.time)))
+    figure, all_axes = stacked(len(moving))
+    for axes, panel in zip(all_axes, moving, strict=True):
+        for line in panel.lines:
+            frequencies, density = amplitude_spectrum(recording.time, line.values, rate)
+            axes.plot(frequencies, density, linewidth=0.8, label=line.label)
+            axes.set_yscale("log" if (density > 0).any() else axes.get_yscale())
+        label(axes, panel.title, f"{panel.unit}/√Hz")
+    all_axes[-1].set_xlabel("frequency [Hz]", fontsize=8)
+    figure.suptitle(f"{recording.name}: amplitude spectral density", fontsize=11)
+    return figure
+
+
+def amplitude_spectrum(time: Floats, values: Floats, rate: float) -> tuple[Floats, Floats]:
+    """Estimate an amplitude spectral density by Welch's method, gaps bridged by straight lines.
+
+    Args:
+        time: Seconds, shape (samples,).
+        values: NaN where lost, shape (samples,).
+        rate: Samples per second of the even grid that is analysed.
+
+    Returns:
+        Frequencies [Hz] and densities [unit/sqrt(Hz)].
+    """
+    seen = np.isfinite(values)
+    if seen.sum() < SHORTEST_SPECTRUM:
+        return np.empty(0), np.empty(0)
+    even = np.arange(time[0], time[-1], 1.0 / rate)
+    bridged = np.interp(even, time[seen], values[seen])
+    frequencies, density = welch(bridged, rate, nperseg=min(len(even), 1024), detrend="linear")
+    return frequencies[1:], np.sqrt(density[1:])
+
+
+def draw_paths(recording: Recording) -> Figure | None:
+    """Draw the paths of markers and section frames in space and of bends in their plane."""
+    spatial = {name: recording.marker(name) for name in recording.markers}
+    spatial |= {section: recording.pose(section)[:, :3] for section in recording.frames}
+    planar = {section: np.degrees(recording.bend(section)) for section in recording.bends}
+    count = bool(spatial) + len(planar)
+    if not count:
+        return None
+    figure = blank(5.2 * count, 5.0)
+    for number, (section, bend) in enumerate(planar.items(), start=1):
+        axes = figure.add_subplot(1, count, number)
+        axes.plot(bend[:, 0], bend[:, 1], linewidth=0.5)
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_xlabel("x [degrees]", fontsize=8)
+        label(axes, f"Bend of {section}", "y [degrees]")
+    if spatial:
+        axes = figure.add_subplot(1, count, count, projection="3d")
+        for name, positions in spatial.items():
+            axes.plot(*(positions * MILLI).T, linewidth=0.8, label=name)
+        axes.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
+        axes.set_aspect("equal")
+        axes.set_box_aspect(None, zoom=0.85)
+        axes.tick_params(labelsize=7)
+        axes.legend(fontsize=7, frameon=False)
+    figure.suptitle(f"{recording.name}: paths", fontsize=11)
+    return figure

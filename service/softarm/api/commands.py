@@ -1,0 +1,130 @@
+"""Requests and replies of the commands."""
+
+from typing import Literal
+
+from pydantic import Field, ValidationError
+from softarm.api.messages import Message
+
+ErrorCode = Literal[
+    "malformed",
+    "stale",
+    "unauthorised",
+    "no_lease",
+    "lease_held",
+    "out_of_limit",
+    "wrong_mode",
+    "not_available",
+    "busy",
+    "internal",
+]
+
+
+class Request(Message):
+    """What every request carries."""
+
+    deadline_unix_ns: int = Field(
+        description="Wall-clock time after which all but stop is refused: its caller has left."
+    )
+    sequence: int = Field(ge=0, description="Rises with every request of a lease; a repeated one is refused.")
+    client: str = Field(min_length=1, max_length=80, description="Who asks, for people to read.")
+
+
+class MovingRequest(Request):
+    """A request that moves the arm and so needs the lease."""
+
+    lease: str = Field(description="Token of the lease.")
+
+
+class SetPressures(MovingRequest):
+    """``set_pressures``: gauge pressures for the chambers, for a stated time."""
+
+    pressures_pa: tuple[float, ...]
+    lifetime_s: float = Field(
+        gt=0.0, le=10.0, description="The arm vents when no new set-point came by then."
+    )
+
+
+class Clear(Request):
+    """``clear``: leave FAULTED once the cause is gone; the arm stays vented."""
+
+
+class TeachHold(MovingRequest):
+    """``teach/hold``: ramp without a bump to the pressures that hold the pose, then hold with feedback."""
+
+    ramp_s: float = Field(default=2.0, gt=0.0, le=60.0)
+
+
+class TeachSave(Request):
+    """``teach/save``: remember the present pose and its pressures under a name."""
+
+    name: str = Field(min_length=1, max_length=60, pattern=r"^[A-Za-z0-9_.-]+$")
+
+
+class TeachGoto(MovingRequest):
+    """``teach/goto``: ramp to a saved pose and hold it."""
+
+    name: str
+    ramp_s: float = Field(default=2.0, gt=0.0, le=60.0)
+
+
+class RecordStart(Request):
+    """``record/start``: write every stream to a file."""
+
+    name: str = Field(default="recording", min_length=1, max_length=60, pattern=r"^[A-Za-z0-9_.-]+$")
+
+
+class LeaseAcquire(Request):
+    """``lease/acquire``: get the lease, or renew it with its token."""
+
+    lease: str | None = Field(default=None, description="Token of the lease to renew.")
+
+
+VERBS: dict[str, type[Request]] = {
+    "arm": MovingRequest,
+    "disarm": MovingRequest,
+    "stop": Request,
+    "clear": Clear,
+    "set_pressures": SetPressures,
+    "teach/start": MovingRequest,
+    "teach/hold": TeachHold,
+    "teach/save": TeachSave,
+    "teach/list": Request,
+    "teach/goto": TeachGoto,
+    "teach/release": MovingRequest,
+    "estimate/tare": Request,
+    "experiment/begin": MovingRequest,
+    "experiment/end": MovingRequest,
+    "calibrate/rest": Request,
+    "record/start": RecordStart,
+    "record/stop": Request,
+    "lease/acquire": LeaseAcquire,
+    "lease/release": MovingRequest,
+}
+"""Every verb and the request it takes."""
+
+
+class Applied(Message):
+    """The one answer to an accepted command: what was applied."""
+
+    verb: str
+    mode: str
+    applied: dict[str, object] = Field(description="What was applied, named with its unit.")
+
+
+class Refused(Message):
+    """The one answer to a refused command."""
+
+    verb: str
+    code: ErrorCode
+    message: str
+    hint: str
+
+
+def malformed(verb: str, error: ValidationError) -> Refused:
+    """Refuse a request that is not one of its verb; where only the lease is missing, for want of it."""
+    first = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"]) or "payload"
+    if place == "lease" and first["type"] == "missing":
+        hint = "acquire it with lease/acquire first"
+        return Refused(verb=verb, code="no_lease", message="the request names no lease", hint=hint)
+    return Refused(verb=verb, code="malformed", message=f"{place}: {first['msg']}", hint="see docs/api.md")

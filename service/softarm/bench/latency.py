@@ -1,0 +1,241 @@
+"""``softarm bench latency``: from a motion-capture packet to the estimate in another process."""
+
+import math
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+import numpy as np
+from softarm.api.messages import Estimate, Message
+from softarm.cli.demo import fake_specimen
+from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show
+from softarm.client.client import CommandRefusedError, SoftarmClient
+from softarm.common.errors import WorkFailedError
+from softarm.common.rods import trusted_rod
+from softarm.estimator.specimen import load_specimen
+from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
+from softarm.experiments.session import connect, wait_ready
+
+LIMITS_MS = {"fem": 12.0, "rod": 2.0}
+SCENARIO = """\
+name = "latency"
+seed = 1
+control_port = 0
+
+[plant]
+kind = "arm"
+
+[[device]]
+name = "valves"
+kind = "festo_mpa"
+valve_map = [3, 2, 1, 0, 4, 5]
+
+[[device]]
+name = "qtm"
+kind = "qualisys"
+rate_hz = {rate:.1f}
+"""
+SETTLE_S = 3.0
+COMMANDS_HZ = 20.0
+AMPLITUDE_PA = 15e3
+PERIOD_S = 4.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the table.
+
+    Args:
+        model: What the estimator runs on.
+        rate_hz: Rate of cameras and control loop.
+        busy: Whether another process computes all the while.
+    """
+
+    model: str
+    rate_hz: float
+    busy: bool
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What was measured.
+
+    Args:
+        latencies_ms: Of each estimate, shape (estimates,).
+        solve_ms: Time the estimator took for each, shape (estimates,).
+        converged: Share of the estimates that converged.
+        ticks: Ticks of the control loop.
+        late: Ticks skipped.
+        duration_s: How long it was measured.
+    """
+
+    latencies_ms: np.ndarray[tuple[int], np.dtype[np.float64]]
+    solve_ms: np.ndarray[tuple[int], np.dtype[np.float64]]
+    converged: float
+    ticks: int
+    late: int
+    duration_s: float
+
+
+CASES = tuple(
+    Case(model, rate, busy)
+    for model, rate in (("fem", 100.0), ("rod", 100.0), ("rod", 1000.0))
+    for busy in (False, True)
+)
+
+
+@click.command()
+@click.option(
+    "--seconds", type=click.FloatRange(min=1.0), default=12.0, show_default=True, help="For each row."
+)
+@click.option("--model", type=click.Choice(list(LIMITS_MS)), help="Only with this model.")
+@quick_option
+@json_option
+def command(seconds: float, model: str | None, quick: bool, as_json: bool) -> int:
+    r"""Time estimates from the packet to a subscriber in another process, on the fakes.
+
+    From the arrival of a packet's last byte in the service's process to the decoded estimate in a zenoh
+    subscriber of this one, the arm moving all the while: at 100 Hz with the converged finite elements and
+    with the calibrated rod, and at 1 kHz with the rod; then each with another process that computes. Fails
+    where the median without it exceeds 12 ms (finite elements) or 2 ms (rod), or where the service would
+    not run on the rod because it is too far from the finite elements.
+
+    \b
+    Example: softarm bench latency
+    """
+    cases = [case for case in CASES if model in (None, case.model) and not (quick and case.busy)]
+    refused = _refusal() if any(case.model == "rod" for case in cases) else None
+    tried = [case for case in cases if refused is None or case.model != "rod"]
+    rows: list[dict[str, Cell]] = []
+    with progress("latency", len(tried)) as advance:
+        for case in tried:
+            rows.append(row_of(case, measure(case, 4.0 if quick else seconds)))
+            advance(1)
+    notes = (
+        "The fakes, the arm's simulation, the service, its estimator and this subscriber share the machine.",
+        "late_ticks: ticks of the control loop that were skipped; solve: the estimator alone.",
+        *([] if refused is None else [f"Not measured with the rod: {refused}."]),
+    )
+    show(Table("From the packet to the subscriber", rows, notes), as_json=as_json)
+    return 0 if refused is None and all(row["passes"] is not False for row in rows) else 1
+
+
+def _refusal() -> str | None:
+    """Say why the service would not run on the rod of the rig's specimen; None when it would."""
+    try:
+        with progress("rod") as advance:
+            trusted_rod(load_specimen(fake_specimen()), lambda *_: advance(1))
+    except WorkFailedError as error:
+        return str(error)
+    return None
+
+
+def row_of(case: Case, found: Measured) -> dict[str, Cell]:
+    """Write a measurement as a row; a busy machine has no limit."""
+    median = float(np.median(found.latencies_ms)) if len(found.latencies_ms) else math.nan
+    limit = None if case.busy else LIMITS_MS[case.model]
+    return {
+        "model": case.model,
+        "rate_hz": case.rate_hz,
+        "machine": "one process computes" if case.busy else "idle but for the rig",
+        "estimates_per_s": len(found.latencies_ms) / found.duration_s,
+        "median_ms": median,
+        "p99_ms": float(np.quantile(found.latencies_ms, 0.99)) if len(found.latencies_ms) else math.nan,
+        "solve_median_ms": float(np.median(found.solve_ms)) if len(found.solve_ms) else math.nan,
+        "converged_percent": 100.0 * found.converged,
+        "ticks": found.ticks,
+        "late_ticks": found.late,
+        "limit_ms": limit,
+        "passes": None if limit is None else bool(median <= limit),
+    }
+
+
+def measure(case: Case, seconds: float) -> Measured:
+    """Start a rig and a service and listen to its estimates."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="softarm-latency-")))
+        scenario = folder / "scenario.toml"
+        scenario.write_text(SCENARIO.format(rate=case.rate_hz))
+        settings = RigSettings(
+            scenario,
+            specimen=str(fake_specimen()),
+            endpoint=free_endpoint(),
+            model=case.model,
+            rate_hz=case.rate_hz,
+            sensors=("orientation",),
+            forces_on=("tip",),
+        )
+        client = stack.enter_context(connect(stack.enter_context(FakeRig(settings, folder / "rig"))))
+        wait_ready(client)
+        stack.enter_context(client.lease())
+        client.command("arm")
+        if case.busy:
+            stack.enter_context(computing())
+        drive(client, SETTLE_S)
+        return listen(client, seconds)
+
+
+def listen(client: SoftarmClient, seconds: float) -> Measured:
+    """Move the arm and note when each estimate comes."""
+    latencies: list[float] = []
+    solves: list[float] = []
+    converged: list[bool] = []
+    lock = threading.Lock()
+
+    def on_message(message: Message) -> None:
+        if isinstance(message, Estimate):
+            arrived_ns = message.stamp.monotonic_ns - message.latency_s * 1e9
+            with lock:
+                latencies.append((time.monotonic_ns() - arrived_ns) * 1e-6)
+                solves.append(message.solve_s * 1e3)
+                converged.append(message.status in ("converged", "degraded"))
+
+    before, begin = client.state(), time.monotonic()
+    with client.subscribe("estimate", on_message):
+        drive(client, seconds)
+    after = client.state()
+    # The first message of a subscription is one from before it.
+    return Measured(
+        np.array(latencies[1:]),
+        np.array(solves[1:]),
+        float(np.mean(converged)) if converged else 0.0,
+        after.ticks - before.ticks,
+        after.overruns - before.overruns,
+        time.monotonic() - begin,
+    )
+
+
+def drive(client: SoftarmClient, seconds: float) -> None:
+    """Move the arm along slow sines.
+
+    Raises:
+        WorkFailedError: The service vented the arm.
+    """
+    begin = time.monotonic()
+    while (now := time.monotonic() - begin) < seconds:
+        phases = [2.0 * math.pi * now / PERIOD_S + k * math.pi / 3.0 for k in range(6)]
+        pressures = [AMPLITUDE_PA * (1.0 + math.sin(phase)) / 2.0 for phase in phases]
+        try:
+            client.command("set_pressures", pressures_pa=tuple(pressures), lifetime_s=1.0)
+        except CommandRefusedError as error:
+            cause = client.state().fault_cause or str(error)
+            raise WorkFailedError(f"the arm stopped moving: {cause}") from error
+        time.sleep(1.0 / COMMANDS_HZ)
+
+
+@contextmanager
+def computing() -> Iterator[None]:
+    """Keep one core busy for the length of a block."""
+    process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()

@@ -1,0 +1,44 @@
+"""What a diagnosis costs against the length of what it is given, and against the effects that it tries."""
+
+from collections.abc import Callable
+
+from softarm.bench.proof.schedule import SealedTrial
+from softarm.bench.proof.trial import Folders, diagnose, record
+from softarm.cli.output import Cell, Table
+from softarm.estimator.effects import EFFECTS
+
+TRIAL = SealedTrial("single", 4901)
+COUNTS = (2, 4, 8, 12)
+"""Numbers of suspect runs that are diagnosed together."""
+SHARES = (2, 4, 8)
+"""Every so-manieth effect alone is tried on the most runs."""
+
+
+def cost_table(folders: Folders, specimen: str, say: Callable[[str], None]) -> Table:
+    """Time diagnoses of more and more runs of one trial, then of fewer and fewer effects, each on one core.
+
+    Args:
+        folders: Where the proof works.
+        specimen: What the tool is given.
+        say: Tells how far it is.
+    """
+    say("cost: recording")
+    record(TRIAL, folders)
+    tried = [(count, tuple(EFFECTS)) for count in COUNTS]
+    tried += [(COUNTS[-1], tuple(EFFECTS)[::share]) for share in SHARES]
+    rows: list[dict[str, Cell]] = []
+    for count, effects in tried:
+        say(f"cost: diagnosing {count} runs, {len(effects)} effects")
+        outcome = diagnose(TRIAL, f"first {count}", folders, specimen, effects)
+        rows.append(
+            {
+                "runs": count,
+                "recorded_s": outcome.recorded_s,
+                "effects": len(effects),
+                "took_s": outcome.seconds,
+                "took_over_recorded": outcome.seconds / outcome.recorded_s,
+                "with_report": bool(outcome.report),
+            }
+        )
+    note = "One process each, the nominal runs included in the length. Effects: kinds, each at every place."
+    return Table("Cost against length and effects", rows, (note,))

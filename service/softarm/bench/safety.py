@@ -1,0 +1,94 @@
+"""``softarm bench safety``: every fault of every device in every mode, and where it leaves the arm."""
+
+from collections.abc import Iterable, Sequence
+from concurrent.futures import as_completed
+
+import click
+from softarm.analysis.diagnosis.workers import workers
+from softarm.bench import safety_run
+from softarm.bench.safety_cases import FAST_S, Outcome
+from softarm.bench.safety_processes import EVENT_NOTES, strike_processes
+from softarm.bench.safety_run import BENCHES, KINDS, MODES, Case, everything, parts, run
+from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show
+from softarm.daemon.safety.modes import Mode
+
+NOTES = (
+    "Real fakes, drivers, guard, controller and commands in one process and accelerated time; the estimator "
+    "is stood in for. Vented: the terminal holds zeros for every valve.",
+    f"Aim: within {FAST_S:g} s of the fault; a pressure that is not reached counts after 1.7 s. "
+    "Nothing arms by itself, and every device is well again afterwards.",
+    "A slot of festo_vtem keeps an error until the operator's clear acknowledges it.",
+)
+
+
+@click.command()
+@click.option("--jobs", "-j", type=click.IntRange(1), default=2, show_default=True, help="Processes.")
+@click.option("--mode", type=click.Choice([str(mode) for mode in MODES]), help="Only in this mode.")
+@click.option("--kind", type=click.Choice(KINDS), help="Only devices of this kind.")
+@click.option("--processes/--no-processes", default=True, help="Whether to kill and stall processes as well.")
+@json_option
+@quick_option
+def command(
+    jobs: int, mode: str | None, kind: str | None, processes: bool, as_json: bool, quick: bool
+) -> int:
+    """Strike every device with each of its faults in every mode; tell where that left the arm.
+
+    Then kill, freeze and stall the processes of a running rig, and fill its disk. The status is 1 when one of
+    these left the arm elsewhere than stated, or too late.
+
+    Example: softarm bench safety --quick
+    """
+    modes = MODES if mode is None else (Mode(mode),)
+    todo = parts(BENCHES[:1] if quick else BENCHES, modes, KINDS if kind is None else (kind,))
+    cases: list[Case] = []
+    with progress("faults", len(todo)) as advance, workers(jobs) as pool:
+        for done in as_completed(
+            pool.submit(run, part, safety_run.quick if quick else everything) for part in todo
+        ):
+            cases += done.result()
+            advance(1)
+    wrong = [case for case in cases if not case.right]
+    tables = [Table("Faults of every device in every mode", summary(cases), NOTES)]
+    if wrong:
+        tables.append(Table("Not as stated", [detail(case) for case in wrong]))
+    events = strike_processes() if processes else []
+    if events:
+        tables.append(Table("Processes of a running rig", [event.row() for event in events], EVENT_NOTES))
+    show(*tables, as_json=as_json)
+    return 1 if wrong or not all(event.right for event in events) else 0
+
+
+def summary(cases: Sequence[Case]) -> list[dict[str, Cell]]:
+    """Sum up the cases of each kind of device in each mode."""
+    keys = sorted({(case.kind, case.mode) for case in cases}, key=lambda key: (key[0], MODES.index(key[1])))
+    return [_row(kind, mode, [c for c in cases if (c.kind, c.mode) == (kind, mode)]) for kind, mode in keys]
+
+
+def _row(kind: str, mode: str, cases: Iterable[Case]) -> dict[str, Cell]:
+    listed = list(cases)
+    vents = [case for case in listed if case.outcome is Outcome.VENTS]
+    fast = [case.vented_s for case in vents if case.within_s == FAST_S and case.vented_s is not None]
+    return {
+        "device": kind,
+        "mode": str(mode),
+        "faults": len(listed),
+        "vent": len(vents),
+        "carry_on": len(listed) - len(vents),
+        "slowest_vent_ms": 1e3 * max(fast) if fast else None,
+        "not_as_stated": sum(not case.right for case in listed),
+    }
+
+
+def detail(case: Case) -> dict[str, Cell]:
+    """Tell one case in full."""
+    return {
+        "device": case.kind,
+        "fault": case.fault,
+        "mode": str(case.mode),
+        "must": str(case.wanted),
+        "did": str(case.outcome),
+        "vented_s": case.vented_s,
+        "stayed": case.stayed,
+        "recovered": case.recovered,
+        "said": case.said,
+    }

@@ -1,0 +1,83 @@
+"""What every fault of every device must lead to."""
+
+from collections.abc import Mapping
+from enum import StrEnum
+
+from softarm.daemon.safety.modes import PRESSURISED, Mode
+
+
+class Outcome(StrEnum):
+    """Where a fault leaves the arm."""
+
+    VENTS = "vents"
+    CARRIES_ON = "carries on"
+
+
+FAST_S = 0.2
+SLOW_S = 2.2
+"""A pressure that is not reached counts after 1.5 s and 0.2 s more; then the arm vents."""
+
+VALVE_FAULTS = frozenset(
+    {
+        "node_down",
+        "freeze",
+        "drop_after_request",
+        "watchdog_fired",
+        "second_master",
+        "valve_fault",
+        "supply_missing",
+    }
+)
+"""Faults of a valve terminal that end every pressurised mode: outputs unknown, lost, or not ours."""
+
+SILENT_FAULTS = frozenset(
+    {("festo_mpa", "stuck_valve"), ("festo_vtem", "stuck_valve"), ("festo_vtem", "supply_missing")}
+)
+"""No word of the terminal tells them. They show only where a pressure should change and does not: on this
+bench where set-points are played."""
+
+PLAYING = frozenset({Mode.ARMED, Mode.EXPERIMENT})
+
+BLINDING_FAULTS = frozenset(
+    {
+        "no_more_data",
+        "shutdown",
+        "silence",
+        "body_lost",
+        "all_lost",
+        "nan_body",
+        "frozen_preview",
+    }
+)
+"""Faults of the motion capture that take a needed pose away for good."""
+
+BLIND_MODES = frozenset({Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT})
+
+STRIKE: Mapping[str, Mapping[str, object]] = {"stuck_valve": {"channel": 3}, "valve_fault": {}}
+"""Parameters of faults whose defaults would not show on this bench."""
+
+
+def expected(kind: str, fault: str, mode: Mode, blind: bool) -> tuple[Outcome, float]:
+    """Say where a fault must leave the arm, and how soon it is vented.
+
+    A mode that follows the pose ends when a needed pose was away for longer than its deadline, whatever took
+    it away; a connection that is back sooner ends nothing.
+
+    Args:
+        kind: Kind of the device.
+        fault: Name of the fault.
+        mode: Mode in which it strikes.
+        blind: Whether a needed pose was away for longer than its deadline.
+
+    Returns:
+        The outcome, and the time until the terminal holds zeros [s].
+    """
+    if mode not in PRESSURISED:
+        return Outcome.CARRIES_ON, FAST_S
+    if (kind, fault) in SILENT_FAULTS:
+        return (Outcome.VENTS, SLOW_S) if mode in PLAYING else (Outcome.CARRIES_ON, FAST_S)
+    if kind.startswith("festo") and fault in VALVE_FAULTS:
+        return Outcome.VENTS, FAST_S
+    if kind == "qualisys" and mode in BLIND_MODES and (blind or fault in BLINDING_FAULTS):
+        return Outcome.VENTS, FAST_S
+    return Outcome.CARRIES_ON, FAST_S

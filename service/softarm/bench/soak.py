@@ -1,0 +1,38 @@
+"""``softarm bench soak``: a service for long, under faults and clients that come, go and stall."""
+
+import tempfile
+from pathlib import Path
+
+import click
+from softarm.bench.soak_run import Soak, SoakSettings
+from softarm.cli.output import Cell, Table, json_option, progress, show
+
+NOTES = (
+    "Fakes, service and clients are processes of their own, over zenoh. Lost replies: commands without an "
+    "answer within their deadline. Growth: resident memory at the end over that after the first fifth.",
+    "Clients come and go every few seconds, one of them stopped with SIGSTOP for two; faults strike a device "
+    "every five seconds; recordings are started and ended all the while and each is read again.",
+)
+ALLOWED_GROWTH_PERCENT = 5.0
+
+
+@click.command()
+@click.option("--seconds", default=1800.0, show_default=True, help="How long.")
+@click.option("--model", type=click.Choice(["fem", "rod"]), default="fem", show_default=True)
+@click.option("--seed", default=1, show_default=True, help="Of faults and clients.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder for logs and recordings; none are kept.")
+@json_option
+def command(seconds: float, model: str, seed: int, out: Path | None, as_json: bool) -> int:
+    """Run a service at 100 Hz for long; count lost replies, overruns, and memory that grows.
+
+    The status is 1 when a reply was lost, a recording cannot be read, memory grows by more than 5 %, or the
+    service ended.
+
+    Example: softarm bench soak --seconds 60
+    """
+    with tempfile.TemporaryDirectory(prefix="softarm-soak-") as folder, progress("soak", seconds) as advance:
+        soak = Soak(SoakSettings(out or Path(folder), seconds, model, seed), advance)
+        found = soak.run()
+    rows: list[dict[str, Cell]] = [{"what": name, "value": value} for name, value in found.figures.items()]
+    show(Table(f"Soak of {seconds:g} s at 100 Hz, {model}", rows, NOTES), as_json=as_json)
+    return 0 if found.sound(ALLOWED_GROWTH_PERCENT) else 1

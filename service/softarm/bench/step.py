@@ -1,0 +1,253 @@
+"""``softarm bench step``: what a step of the estimator costs, in parts, as a whole, and as the mesh grows."""
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from typing import Any
+
+import click
+import numpy as np
+from scipy.sparse.linalg import splu
+from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show
+from softarm.estimator.arm import model_on_mesh
+from softarm.estimator.fem import FiniteElementModel, Refactoriser, TrackingModel
+from softarm.estimator.fem.stiffness import take_stiffness
+from softarm.estimator.geometry import DEFAULTS, Resolution, build_mesh
+from softarm.estimator.geometry.convert import to_elements
+from softarm.estimator.inverse import Estimator, Limits, LoadProcess, Tolerances, TrackerSettings, Unknowns
+from softarm.estimator.inverse.objectives import Iterate, SensorObjective
+from softarm.estimator.inverse.program import build_program, solve_program
+from softarm.estimator.mesh import Floats, Mesh
+from softarm.estimator.model import Inputs
+from softarm.estimator.sensing import Registration, Scene, SensorSuite
+from softarm.estimator.sensors import SpecimenSensors
+from softarm.estimator.specimen import Specimen, load_specimen
+
+RATE_HZ = 100.0
+NOISE_RAD = np.radians(0.1)
+NOISE_PA = 200.0
+REPEATS = 40
+LINEAR = Resolution(layers=6, section_layers=2)
+GROWTH = (
+    Resolution(layers=1, section_layers=1),
+    Resolution(layers=2, section_layers=1),
+    Resolution(layers=3, section_layers=2),
+    Resolution(layers=3, section_layers=2, through=2),
+    Resolution(layers=1, section_layers=1, refinement=2),
+)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A motion of the arm with what sensors see of it.
+
+    Args:
+        inputs: True inputs at each instant.
+        readings: Noise-free readings, shape (samples, readings).
+    """
+
+    inputs: tuple[Inputs, ...]
+    readings: Floats
+
+
+def motion(model: FiniteElementModel, suite: SensorSuite, gravity: Floats, samples: int) -> Run:
+    """Move the arm slowly by pressures up to 24 kPa and forces up to 0.25 N at each section."""
+    state, inputs, readings = model.rest(), [], []
+    for k in range(samples):
+        t = k / RATE_HZ
+        pressures = 1.2e4 * (1.0 - np.cos(0.8 * t + np.arange(model.chambers) * 2.0))
+        loads = 0.25 * np.sin(0.9 * t + np.arange(len(model.loads)))
+        found = Inputs(pressures, loads, gravity)
+        state, _ = model.solve(found, state)
+        frames = model.linearise(state, found).frames
+        inputs.append(found)
+        readings.append(suite.predict(Scene(frames, gravity)))
+    return Run(tuple(inputs), np.array(readings))
+
+
+def milliseconds(work: Callable[[], Any], repeats: int = REPEATS) -> Floats:
+    """Time calls by the processor time of this thread [ms], after one that is not counted."""
+    work()
+    spent = np.empty(repeats)
+    for k in range(repeats):
+        begin = time.thread_time()
+        work()
+        spent[k] = 1e3 * (time.thread_time() - begin)
+    return spent
+
+
+def figures(spent: Floats) -> dict[str, Cell]:
+    """Give the median and the 99th percentile."""
+    return {"median_ms": float(np.median(spent)), "p99_ms": float(np.percentile(spent, 99))}
+
+
+def parts(model: FiniteElementModel, suite: SensorSuite, run: Run) -> list[dict[str, Cell]]:
+    """Time the parts of a step at one instant of the motion, ours beside SuperLU for the linear algebra."""
+    inputs = run.inputs[0]
+    state, _ = model.solve(inputs, model.rest())
+    tangent = model.balance(state.displacement, inputs).evaluation.tangent
+    assert tangent is not None
+    plan, pattern = model.body.plan, model.body.pattern
+    step = model.linearise(state, inputs)
+    forces = step.input_forces()
+    assert step.factor is not None
+    factor, matrix = step.factor, pattern.matrix(tangent.values, tangent.mirror)
+    superlu = splu(matrix)
+    objective = SensorObjective(suite, run.readings[0])
+    unknowns = Unknowns.of(model.chambers, model.loads)
+    vector = unknowns.vector(inputs)
+    rows = (objective.rows(Iterate(step.frames, vector, model.chambers, step.response)),)
+    program = build_program(rows, Limits.free(unknowns.size), vector, unknowns.scale, 1.0)
+    cases: list[tuple[str, Callable[[], Any], Callable[[], Any] | None]] = [
+        ("residual", lambda: model.balance(state.displacement, inputs, tangent=False), None),
+        ("residual and tangent", lambda: model.balance(state.displacement, inputs), None),
+        ("factor", lambda: plan.factorise(tangent), lambda: splu(matrix)),
+        (f"{len(forces)} right-hand sides", lambda: factor.solve(forces), lambda: superlu.solve(forces.T)),
+        ("factor and responses", lambda: take_stiffness(model, state.displacement, inputs), None),
+        (f"quadratic program, {unknowns.size} unknowns", lambda: solve_program(program), None),
+    ]
+    table: list[dict[str, Cell]] = []
+    for name, ours, other in cases:
+        spent = milliseconds(ours)
+        beside = None if other is None else float(np.median(milliseconds(other, REPEATS // 4)))
+        ratio = None if beside is None else beside / float(np.median(spent))
+        table.append({"part": name, **figures(spent), "superlu_ms": beside, "ratio": ratio})
+    return table
+
+
+def follow(estimator: Estimator[Any, Any], run: Run, noise: int | None) -> tuple[dict[str, Cell], Floats]:
+    """Run an estimator along a motion.
+
+    Returns:
+        Its figures, and the processor time of this thread at each instant but the first ten [ms].
+    """
+    random = np.random.default_rng(noise)
+    spent, errors, iterations, converged = [], [], [], 0
+    for k, inputs in enumerate(run.inputs):
+        readings, pressures = run.readings[k], inputs.pressures
+        if noise is not None:
+            readings = readings + NOISE_RAD * random.standard_normal(readings.shape)
+            pressures = pressures + NOISE_PA * random.standard_normal(pressures.shape)
+        begin = time.thread_time()
+        found = estimator.update(k / RATE_HZ, readings, pressures, inputs.gravity)
+        spent.append(1e3 * (time.thread_time() - begin))
+        errors.append(found.inputs.loads - inputs.loads)
+        iterations.append(found.iterations)
+        converged += found.converged
+    kept = np.array(spent[10:])
+    cells: dict[str, Cell] = {
+        **figures(kept),
+        "rate_hz": 1e3 / float(np.median(kept)),
+        "linearisations": float(np.mean(iterations[10:])),
+        "converged_percent": 100.0 * converged / len(run.inputs),
+        "force_error_mn": 1e3 * float(np.sqrt(np.mean(np.square(errors[10:])))),
+    }
+    return cells, kept
+
+
+def steps(
+    specimen: Specimen, model: FiniteElementModel, suite: SensorSuite, run: Run, done: Callable[[float], None]
+) -> list[dict[str, Cell]]:
+    """Follow the motion by every scheme, without and with noise."""
+    sensors = SpecimenSensors(specimen, model.sections, Registration())
+    process = LoadProcess(np.full(len(model.loads), 1.0), 0.5)
+    limits = np.array(specimen.pressure_limits)
+    table: list[dict[str, Cell]] = []
+    schemes = (
+        ("one linearisation, fresh factor", True, False, Tolerances(iterations=1)),
+        ("converged, a factor for every linearisation", True, False, None),
+        ("converged, factor reused until it slows", False, False, None),
+        ("converged, factor refreshed in the background", False, True, None),
+    )
+    for name, exact, background, tolerances in schemes:
+        for noise in (None, 1):
+            settings = TrackerSettings(process, sensors.actuation(), limits, tolerances=tolerances)
+            with Refactoriser(model) if background else nullcontext() as thread:
+                followed: Any = model if exact else TrackingModel(model, thread)
+                cells, _ = follow(Estimator(followed, suite, settings), run, noise)
+            table.append({"scheme": name, "noise": noise is not None, **cells})
+            done(1)
+    return table
+
+
+def growth(
+    meshes: Sequence[Mesh], specimen: Specimen, done: Callable[[float], None]
+) -> list[dict[str, Cell]]:
+    """Time assembly, factor and solution as the mesh grows, with the exponent of each over the nodes."""
+    found = []
+    for mesh in meshes:
+        found.append((float(len(mesh.points)), *_costs(model_on_mesh(specimen, mesh))))
+        done(1)
+    rows = np.array(sorted(found))
+    slopes = [float(np.polyfit(np.log(rows[:, 0]), np.log(column), 1)[0]) for column in rows[:, 1:].T]
+    table = [_growth_row(int(row[0]), row[1:]) for row in rows]
+    return [*table, {**_growth_row("exponent", np.array(slopes)), "ratio": None}]
+
+
+def _costs(model: FiniteElementModel) -> tuple[float, float, float, float]:
+    """Time assembly, our factor, its solution and SuperLU's factor at rest [ms]."""
+    inputs, state = model.no_inputs(), model.rest()
+    tangent = model.balance(state.displacement, inputs).evaluation.tangent
+    factor = model.linearise(state, inputs).factor
+    assert tangent is not None
+    assert factor is not None
+    matrix = model.body.pattern.matrix(tangent.values, tangent.mirror)
+    forces = model.linearise(state, inputs).input_forces()
+    cases: tuple[tuple[Callable[[], Any], int], ...] = (
+        (lambda: model.balance(state.displacement, inputs), 8),
+        (lambda: model.body.plan.factorise(tangent), 8),
+        (lambda: factor.solve(forces), 8),
+        (lambda: splu(matrix), 2),
+    )
+    assemble, ours, solve, superlu = (float(np.median(milliseconds(work, n))) for work, n in cases)
+    return assemble, ours, solve, superlu
+
+
+def _growth_row(nodes: Cell, values: Floats) -> dict[str, Cell]:
+    keys = ("assemble_ms", "factor_ms", "solve_ms", "superlu_factor_ms")
+    return {"nodes": nodes, **dict(zip(keys, values.tolist(), strict=True)), "ratio": values[3] / values[1]}
+
+
+@click.command()
+@click.option("--specimen", "name", default="sopra", show_default=True, help="Specimen.")
+@quick_option
+@json_option
+def command(name: str, quick: bool, as_json: bool) -> int:
+    r"""Time a step of the estimator, part by part.
+
+    Processor time of the calling thread, so that another program on the machine disturbs little; the work of
+    the background thread is not in it. The motion goes on at 100 Hz; sensors are two orientations and all
+    pressures, unknown are four forces, and every scheme but the first iterates to the nonlinear optimum.
+
+    \b
+    Example: softarm bench step --quick
+    """
+    specimen = load_specimen(name)
+    resolution = DEFAULTS[specimen.geometry.kind]
+    meshes = {"20-node hexahedra": build_mesh(specimen, resolution)}
+    if not quick:
+        meshes["linear tetrahedra"] = to_elements(build_mesh(specimen, LINEAR), "tet4")
+    larger = [build_mesh(specimen, r) for r in (GROWTH[:2] if quick else GROWTH)]
+    tables = []
+    with progress("Timing", 8 * len(meshes) + len(larger)) as advance:
+        for kind, mesh in meshes.items():
+            model = model_on_mesh(specimen, mesh)
+            suite = orientations(specimen, model.sections)
+            run = motion(model, suite, np.array(specimen.gravity_m_s2), 40 if quick else 200)
+            title = f"{specimen.name}, {kind}, {len(mesh.points)} nodes"
+            tables.append(Table(f"{title}: parts", parts(model, suite, run)))
+            notes = (
+                f"Noise: {np.degrees(NOISE_RAD):.1f} degrees and {NOISE_PA:.0f} Pa, white. "
+                "force error: root mean square over the four forces.",
+            )
+            tables.append(Table(f"{title}: steps", steps(specimen, model, suite, run, advance), notes))
+        tables.append(Table(f"{specimen.name}: growth with the mesh", growth(larger, specimen, advance)))
+    show(*tables, as_json=as_json)
+    return 0
+
+
+def orientations(specimen: Specimen, sections: tuple[str, ...]) -> SensorSuite:
+    """Make the paper's sensors: the orientation of every section that moves."""
+    sensors = SpecimenSensors(specimen, sections, Registration())
+    return SensorSuite(tuple(sensors.orientation(s, NOISE_RAD) for s in sections if s != "base"))

@@ -1,0 +1,44 @@
+"""``softarm bench verify``: the finite elements against published and analytic answers."""
+
+from itertools import chain
+
+import click
+from softarm.bench.verification.bodies import body_results
+from softarm.bench.verification.elements import element_results
+from softarm.bench.verification.held import Result
+from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show
+
+
+def row(result: Result) -> dict[str, Cell]:
+    """Give the table's row of one check."""
+    return {
+        "check": result.check,
+        "case": result.case,
+        "expected": result.expected,
+        "found": result.found,
+        "error": result.error,
+        "limit": result.limit,
+        "passes": result.passed,
+        "source": result.source,
+    }
+
+
+@click.command()
+@quick_option
+@json_option
+def command(quick: bool, as_json: bool) -> int:
+    r"""Check the finite elements against published and analytic answers.
+
+    Patch test, rigid modes and order of convergence of every element; thick-walled cylinder, elastica and
+    Cook's membrane. Fails where an error exceeds its limit.
+
+    \b
+    Example: softarm bench verify --quick
+    """
+    results = []
+    with progress("Checks") as advance:
+        for result in chain(element_results(quick), body_results(quick)):
+            results.append(result)
+            advance(1)
+    show(Table("Finite elements against known answers", [row(result) for result in results]), as_json=as_json)
+    return 0 if all(result.passed for result in results) else 1

@@ -1,0 +1,107 @@
+"""The ``softarm`` command: one module per sub-command, imported only when it is called."""
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+import click
+from softarm.common.errors import WorkFailedError
+from softarm.estimator.errors import InputError
+
+TRACEBACK = "SOFTARM_TRACEBACK"
+"""Environment variable that lets a mistake of softarm itself show where it happened."""
+THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"
+"""Environment variables for how many threads linear algebra may use; libraries read them as they load."""
+
+COMMANDS = {
+    "demo": "Start fakes, service and page, and run the force experiment on them.",
+    "serve": "Serve one arm: the daemon that systemd starts.",
+    "record": "Record a running arm.",
+    "convert": "Convert a recording between MCAP, tables and Qualisys exports.",
+    "estimate": "Estimate pose and external force over a recording.",
+    "diagnose": "Find the physics that a model leaves out.",
+    "calibrate": "Fit moduli, chamber gains and frame alignment to recordings.",
+    "excite": "Run the manoeuvres that tell physical effects apart, and record them.",
+    "experiment": "Run the paper's experiments and print their tables.",
+    "plot": "Plot a recording.",
+    "bench": "Run a benchmark and print its table.",
+    "fakes": "Start the fake devices on real ports.",
+    "page": "Serve the operator page in the browser.",
+    "vent": "Vent every chamber, whatever became of the service.",
+    "doctor": "Say which configured devices answer, at what rate, with which fault.",
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose commands live in ``softarm.cli.<name>`` and load on use."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """Name the commands in the order in which a user meets them."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """Import the module of one command."""
+        if cmd_name not in COMMANDS:
+            return None
+        module = importlib.import_module(f"softarm.cli.{cmd_name}")
+        command = module.command
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(
+    cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
+)
+@click.version_option(package_name="softarm")
+def softarm() -> None:
+    """Shape and force of a pneumatic soft arm from a few sensors and a finite-element model.
+
+    Example: softarm estimate RECORDING --specimen sopra
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line; every mistake becomes one line and a status, those of softarm itself too.
+
+    Args:
+        arguments: The words after ``softarm``; those of the process when left out.
+    """
+    for name in THREADS:  # more than one wait for each other, ruinously so where cores are shared
+        os.environ.setdefault(name, "1")
+    try:
+        status = run(arguments)
+    except Exception as error:
+        if os.environ.get(TRACEBACK):
+            raise
+        what = " ".join(f"{type(error).__name__}: {error}".split())
+        click.echo(f"softarm: a mistake of its own: {what}; set {TRACEBACK}=1 to see where", err=True)
+        status = 1
+    sys.exit(status)
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit status: 0 done, 1 the work failed, 2 wrong use."""
+    try:
+        result = softarm.main(args=arguments, prog_name="softarm", standalone_mode=False)
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+        return 0
+    except click.ClickException as error:
+        click.echo(f"softarm: {error.format_message()}", err=True)
+        return error.exit_code
+    except InputError as error:
+        click.echo(f"softarm: {error}", err=True)
+        return 2
+    except WorkFailedError as error:
+        click.echo(f"softarm: {error}", err=True)
+        return 1
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("softarm: stopped", err=True)
+        return 1
+    return result if isinstance(result, int) else 0

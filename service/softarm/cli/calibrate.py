@@ -1,0 +1,198 @@
+"""``softarm calibrate RECORDING... --specimen S --out S2``: moduli, chamber gains, alignment of sensors."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from softarm.cli.output import (
+    Table,
+    force_option,
+    json_option,
+    progress,
+    recordings_argument,
+    say,
+    show,
+    specimen_option,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from softarm.estimator.calibration import Calibrated, Drift
+
+DEGREES = 57.29577951308232
+
+
+@click.command()
+@recordings_argument
+@specimen_option
+@click.option("--out", "-o", type=click.Path(path_type=Path), help="Specimen file to write (TOML).")
+@click.option(
+    "--check",
+    is_flag=True,
+    help="Only tell whether the specimen's calibration has gone stale; exit status 1 if it has.",
+)
+@click.option(
+    "--window", type=(float, float), metavar="FROM TO", help="Use only these seconds of each recording."
+)
+@click.option("--nodes", type=click.IntRange(8), default=160, show_default=True, help="Samples to fit.")
+@click.option(
+    "--axes/--no-axes",
+    default=None,
+    help="Search rotation and handedness of bend axes everywhere; by default where the specimen has none.",
+)
+@force_option
+@json_option
+def command(
+    recordings: tuple[Path, ...],
+    specimen: str | None,
+    out: Path | None,
+    check: bool,
+    window: tuple[float, float] | None,
+    nodes: int,
+    axes: bool | None,
+    force: bool,
+    as_json: bool,
+) -> int:
+    """Fit moduli, chamber gains and biases, alignment, gravity and cord direction to recordings.
+
+    Pulls of a force gauge count as known forces. Alternate blocks of ten seconds, or alternate recordings,
+    are held out to check the fit. What the recordings do not determine keeps its value and is named with
+    the manoeuvre that would determine it. Nothing is written when the fit does not hold.
+
+    Example: softarm calibrate run1 run2 --specimen sopra --out my_sopra.toml
+    """
+    from softarm.analysis.offline.inputs import load_recordings, specimen_of
+    from softarm.estimator.arm import build_arm
+    from softarm.estimator.calibration import (
+        CalibrationRefusedError,
+        NodeSolver,
+        Options,
+        arrange,
+        calibrate,
+        calibrated_specimen,
+        check_drift,
+        section_forces,
+    )
+    from softarm.estimator.calibration.complaints import complaints
+    from softarm.estimator.specimen import save_specimen
+    from softarm.recordings.files import refuse_existing
+
+    if check == (out is not None):
+        raise click.UsageError("give either --out FILE, to calibrate, or --check")
+    if out is not None:
+        refuse_existing(out, force=force)
+    loaded = load_recordings(recordings, window)
+    robot = specimen_of(specimen, recordings, loaded)
+    loads = section_forces(robot)
+    model = build_arm(robot, loads=loads)
+    runs = [arrange(recording, robot, model.sections, loads) for recording in loaded]
+    for recording, run in zip(loaded, runs, strict=True):
+        for complaint in complaints(recording, run):
+            say(complaint)
+        if run.ignored_markers:
+            say(f"{run.name}: the specimen does not name markers {', '.join(run.ignored_markers)}")
+    if out is None:
+        with progress(f"checking {robot.name}") as advance:
+            drifts = check_drift(NodeSolver(model, advance), robot, runs, nodes)
+        show(drift_table(drifts), as_json=as_json)
+        return int(any(drift.stale for drift in drifts))
+    options = Options(nodes=nodes, search_axes=axes)
+    try:
+        with progress(f"calibrating {robot.name}") as advance:
+            found = calibrate(NodeSolver(model, advance), robot, runs, options)
+    except CalibrationRefusedError as refusal:
+        say(f"softarm: {refusal}")
+        return 1
+    told = f"softarm calibrate, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC, {found.nodes} samples"
+    save_specimen(calibrated_specimen(robot, found, told), out)
+    show(*tables(found), as_json=as_json)
+    say(f"wrote {out}")
+    return 0
+
+
+def drift_table(drifts: "Sequence[Drift]") -> Table:
+    """Say of each quantity whether it scatters more than the calibration left it."""
+    stale = [drift.quantity for drift in drifts if drift.stale]
+    verdict = (
+        f"Stale: {', '.join(stale)}; record each chamber alone, random poses and pulls, and calibrate anew."
+        if stale
+        else "The calibration holds."
+    )
+    return Table(
+        "Scatter about the calibrated model",
+        [
+            {
+                "quantity": drift.quantity,
+                "unit": "m" if drift.quantity.endswith("position") else "rad",
+                "now": drift.scatter,
+                "calibrated": drift.calibrated,
+                "ratio": drift.ratio,
+                "stale": drift.stale,
+            }
+            for drift in drifts
+        ],
+        (verdict,),
+    )
+
+
+def tables(found: "Calibrated") -> tuple[Table, ...]:
+    """Arrange a calibration in tables: what was found, how well it predicts, what is missing."""
+    missing = tuple(
+        f"{entry.parameter.name}: {entry.verdict}; {entry.manoeuvre}"
+        for entry in found.identified
+        if entry.verdict != "determined"
+    )
+    lags = ", ".join("unknown" if lag is None else f"{lag * 1e3:.0f} ms" for lag in found.lags)
+    unknowns: list[dict[str, str | int | float | bool | None]] = [
+        {
+            "unknown": entry.parameter.name,
+            "value": entry.value,
+            "std": entry.std,
+            "unit": entry.parameter.unit,
+            "verdict": entry.verdict,
+            "std_over_known_before": entry.share,
+        }
+        for entry in found.identified
+    ]
+    handed = ", ".join(
+        f"{name} {'left' if mirrored else 'right'}" for name, mirrored in found.mirrored.items()
+    )
+    notes = (
+        f"{found.fitted} unknowns fitted to {found.nodes} samples; {found.status}; "
+        f"motion lags the pressures by {lags}"
+        + (f"; axes of bends: {handed}-handed" if handed else "")
+        + ".",
+        "A modulus is the logarithm of the factor on the specimen's.",
+    )
+    return (
+        Table("Calibration", unknowns, (*notes, *missing)),
+        Table(
+            "Prediction error, rms",
+            [_error_row(found, name) for name in found.check.training],
+            (
+                f"Held out: alternate blocks that no fit has seen. Line: ordinary linear regression of the "
+                f"readings on the pressures, {found.check.line_parameters} numbers fitted on the same blocks."
+                if found.check.line
+                else "Held out: alternate blocks or recordings that no fit has seen.",
+            ),
+        ),
+    )
+
+
+def _error_row(found: "Calibrated", name: str) -> dict[str, str | float | None]:
+    check = found.check
+    sensor, _, component = name.rpartition(".")
+    scale, unit = (1e3, "mm") if sensor.startswith("marker") else (DEGREES, "degrees")
+    if sensor.startswith("frame"):
+        scale, unit = (1e3, "mm") if int(component) < 3 else (DEGREES, "degrees")
+    row: dict[str, str | float | None] = {"sensor": sensor, "component": component, "unit": unit}
+    for heading, values in (
+        ("old_calibration", check.before),
+        ("training", check.training),
+        ("held_out", check.held_out),
+        ("line_held_out", check.line),
+    ):
+        row[heading] = values[name] * scale if name in values else None
+    return row

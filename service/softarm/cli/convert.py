@@ -1,0 +1,35 @@
+"""``softarm convert IN OUT``: a recording from one format to another."""
+
+from pathlib import Path
+
+import click
+from softarm.cli.output import Table, force_option, json_option, progress, say, show
+from softarm.recordings import load_recording, read_attachments, save_recording
+from softarm.recordings.summary import summary
+
+
+@click.command()
+@click.argument("source", metavar="IN", type=click.Path(path_type=Path))
+@click.argument("target", metavar="OUT", type=click.Path(path_type=Path))
+@click.option(
+    "--map",
+    "column_map",
+    type=click.Path(path_type=Path),
+    help="TOML with the names of a Qualisys export's markers and bodies; the .toml beside it when left out.",
+)
+@force_option
+@json_option
+def command(source: Path, target: Path, column_map: Path | None, force: bool, as_json: bool) -> None:
+    """Convert a recording between MCAP, CSV and Parquet tables, and from Qualisys .c3d and .tsv.
+
+    The suffix of OUT decides: .mcap, .csv, .parquet; a path without suffix becomes a folder with
+    recording.csv and recording.toml. A file that was cut off is read up to its last whole chunk.
+
+    Example: softarm convert run7.mcap run7
+    """
+    with progress(f"converting {source.name}"):
+        recording = load_recording(source, column_map)
+        written = save_recording(recording, target, force=force, attachments=read_attachments(source))
+    if "recovered" in recording.info:
+        say(f"{source}: {recording.info['recovered']}")
+    show(Table(f"{source} to {', '.join(map(str, written))}", summary(recording)), as_json=as_json)

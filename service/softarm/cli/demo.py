@@ -1,0 +1,70 @@
+"""``softarm demo``: fakes, service and operator page, and the paper's force experiment on them."""
+
+import signal
+from contextlib import ExitStack, suppress
+from pathlib import Path
+
+import click
+from softarm.cli.output import Table, json_option, progress, say, show
+from softarm.experiments.rig import FakeRig, Process, RigSettings
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+TOLERANCE_PERCENT = 2.0
+
+
+@click.command()
+@click.option("--once", is_flag=True, help="End after the table instead of staying up.")
+@click.option("--port", default=8080, show_default=True, help="TCP port of the operator page.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("out/demo"),
+    show_default=True,
+    help="Folder for the recording, the plot and the logs.",
+)
+@json_option
+def command(once: bool, port: int, out: Path, as_json: bool) -> int:
+    """Start fakes, service and operator page; run the force experiment; stay up until Ctrl-C.
+
+    Example: softarm demo --once
+    """
+    from softarm.experiments.force import ForceSettings, summary
+    from softarm.experiments.session import connect, force_on_fakes, plot_force
+
+    settings = RigSettings(
+        EXAMPLES / "scenarios" / "demo.toml", specimen=str(fake_specimen()), forces_on=("tip",)
+    )
+    force = ForceSettings()
+    # Not blocked: the children would inherit that, and could not be asked to end.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with ExitStack() as stack:
+        say("starting fakes and service; the estimator warms up for half a minute at first")
+        rig = stack.enter_context(FakeRig(settings, out))
+        client = stack.enter_context(connect(rig))
+        page = Process(
+            ("page", "--arm", settings.arm, "--endpoint", settings.endpoint, "--port", str(port)),
+            out / "page.log",
+        )
+        if not once:
+            say(stack.enter_context(page).first_line().strip())
+        with progress("force experiment", 2.0 * force.steps) as advance:
+            samples, recording = force_on_fakes(rig, client, force, lambda: advance(1))
+        rows = summary(samples)
+        show(Table("External force against the gauge", rows, (f"Recording: {recording}",)), as_json=as_json)
+        plot_force(samples, out / "force.png")
+        say(f"plot: {out / 'force.png'}")
+        if not once:
+            say("running; Ctrl-C ends it")
+            with suppress(KeyboardInterrupt):
+                signal.pause()
+    worst = max(float(row["mean_percent"]) for row in rows)
+    if not worst <= TOLERANCE_PERCENT:
+        say(f"softarm: the force is off by {worst:.2f} % of range, more than {TOLERANCE_PERCENT:g} %")
+        return 1
+    return 0
+
+
+def fake_specimen() -> Path | str:
+    """Give the specimen calibrated on the fake arm, or the nominal one."""
+    path = EXAMPLES / "specimens" / "fake_arm.toml"
+    return path if path.exists() else "sopra"

@@ -1,0 +1,206 @@
+"""``softarm diagnose RECORDING... --specimen S``: the physics that a model leaves out."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from softarm.cli.output import (
+    Table,
+    force_option,
+    json_option,
+    progress,
+    recordings_argument,
+    say,
+    show,
+    specimen_option,
+)
+
+if TYPE_CHECKING:
+    from softarm.estimator.diagnosis import Diagnosis
+
+NOMINAL = "--nominal"
+
+
+SHARES = {
+    "reading": 3.0,
+    "preparing the model": 2.0,
+    "calibrating": 20.0,
+    "predicting": 15.0,
+    "trying effects": 25.0,
+    "fitting": 25.0,
+    "judging": 10.0,
+}
+"""Share of the time that each part of a diagnosis takes."""
+
+
+class _Steps:
+    """Turns what is being done into progress: a part counts as done when the next begins."""
+
+    def __init__(self, advance: Callable[[float], None]) -> None:
+        self._advance = advance
+        self._now = ""
+
+    def tell(self, what: str) -> None:
+        """Take note of what is being done."""
+        if what != self._now:
+            self._advance(SHARES.get(self._now, 0.0))
+            self._now = what
+
+
+class NominalCommand(click.Command):
+    """A command whose ``--nominal`` takes every word up to the next option."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Write ``--nominal A B`` as ``--nominal A --nominal B``."""
+        written: list[str] = []
+        taking = False
+        for word in args:
+            if word == NOMINAL:
+                taking = True
+                continue
+            taking = taking and not word.startswith("-")
+            written += [NOMINAL, word] if taking else [word]
+        return super().parse_args(ctx, written)
+
+
+@click.command(cls=NominalCommand)
+@recordings_argument
+@specimen_option
+@click.option(
+    NOMINAL,
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="RECORDING...",
+    help="Recordings of the arm in its known state; only what differs from them is reported.",
+)
+@click.option("--out", "-o", type=click.Path(path_type=Path), help="Folder of report.json and report.html.")
+@click.option(
+    "--write-specimen",
+    type=click.Path(path_type=Path),
+    metavar="S2",
+    help="Specimen file to write, with what was found as physics of the model.",
+)
+@click.option("--effect", "effects", multiple=True, metavar="NAME", help="Try only this effect; repeatable.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of everything random.")
+@click.option("--jobs", "-j", type=click.IntRange(1), default=2, show_default=True, help="Processes.")
+@click.option("--dask", metavar="ADDRESS", help="Run on the Dask cluster at this address instead.")
+@force_option
+@json_option
+def command(
+    recordings: tuple[Path, ...],
+    specimen: str | None,
+    nominal: tuple[Path, ...],
+    out: Path | None,
+    write_specimen: Path | None,
+    effects: tuple[str, ...],
+    seed: int,
+    jobs: int,
+    dask: str | None,
+    force: bool,
+    as_json: bool,
+) -> int:
+    """Find where a model and recordings differ and which physics was left out.
+
+    Calibrates the model, locates the mismatch, tries every known effect at every place, and accepts
+    what predicts recordings that no fit has seen. Effects that the recordings cannot tell apart are
+    named together with the manoeuvre that would; what nothing explains is called unknown. What --out
+    holds already, from the same recordings, is not done again: many diagnoses go on where they were stopped.
+
+    Example: softarm diagnose run1 run2 --nominal known1 --specimen sopra --out report
+    """
+    from softarm.analysis.diagnosis.done import digest_of, done_before, write_digest, write_report
+    from softarm.analysis.diagnosis.html import write_html
+    from softarm.analysis.diagnosis.report import report_of
+    from softarm.analysis.diagnosis.run import Request, improved_specimen, run
+    from softarm.analysis.diagnosis.workers import workers
+    from softarm.analysis.offline.inputs import load_recordings, specimen_of
+    from softarm.estimator.specimen import save_specimen
+    from softarm.recordings.files import refuse_existing
+
+    robot = specimen_of(specimen, recordings, load_recordings(recordings[:1]))
+    request = Request(recordings, nominal, robot, seed, effects)
+    digest = digest_of(request)
+    earlier = done_before(out, digest) if out is not None and not force else None
+    if earlier is not None and (write_specimen is None or write_specimen.exists()):
+        say(f"{out} holds this diagnosis already; --force does it again")
+        click.echo(earlier.dump() if as_json else earlier.verdict.replace("_", " "), nl=not as_json)
+        return 0
+    if write_specimen is not None:
+        refuse_existing(write_specimen, force=force)
+    with workers(jobs, dask) as executor, progress("diagnosing", sum(SHARES.values())) as advance:
+        outcome = run(request, executor, _Steps(advance).tell)
+    report = report_of(outcome.diagnosis)
+    if out is not None:
+        say(f"wrote {write_report(report, out)}")
+        say(f"wrote {write_html(outcome.diagnosis, robot, out)}")
+    if write_specimen is not None:
+        save_specimen(improved_specimen(robot, outcome), write_specimen)
+        say(f"wrote {write_specimen}")
+    if out is not None:
+        write_digest(digest, out)
+    if as_json:
+        click.echo(report.dump(), nl=False)
+    else:
+        show(*tables(outcome.diagnosis), as_json=False)
+    return 0
+
+
+def tables(diagnosis: "Diagnosis") -> tuple[Table, ...]:
+    """Tell a diagnosis in tables and plain words."""
+    heldout, left = diagnosis.heldout, diagnosis.unexplained
+    verdict = diagnosis.verdict.replace("_", " ")
+    where = ", ".join(f"{k} {v}" for k, v in left.where.model_dump(exclude_none=True).items())
+    remains = f"Unexplained: {where}, varying with {left.when}." if where else ""
+    first: list[dict[str, Any]] = [
+        {
+            "channel": name,
+            "rms_before": value,
+            "noise_floor": diagnosis.baseline.noise_floor[name],
+            "unit": diagnosis.baseline.units[name],
+        }
+        for name, value in diagnosis.baseline.rms.items()
+    ]
+    cells: list[dict[str, Any]] = [
+        {
+            "where": f"{cell.kind} {cell.name} {cell.axis}",
+            "varies_with": cell.regime,
+            "equivalent_load": cell.amplitude,
+            "unit": cell.unit,
+            "share_of_mismatch": cell.share,
+            "p": cell.p_value,
+        }
+        for cell in diagnosis.map.cells[:5]
+    ]
+    found: list[dict[str, Any]] = []
+    for finding in diagnosis.findings:
+        for name, quantity in finding.parameters.items():
+            place = finding.where.model_dump(exclude_none=True)
+            found.append(
+                {
+                    "effect": finding.effect,
+                    "where": ", ".join(f"{k} {v}" for k, v in place.items()) or "whole arm",
+                    "parameter": name,
+                    "value": quantity.value,
+                    "std": quantity.std,
+                    "unit": quantity.unit,
+                    "delta_bic": finding.evidence.delta_bic,
+                }
+            )
+    return (
+        Table(f"{diagnosis.specimen}: {verdict}", first, diagnosis.notes),
+        Table("Where the mismatch sits", cells),
+        Table("Physics that was left out", found, tuple(f.statement for f in diagnosis.findings)),
+        Table(
+            "Prediction of data that no fit and no choice has seen",
+            [
+                {
+                    "normalised_rms_before": heldout.before,
+                    "normalised_rms_after": heldout.after,
+                    "gain_from": heldout.gain_ci95[0],
+                    "gain_to": heldout.gain_ci95[1],
+                }
+            ],
+            tuple(filter(None, (heldout.how_split, remains, f"{diagnosis.seconds:.0f} s."))),
+        ),
+    )

@@ -1,0 +1,273 @@
+"""``softarm doctor``: which configured devices answer, at what rate, with which fault, and the cure."""
+
+import asyncio
+import logging
+import tomllib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import click
+from softarm.cli.output import Cell, Table, json_option, progress, show
+from softarm.daemon.config import ConfigError
+from softarm.drivers.clock import NANOSECONDS
+from softarm.drivers.config import DriverConfig
+from softarm.drivers.device import Device
+from softarm.drivers.errors import DeviceError, DeviceErrors
+from softarm.drivers.reading import Reading
+from softarm.drivers.registry import load_devices
+from softarm.drivers.supervisor import ALIVE, State
+from softarm.estimator.errors import InputError
+
+REMARKS = {
+    "bad_checksum": ("frames with a wrong checksum", "check baud rate, cable and ground"),
+    "malformed": ("frames that break the format", "check baud rate and protocol"),
+    "gaps": ("samples that never arrived", "check the network and the load of the host"),
+    "timeouts": ("requests without an answer in time", "check the network and the device's load"),
+    "rejected": ("answers that did not fit", "check kind and firmware of the device"),
+}
+
+
+@dataclass
+class Tally:
+    """Counts what one device delivers.
+
+    Attributes:
+        readings: How many came.
+        invalid: How many of them were invalid.
+        first_ns: Host monotonic time of the first [ns].
+        last_ns: Host monotonic time of the last [ns].
+        flags: What the invalid ones said.
+    """
+
+    readings: int = 0
+    invalid: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+    flags: set[str] = field(default_factory=set)
+
+    def take(self, reading: Reading[Any]) -> None:
+        """Count one reading."""
+        if not self.readings:
+            self.first_ns = reading.host_monotonic_ns
+        self.last_ns = reading.host_monotonic_ns
+        self.readings += 1
+        self.invalid += not reading.valid
+        self.flags.update(reading.flags)
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Readings per second; None with fewer than two."""
+        span_ns = self.last_ns - self.first_ns
+        return (self.readings - 1) * NANOSECONDS / span_ns if span_ns > 0 else None
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong, or worth a look.
+
+    Attributes:
+        device: The device.
+        serious: Whether the device cannot be relied on.
+        what: What was found.
+        cure: What to do about it.
+    """
+
+    device: str
+    serious: bool
+    what: str
+    cure: str
+
+
+@dataclass(frozen=True)
+class Examination:
+    """What was found out about one device.
+
+    Attributes:
+        row: Its line in the table.
+        findings: What is wrong with it.
+        facts: What it told of itself.
+    """
+
+    row: dict[str, Cell]
+    findings: tuple[Finding, ...]
+    facts: dict[str, str]
+
+
+@click.command()
+@click.option(
+    "--config",
+    "path",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="A TOML file with [[devices]], such as the service's configuration.",
+)
+@click.option(
+    "--seconds",
+    default=2.0,
+    show_default=True,
+    type=click.FloatRange(min=0.1, max=600.0),
+    help="How long to listen to each device.",
+)
+@json_option
+def command(path: Path, seconds: float, as_json: bool) -> int:
+    """Connect to each configured device and say what answers, at what rate, with which fault.
+
+    Moves nothing: no set-point is written and no setting changed. The status is 1 when a device
+    does not answer or reports a fault.
+
+    Example: softarm doctor --config /etc/softarm/arm.toml
+    """
+    configs = read_devices(path)
+    # What the drivers would log stands in the table.
+    logging.getLogger("drivers").setLevel(logging.ERROR)
+    with progress(f"Listening to {len(configs)} devices", seconds) as advance:
+        examinations = asyncio.run(examine_all(configs, seconds, advance))
+    show(*tables(examinations), as_json=as_json)
+    return int(any(finding.serious for found in examinations for finding in found.findings))
+
+
+def read_devices(path: Path) -> tuple[DriverConfig, ...]:
+    """Read the ``[[devices]]`` of a configuration; its other tables do not matter here.
+
+    Raises:
+        InputError: The file cannot be read, is not TOML, or has no devices.
+        ConfigError: Its devices are wrong, all mistakes at once.
+    """
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read ({error.strerror})", "give a configuration") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(str(path), f"is not TOML ({error})", "correct the file") from None
+    devices = table.get("devices")
+    if not isinstance(devices, list) or not devices:
+        raise InputError(str(path), "names no devices", "add [[devices]] with name and kind")
+    try:
+        return load_devices(devices)
+    except DeviceErrors as error:
+        raise ConfigError(path, error.lines()) from None
+
+
+async def examine_all(
+    configs: Sequence[DriverConfig], seconds: float, advance: Callable[[float], None]
+) -> list[Examination]:
+    """Examine devices side by side.
+
+    Args:
+        configs: The devices.
+        seconds: How long to listen [s].
+        advance: Told how many seconds have passed.
+    """
+
+    async def tick() -> None:
+        for _ in range(10):
+            await asyncio.sleep(seconds / 10)
+            advance(seconds / 10)
+
+    clock = asyncio.create_task(tick())
+    try:
+        return list(await asyncio.gather(*(examine(config, seconds) for config in configs)))
+    finally:
+        clock.cancel()
+        await asyncio.gather(clock, return_exceptions=True)
+
+
+async def examine(config: DriverConfig, seconds: float) -> Examination:
+    """Connect to one device, listen, and tell what was found."""
+    tally = Tally()
+    device = config.build(tally.take, observe=True)
+    try:
+        await _listen(device, seconds)
+        return describe(config, device, tally)
+    finally:
+        await device.close()
+
+
+async def _listen(device: Device, seconds: float) -> None:
+    try:
+        await device.connect()
+    except DeviceErrors as errors:
+        if not any(error.retried for error in errors.leaves()):
+            return
+    await asyncio.sleep(seconds)
+
+
+def describe(config: DriverConfig, device: Device, tally: Tally) -> Examination:
+    """Put into words how a device stands at the end of the examination."""
+    health = device.health
+    round_trip = health.round_trip
+    row: dict[str, Cell] = {
+        "device": config.name,
+        "kind": config.kind,
+        "address": device.source,
+        "state": str(_standing(device)),
+        "rate_hz": tally.rate_hz,
+        "readings": tally.readings,
+        "invalid": tally.invalid,
+        "round_trip_ms": round_trip.quantile_ns(0.5) / 1e6 if round_trip.count else None,
+        "longest_gap_ms": health.interval.largest_ns / 1e6 if health.interval.count else None,
+        "reconnects": health.reconnects,
+    }
+    return Examination(row, tuple(_findings(config.name, device, tally)), dict(health.facts))
+
+
+def _standing(device: Device) -> State:
+    """Tell the state; between two attempts in vain that is a fault."""
+    return device.state if device.state in ALIVE or not device.health.failures else State.FAULT
+
+
+def _findings(name: str, device: Device, tally: Tally) -> list[Finding]:
+    health = device.health
+    found = []
+    if device.state not in ALIVE:
+        found.append(_of_error(name, health.last_error))
+    elif not tally.readings:
+        found.append(Finding(name, True, "answers, but sends no reading", "start its measurement"))
+    for alarm in health.alarms.standing:
+        quantity = "" if alarm.value is None else f" ({alarm.value} {alarm.unit}".rstrip() + ")"
+        found.append(Finding(name, True, f"{alarm.what}{quantity}", alarm.cure))
+    if tally.invalid:
+        told = ", ".join(sorted(tally.flags)) or "no reason given"
+        found.append(
+            Finding(name, False, f"{tally.invalid} invalid readings: {told}", "see the device's page")
+        )
+    for counter, (what, cure) in REMARKS.items():
+        if count := getattr(health, counter):
+            found.append(Finding(name, False, f"{count} {what}", cure))
+    return found
+
+
+def _of_error(name: str, error: DeviceError | None) -> Finding:
+    if error is None:
+        return Finding(name, True, "does not answer", "check cable, address and power")
+    told = str(error).removeprefix(f"{error.device}: ").removesuffix(f"; {error.cure}")
+    return Finding(name, True, told, error.cure)
+
+
+def tables(examinations: Sequence[Examination]) -> list[Table]:
+    """Lay the examinations out: the devices, what is wrong with them, what they told of themselves."""
+    findings = [finding for found in examinations for finding in found.findings]
+    rows: list[dict[str, Cell]] = [
+        {
+            "device": finding.device,
+            "how": "fault" if finding.serious else "remark",
+            "what": finding.what,
+            "cure": finding.cure,
+        }
+        for finding in findings
+    ]
+    facts: list[dict[str, Cell]] = [
+        {"device": str(found.row["device"]), "fact": key, "value": value}
+        for found in examinations
+        for key, value in found.facts.items()
+    ]
+    serious = sum(any(finding.serious for finding in found.findings) for found in examinations)
+    note = f"{len(examinations) - serious} of {len(examinations)} devices are well. No set-point was written."
+    laid_out = [Table("Devices", [found.row for found in examinations], (note,))]
+    if rows:
+        laid_out.append(Table("Findings", rows))
+    if facts:
+        laid_out.append(Table("What they say of themselves", facts))
+    return laid_out

@@ -1,0 +1,184 @@
+"""``softarm estimate RECORDING --specimen S``: pose and external force over a recording."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from softarm.cli.output import (
+    Table,
+    force_option,
+    json_option,
+    progress,
+    recording_argument,
+    say,
+    show,
+    specimen_option,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from softarm.analysis.offline.track import Track
+    from softarm.analysis.plots.arm import Surface
+    from softarm.estimator.calibration import Run
+    from softarm.estimator.specimen import Specimen
+
+DEFAULT_RATE = 10.0
+LINEAR_SOLVES = 60
+"""Allowed to each finite-element search: under a wrong calibration it must not wander for minutes."""
+NAMES = {"fem": "finite elements", "rod": "calibrated rod"}
+
+
+@click.command()
+@recording_argument
+@specimen_option
+@click.option(
+    "--out",
+    "-o",
+    type=click.Path(path_type=Path),
+    help="Where estimates go: .mcap, .csv, .parquet or a folder.",
+)
+@click.option(
+    "--plots", type=click.Path(path_type=Path), help="Folder of the plots; plots/NAME when left out."
+)
+@click.option(
+    "--rate",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=DEFAULT_RATE,
+    show_default=True,
+    metavar="HZ",
+    help="Estimates per second of recording; readings between them are averaged.",
+)
+@click.option(
+    "--window", type=(float, float), metavar="FROM TO", help="Use only these seconds of the recording."
+)
+@click.option(
+    "--model",
+    "kind",
+    type=click.Choice(["auto", *NAMES]),
+    default="auto",
+    show_default=True,
+    help="Finite elements, or the rod that was fitted to them (fitted first where it is not known yet); auto "
+    "takes the rod where it is known and near the finite elements.",
+)
+@force_option
+@json_option
+def command(
+    recording: Path,
+    specimen: str | None,
+    out: Path | None,
+    plots: Path | None,
+    rate: float,
+    window: tuple[float, float] | None,
+    kind: str,
+    force: bool,
+    as_json: bool,
+) -> int:
+    """Estimate pose and external force over a recording, with their uncertainty.
+
+    Each instant is solved on its own to the nonlinear optimum on the finite-element mesh, or on the rod:
+    pressures as recorded, two lateral forces unknown at every rigid section. A search on the mesh begins at
+    the rod's answer where that is known, and one that does not settle within bounds counts as diverged.
+    A specimen without calibration that does not predict a long recording's bends is fitted to it first.
+    Prints a summary, writes plots and, with --out, every estimate.
+
+    Example: softarm estimate ../shared/recordings/sopra_2021-07-09 --specimen sopra
+    """
+    from softarm.analysis.offline.alignment import aligned
+    from softarm.analysis.offline.inputs import in_its_mount, load_recordings, specimen_of
+    from softarm.analysis.offline.resample import resample
+    from softarm.analysis.offline.result import as_recording
+    from softarm.analysis.plots.estimate import plot_track
+    from softarm.estimator.calibration import arrange
+    from softarm.recordings import save_recording
+    from softarm.recordings.files import refuse_existing
+
+    if out is not None:
+        refuse_existing(out, force=force or out.is_dir())
+    (loaded,) = load_recordings([recording], window)
+    robot = in_its_mount(specimen_of(specimen, [recording], [loaded]), loaded)
+    with progress(f"holding {robot.name} against {loaded.name}") as advance:
+        robot, told = aligned(robot, loaded, advance)
+    if told:
+        say(told)
+    run = resample(arrange(loaded, robot, tuple(section.name for section in robot.sections)), rate)
+    kind = _chosen(robot) if kind == "auto" else kind
+    found, surface = _on_rod(robot, run) if kind == "rod" else _on_mesh(robot, run)
+    say(f"estimated with {NAMES[kind]}")
+    if found.given_up:
+        say(
+            f"the last {found.given_up} of {len(run.time)} were given up after a long search in vain: "
+            "calibrate the specimen's moduli and gains first"
+        )
+    show(*tables(found, loaded.name), as_json=as_json)
+    folder = plots or Path("plots") / loaded.name
+    for path in plot_track(found, loaded.name, folder, surface):
+        say(f"wrote {path}")
+    if out is not None:
+        info = {"specimen": robot.name, "estimated_rate_hz": rate, "estimated_with": NAMES[kind]}
+        for path in save_recording(as_recording(found, loaded, info), out, force=force):
+            say(f"wrote {path}")
+    return 0 if bool((found.status == 0).any()) else 1
+
+
+def _chosen(robot: "Specimen") -> str:
+    """Name the model to take: the rod where one is known that may stand in for the finite elements."""
+    from softarm.common.rods import known_trusted_rod
+
+    return "fem" if robot.physics or known_trusted_rod(robot) is None else "rod"
+
+
+def _on_mesh(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any], Surface]]":
+    """Estimate on the finite elements, begun at the rod's answers where it is known."""
+    from dataclasses import replace
+
+    from softarm.analysis.offline.surface import outer_surface
+    from softarm.analysis.offline.track import track
+    from softarm.common.rods import known_trusted_rod
+    from softarm.estimator.arm import build_arm
+
+    model = build_arm(robot)
+    model = replace(model, settings=replace(model.settings, total_iterations=LINEAR_SOLVES))
+    rod = known_trusted_rod(robot)
+    guide = None if rod is None else rod.with_loads(model.loads)
+    with progress(f"estimating {run.name}", len(run.time)) as advance:
+        found = track(model, robot, run, advance, guide)
+    return found, lambda state: outer_surface(model, state)
+
+
+def _on_rod(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any], Surface]]":
+    """Estimate on the calibrated rod."""
+    from softarm.analysis.offline.surface import skin_surface
+    from softarm.analysis.offline.track import track
+    from softarm.common.rods import trusted_rod
+    from softarm.estimator.geometry import build_mesh
+
+    with progress(f"fitting the rod of {robot.name}") as advance:
+        rod = trusted_rod(robot, lambda *_: advance(1))
+    with progress(f"estimating {run.name}", len(run.time)) as advance:
+        found = track(rod, robot, run, advance)
+    mesh = build_mesh(robot)
+    return found, lambda strain: skin_surface(mesh, rod, strain)
+
+
+def tables(found: "Track[Any]", name: str) -> tuple[Table, ...]:
+    """Summarise estimates in tables: loads, sections, sensors."""
+    from softarm.analysis.offline.result import force_rows, section_rows, sensor_rows, status_counts
+
+    counts = status_counts(found)
+    first, last = found.run.time[[0, -1]]
+    ended = ", ".join(f"{count} {status.replace('_', ' ')}" for status, count in counts.items() if count)
+    return (
+        Table(
+            f"{name}: external loads",
+            force_rows(found),
+            (
+                f"{len(found.run.time)} estimates from {first:.2f} to {last:.2f} s: {ended}.",
+                f"At the first: {found.statement}" if found.statement else "No search converged.",
+                "The estimate's deviation follows from the noise of sensors and pressures; what the "
+                "calibrated model gets wrong comes on top.",
+            ),
+        ),
+        Table("Sections in the base frame", section_rows(found)),
+        Table("Readings over the estimate", sensor_rows(found)),
+    )

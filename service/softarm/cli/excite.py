@@ -1,0 +1,208 @@
+"""``softarm excite --arm ID``: run the manoeuvres that tell the physical effects apart, and record them."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from softarm.cli.demo import EXAMPLES, fake_specimen
+from softarm.cli.output import Cell, Table, json_option, progress, say, show, specimen_option
+from softarm.client.session import DEFAULT_ENDPOINT
+
+if TYPE_CHECKING:
+    from softarm.client.client import SoftarmClient
+    from softarm.estimator.excitation import Manoeuvre, Plan
+    from softarm.estimator.specimen import Specimen
+    from softarm.experiments.excitation import Recorded
+
+
+@click.command()
+@click.option("--arm", help="Name of the arm; its service moves it.")
+@click.option("--fake", is_flag=True, help="Start fakes and a service on them, and run there.")
+@click.option(
+    "--endpoint", default=DEFAULT_ENDPOINT, show_default=True, help="zenoh endpoint of the service."
+)
+@click.option(
+    "--report",
+    type=click.Path(path_type=Path),
+    help="Folder of a diagnosis; plans what splits the effects that it could not tell apart.",
+)
+@click.option("--manoeuvre", "names", multiple=True, help="Only this one; may be given several times.")
+@click.option("--by-hand", is_flag=True, help="Somebody is there to turn the mount and to pluck the arm.")
+@click.option(
+    "--share",
+    type=click.FloatRange(0.05, 1.0),
+    default=0.75,
+    show_default=True,
+    help="Part of the pressure limits to use.",
+)
+@click.option("--minutes", type=click.FloatRange(min=0.1), help="Leave out what comes after this time.")
+@click.option("--dry-run", is_flag=True, help="Print the plan and move nothing.")
+@click.option("--plot", type=click.Path(path_type=Path), help="Write a picture of the planned pressures.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("out/excite"),
+    show_default=True,
+    help="With --fake: folder of the service's configuration, logs and recordings.",
+)
+@specimen_option
+@json_option
+def command(
+    arm: str | None,
+    fake: bool,
+    endpoint: str,
+    report: Path | None,
+    names: tuple[str, ...],
+    by_hand: bool,
+    share: float,
+    minutes: float | None,
+    dry_run: bool,
+    plot: Path | None,
+    out: Path,
+    specimen: str | None,
+    as_json: bool,
+) -> int:
+    """Run the manoeuvres that tell the physical effects apart, and record each.
+
+    With --report, manoeuvres are ranked by how far they drive the rivals' predictions apart on the model, per
+    second of run, and only those are run that are needed. Pressures stay within the specimen's limits and the
+    valves' slew; the arm is vented before each manoeuvre and at the end.
+
+    Example: softarm excite --arm sopra --report out/diagnosis --dry-run
+    """
+    from softarm.estimator.errors import InputError
+    from softarm.experiments.excitation import run_excitation, slew_of, specimen_of_arm
+    from softarm.experiments.excitation_plan import DEFAULT_SLEW, manoeuvres_of
+
+    if not (arm or fake or dry_run):
+        raise InputError("softarm excite", "nothing says which arm", "give --arm ID, --fake or --dry-run")
+    with ExitStack() as stack:
+        client = None if dry_run else _connect(stack, arm, endpoint, out, specimen)
+        robot = _offline_specimen(specimen, report) if client is None else specimen_of_arm(client)
+        slew = (slew_of(client) if client is not None else None) or DEFAULT_SLEW
+        menu = manoeuvres_of(robot, names, by_hand=by_hand, slew=slew, share=share)
+        plan = shortened(_plan(robot, menu, report), minutes)
+        if plot is not None:
+            from softarm.analysis.plots.excitation import plot_plan
+
+            say(f"wrote {plot_plan(plan, plot)}")
+        if client is None or not plan.choices:
+            show(*plan_tables(plan), as_json=as_json)
+            return 0 if plan.choices else 1
+        if not as_json:
+            show(*plan_tables(plan), as_json=False)
+        with client.lease(), progress("exciting the arm", plan.seconds) as advance:
+            done = run_excitation(client, plan.choices, _ask, advance)
+        show(recorded_table(done), as_json=as_json)
+    return 0
+
+
+def _connect(
+    stack: ExitStack, arm: str | None, endpoint: str, out: Path, specimen: str | None
+) -> "SoftarmClient":
+    """Connect to the arm's service; without an arm, to one on fakes that ends with the command."""
+    from softarm.client.client import SoftarmClient
+    from softarm.experiments.rig import FakeRig, RigSettings
+    from softarm.experiments.session import connect, wait_ready
+
+    if arm is not None:
+        return stack.enter_context(SoftarmClient(arm, endpoint, name="softarm excite"))
+    scenario = EXAMPLES / "scenarios" / "demo.toml"
+    settings = RigSettings(scenario, specimen=specimen or str(fake_specimen()), endpoint=endpoint)
+    say("starting fakes and service; the estimator warms up for half a minute at first")
+    client = stack.enter_context(connect(stack.enter_context(FakeRig(settings, out))))
+    wait_ready(client)
+    return client
+
+
+def _offline_specimen(specimen: str | None, report: Path | None) -> "Specimen":
+    """Load the specimen given, or the one that the report names."""
+    from softarm.analysis.diagnosis.report import read_report
+    from softarm.estimator.specimen import load_specimen
+
+    if specimen is None and report is not None:
+        return load_specimen(read_report(report).specimen)
+    return load_specimen(specimen or "sopra")
+
+
+def _plan(robot: "Specimen", menu: Sequence["Manoeuvre"], report: Path | None) -> "Plan":
+    from softarm.analysis.diagnosis.report import read_report
+    from softarm.experiments.excitation_plan import count_of_pairs, make_plan
+
+    read = None if report is None else read_report(report)
+    with progress("planning", max(1, count_of_pairs(read) * len(menu))) as advance:
+        return make_plan(robot, menu, read, advance)
+
+
+def shortened(plan: "Plan", minutes: float | None) -> "Plan":
+    """Leave out the manoeuvres that would end after some minutes."""
+    if minutes is None:
+        return plan
+    chosen, left = [], 60.0 * minutes
+    for choice in plan.choices:
+        if choice.seconds <= left:
+            chosen.append(choice)
+            left -= choice.seconds
+    return replace(plan, choices=tuple(chosen))
+
+
+def _ask(manoeuvre: "Manoeuvre") -> bool:
+    """Ask somebody for what a manoeuvre needs."""
+    return click.confirm(f"{manoeuvre.name}: {manoeuvre.by_hand}. Done", default=True, err=True)
+
+
+def plan_tables(plan: "Plan") -> tuple[Table, ...]:
+    """Arrange a plan: its manoeuvres, and what it decides."""
+    rows: list[dict[str, Cell]] = []
+    for choice in plan.choices:
+        row: dict[str, Cell] = {
+            "manoeuvre": choice.manoeuvre.name,
+            "seconds": round(choice.seconds, 1),
+            "shows": choice.manoeuvre.by_hand or choice.manoeuvre.shows,
+        }
+        if plan.rivals:
+            best = max(range(len(plan.rivals)), key=lambda k: choice.separations[k])
+            row |= {"splits_most": plan.rivals[best].name, "separation": choice.separations[best]}
+        rows.append(row)
+    total = f"{len(rows)} manoeuvres, {plan.seconds / 60.0:.1f} min with venting between them."
+    tables = [
+        Table("Plan", rows, (total,) if rows else ("No manoeuvre of the menu would split the rivals.",))
+    ]
+    if plan.rivals:
+        tables.append(_rivals_table(plan))
+    return tuple(tables)
+
+
+def _rivals_table(plan: "Plan") -> Table:
+    from softarm.estimator.excitation.plan import ENOUGH
+
+    rows: list[dict[str, Cell]] = [
+        {
+            "rivals": pair.name,
+            "separation": plan.separation(index),
+            "decided": plan.separation(index) >= ENOUGH,
+        }
+        for index, pair in enumerate(plan.rivals)
+    ]
+    notes = (
+        f"Separation: expected difference in chi-square of the two, each fitted anew; {ENOUGH:g} decides.",
+        *(f"Not to be told apart by these manoeuvres: {pair.name}." for pair in plan.undecided),
+    )
+    return Table("What the plan decides", rows, notes)
+
+
+def recorded_table(done: Sequence["Recorded"]) -> Table:
+    """Arrange what was run."""
+    rows: list[dict[str, Cell]] = [
+        {
+            "manoeuvre": one.manoeuvre,
+            "seconds": round(one.seconds, 1),
+            "longest_gap_ms": round(1e3 * one.gap_s, 1),
+            "recording": one.path,
+        }
+        for one in done
+    ]
+    return Table("Recorded", rows, ("Longest gap: between two set-points that the service took.",))

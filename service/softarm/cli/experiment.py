@@ -1,0 +1,223 @@
+"""``softarm experiment NAME (--fake | --arm ID)``: the paper's experiments and their tables."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+from softarm.cli.output import as_markdown, force_option, json_option, progress, say, show
+
+if TYPE_CHECKING:
+    from softarm.experiments.live import BenchSettings
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+@click.group(no_args_is_help=True)
+def command() -> None:
+    """Run the paper's experiments and print their tables beside the paper's figures.
+
+    Example: softarm experiment force --fake --seeds 1
+    """
+
+
+def _common(command: Command) -> Command:
+    """Add what every experiment takes."""
+    for option in (
+        click.option("--fake", is_flag=True, help="On a fake arm, which is started for it."),
+        click.option("--arm", metavar="ID", help="On the arm of a running service."),
+        click.option("--endpoint", help="Where that service listens."),
+        click.option(
+            "--recorded",
+            is_flag=True,
+            help="With --fake: record the manoeuvres faster than real time instead of live over zenoh.",
+        ),
+        click.option(
+            "--scenario",
+            type=click.Path(path_type=Path),
+            metavar="FILE",
+            help="With --fake: the fakes to start, with what is wrong with them.",
+        ),
+        click.option("--seeds", type=click.IntRange(1, 20), default=1, show_default=True, help="Fake arms."),
+        click.option("--jobs", type=click.IntRange(1), help="Processes at a time; as many as processors."),
+        click.option("--specimen", "-s", metavar="S", help="Calibrated specimen to use as it is."),
+        click.option("--resume", is_flag=True, help="With --recorded: keep what --out already holds."),
+        click.option(
+            "--out",
+            "-o",
+            type=click.Path(path_type=Path),
+            default=Path("out/experiments"),
+            show_default=True,
+            help="Folder for recordings, plots, tables and the calibrated specimens.",
+        ),
+        json_option,
+    ):
+        command = option(command)
+    return command
+
+
+@command.command("calibrate")
+@_common
+def calibrate(**options: Any) -> int:
+    """Calibrate jointly on sweeps, random poses and pulls, beside the paper's two calibrations.
+
+    Example: softarm experiment calibrate --fake --recorded
+    """
+    return _run("calibrate", **options)
+
+
+@command.command("validate")
+@_common
+def validate(**options: Any) -> int:
+    """Predict poses at random pressures from the pressures alone.
+
+    Example: softarm experiment validate --fake
+    """
+    return _run("validate", **options)
+
+
+@command.command("teach")
+@_common
+def teach(**options: Any) -> int:
+    """Show fifteen poses by hand, hold them by pressures, measure by how much they are missed.
+
+    Example: softarm experiment teach --fake
+    """
+    return _run("teach", **options)
+
+
+@command.command("force")
+@_common
+def force(**options: Any) -> int:
+    """Pull with the gauge, vented and pressurised, and hold the estimate against it.
+
+    Example: softarm experiment force --fake
+    """
+    return _run("force", **options)
+
+
+@command.command("all")
+@_common
+@click.option("--write", type=click.Path(path_type=Path), help="Write all tables as a Markdown page.")
+@force_option
+def everything(write: Path | None, force: bool, **options: Any) -> int:
+    """Run all four on recorded runs of several fake arms.
+
+    Example: softarm experiment all --fake --seeds 3 --write docs/experiments.md
+    """
+    from softarm.recordings.files import refuse_existing
+
+    if write is not None:
+        refuse_existing(write, force=force or write.suffix == ".md")
+    if not options["fake"]:
+        raise click.UsageError("all runs on fake arms: give --fake; run each experiment alone on --arm")
+    options["recorded"] = True
+    return _run("all", write=write, **options)
+
+
+def _run(
+    name: str,
+    *,
+    fake: bool,
+    arm: str | None,
+    endpoint: str | None,
+    recorded: bool,
+    scenario: Path | None,
+    seeds: int,
+    jobs: int | None,
+    specimen: str | None,
+    out: Path,
+    resume: bool,
+    as_json: bool,
+    write: Path | None = None,
+) -> int:
+    if fake == (arm is not None):
+        raise click.UsageError("give either --fake or --arm ID")
+    if recorded and not fake:
+        raise click.UsageError("--recorded goes with --fake")
+    if scenario is not None and (recorded or not fake):
+        raise click.UsageError("--scenario goes with --fake, live")
+    if not recorded:
+        from softarm.experiments.live import BenchSettings
+
+        bench = BenchSettings(out, arm=arm, endpoint=endpoint, specimen=specimen, scenario=scenario)
+        return _live(name, bench, as_json=as_json)
+    return _recorded(
+        name,
+        seeds=seeds,
+        jobs=jobs,
+        specimen=specimen,
+        out=out,
+        resume=resume,
+        as_json=as_json,
+        write=write,
+    )
+
+
+def _recorded(
+    name: str,
+    *,
+    seeds: int,
+    jobs: int | None,
+    specimen: str | None,
+    out: Path,
+    resume: bool,
+    as_json: bool,
+    write: Path | None,
+) -> int:
+    from softarm.experiments.campaign import (
+        EXPERIMENTS,
+        default_jobs,
+        run_campaign,
+        summary,
+        tables_of,
+        write_json,
+    )
+    from softarm.experiments.page import experiments_page
+    from softarm.experiments.plots import plot_results
+    from softarm.experiments.seed import SeedPlan
+
+    chosen = EXPERIMENTS if name == "all" else (name,)
+    plans = [
+        SeedPlan(number, out / f"seed{number}", chosen, calibrated=specimen, resume=resume)
+        for number in range(1, seeds + 1)
+    ]
+    with progress(f"experiment {name}", float(seeds)) as advance:
+        results = run_campaign(plans, jobs or default_jobs(seeds), lambda: advance(1))
+    tables = (summary(results), *tables_of(results))
+    show(*(table for table in tables if table.rows), as_json=as_json)
+    write_json(results, out / f"{name}.json")
+    (out / f"{name}.md").write_text(as_markdown(*tables) + "\n")
+    for path in plot_results(results, out / "plots"):
+        say(f"wrote {path}")
+    if write is not None:
+        write.write_text(experiments_page(tables, seeds))
+        say(f"wrote {write}")
+    failed = sorted({f"{failure} of seed {r.number}" for r in results for failure in r.failed})
+    if failed:
+        say(f"softarm: {', '.join(failed)} failed; the notes say why")
+    return int(bool(failed))
+
+
+def _live(name: str, settings: "BenchSettings", *, as_json: bool) -> int:
+    from softarm.estimator.calibration import CalibrationRefusedError
+    from softarm.experiments.live_tables import run_live
+
+    def ask(sentence: str) -> None:
+        click.prompt(f"{sentence} Press Enter", default="", show_default=False, err=True)
+
+    if settings.arm is None:
+        say("starting fakes and service; the estimator warms up for half a minute at first")
+    try:
+        with progress(f"experiment {name}") as advance:
+            tables = run_live(name, settings, seed=1, ask=ask, tell=say, advance=lambda: advance(1))
+    except CalibrationRefusedError as refusal:
+        say(f"softarm: {refusal}")
+        return 1
+    out = settings.out
+    show(*tables, as_json=as_json)
+    (out / f"{name}.md").write_text(as_markdown(*tables) + "\n")
+    if name == "calibrate":
+        say(f"wrote {out / 'specimen.toml'}")
+    say(f"wrote {out / f'{name}.json'}, {name}.md and plots beside it")
+    return 0

@@ -1,0 +1,114 @@
+"""``softarm fakes``: the fake instruments on real ports."""
+
+import asyncio
+import gc
+import json
+import signal
+from contextlib import AbstractAsyncContextManager
+from pathlib import Path
+from typing import Any
+
+import click
+from softarm.cli.output import Table, json_option, say, show
+from softarm.fakes.control import ControlPort, status
+from softarm.fakes.devices import catalogue
+from softarm.fakes.rig import Rig, running
+from softarm.fakes.scenario import Scenario, check_scenario, read_scenario
+from softarm.fakes.warp import WarpLoop
+
+
+@click.command()
+@click.option(
+    "--scenario",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="Which fakes, and what goes wrong when.",
+)
+@click.option("--faults", "list_faults", is_flag=True, help="List the faults of each device and end.")
+@json_option
+def command(scenario: Path, list_faults: bool, as_json: bool) -> None:
+    """Start the fake devices, each on a real TCP port or pty, and stay until Ctrl-C.
+
+    Prints where each can be reached; with --json that is one line, and it comes when all are ready.
+    Faults of the scenario strike at their times; more can be injected on the control port.
+
+    Example: softarm fakes --scenario examples/scenarios/bench.toml
+    """
+    checked = read_scenario(scenario)
+    if list_faults:
+        show(_faults_table(checked), as_json=as_json)
+        return
+    asyncio.run(serve(checked, as_json=as_json))
+
+
+def bench(table: dict[str, Any]) -> AbstractAsyncContextManager[Rig]:
+    """Run fakes in this process for the length of a block.
+
+    Args:
+        table: A scenario as a table.
+
+    Raises:
+        InputError: Something in it is wrong.
+    """
+    return running(check_scenario(table))
+
+
+def accelerated(speed: float) -> asyncio.AbstractEventLoop:
+    """Make an event loop for fakes and drivers in one process whose waits are shorter than they say.
+
+    Args:
+        speed: Virtual seconds per second of waiting.
+    """
+    return WarpLoop(speed)
+
+
+async def serve(scenario: Scenario, *, as_json: bool) -> None:
+    """Run a scenario until the process is told to stop.
+
+    Args:
+        scenario: What to run.
+        as_json: Print the endpoints as one line of JSON instead of a table.
+    """
+    stopped = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stopped.set)
+    async with running(scenario) as rig:
+        control = ControlPort(rig, scenario.control_port or 0)
+        if scenario.control_port is not None:
+            await control.start()
+        gc.collect()
+        gc.freeze()  # a full collection of all that is loaded would let the terminal miss its host's deadline
+        _announce(rig, control, as_json=as_json)
+        try:
+            await stopped.wait()
+        finally:
+            await control.stop()
+    say("fakes: stopped")
+
+
+def _announce(rig: Rig, control: ControlPort, *, as_json: bool) -> None:
+    at = f"127.0.0.1:{control.port}" if rig.scenario.control_port is not None else None
+    if as_json:
+        click.echo(json.dumps({"ready": True, "control": at, **status(rig)}))
+        return
+    rows = [{"device": e.name, "kind": e.kind, "address": e.source} for e in rig.endpoints()]
+    notes = (f"control port {at}",) if at else ()
+    show(Table(f"Fakes of {rig.scenario.name}", rows, notes), as_json=False)
+    say("fakes: ready, Ctrl-C ends them")
+
+
+def _faults_table(scenario: Scenario) -> Table:
+    def row(device: str, fault: Any) -> dict[str, str]:
+        parameters = ", ".join(f"{key} = {value!r}" for key, value in fault.parameters.items())
+        lasts = "strikes" if fault.once else "lasts"
+        return {
+            "device": device,
+            "fault": fault.name,
+            "how": lasts,
+            "on_the_wire": fault.text,
+            "parameters": parameters,
+        }
+
+    rows = [row(part.name, fault) for part in scenario.device for fault in catalogue(part)]
+    return Table(f"Faults of {scenario.name}", rows)

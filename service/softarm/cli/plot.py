@@ -1,0 +1,28 @@
+"""``softarm plot RECORDING``: its streams over time, spectra and paths as PNG files."""
+
+from pathlib import Path
+
+import click
+from softarm.cli.output import Table, json_option, out_option, progress, recording_argument, say, show
+
+
+@click.command()
+@recording_argument
+@out_option("Folder of the PNG files; plots/NAME when left out.")
+@json_option
+def command(recording: Path, out: Path | None, as_json: bool) -> None:
+    """Plot a recording: all streams over time, spectra of the motion, paths in space.
+
+    Example: softarm plot ../shared/recordings/sopra_2021-07-09
+    """
+    from softarm.analysis.plots.recording import plot_recording
+    from softarm.recordings import load_recording
+    from softarm.recordings.summary import summary
+
+    loaded = load_recording(recording)
+    folder = out or Path("plots") / loaded.name
+    with progress(f"plotting {loaded.name}", 3) as advance:
+        written = plot_recording(loaded, folder, advance)
+    show(Table(loaded.name, summary(loaded)), as_json=as_json)
+    for path in written:
+        say(f"wrote {path}")

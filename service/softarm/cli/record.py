@@ -1,0 +1,77 @@
+"""``softarm record``: a recording of a running arm."""
+
+import signal
+from pathlib import Path
+
+import click
+from softarm.cli.output import Table, json_option, progress, say, show
+from softarm.client.client import SoftarmClient
+from softarm.client.session import DEFAULT_ENDPOINT
+from softarm.common.errors import WorkFailedError
+
+STOP_TIMEOUT_S = 20.0
+LOOK_S = 0.5
+
+
+@click.command()
+@click.option("--arm", required=True, help="Name of the arm.")
+@click.option(
+    "--endpoint", default=DEFAULT_ENDPOINT, show_default=True, help="zenoh endpoint of its service."
+)
+@click.option("--name", default="recording", show_default=True, help="Name of the file, without suffix.")
+@click.option("--seconds", type=click.FloatRange(min=0.0, min_open=True), help="Length; until Ctrl-C.")
+@click.option("--zenoh", "zenoh_config", type=click.Path(path_type=Path), help="JSON5 file with credentials.")
+@click.option("--start", "only", flag_value="start", help="Start a recording and return.")
+@click.option("--stop", "only", flag_value="stop", help="End the one that runs and return.")
+@json_option
+def command(
+    arm: str,
+    endpoint: str,
+    name: str,
+    seconds: float | None,
+    zenoh_config: Path | None,
+    only: str | None,
+    as_json: bool,
+) -> None:
+    """Record every stream of a running arm, on the service's host; Ctrl-C or --seconds ends it.
+
+    The arm is not moved, and no lease is needed. The service writes the file: it is whole also when this
+    command is killed, and then ends with --stop or with the service.
+
+    Example: softarm record --arm sopra --seconds 60 --name pull
+    """
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+    with SoftarmClient(arm, endpoint, name="softarm record", zenoh_config=zenoh_config) as client:
+        if only != "stop":
+            path = str(client.command("record/start", name=name).applied["path"])
+            say(f"recording to {path}")
+        if only == "start":
+            show(Table("Recording", [{"file": path, "dropped": 0}]), as_json=as_json)
+            return
+        if only is None:
+            _wait(client, seconds)
+        ended = client.command("record/stop", timeout_s=STOP_TIMEOUT_S).applied
+    show(
+        Table("Recording", [{"file": str(ended["path"]), "dropped": int(str(ended["dropped"]))}]),
+        as_json=as_json,
+    )
+
+
+def _wait(client: SoftarmClient, seconds: float | None) -> None:
+    """Wait for the end, a signal, or the service's own end of the recording."""
+    left_s = seconds if seconds is not None else float("inf")
+    with progress("recording", seconds) as advance:
+        while left_s > 0.0:
+            step_s = min(LOOK_S, left_s)
+            if signal.sigtimedwait((signal.SIGINT, signal.SIGTERM), step_s) is not None:
+                return
+            left_s -= step_s
+            advance(step_s)
+            try:
+                if client.state().recording is None:
+                    return
+            except TimeoutError as error:
+                if not client.alive():
+                    raise WorkFailedError(
+                        f"{client.keys.arm}: the service is gone; see its recording directory"
+                    ) from error

@@ -1,0 +1,63 @@
+"""``softarm serve``: the daemon beside the arm."""
+
+import asyncio
+import logging
+import os
+import signal
+from pathlib import Path
+
+import click
+from softarm.cli.output import progress
+from softarm.common.rods import trusted_rod
+from softarm.daemon.app import Replay, Service
+from softarm.daemon.config import load_config
+from softarm.daemon.notify import Notifier
+from softarm.recordings import load_recording
+
+
+@click.command()
+@click.option(
+    "--config", "path", required=True, type=click.Path(path_type=Path), help="The service's TOML file."
+)
+@click.option(
+    "--replay", type=click.Path(path_type=Path), help="Play this recording instead of the instruments."
+)
+@click.option("--speed", default=1.0, show_default=True, help="Factor on the recorded time.")
+@click.option("--verbose", is_flag=True, help="Log every change and every command.")
+def command(path: Path, replay: Path | None, speed: float, verbose: bool) -> None:
+    """Serve one arm: acquisition, estimation, safety and teach mode over zenoh.
+
+    Example: softarm serve --config /etc/softarm/sopra.toml
+    """
+    at = "" if "JOURNAL_STREAM" in os.environ else "%(asctime)s "  # the journal has its own time
+    logging.basicConfig(
+        level=logging.INFO if verbose else logging.WARNING,
+        format=f"{at}%(levelname)s %(name)s: %(message)s",
+    )
+    _prepare(path)
+    asyncio.run(_serve(path, None if replay is None else Replay(load_recording(replay), speed)))
+
+
+def _prepare(path: Path) -> None:
+    """Fit the rod that the configuration asks for, where none is known yet, before the arm is waiting.
+
+    Raises:
+        WorkFailedError: It is too far from the finite elements to stand in for them.
+    """
+    setup = load_config(path)
+    if setup.config.control.model == "rod":
+        with progress(f"fitting the rod of {setup.specimen.name}") as advance:
+            trusted_rod(setup.specimen, lambda *_: advance(1))
+
+
+async def _serve(path: Path, replay: Replay | None) -> None:
+    setup = load_config(path)
+    notifier = Notifier.from_environment()
+    service = Service(setup, notifier, replay)
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, service.stop)
+    try:
+        await service.run()
+    finally:
+        notifier.close()

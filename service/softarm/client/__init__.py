@@ -1,0 +1,1 @@
+"""A client of the service: sessions with safe defaults, streams and commands."""

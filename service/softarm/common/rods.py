@@ -1,0 +1,115 @@
+"""The calibrated rod of a specimen: shipped, from the user's cache, or fitted on the spot."""
+
+import contextlib
+import os
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from softarm.common.errors import WorkFailedError
+from softarm.estimator.rod.archive import from_bytes, shape_key, shipped_rod, to_bytes
+from softarm.estimator.rod.fit import FittedRod, adapted, fit_rod, sampled_model
+from softarm.estimator.rod.model import CalibratedRod
+from softarm.estimator.rod.samples import Progress
+from softarm.estimator.specimen import Specimen
+
+THREADS = 2
+LARGEST_FORCE_ERROR = 0.02
+"""Held-out error of a force over its range up to which a rod may stand in for the finite elements."""
+
+
+def cache_directory() -> Path:
+    """Give the folder of fitted rods, after the XDG base directories."""
+    base = os.environ.get("XDG_CACHE_HOME", "")
+    return (Path(base) if Path(base).is_absolute() else Path.home() / ".cache") / "softarm" / "rods"
+
+
+def rod_for(specimen: Specimen, progress: Progress | None = None) -> CalibratedRod:
+    """Return the rod of a specimen as calibrated, with the default loads, however near it is.
+
+    Args:
+        specimen: Description.
+        progress: Called with the steps done and all of them, should it be fitted, which takes minutes.
+
+    Raises:
+        InputError: The specimen cannot be meshed.
+    """
+    return adapted(fitted_rod(specimen, progress).rod, specimen)
+
+
+def trusted_rod(specimen: Specimen, progress: Progress | None = None) -> CalibratedRod:
+    """Give the rod of a specimen as ``rod_for``, if it may stand in for the finite elements.
+
+    Raises:
+        InputError: The specimen cannot be meshed.
+        WorkFailedError: The rod is too far from the finite elements.
+    """
+    fitted = fitted_rod(specimen, progress)
+    if not trusted(fitted):
+        error = 100.0 * fitted.report.trained.force_rms
+        raise WorkFailedError(
+            f"{specimen.name}: the rod's forces are {error:.2g} % of their range off the finite elements "
+            f"(at most {100.0 * LARGEST_FORCE_ERROR:g} %); use the model fem"
+        )
+    return adapted(fitted.rod, specimen)
+
+
+def trusted(fitted: FittedRod) -> bool:
+    """Tell whether a rod is near enough to the finite elements to stand in for them."""
+    found = fitted.report.trained
+    return found.lost == 0 and found.force_rms <= LARGEST_FORCE_ERROR
+
+
+def known_trusted_rod(specimen: Specimen) -> CalibratedRod | None:
+    """Give the rod of a specimen where it is known and may stand in for the finite elements."""
+    found = known_rod(specimen)
+    return adapted(found.rod, specimen) if found is not None and trusted(found) else None
+
+
+def known_rod(specimen: Specimen) -> FittedRod | None:
+    """Give the shipped or cached rod of a specimen's shape, None where it would have to be fitted."""
+    key = shape_key(specimen)
+    return shipped_rod(key) or _cached(key)
+
+
+def fitted_rod(specimen: Specimen, progress: Progress | None = None) -> FittedRod:
+    """Give the rod of a specimen's shape with its report; one that is fitted is kept in the cache."""
+    found = known_rod(specimen)
+    if found is not None:
+        return found
+    fitted = fit_now(specimen, progress)
+    key = shape_key(specimen)
+    with contextlib.suppress(OSError):
+        _keep(to_bytes(fitted, key, specimen.name), _path(key))
+    return fitted
+
+
+def fit_now(specimen: Specimen, progress: Progress | None = None) -> FittedRod:
+    """Fit the rod of a specimen's shape anew."""
+    with ThreadPoolExecutor(min(THREADS, os.cpu_count() or 1)) as executor:
+        return fit_rod(specimen, sampled_model(specimen), progress, executor)
+
+
+def _path(key: str) -> Path:
+    return cache_directory() / f"{key[:32]}.npz"
+
+
+def _cached(key: str) -> FittedRod | None:
+    try:
+        data = _path(key).read_bytes()
+    except OSError:
+        return None
+    found = from_bytes(data)
+    return found[0] if found is not None and found[1] == key else None
+
+
+def _keep(data: bytes, path: Path) -> None:
+    """Write a file whole or not at all; two commands may fit the same rod at once."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor, partial = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+        Path(partial).replace(path)
+    finally:
+        Path(partial).unlink(missing_ok=True)

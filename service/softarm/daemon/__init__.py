@@ -1,0 +1,1 @@
+"""The daemon beside an arm: acquisition, estimation, control, safety and its network."""

@@ -1,0 +1,265 @@
+"""The configuration of one service: a TOML file, checked as a whole."""
+
+import difflib
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from softarm.client.session import NetworkSettings
+from softarm.drivers.config import DriverConfig
+from softarm.drivers.errors import DeviceErrors
+from softarm.drivers.registry import load_devices
+from softarm.estimator.errors import InputError
+from softarm.estimator.specimen import Specimen, load_specimen
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=40)]
+
+
+class Table(BaseModel):
+    """What every table of the configuration is: frozen, without unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class ControlSettings(Table):
+    """The ``[control]`` table."""
+
+    rate_hz: Positive = 100.0
+    """Rate of the control loop."""
+    model: Literal["fem", "rod"] = "fem"
+    """What the estimator runs on: the converged finite elements or the calibrated rod."""
+    forces_on: tuple[str, ...] = ()
+    """Sections on which an external force may act; all that move when left out."""
+    load_std_n: Positive = 1.0
+    """Forces of this size are expected; far larger ones are found, but later."""
+    load_time_constant_s: Positive = 1.0
+    """How fast external forces change."""
+    hold_rate_per_s: Positive = 0.6
+    """Gain of the feedback that holds a pose."""
+    hold_authority_pa: Positive = 15e3
+    """Largest correction of a chamber by that feedback."""
+
+
+class SafetySettings(Table):
+    """The ``[safety]`` table."""
+
+    lease_s: Positive = 1.0
+    """A lease that is not renewed for so long is lost, and the arm vents."""
+    valve_deadline_s: Positive = 0.15
+    """A valve bank that does not answer for so long is lost."""
+    sensor_deadline_s: Positive = 0.15
+    """A sensor without a valid reading for so long is stale."""
+    estimator_deadline_s: Positive = 1.0
+    """An estimator without a result for so long has failed."""
+    setpoint_lifetime_s: Positive = 0.1
+    """What is written to the valves expires after so long unless the loop renews it."""
+
+
+class SensorSettings(Table):
+    """One of ``[[sensors]]``: which reading of which device is which measurement."""
+
+    kind: Literal["pose", "orientation", "bend", "gauge"]
+    """``pose`` of a body, ``orientation`` of a body or an inertial unit, ``bend``, force ``gauge``."""
+    section: Name
+    """Rigid section on which the sensor sits."""
+    device: str
+    """Name of the device."""
+    channel: str = ""
+    """Body, unit or place in the chain, where the device has several."""
+    needed: bool = False
+    """Whether modes that follow the pose cannot do without it."""
+
+
+class ServiceConfig(Table):
+    """Everything that a service runs on.
+
+    Args:
+        arm: Name of the arm on the network.
+        specimen: Path of a specimen or name of a shipped one.
+        state_directory: Where saved poses and the tare are kept.
+        recording_directory: Where recordings go.
+        network: zenoh endpoints.
+        control: Rates and model.
+        safety: Deadlines.
+        sensors: Which readings the estimator uses.
+        base_body: Motion-capture body on the base, as ``device/body``; empty when poses are relative to it.
+        devices: One table a device; each kind has its own keys, see ``docs/drivers.md``.
+    """
+
+    arm: Name
+    specimen: str
+    state_directory: Path = Path("state")
+    recording_directory: Path = Path("recordings")
+    network: NetworkSettings = NetworkSettings()
+    control: ControlSettings = ControlSettings()
+    safety: SafetySettings = SafetySettings()
+    sensors: tuple[SensorSettings, ...] = Field(min_length=1)
+    base_body: str = ""
+    devices: tuple[dict[str, Any], ...] = Field(min_length=1)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A checked configuration with what it names loaded.
+
+    Args:
+        path: The file.
+        text: Its contents, for the recordings.
+        config: The configuration.
+        specimen: The specimen.
+        devices: The devices' configurations.
+    """
+
+    path: Path
+    text: str
+    config: ServiceConfig
+    specimen: Specimen
+    devices: tuple[DriverConfig, ...]
+
+
+class ConfigError(InputError):
+    """Every mistake of a configuration, one a line.
+
+    Args:
+        path: The file.
+        lines: The mistakes, each with its path in the file.
+    """
+
+    def __init__(self, path: Path, lines: list[str]) -> None:
+        listed = "".join(f"\n  {line}" for line in lines)
+        super().__init__(str(path), f"{len(lines)} mistake(s)", f"correct them:{listed}")
+        self.lines = lines
+
+
+def load_config(path: Path) -> Setup:
+    """Read and check a configuration.
+
+    Args:
+        path: The TOML file; relative paths in it start at its folder.
+
+    Returns:
+        The configuration with its specimen and devices.
+
+    Raises:
+        InputError: The file cannot be read or is not TOML.
+        ConfigError: Every mistake at once, each with its path.
+    """
+    text = _read(path)
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(str(path), f"not valid TOML ({error})", "correct that place") from error
+    mistakes: list[str] = []
+    config = _validated(document, mistakes)
+    devices = _devices(document, mistakes)
+    specimen = _specimen(document, path.parent, mistakes)
+    mistakes += _inconsistencies(document, specimen)
+    if mistakes or config is None or specimen is None:
+        raise ConfigError(path, mistakes)
+    return Setup(path, text, _rooted(config, path.parent), specimen, devices)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text()
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read ({error.strerror})", "check the path") from error
+
+
+def _validated(document: Mapping[str, Any], mistakes: list[str]) -> ServiceConfig | None:
+    try:
+        return ServiceConfig.model_validate(document)
+    except ValidationError as error:
+        mistakes += [_mistake(entry) for entry in error.errors()]
+        return None
+
+
+def _mistake(entry: Any) -> str:
+    place = ".".join(str(part) for part in entry["loc"])
+    if entry["type"] == "extra_forbidden":
+        known = _known_keys(entry["loc"][:-1])
+        near = difflib.get_close_matches(str(entry["loc"][-1]), known, n=1)
+        advice = f"did you mean {near[0]!r}?" if near else f"known keys: {', '.join(known)}"
+        return f"{place}: unknown key; {advice}"
+    if entry["type"] == "missing":
+        return f"{place}: missing; add it"
+    return f"{place}: {entry['msg']} (got {entry['input']!r})"
+
+
+def _known_keys(place: tuple[str | int, ...]) -> tuple[str, ...]:
+    tables: dict[str, type[BaseModel]] = {
+        "network": NetworkSettings,
+        "control": ControlSettings,
+        "safety": SafetySettings,
+        "sensors": SensorSettings,
+    }
+    model = tables.get(str(place[0]), ServiceConfig) if place else ServiceConfig
+    return tuple(model.model_fields)
+
+
+def _devices(document: Mapping[str, Any], mistakes: list[str]) -> tuple[DriverConfig, ...]:
+    tables = document.get("devices", ())
+    if not isinstance(tables, list):
+        return ()
+    try:
+        return load_devices(tables)
+    except DeviceErrors as errors:
+        mistakes += errors.lines()
+        return ()
+
+
+def _specimen(document: Mapping[str, Any], folder: Path, mistakes: list[str]) -> Specimen | None:
+    name = document.get("specimen")
+    if not isinstance(name, str):
+        return None
+    beside = folder / name
+    try:
+        return load_specimen(beside if beside.is_file() else name)
+    except InputError as error:
+        mistakes.append(f"specimen: {error}")
+        return None
+
+
+def _inconsistencies(document: Mapping[str, Any], specimen: Specimen | None) -> Iterator[str]:
+    """Find names that mean nothing, whatever else is wrong with the document."""
+    devices = {str(table.get("name")) for table in _tables(document.get("devices"))}
+    base = document.get("base_body")
+    if isinstance(base, str) and base and base.split("/")[0] not in devices:
+        yield f"base_body: no device {base.split('/')[0]!r}; write device/body"
+    for index, sensor in enumerate(_tables(document.get("sensors"))):
+        if "device" in sensor and sensor["device"] not in devices:
+            listed = ", ".join(sorted(devices)) or "none"
+            yield f"sensors.{index}.device: no device {sensor['device']!r}; there are {listed}"
+        sections = [] if specimen is None else sorted(section.name for section in specimen.sections)
+        if sections and "section" in sensor and sensor["section"] not in sections:
+            listed = ", ".join(sections)
+            yield f"sensors.{index}.section: no section {sensor['section']!r}; there are {listed}"
+    if specimen is not None:
+        yield from _unmoved(document.get("control"), specimen)
+
+
+def _unmoved(control: Any, specimen: Specimen) -> Iterator[str]:
+    """Find forces on sections that cannot move."""
+    moving = [s.name for s in specimen.sections if s.frame_origin_m[2] > specimen.clamp.up_to_m]
+    forces = control.get("forces_on") if isinstance(control, dict) else None
+    for index, section in enumerate(forces if isinstance(forces, list) else ()):
+        if section not in moving:
+            yield f"control.forces_on.{index}: {section!r} does not move; {', '.join(moving)} do"
+
+
+def _tables(value: Any) -> list[dict[str, Any]]:
+    """Give the tables of a list; what is none is told elsewhere."""
+    return [table for table in value if isinstance(table, dict)] if isinstance(value, list) else []
+
+
+def _rooted(config: ServiceConfig, folder: Path) -> ServiceConfig:
+    return config.model_copy(
+        update={
+            "state_directory": folder / config.state_directory,
+            "recording_directory": folder / config.recording_directory,
+        }
+    )

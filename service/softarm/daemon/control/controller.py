@@ -1,0 +1,169 @@
+"""The arm under control: mode, lease, set-points and holds, advanced by ticks and commands."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.daemon.config import ControlSettings, SafetySettings
+from softarm.daemon.control.hold import Hold, HoldGoal, HoldLimits, advance_hold, begin_hold
+from softarm.daemon.estimation.messages import HoldAnswer
+from softarm.daemon.safety.lease import LeaseDesk
+from softarm.daemon.safety.modes import PRESSURISED, Event, Mode, ModeMachine, Transition
+
+Floats = NDArray[np.float64]
+
+
+class ValveOutputs(Protocol):
+    """What control needs of a valve bank."""
+
+    @property
+    def armed(self) -> bool:
+        """Whether set-points are accepted."""
+
+    def arm(self) -> None:
+        """Accept set-points; the chambers stay vented until one comes."""
+
+    def vent(self, reason: str) -> None:
+        """Vent every chamber and take no set-point until ``arm``."""
+
+    def acknowledge(self) -> bool:
+        """Have errors that the terminal keeps acknowledged; tell whether there are any."""
+
+    def command(self, setpoint: Sequence[float], lifetime_s: float) -> None:
+        """Put a set-point in force from the next pass on [Pa]; it is refused when out of range."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A set-point that somebody asked for.
+
+    Args:
+        pressures: Gauge pressures [Pa], shape (chambers,).
+        expires_ns: Monotonic time at which it ends.
+    """
+
+    pressures: Floats
+    expires_ns: int
+
+
+class Controller:
+    """Decides what the valves are told; the only one that tells them.
+
+    Args:
+        valves: The valve bank.
+        limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
+        control: Gains of the hold.
+        safety: Lifetimes.
+    """
+
+    def __init__(
+        self, valves: ValveOutputs, limits: Floats, control: ControlSettings, safety: SafetySettings
+    ) -> None:
+        self.modes = ModeMachine()
+        self.lease = LeaseDesk(safety.lease_s)
+        self._valves = valves
+        self._limits = limits
+        self._lifetime_s = safety.setpoint_lifetime_s
+        self._hold_limits = HoldLimits(control.hold_rate_per_s, control.hold_authority_pa, limits)
+        self._wanted: Wanted | None = None
+        self._hold: Hold | None = None
+        self._asked = np.zeros_like(limits)
+
+    @property
+    def asked(self) -> Floats:
+        """Gauge pressures asked of the valves [Pa], shape (chambers,)."""
+        return self._asked
+
+    @property
+    def hold(self) -> Hold | None:
+        """The hold in progress."""
+        return self._hold
+
+    def fire(self, event: Event, cause: str) -> Transition:
+        """Change the mode; leaving the pressurised modes vents before anything else.
+
+        Raises:
+            TransitionRefusedError: The present mode does not allow it.
+            InterlockError: The valve bank does not let itself be armed; the mode stays.
+        """
+        if event is Event.ARM and self.modes.allows(event):
+            self._valves.arm()
+        transition = self.modes.fire(event, cause)
+        if transition.after not in PRESSURISED:
+            self._vent(f"{transition.after}: {cause}")
+        if transition.after is not Mode.HOLDING:
+            self._hold = None
+        return transition
+
+    def _vent(self, reason: str) -> None:
+        self._wanted, self._hold = None, None
+        self._asked = np.zeros_like(self._limits)
+        self._valves.vent(reason)
+
+    def acknowledge(self) -> bool:
+        """Have errors that the valve terminal keeps acknowledged; tell whether there are any."""
+        return self._valves.acknowledge()
+
+    def want(self, pressures: Floats, lifetime_s: float, now_ns: int) -> Floats:
+        """Put a set-point in force; the valve bank refuses one that is out of range.
+
+        Args:
+            pressures: Gauge pressures [Pa], shape (chambers,).
+            lifetime_s: How long it lives.
+            now_ns: Monotonic time.
+
+        Returns:
+            What was asked of the valves [Pa].
+
+        Raises:
+            LimitError: A pressure is out of range; nothing changes.
+        """
+        self._valves.command(tuple(float(p) for p in pressures), self._lifetime_s)
+        self._wanted = Wanted(pressures, now_ns + round(lifetime_s * 1e9))
+        self._asked = pressures
+        return pressures
+
+    def begin_hold(self, goal: HoldGoal, ramp_s: float, now_ns: int, cause: str) -> Transition:
+        """Ramp from what is asked now to a goal and hold it."""
+        transition = self.fire(Event.HOLD, cause)
+        self._hold = begin_hold(goal, self._asked, now_ns, ramp_s)
+        return transition
+
+    def tick(self, now_ns: int, interval_s: float, measured: HoldAnswer | None) -> Transition | None:
+        """Renew the set-point in force for another tick.
+
+        Args:
+            now_ns: Monotonic time.
+            interval_s: Time since the last tick [s].
+            measured: What the newest estimate says of holding the pose, when it is known.
+
+        Returns:
+            The change of mode when the lease ran out.
+        """
+        gone = self.lease.expire(now_ns)
+        if gone is not None and self.modes.allows(Event.LEASE_LOST):
+            return self.fire(Event.LEASE_LOST, f"{gone.holder} did not renew the lease")
+        self._asked = self._target(now_ns, interval_s, measured)
+        if self.modes.mode in PRESSURISED and (self._wanted is not None or self._hold is not None):
+            self._valves.command(tuple(float(p) for p in self._asked), self._lifetime_s)
+        return None
+
+    def _target(self, now_ns: int, interval_s: float, measured: HoldAnswer | None) -> Floats:
+        if self._hold is not None:
+            towards = None if measured is None else measured.towards
+            self._hold, wanted = advance_hold(self._hold, towards, now_ns, interval_s, self._hold_limits)
+            self._wanted = Wanted(wanted, now_ns)
+            return wanted
+        if self._wanted is None:
+            return np.zeros_like(self._limits)
+        follows_set_points = self.modes.mode in (Mode.ARMED, Mode.EXPERIMENT)
+        if follows_set_points and now_ns >= self._wanted.expires_ns:
+            self._wanted = None
+            return np.zeros_like(self._limits)
+        return self._wanted.pressures
+
+    def keep_asked(self, now_ns: int, lifetime_s: float) -> None:
+        """Let what is asked now live on for a while: leaving a hold must not vent at once."""
+        self._wanted = Wanted(self._asked, now_ns + round(lifetime_s * 1e9))

@@ -1,0 +1,141 @@
+"""What happens at every tick to keep the arm safe: set-points renewed, health judged, faults acted upon."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.instruments import Instruments
+from softarm.daemon.control.knowledge import Knowledge
+from softarm.daemon.control.readings import Readings
+from softarm.daemon.safety.findings import Finding, FindingBook
+from softarm.daemon.safety.modes import PRESSURISED, Event, Mode, Transition
+from softarm.daemon.safety.observation import Estimator, Observation, Recorder, Valves
+from softarm.drivers.errors import DeviceError
+
+SECOND_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What a guard looks at.
+
+    Args:
+        instruments: Where readings come from and set-points go.
+        readings: The newest sample of every channel.
+        controller: Mode, lease and set-points.
+        knowledge: The newest estimate.
+        book: Keeps the findings.
+        estimator: Pictures the estimator's process at a monotonic time.
+        recorder: Pictures the recorder.
+        valve_deadline_s: A valve bank that does not answer for so long is lost.
+        told: Takes a finding and whether it is new (or has cleared itself).
+    """
+
+    instruments: Instruments
+    readings: Readings
+    controller: Controller
+    knowledge: Knowledge
+    book: FindingBook
+    estimator: Callable[[int], Estimator]
+    recorder: Callable[[], Recorder]
+    valve_deadline_s: float
+    told: Callable[[Finding, bool], None]
+
+
+class Guard:
+    """Advances the controller and ends a pressurised mode as soon as something forbids it.
+
+    Args:
+        watched: What it looks at.
+    """
+
+    def __init__(self, watched: Watched) -> None:
+        self.overruns = 0
+        self._watched = watched
+        self._late: deque[int] = deque(maxlen=1000)
+
+    def overran(self, missed: int, now_ns: int) -> None:
+        """Count ticks that were skipped.
+
+        Args:
+            missed: How many.
+            now_ns: Monotonic time.
+        """
+        self.overruns += missed
+        self._late.extend([now_ns] * min(missed, self._late.maxlen or missed))
+
+    def advance(self, now_ns: int, elapsed_s: float) -> Transition | None:
+        """Renew the set-point; valves that take none end the mode.
+
+        Args:
+            now_ns: Monotonic time.
+            elapsed_s: Time since the last tick [s].
+
+        Returns:
+            The change of mode, if there was one.
+        """
+        controller = self._watched.controller
+        try:
+            return controller.tick(now_ns, elapsed_s, self._watched.knowledge.hold)
+        except DeviceError as error:
+            return controller.fire(Event.FAULT, f"{error.device}: {error.what}")
+
+    def check(self, now_ns: int, unix_ns: int) -> Transition | None:
+        """Judge the health of everything; a fault vents.
+
+        Args:
+            now_ns: Monotonic time.
+            unix_ns: Wall clock.
+
+        Returns:
+            The change of mode, if there was one.
+        """
+        if self._watched.instruments.source == "replay":
+            return None  # stored readings raise no live alarm
+        controller = self._watched.controller
+        new, cleared = self._watched.book.update(self.observe(now_ns, controller.modes.mode), unix_ns)
+        for finding in (*new, *cleared):
+            self._watched.told(finding, finding in new)
+        if controller.modes.mode not in PRESSURISED:
+            return None
+        cause = self._cause()
+        return None if cause is None else controller.fire(Event.FAULT, cause)
+
+    def _cause(self) -> str | None:
+        """Say what forbids that the chambers hold pressure."""
+        for standing in self._watched.book.standing:
+            if standing.finding.severity == "fault":
+                return f"{standing.finding.where}: {standing.finding.message}"
+        if not self._watched.instruments.valves.armed:
+            return f"{self._watched.instruments.bank}: the valve bank has vented by itself"
+        return None
+
+    def blocking(self, mode: Mode, now_ns: int) -> tuple[Finding, ...]:
+        """List what keeps the service out of a mode."""
+        return self._watched.book.faults(self.observe(now_ns, mode))
+
+    def observe(self, now_ns: int, mode: Mode) -> Observation:
+        """Picture the service.
+
+        Args:
+            now_ns: Monotonic time.
+            mode: The mode whose demands are to be checked.
+        """
+        watched = self._watched
+        instruments = watched.instruments
+        fatal, others = instruments.valve_alarms()
+        return Observation(
+            mode=mode,
+            valves=Valves(
+                instruments.bank,
+                watched.readings.age_s(instruments.bank, now_ns),
+                watched.valve_deadline_s,
+                fatal,
+                others,
+            ),
+            inputs=watched.readings.inputs(now_ns, instruments.troubles()),
+            estimator=watched.estimator(now_ns),
+            recorder=watched.recorder(),
+            overruns=sum(1 for late_ns in self._late if now_ns - late_ns < SECOND_NS),
+        )

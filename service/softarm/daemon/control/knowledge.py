@@ -1,0 +1,187 @@
+"""What the service knows of the arm: the newest estimate, the tare, contacts, and the running mismatch."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.api.messages import Contact, LoadEstimate, SectionPose, Vector
+from softarm.daemon.estimation.messages import EstimationResult, HoldAnswer, PoseTarget
+from softarm.estimator.model import Load
+from softarm.estimator.rotations import from_quaternions
+
+Floats = NDArray[np.float64]
+CONTACT_BEGINS = 4.0
+CONTACT_ENDS = 2.5
+"""Normalised force (Mahalanobis distance) at which a contact begins and ends."""
+CONTACT_FLOOR_N = 0.02
+"""Added to the estimate's own deviation: rubber that creeps and remembers seems pushed by so much."""
+RECENT_S = 0.5
+"""A command may use what was known of the pose so long before: one search that fails says nothing of it."""
+
+
+@dataclass(frozen=True)
+class LoadMap:
+    """Which loads of the model are the components of which section's force.
+
+    Args:
+        sections: Sections with a load, in order.
+        rows: Index of each load's section, shape (loads,).
+        directions: Direction of each load in the base frame, shape (loads, 3).
+    """
+
+    sections: tuple[str, ...]
+    rows: tuple[int, ...]
+    directions: Floats
+
+    @classmethod
+    def of(cls, loads: tuple[Load, ...]) -> "LoadMap":
+        """Group forces by section."""
+        sections = tuple(dict.fromkeys(load.section or load.name for load in loads))
+        rows = tuple(sections.index(load.section or load.name) for load in loads)
+        return cls(sections, rows, np.array([load.direction for load in loads]))
+
+    def forces(self, amplitudes: Floats, covariance: Floats) -> tuple[LoadEstimate, ...]:
+        """Turn load amplitudes into one force and covariance a section."""
+        found = []
+        for index, section in enumerate(self.sections):
+            members = [row for row, place in enumerate(self.rows) if place == index]
+            directions = self.directions[members]
+            force = amplitudes[members] @ directions
+            spread = directions.T @ covariance[np.ix_(members, members)] @ directions
+            found.append(
+                LoadEstimate(
+                    section=section,
+                    force_n=_vector(force),
+                    covariance_n2=tuple(_vector(row) for row in spread),
+                )
+            )
+        return tuple(found)
+
+
+class Knowledge:
+    """Keeps the newest result of the estimator and what follows from it.
+
+    Args:
+        section_names: Sections in the model's order.
+        loads: The model's loads.
+        align: Aligns the inertial units with given rest orientations and names them.
+    """
+
+    def __init__(
+        self,
+        section_names: tuple[str, ...],
+        loads: tuple[Load, ...],
+        align: Callable[[Mapping[str, Floats]], tuple[str, ...]],
+    ) -> None:
+        self.load_map = LoadMap.of(loads)
+        self.tare = np.zeros(len(loads))
+        self.result: EstimationResult | None = None
+        self.failures = 0
+        self.contact_since_unix_ns: int | None = None
+        self.contact: Contact | None = None
+        self._held: tuple[float, HoldAnswer, PoseTarget] | None = None
+        self._names = section_names
+        self._align = align
+
+    def take(self, result: EstimationResult, unix_ns: int) -> None:
+        """Take a result of the estimator.
+
+        Args:
+            result: The newest one.
+            unix_ns: Wall clock.
+        """
+        self.failures = 0 if result.converged else self.failures + 1
+        self.result = result
+        if self.hold is not None:
+            pose = PoseTarget(result.positions, result.quaternions, self.hold.residuals)
+            self._held = (result.request.time_s, self.hold, pose)
+        if result.converged:
+            self._follow_contact(result, unix_ns)
+        if self.contact_since_unix_ns is None:
+            self.contact = None
+        elif result.request.want_contact:
+            self.contact = self._placed(result, self.contact_since_unix_ns)
+
+    @property
+    def hold(self) -> HoldAnswer | None:
+        """Pressures that would hold the measured pose, from the newest estimate; ``None`` when unknown."""
+        answer = self.hold_answer
+        return answer if answer is not None and answer.known else None
+
+    @property
+    def hold_answer(self) -> HoldAnswer | None:
+        """What the newest estimate says of holding the pose, also where it found no pressures."""
+        return None if self.result is None else self.result.hold
+
+    @property
+    def held(self) -> tuple[HoldAnswer, PoseTarget] | None:
+        """Pressures known to hold the pose a moment ago, with that pose; ``None`` when there are none."""
+        if self._held is None or self.result is None or self.hold_answer is None:
+            return None
+        time_s, answer, pose = self._held
+        return (answer, pose) if self.result.request.time_s - time_s <= RECENT_S else None
+
+    @property
+    def sections(self) -> tuple[SectionPose, ...]:
+        """Section poses of the newest estimate."""
+        result = self.result
+        if result is None:
+            return ()
+        return tuple(
+            SectionPose(
+                section=name,
+                position_m=_vector(position),
+                quaternion_wxyz=(
+                    float(turn[0]),
+                    float(turn[1]),
+                    float(turn[2]),
+                    float(turn[3]),
+                ),
+                position_std_m=_vector(spread[:3]),
+                rotation_std_rad=_vector(spread[3:]),
+            )
+            for name, position, turn, spread in zip(
+                self._names, result.positions, result.quaternions, result.frame_std, strict=True
+            )
+        )
+
+    def tare_now(self) -> Floats | None:
+        """Take the present force as zero and return it; nothing changes without a converged estimate."""
+        if self.result is None or not self.result.converged:
+            return None
+        self.tare = self.result.loads.copy()
+        self.contact_since_unix_ns, self.contact = None, None
+        return self.tare
+
+    def align_at_rest(self) -> tuple[str, ...]:
+        """Align the inertial units: the arm hangs at rest as the model says."""
+        if self.result is None:
+            return self._align({name: np.eye(3) for name in self._names})
+        turns = (from_quaternions(turn) for turn in self.result.quaternions)
+        return self._align(dict(zip(self._names, turns, strict=True)))
+
+    @staticmethod
+    def _placed(result: EstimationResult, since_unix_ns: int) -> Contact | None:
+        place = result.contact
+        if place is None or not place.located:
+            return None
+        return Contact(
+            height_m=place.height,
+            height_std_m=place.deviation,
+            force_n=(float(place.force[0]), float(place.force[1])),
+            since_unix_ns=since_unix_ns,
+        )
+
+    def _follow_contact(self, result: EstimationResult, unix_ns: int) -> None:
+        net = result.loads - self.tare
+        spread = result.load_covariance + CONTACT_FLOOR_N**2 * np.eye(len(net))
+        distance = float(np.sqrt(net @ np.linalg.pinv(spread) @ net / max(len(net), 1)))
+        if self.contact_since_unix_ns is None and distance > CONTACT_BEGINS:
+            self.contact_since_unix_ns = unix_ns
+        elif distance < CONTACT_ENDS:
+            self.contact_since_unix_ns = None
+
+
+def _vector(values: Floats) -> Vector:
+    return (float(values[0]), float(values[1]), float(values[2]))

@@ -1,0 +1,163 @@
+"""Builds the messages of the streams from what the service knows."""
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.api.messages import (
+    STREAMS,
+    Estimate,
+    HealthFinding,
+    LeaseState,
+    Mismatch,
+    Occurrence,
+    Stamp,
+    State,
+)
+from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.instruments import Source
+from softarm.daemon.control.knowledge import Knowledge
+from softarm.daemon.control.mismatch import MismatchTest
+from softarm.daemon.estimation.messages import EstimationResult
+from softarm.daemon.safety.findings import FindingBook
+from softarm.daemon.safety.modes import Mode
+
+Floats = NDArray[np.float64]
+Status = Literal["converged", "not_converged", "degraded", "no_data"]
+Kind = Literal["mode", "contact_begin", "contact_end", "finding", "finding_cleared"]
+ADVICE = "record the mismatch and run: softarm diagnose RECORDING --specimen SPECIMEN"
+
+
+class Publisher:
+    """Makes messages; each stream counts its own.
+
+    Args:
+        source: Where the readings come from.
+        controller: Mode, lease and set-points.
+        knowledge: The newest estimate.
+        book: Findings.
+        model: What the estimator runs on.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        controller: Controller,
+        knowledge: Knowledge,
+        book: FindingBook,
+        model: Literal["fem", "rod"],
+        clock_ns: Callable[[], int] = time.monotonic_ns,
+        unix_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._source = source
+        self._controller = controller
+        self._knowledge = knowledge
+        self._book = book
+        self._model: Literal["fem", "rod"] = model
+        self._clock_ns = clock_ns
+        self._unix_ns = unix_ns
+        self._counts = dict.fromkeys(STREAMS, 0)
+
+    def _stamp(self, stream: str) -> Stamp:
+        self._counts[stream] += 1
+        return Stamp(
+            sequence=self._counts[stream],
+            monotonic_ns=self._clock_ns(),
+            unix_ns=self._unix_ns(),
+            source=self._source,
+        )
+
+    def state(
+        self,
+        applied: Floats,
+        measured: Floats,
+        gauges_n: Mapping[str, float | None],
+        ages_s: Mapping[str, float | None],
+        ticks: int,
+        overruns: int,
+        recording: str | None,
+    ) -> State:
+        """Picture the arm."""
+        controller, answer = self._controller, self._knowledge.hold_answer
+        now_ns = self._clock_ns()
+        told = answer if controller.modes.mode in (Mode.TEACH, Mode.HOLDING) else None
+        return State(
+            stamp=self._stamp("state"),
+            mode=controller.modes.mode,
+            fault_cause=controller.modes.fault_cause,
+            findings=tuple(self._findings()),
+            asked_pa=tuple(controller.asked.tolist()),
+            applied_pa=tuple(applied.tolist()),
+            measured_pa=tuple(None if np.isnan(p) else float(p) for p in measured),
+            sections=self._knowledge.sections,
+            gauges_n=dict(gauges_n),
+            ages_s=dict(ages_s),
+            lease=LeaseState(
+                holder=controller.lease.holder(now_ns), remaining_s=controller.lease.remaining_s(now_ns)
+            ),
+            ticks=ticks,
+            overruns=overruns,
+            recording=recording,
+            teach_pressures_pa=tuple(told.pressures.tolist()) if told and told.known else None,
+            teach_reachable=told.reachable if told else None,
+            teach_note=told.note if told else None,
+        )
+
+    def _findings(self) -> list[HealthFinding]:
+        return [
+            HealthFinding(
+                code=standing.finding.code,
+                where=standing.finding.where,
+                severity=standing.finding.severity,
+                message=standing.finding.message,
+                hint=standing.finding.hint,
+                since_unix_ns=standing.since_unix_ns,
+            )
+            for standing in self._book.standing
+        ]
+
+    def estimate(self, result: EstimationResult) -> Estimate:
+        """Tell the external force.
+
+        Args:
+            result: What the estimator found.
+        """
+        net, request = result.loads - self._knowledge.tare, result.request
+        dof = result.degrees_of_freedom
+        ratio = float(np.sqrt(result.innovation_squared / dof)) if dof > 0.1 else None
+        tare = self._knowledge.load_map.forces(self._knowledge.tare, result.load_covariance)
+        solved: Status = "degraded" if request.lost else "converged"
+        return Estimate(
+            stamp=self._stamp("estimate"),
+            status=solved if result.converged else "not_converged",
+            model=self._model,
+            loads=self._knowledge.load_map.forces(net, result.load_covariance),
+            contact=self._knowledge.contact,
+            in_contact=self._knowledge.contact_since_unix_ns is not None,
+            tare_n=tuple(load.force_n for load in tare),
+            normalised_residual=ratio,
+            degrees_of_freedom=round(dof),
+            unobservable=result.unobservable,
+            sensors_used=request.used,
+            sensors_lost=request.lost,
+            latency_s=(self._clock_ns() - request.newest_arrival_ns) * 1e-9,
+            solve_s=result.solve_s,
+        )
+
+    def mismatch(self, test: MismatchTest, recording: str | None) -> Mismatch:
+        """Tell whether model and measurements agree."""
+        return Mismatch(
+            stamp=self._stamp("mismatch"),
+            consistent=test.consistent,
+            since_unix_ns=test.since_unix_ns,
+            where=test.suspects,
+            normalised_innovation_squared=test.ratio,
+            recording=recording,
+            advice="nothing to do" if test.consistent else ADVICE,
+        )
+
+    def occurrence(self, kind: Kind, where: str, text: str) -> Occurrence:
+        """Tell what happened."""
+        return Occurrence(stamp=self._stamp("event"), kind=kind, where=where, text=text)

@@ -1,0 +1,205 @@
+"""The newest sample of every channel, and the readings that the estimator asks for."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.daemon.config import SafetySettings, SensorSettings
+from softarm.daemon.control.channels import Sample, samples
+from softarm.daemon.safety.observation import Input
+from softarm.drivers.reading import Reading
+from softarm.estimator.rotations import from_quaternions, to_quaternions
+
+Floats = NDArray[np.float64]
+READING_SIZE = {"pose": 7, "orientation": 4, "bend": 2}
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """A time-aligned set of readings.
+
+    Args:
+        time_s: Mean measurement time of what is in it [s], monotonic.
+        newest_arrival_ns: Arrival of the newest reading in it, 0 when there is none.
+        readings: Stacked readings in the base frame, NaN where absent, shape (readings,).
+        used: Names of the sensors in it.
+        lost: Names of those that are not.
+    """
+
+    time_s: float
+    newest_arrival_ns: int
+    readings: Floats
+    used: tuple[str, ...]
+    lost: tuple[str, ...]
+
+
+class Readings:
+    """Keeps the newest sample of every channel.
+
+    Args:
+        sensors: Sensors in the order of the estimator's readings; gauges are ignored.
+        base_body: Channel of the motion-capture body on the base, empty for none.
+        safety: Deadlines.
+        forward: Takes every sample as it comes, for the recorder.
+    """
+
+    def __init__(
+        self,
+        sensors: tuple[SensorSettings, ...],
+        base_body: str,
+        safety: SafetySettings,
+        forward: Callable[[str, Sample], None],
+    ) -> None:
+        self._sensors = tuple(sensor for sensor in sensors if sensor.kind != "gauge")
+        self._base_body = base_body
+        self._deadline_ns = round(safety.sensor_deadline_s * 1e9)
+        self._deadline_s = safety.sensor_deadline_s
+        self._forward = forward
+        self._leading = leading_channels(self._sensors)
+        self._latest: dict[str, Sample] = {}
+        self._references: dict[str, Floats] = {}
+
+    def take(self, reading: Reading[Any]) -> None:
+        """Take a reading from a driver; this is the drivers' sink."""
+        for name, sample in samples(reading):
+            self.put(name, sample)
+
+    def put(self, name: str, sample: Sample) -> None:
+        """Take a sample of a channel."""
+        self._latest[name] = sample
+        self._forward(name, sample)
+
+    def completes(self, name: str) -> bool:
+        """Tell whether a sample is the last one of a packet of the leading device.
+
+        That is when an estimate is best begun: whatever waits for the next tick is older by then.
+        """
+        if name not in self._leading:
+            return False
+        arrivals = {self._latest[n].arrival_ns if n in self._latest else None for n in self._leading}
+        return len(arrivals) == 1
+
+    def latest(self, name: str) -> Sample | None:
+        """Give the newest sample of a channel, however old."""
+        return self._latest.get(name)
+
+    def fresh(self, name: str, now_ns: int) -> Sample | None:
+        """Give the newest sample of a channel unless it is stale."""
+        sample = self._latest.get(name)
+        return sample if sample is not None and now_ns - sample.measured_ns <= self._deadline_ns else None
+
+    def age_s(self, name: str, now_ns: int) -> float | None:
+        """Tell the age of a channel's newest sample [s]."""
+        sample = self._latest.get(name)
+        return None if sample is None else max(now_ns - sample.measured_ns, 0) * 1e-9
+
+    def inputs(self, now_ns: int, troubles: Mapping[str, str]) -> tuple[Input, ...]:
+        """Picture every sensor for the health checks.
+
+        Args:
+            now_ns: Monotonic time.
+            troubles: What each device, or channel of one, says is wrong.
+        """
+        return tuple(
+            Input(
+                f"{sensor.kind}_{sensor.section}",
+                sensor.needed,
+                self.age_s(channel(sensor), now_ns),
+                self._deadline_s,
+                troubles.get(channel(sensor), troubles.get(sensor.device, "")),
+            )
+            for sensor in self._sensors
+        )
+
+    def rest(self, orientations: Mapping[str, Floats]) -> tuple[str, ...]:
+        """Align inertial units with the model: the arm hangs at rest now.
+
+        Args:
+            orientations: Rotation of each section at rest in the base frame, shape (3, 3).
+
+        Returns:
+            Names of the units that were aligned.
+        """
+        aligned = []
+        for sensor in self._sensors:
+            sample = self._latest.get(channel(sensor))
+            if _is_inertial(sensor, sample) and sample is not None:
+                measured = from_quaternions(np.array(sample.values))
+                self._references[channel(sensor)] = orientations[sensor.section] @ measured.T
+                aligned.append(channel(sensor))
+        return tuple(aligned)
+
+    def snapshot(self, now_ns: int) -> Snapshot:
+        """Gather what is fresh, in the base frame."""
+        base = self._latest.get(self._base_body)  # it does not move: an old reading is as good as a new one
+        parts, used, lost, times, arrivals = [], [], [], [], [0]
+        for sensor in self._sensors:
+            sample = self.fresh(channel(sensor), now_ns)
+            reading = None if sample is None else self._reading(sensor, sample, base)
+            name = f"{sensor.kind}_{sensor.section}"
+            if reading is None or sample is None:
+                parts.append(np.full(READING_SIZE[sensor.kind], np.nan))
+                lost.append(name)
+                continue
+            parts.append(reading)
+            used.append(name)
+            times.append(sample.measured_ns)
+            arrivals.append(sample.arrival_ns)
+        time_s = (sum(times) / len(times) if times else now_ns) * 1e-9
+        return Snapshot(time_s, max(arrivals), np.concatenate(parts), tuple(used), tuple(lost))
+
+    def _reading(self, sensor: SensorSettings, sample: Sample, base: Sample | None) -> Floats | None:
+        values = np.array(sample.values)
+        if sensor.kind == "bend":
+            return values
+        if len(values) == READING_SIZE["orientation"]:
+            return self._inertial(sensor, values)
+        if self._base_body:
+            if base is None:
+                return None
+            values = relative_pose(np.array(base.values), values)
+        return values if sensor.kind == "pose" else values[3:]
+
+    def _inertial(self, sensor: SensorSettings, quaternion: Floats) -> Floats | None:
+        reference = self._references.get(channel(sensor))
+        if reference is None:
+            return None
+        return to_quaternions(reference @ from_quaternions(quaternion))
+
+
+def leading_channels(sensors: tuple[SensorSettings, ...]) -> tuple[str, ...]:
+    """List the sensors' channels of the device that the first needed sensor belongs to, else the first."""
+    if not sensors:
+        return ()
+    device = next((sensor.device for sensor in sensors if sensor.needed), sensors[0].device)
+    return tuple(channel(sensor) for sensor in sensors if sensor.device == device)
+
+
+def channel(sensor: SensorSettings) -> str:
+    """Name the channel of a sensor."""
+    return f"{sensor.device}/{sensor.channel}" if sensor.channel else sensor.device
+
+
+def relative_pose(base: Floats, pose: Floats) -> Floats:
+    """Give a pose seen from the base: R = R_b^T R_s, p = R_b^T (p_s - p_b).
+
+    Args:
+        base: Position [m] and quaternion of the base, shape (7,).
+        pose: The same of the section, shape (7,).
+
+    Returns:
+        Position [m] and quaternion in the base frame, shape (7,).
+    """
+    turn = from_quaternions(base[3:]).T
+    quaternion = to_quaternions(turn @ from_quaternions(pose[3:]))
+    return np.concatenate([turn @ (pose[:3] - base[:3]), quaternion])
+
+
+def _is_inertial(sensor: SensorSettings, sample: Sample | None) -> bool:
+    return (
+        sensor.kind == "orientation"
+        and sample is not None
+        and len(sample.values) == READING_SIZE["orientation"]
+    )

@@ -1,0 +1,140 @@
+"""A recording in place of the instruments: the same readings, at any speed, and nothing that moves."""
+
+import asyncio
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.daemon.config import SensorSettings
+from softarm.daemon.control.channels import Sample
+from softarm.daemon.control.readings import channel
+from softarm.drivers.errors import InterlockError
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Recording
+
+Floats = NDArray[np.float64]
+BANK = "replay"
+
+
+class ReplayedValves:
+    """Valves that never move: a replay commands nothing."""
+
+    armed = False
+
+    def arm(self) -> None:
+        """Refuse.
+
+        Raises:
+            InterlockError: Always.
+        """
+        raise InterlockError(BANK, "a recording is being replayed", "start the service without --replay")
+
+    def vent(self, reason: str) -> None:
+        """Do nothing: no pressure is applied."""
+
+    def acknowledge(self) -> bool:
+        """Nothing is kept."""
+        return False
+
+    def command(self, setpoint: Sequence[float], lifetime_s: float) -> None:  # noqa: ARG002
+        """Refuse.
+
+        Raises:
+            InterlockError: Always.
+        """
+        self.arm()
+
+
+class ReplayedInstruments:
+    """Plays a recording into the readings.
+
+    Args:
+        recording: What to play.
+        sensors: Which measurement is which channel.
+        chambers: Number of chambers.
+        speed: Factor on the recorded time.
+        put: Takes each sample by the name of its channel.
+        finished: Called at the end.
+
+    Raises:
+        InputError: The recording has nothing that a sensor of the configuration measures.
+    """
+
+    source: Literal["replay"] = "replay"
+    bank = BANK
+
+    def __init__(
+        self,
+        recording: Recording,
+        sensors: Sequence[SensorSettings],
+        chambers: int,
+        speed: float,
+        put: Callable[[str, Sample], None],
+        finished: Callable[[], None],
+    ) -> None:
+        self.valves = ReplayedValves()
+        self._chambers = chambers
+        self._put = put
+        self._speed = speed
+        self._time = recording.time
+        self._finished = finished
+        self._tracks = dict(_tracks(recording, sensors, chambers))
+        if set(self._tracks) <= {BANK}:
+            listed = ", ".join(f"{sensor.kind} of {sensor.section}" for sensor in sensors)
+            raise InputError(recording.name, f"has none of {listed}", "configure [[sensors]] that it has")
+
+    @property
+    def applied(self) -> Floats:
+        """Nothing is applied, shape (chambers,)."""
+        return np.zeros(self._chambers)
+
+    def valve_alarms(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """A recording raises no live alarm."""
+        return (), ()
+
+    def troubles(self) -> dict[str, str]:
+        """A recording raises no live alarm."""
+        return {}
+
+    async def connect(self) -> None:
+        """Play the recording to its end."""
+        begin = time.monotonic()
+        for index, at in enumerate((self._time - self._time[0]) / self._speed):
+            wait_s = begin + float(at) - time.monotonic()
+            if wait_s > 0.0:
+                await asyncio.sleep(wait_s)
+            self._play(index)
+        self._finished()
+
+    def _play(self, index: int) -> None:
+        now_ns = time.monotonic_ns()
+        device_ns = round(float(self._time[index]) * 1e9)
+        for name, values in self._tracks.items():
+            row = values[index]
+            if np.isfinite(row).all():
+                numbers = tuple(float(value) for value in row)
+                self._put(name, Sample(numbers, now_ns, now_ns, device_ns, index, "replay"))
+
+    async def close(self) -> None:
+        """Nothing is held."""
+
+
+def _tracks(
+    recording: Recording, sensors: Sequence[SensorSettings], chambers: int
+) -> Iterator[tuple[str, Floats]]:
+    if set(range(chambers)) <= set(recording.chambers):
+        yield BANK, np.column_stack([recording.pressure(k)[0] for k in range(chambers)])
+    for sensor in sensors:
+        match sensor.kind:
+            case "pose" | "orientation" if sensor.section in recording.frames:
+                yield channel(sensor), recording.pose(sensor.section)
+            case "bend" if sensor.section in recording.bends:
+                yield channel(sensor), recording.bend(sensor.section)
+            case "gauge" if sensor.section in recording.gauges:
+                yield channel(sensor), recording.gauge(sensor.section)[:, None]
+            case _:
+                continue
+    if "base" in recording.frames:
+        yield "base", recording.pose("base")

@@ -1,0 +1,326 @@
+"""Commands: checked, carried out, and answered once."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+from softarm.api.commands import (
+    VERBS,
+    Applied,
+    ErrorCode,
+    LeaseAcquire,
+    MovingRequest,
+    RecordStart,
+    Refused,
+    Request,
+    SetPressures,
+    TeachGoto,
+    TeachHold,
+    TeachSave,
+    malformed,
+)
+from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.hold import HoldGoal
+from softarm.daemon.control.knowledge import Knowledge
+from softarm.daemon.control.poses import PoseStore, SavedPose
+from softarm.daemon.control.recorder import Recorder, RecorderError
+from softarm.daemon.estimation.messages import HoldAnswer, PoseTarget
+from softarm.daemon.safety.findings import Finding
+from softarm.daemon.safety.lease import LeaseError
+from softarm.daemon.safety.modes import Event, Mode, TransitionRefusedError
+from softarm.drivers.errors import InterlockError, LimitError
+from softarm.recordings.info import format_info
+from softarm.recordings.mcap_writer import INFO_FILE
+
+logger = logging.getLogger(__name__)
+RELEASE_LIFETIME_S = 2.0
+"""After a release the pressures live on for so long: time for the client to send its own."""
+
+Answer = dict[str, object]
+
+
+class RefusalError(Exception):
+    """A command that is refused.
+
+    Args:
+        code: Why, for programs.
+        message: Why, for people.
+        hint: What to do about it.
+    """
+
+    def __init__(self, code: ErrorCode, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.code = code
+        self.hint = hint
+
+
+@dataclass(frozen=True)
+class Context:
+    """What the commands act on.
+
+    Args:
+        controller: Mode, lease and set-points.
+        knowledge: The newest estimate, the tare and the rest alignment.
+        recorder: The recorder.
+        poses: Saved poses.
+        attachments: Files kept in every recording.
+        blocking: What keeps the service out of a mode.
+        clock_ns: Monotonic clock.
+        unix_ns: Wall clock.
+    """
+
+    controller: Controller
+    knowledge: Knowledge
+    recorder: Recorder
+    poses: PoseStore
+    attachments: Mapping[str, bytes]
+    blocking: Callable[[Mode], tuple[Finding, ...]]
+    clock_ns: Callable[[], int] = time.monotonic_ns
+    unix_ns: Callable[[], int] = time.time_ns
+
+
+class Verbs:
+    """Carries out commands.
+
+    Args:
+        context: What they act on.
+    """
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._began_ns = context.clock_ns()
+        self._handlers: dict[str, Callable[[Any], Answer | Awaitable[Answer]]] = {
+            "arm": self._arm,
+            "disarm": self._disarm,
+            "stop": self._stop,
+            "clear": self._clear,
+            "set_pressures": self._set_pressures,
+            "teach/start": self._teach_start,
+            "teach/hold": self._teach_hold,
+            "teach/save": self._teach_save,
+            "teach/list": self._teach_list,
+            "teach/goto": self._teach_goto,
+            "teach/release": self._teach_release,
+            "estimate/tare": self._tare,
+            "experiment/begin": self._experiment_begin,
+            "experiment/end": self._experiment_end,
+            "calibrate/rest": self._rest,
+            "record/start": self._record_start,
+            "record/stop": self._record_stop,
+            "lease/acquire": self._lease_acquire,
+            "lease/release": self._lease_release,
+        }
+
+    async def answer(self, verb: str, payload: bytes) -> Applied | Refused:
+        """Check and carry out one command; whatever happens, there is one answer."""
+        try:
+            request = self._checked(verb, payload)
+            applied = self._handlers[verb](request)
+            if not isinstance(applied, dict):
+                applied = await applied
+        except RefusalError as refusal:
+            return Refused(verb=verb, code=refusal.code, message=str(refusal), hint=refusal.hint)
+        except LeaseError as refusal:
+            code: ErrorCode = "lease_held" if refusal.code == "lease_held" else "no_lease"
+            return Refused(verb=verb, code=code, message=str(refusal), hint=refusal.hint)
+        except TransitionRefusedError as refusal:
+            hint = "see the table of modes in docs/api.md"
+            return Refused(verb=verb, code="wrong_mode", message=str(refusal), hint=hint)
+        except LimitError as refusal:
+            return Refused(verb=verb, code="out_of_limit", message=refusal.what, hint=refusal.cure)
+        except InterlockError as refusal:
+            return Refused(verb=verb, code="not_available", message=refusal.what, hint=refusal.cure)
+        except (RecorderError, OSError) as refusal:
+            hint = "see the service's findings"
+            return Refused(verb=verb, code="not_available", message=str(refusal), hint=hint)
+        except Exception:  # one command must not end the service; nobody else would tell it
+            logger.exception("%s failed", verb)
+            hint = "report this with the service's log"
+            return Refused(verb=verb, code="internal", message="the command failed", hint=hint)
+        return Applied(verb=verb, mode=self._context.controller.modes.mode, applied=applied)
+
+    def _checked(self, verb: str, payload: bytes) -> Request:
+        model = VERBS.get(verb)
+        if model is None:
+            raise RefusalError("malformed", f"no verb {verb!r}", f"use one of {', '.join(VERBS)}")
+        try:
+            request = model.model_validate_json(payload)
+        except ValidationError as error:
+            refusal = malformed(verb, error)
+            raise RefusalError(refusal.code, refusal.message, refusal.hint) from error
+        if verb != "stop":  # to stop is right at any time, and clocks may differ
+            self._refuse_stale(request)
+        if isinstance(request, MovingRequest):
+            self._context.controller.lease.check(request.lease, self._context.clock_ns())
+            if not self._context.controller.lease.accept_sequence(request.sequence):
+                raise RefusalError("stale", f"sequence {request.sequence} is not new", "count upwards")
+        return request
+
+    def _refuse_stale(self, request: Request) -> None:
+        late_ns = self._context.unix_ns() - request.deadline_unix_ns
+        if late_ns > 0:
+            hint = "send it again with a later deadline; if this repeats, compare the clocks of both hosts"
+            raise RefusalError("stale", f"the deadline passed {late_ns * 1e-9:.3f} s ago", hint)
+
+    def _refuse_blocked(self, mode: Mode) -> None:
+        faults = self._context.blocking(mode)
+        if faults:
+            first = faults[0]
+            message = f"{mode} is not possible: {first.where}: {first.message}"
+            raise RefusalError("not_available", message, first.hint)
+
+    def _arm(self, request: MovingRequest) -> Answer:
+        self._refuse_blocked(Mode.ARMED)
+        self._context.controller.fire(Event.ARM, f"{request.client} armed")
+        return {"asked_pa": self._context.controller.asked.tolist()}
+
+    def _disarm(self, request: MovingRequest) -> Answer:
+        self._context.controller.fire(Event.DISARM, f"{request.client} disarmed")
+        return {"asked_pa": self._context.controller.asked.tolist()}
+
+    def _stop(self, request: Request) -> Answer:
+        self._context.controller.fire(Event.FAULT, f"stopped by {request.client}")
+        return {"asked_pa": self._context.controller.asked.tolist()}
+
+    def _clear(self, request: Request) -> Answer:
+        """Go on after a fault; errors that valves keep until then are acknowledged, and clear themselves."""
+        controller = self._context.controller
+        cause = controller.modes.fault_cause
+        acknowledged = controller.modes.allows(Event.CLEAR) and controller.acknowledge()
+        if controller.modes.mode is Mode.FAULTED and not acknowledged:
+            self._refuse_blocked(Mode.ARMED)
+        controller.fire(Event.CLEAR, f"cleared by {request.client}")
+        return {"cleared": cause, "acknowledged": acknowledged}
+
+    def _set_pressures(self, request: SetPressures) -> Answer:
+        controller = self._context.controller
+        if controller.modes.mode not in (Mode.ARMED, Mode.EXPERIMENT):
+            message = f"set-points are not taken in {controller.modes.mode}"
+            raise RefusalError("wrong_mode", message, "arm first, or release the hold")
+        asked = controller.want(np.array(request.pressures_pa), request.lifetime_s, self._context.clock_ns())
+        return {"asked_pa": asked.tolist(), "lifetime_s": request.lifetime_s}
+
+    def _teach_start(self, request: MovingRequest) -> Answer:
+        self._refuse_blocked(Mode.TEACH)
+        self._context.controller.fire(Event.TEACH, f"{request.client} teaches")
+        return {"asked_pa": self._context.controller.asked.tolist()}
+
+    def _teach_hold(self, request: TeachHold) -> Answer:
+        self._refuse_blocked(Mode.HOLDING)
+        hold, pose = self._known_hold()
+        goal = HoldGoal(hold.pressures, pose)
+        self._begin_hold(goal, request.ramp_s, f"{request.client} holds")
+        return {
+            "pressures_pa": hold.pressures.tolist(),
+            "ramp_s": request.ramp_s,
+            "reachable": hold.reachable,
+            "note": hold.note,
+        }
+
+    def _known_hold(self) -> tuple[HoldAnswer, PoseTarget]:
+        """Give the pressures that hold the pose, and the pose, or say why there are none."""
+        knowledge = self._context.knowledge
+        if knowledge.held is not None:
+            return knowledge.held
+        if knowledge.hold_answer is not None:
+            hint = "bring the arm into another pose: these pressures would mean nothing"
+            raise RefusalError("not_available", knowledge.hold_answer.note, hint)
+        raise RefusalError("not_available", "no pressures for this pose yet", "wait for an estimate")
+
+    def _begin_hold(self, goal: HoldGoal, ramp_s: float, cause: str) -> None:
+        self._context.controller.begin_hold(goal, ramp_s, self._context.clock_ns(), cause)
+
+    def _teach_save(self, request: TeachSave) -> Answer:
+        hold, sections = self._known_hold()[0], self._context.knowledge.sections
+        controller = self._context.controller
+        held = controller.modes.mode is Mode.HOLDING
+        pressures = controller.asked if held else hold.pressures
+        pose = SavedPose(
+            pressures_pa=tuple(float(p) for p in pressures),
+            sections=sections,
+            reachable=hold.reachable,
+            note=hold.note,
+            saved_unix_ns=self._context.unix_ns(),
+        )
+        self._context.poses.save(request.name, pose)
+        told = {"reachable": pose.reachable, "note": pose.note}
+        return {"name": request.name, "pressures_pa": list(pose.pressures_pa), **told}
+
+    def _teach_list(self, request: Request) -> Answer:
+        del request
+        return {name: self._context.poses.get(name) for name in self._context.poses.names}
+
+    def _teach_goto(self, request: TeachGoto) -> Answer:
+        pose = self._context.poses.get(request.name)
+        if pose is None:
+            known = ", ".join(self._context.poses.names) or "none"
+            raise RefusalError("not_available", f"no pose {request.name!r}", f"saved poses: {known}")
+        self._refuse_blocked(Mode.HOLDING)
+        goal = HoldGoal(np.array(pose.pressures_pa), pose.target)
+        self._begin_hold(goal, request.ramp_s, f"{request.client} goes to {request.name}")
+        return {
+            "name": request.name,
+            "pressures_pa": list(pose.pressures_pa),
+            "ramp_s": request.ramp_s,
+            "reachable": pose.reachable,
+            "note": pose.note,
+        }
+
+    def _teach_release(self, request: MovingRequest) -> Answer:
+        controller = self._context.controller
+        controller.fire(Event.RELEASE, f"{request.client} released")
+        controller.keep_asked(self._context.clock_ns(), RELEASE_LIFETIME_S)
+        return {"asked_pa": controller.asked.tolist(), "lifetime_s": RELEASE_LIFETIME_S}
+
+    def _tare(self, request: Request) -> Answer:
+        del request
+        tare = self._context.knowledge.tare_now()
+        if tare is None:
+            raise RefusalError("not_available", "no estimate to tare", "wait for one that converged")
+        return {"loads_n": tare.tolist()}
+
+    def _experiment_begin(self, request: MovingRequest) -> Answer:
+        self._refuse_blocked(Mode.EXPERIMENT)
+        self._context.controller.fire(Event.EXPERIMENT_BEGIN, f"{request.client} begins")
+        return {}
+
+    def _experiment_end(self, request: MovingRequest) -> Answer:
+        self._context.controller.fire(Event.EXPERIMENT_END, f"{request.client} ends")
+        return {}
+
+    def _rest(self, request: Request) -> Answer:
+        del request
+        if self._context.controller.modes.mode is not Mode.IDLE:
+            raise RefusalError("wrong_mode", "the arm must hang vented and free", "disarm first")
+        aligned = self._context.knowledge.align_at_rest()
+        return {"aligned": list(aligned)}
+
+    def _record_start(self, request: RecordStart) -> Answer:
+        since_s = (self._context.clock_ns() - self._began_ns) * 1e-9
+        info = format_info({"session_start_s": round(since_s, 3)})
+        attachments = {**self._context.attachments, INFO_FILE: info}
+        return {"path": str(self._context.recorder.start(request.name, attachments))}
+
+    async def _record_stop(self, request: Request) -> Answer:
+        del request
+        path, dropped = await asyncio.to_thread(self._context.recorder.stop)
+        return {"path": str(path), "dropped": dropped}
+
+    def _lease_acquire(self, request: LeaseAcquire) -> Answer:
+        lease = self._context.controller.lease.acquire(
+            request.client, self._context.clock_ns(), request.lease
+        )
+        remaining_s = (lease.expires_ns - self._context.clock_ns()) * 1e-9
+        return {"lease": lease.token, "remaining_s": round(remaining_s, 3)}
+
+    def _lease_release(self, request: MovingRequest) -> Answer:
+        controller = self._context.controller
+        if controller.modes.allows(Event.LEASE_LOST):
+            controller.fire(Event.LEASE_LOST, f"{request.client} released the lease")
+        controller.lease.release(request.lease, self._context.clock_ns())
+        return {}

@@ -1,0 +1,74 @@
+"""The pressures that hold the pose, from the estimate at hand."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.daemon.estimation.messages import HoldAnswer, PoseTarget
+from softarm.estimator.inverse import Estimate, approach, replace_loads
+from softarm.estimator.model import Frames
+from softarm.estimator.rotations import from_quaternions
+from softarm.estimator.sensing import ActuationMap, SensorSuite
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Arm:
+    """What commands act on.
+
+    Args:
+        suite: The sensors.
+        actuation: From measured to chamber pressures.
+        limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
+        unshaped: From the pressures that act in the chambers to those before the specimen's physics.
+    """
+
+    suite: SensorSuite
+    actuation: ActuationMap
+    limits: Floats
+    unshaped: Callable[[Floats], Floats]
+
+    def commanded(self, acting: Floats) -> Floats:
+        """Give the pressures to command for pressures that are to act in the chambers [Pa]."""
+        return self.actuation.to_measured(self.unshaped(acting))
+
+
+class Holding:
+    """Finds the pressures that hold the estimated pose without a hand.
+
+    Args:
+        arm: What commands act on.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        self._arm = arm
+
+    def answer(self, estimate: Estimate[Any], tare: Floats, target: PoseTarget | None) -> HoldAnswer:
+        """Find the pressures that would hold the estimated pose, and those towards a target.
+
+        Args:
+            estimate: The newest estimate.
+            tare: Load amplitudes that count as zero, shape (loads,).
+            target: A pose that is being held, or ``None``.
+        """
+        arm, pressures = self._arm, estimate.inputs.pressures
+        if not estimate.converged or not np.isfinite(estimate.motion).all():
+            note = "the estimate did not converge, so nothing is known of the pose"
+            return HoldAnswer(np.zeros(len(arm.limits)), reachable=False, note=note, known=False)
+        held = replace_loads(estimate, arm.suite, arm.limits, tare)
+        if target is None:
+            wanted = self._wanted(pressures + held.change)
+            residuals = dict(estimate.residuals)
+            return HoldAnswer(wanted, held.reachable, held.statement, residuals=residuals)
+        frames = Frames(target.positions, from_quaternions(target.quaternions))
+        applied = arm.commanded(estimate.measured_pressures)
+        nearer = approach(estimate, arm.suite, arm.limits, frames, applied, target.residuals)
+        towards = arm.commanded(pressures + nearer.change) - arm.commanded(pressures)
+        wanted = self._wanted(pressures + held.change)
+        return HoldAnswer(wanted, nearer.reachable, nearer.statement, towards=towards)
+
+    def _wanted(self, acting: Floats) -> Floats:
+        return np.clip(self._arm.commanded(acting), 0.0, self._arm.limits)

@@ -1,0 +1,121 @@
+"""What travels between the control process and the estimator's process."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.inverse import ContactPlace
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PoseTarget:
+    """A pose to hold.
+
+    Args:
+        positions: Section origins in the base frame [m], shape (sections, 3).
+        quaternions: Section orientations (w, x, y, z), shape (sections, 4).
+        residuals: What the estimate left unexplained there, by sensor.
+    """
+
+    positions: Floats
+    quaternions: Floats
+    residuals: Mapping[str, Floats] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class EstimationRequest:
+    """One time-aligned set of readings.
+
+    Args:
+        time_s: When the readings were taken, on the service's monotonic clock [s].
+        newest_arrival_ns: Monotonic time at which the newest of them arrived.
+        readings: Stacked in the order of the sensors, NaN where absent, shape (readings,).
+        pressures: Measured gauge pressures [Pa], NaN where lost, shape (chambers,).
+        gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
+        used: Names of the sensors in the readings.
+        lost: Names of those that are absent.
+        want_hold: Whether to find the pressures that hold the pose.
+        target: The pose that is being held.
+        want_mesh: Whether to send the positions of the mesh's nodes.
+        want_contact: Whether to place a push along the arm.
+        tare: Load amplitudes that count as zero, shape (loads,); needed to place a push.
+    """
+
+    time_s: float
+    newest_arrival_ns: int
+    readings: Floats
+    pressures: Floats
+    gravity: Floats
+    used: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
+    want_hold: bool = False
+    target: PoseTarget | None = None
+    want_mesh: bool = False
+    want_contact: bool = False
+    tare: Floats | None = None
+
+
+@dataclass(frozen=True)
+class HoldAnswer:
+    """Pressures that would hold the measured pose without an external force.
+
+    Args:
+        pressures: As commanded to the valves, gauge [Pa], shape (chambers,).
+        reachable: Whether they hold it within the sensors' noise.
+        note: What limits the arm, in words.
+        known: Whether there is an answer; otherwise the pressures mean nothing and only the note counts.
+        towards: Change of the commanded pressures that would bring the arm to the target [Pa], shape
+            (chambers,); ``None`` without a target.
+        residuals: What the estimate left unexplained in the measured pose, by sensor.
+    """
+
+    pressures: Floats
+    reachable: bool
+    note: str
+    known: bool = True
+    towards: Floats | None = None
+    residuals: Mapping[str, Floats] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class EstimationResult:
+    """What the estimator found.
+
+    Args:
+        request: What it answers.
+        converged: Whether the search converged.
+        loads: Amplitudes of the model's loads [N or N m], shape (loads,).
+        load_covariance: Shape (loads, loads).
+        positions: Section origins in the base frame [m], shape (sections, 3).
+        quaternions: Section orientations (w, x, y, z), shape (sections, 4).
+        frame_std: Standard deviation of each section's twist [m, rad], shape (sections, 6).
+        innovation_squared: Normalised innovation squared.
+        degrees_of_freedom: Its expectation when the model is right.
+        sensor_innovations: Root mean square of each sensor's residual over its standard deviation.
+        unobservable: What these readings cannot tell, in words.
+        hold: Pressures that hold the pose, when they were asked for.
+        contact: Place of a single push, when it was asked for and the sensors can tell.
+        nodes: Position [m] and stress [Pa] of the mesh's nodes, shape (nodes, 4), when they were asked for.
+        solve_s: Time taken.
+        rod_off_rad: Angle by which the calibrated rod was off the finite elements when last compared.
+    """
+
+    request: EstimationRequest
+    converged: bool
+    loads: Floats
+    load_covariance: Floats
+    positions: Floats
+    quaternions: Floats
+    frame_std: Floats
+    innovation_squared: float
+    degrees_of_freedom: float
+    sensor_innovations: dict[str, float] = field(default_factory=dict)
+    unobservable: tuple[str, ...] = ()
+    hold: HoldAnswer | None = None
+    contact: ContactPlace | None = None
+    nodes: NDArray[np.float32] | None = None
+    solve_s: float = 0.0
+    rod_off_rad: float | None = None

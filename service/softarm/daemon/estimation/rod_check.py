@@ -1,0 +1,54 @@
+"""Holds the calibrated rod against the finite elements now and then, beside the estimates."""
+
+from typing import Any
+
+import numpy as np
+from softarm.estimator.background import Background
+from softarm.estimator.model import ArmModel, Frames, Inputs
+from softarm.estimator.rotations import log
+
+INTERVAL_S = 10.0
+
+
+class RodCheck(Background[tuple[Inputs, Frames], float | None]):
+    """Solves the finite elements for inputs at which the rod has given frames.
+
+    Args:
+        model: Finite elements with the loads of the rod, and pressures that act as on it.
+        interval_s: Least time between two comparisons [s].
+    """
+
+    def __init__(self, model: ArmModel[Any, Any], interval_s: float = INTERVAL_S) -> None:
+        super().__init__(self._compare, "rod check")
+        self._model = model
+        self._interval_s = interval_s
+        self._state = model.rest()
+        self._next_s = -np.inf
+
+    @property
+    def departure(self) -> float | None:
+        """Largest angle between the sections of rod and finite elements when last compared [rad]."""
+        return self.newest
+
+    def offer(self, time_s: float, inputs: Inputs, frames: Frames) -> None:
+        """Have the rod's frames compared, unless a comparison is at hand or was made a short while ago.
+
+        Args:
+            time_s: Time of the readings [s].
+            inputs: Inputs of the rod.
+            frames: Its frames.
+        """
+        if time_s >= self._next_s and self.idle:
+            self._next_s = time_s + self._interval_s
+            self.ask((inputs, frames))
+
+    def _compare(self, given: tuple[Inputs, Frames]) -> float | None:
+        inputs, frames = given
+        state, found = self._model.solve(inputs, self._state)
+        if not found:
+            self._state = self._model.rest()
+            return None
+        self._state = state
+        truth = self._model.linearise(state, inputs).frames
+        turned = log(np.swapaxes(truth.rotations, -1, -2) @ frames.rotations)
+        return float(np.linalg.norm(turned, axis=-1).max())

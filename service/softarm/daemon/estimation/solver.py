@@ -1,0 +1,232 @@
+"""What runs in the estimator's process: model and sensors of a specimen, one request at a time."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.common.rods import trusted_rod
+from softarm.daemon.config import ControlSettings, SensorSettings
+from softarm.daemon.estimation.holding import Arm, Holding
+from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
+from softarm.daemon.estimation.rod_check import RodCheck
+from softarm.estimator.arm import build_arm, default_loads
+from softarm.estimator.augmented import AugmentedEstimator, Follower, estimator_of
+from softarm.estimator.fem import FiniteElementModel, FiniteElementState, Refactoriser, TrackingModel
+from softarm.estimator.inverse import (
+    ContactPlace,
+    ContactProfile,
+    Estimate,
+    LoadProcess,
+    Tolerances,
+    TrackerSettings,
+)
+from softarm.estimator.model import Inputs
+from softarm.estimator.rod.skin import skin
+from softarm.estimator.rotations import to_quaternions
+from softarm.estimator.sensing import Measurement, Registration, SensorSuite
+from softarm.estimator.sensors import SpecimenSensors, mounted_base
+from softarm.estimator.simulation import section_loads
+from softarm.estimator.specimen import Specimen
+from softarm.estimator.stretch import stretched
+
+WARM_UP_PRESSURE_PA = 1000.0
+LIVE = Tolerances(step=1e-4, residual=1e-4, iterations=20, radius=0.3, retreats=0, forecast=30.0)
+"""No instant waits for a long search: what is left over is the next one's. Where an instant comes late, the
+arm has moved far: short steps get there, and none is judged before the balance is near."""
+SOLVES = 12
+"""Linear solves in one search for an equilibrium: about a quarter of a second."""
+PLACES = 12
+"""Candidate heights of a push, from the clamp to the tip."""
+INSIDE_M = 1e-3
+OBSERVED_EVERY_S = 0.1
+"""What the readings cannot tell is analysed so often; it changes slowly."""
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """What the solver is built from; small and picklable.
+
+    Args:
+        specimen: The specimen.
+        sensors: Sensors in the order of the requests' readings, gauges left out.
+        control: Model and the loads' process.
+    """
+
+    specimen: Specimen
+    sensors: tuple[SensorSettings, ...]
+    control: ControlSettings
+
+    def __call__(self) -> Callable[[EstimationRequest], EstimationResult]:
+        """Build the solver and warm it up."""
+        return Solver(self)
+
+
+def build_suite(
+    specimen: Specimen, sections: tuple[str, ...], entries: Sequence[SensorSettings]
+) -> SensorSuite:
+    """Make the sensor suite of a configuration; poses arrive in the base frame."""
+    sensors = SpecimenSensors(specimen, sections, mounted_base(specimen))
+    make: dict[str, Callable[[str], Measurement]] = {
+        "pose": sensors.pose,
+        "orientation": sensors.orientation,
+        "bend": sensors.bend,
+    }
+    return SensorSuite(tuple(make[entry.kind](entry.section) for entry in entries))
+
+
+class Solver:
+    """Answers requests; it keeps the estimator's memory.
+
+    Args:
+        settings: Specimen, sensors, model.
+    """
+
+    def __init__(self, settings: SolverSettings) -> None:
+        specimen = settings.specimen
+        self._model: FiniteElementModel = bounded(
+            build_arm(specimen, default_loads(specimen, settings.control.forces_on))
+        )
+        self._suite = build_suite(specimen, self._model.sections, settings.sensors)
+        self._sensors = SpecimenSensors(specimen, self._model.sections, Registration())
+        self._actuation = self._sensors.actuation()
+        self._limits = np.array(specimen.pressure_limits)
+        sigma = np.full(len(self._model.loads), settings.control.load_std_n)
+        process = LoadProcess(sigma, settings.control.load_time_constant_s)
+        tracker = TrackerSettings(process, self._actuation, self._limits, tolerances=LIVE)
+        self._rod = trusted_rod(specimen) if settings.control.model == "rod" else None
+        self._check = None if self._rod is None else RodCheck(stretched(self._model, specimen)).__enter__()
+        following = self._followed(specimen)
+        self._estimator: Follower[Any] = estimator_of(
+            specimen, following, self._model.loads, self._suite, tracker, pressures_measured=True
+        )
+        follower = self._estimator
+        unshaped = follower.unshaped if isinstance(follower, AugmentedEstimator) else np.asarray
+        self._holding = Holding(Arm(self._suite, self._actuation, self._limits, unshaped))
+        self._profile = ContactProfile(_heights(specimen), passes=1)
+        every = (*self._model.loads, *self._profile.loads)
+        plain: Any = self._rod or self._model
+        self._pushed = stretched(plain.with_loads(every), specimen)
+        self._unobservable: tuple[float, tuple[str, ...], tuple[str, ...]] = (-np.inf, (), ())
+        self._warm_up(np.array(specimen.gravity_m_s2))
+
+    def _followed(self, specimen: Specimen) -> Any:
+        """Give the model of the estimates; its thread lives as long as the process, this solver's alone."""
+        loads = section_loads(self._model.sections) if specimen.physics else self._model.loads
+        if self._rod is not None:
+            return self._rod.with_loads(loads)
+        followed = self._model.with_loads(loads) if specimen.physics else self._model
+        return TrackingModel(followed, Refactoriser(followed).__enter__())
+
+    def _warm_up(self, gravity: np.ndarray[Any, np.dtype[np.float64]]) -> None:
+        """Compile and factor once, so that the first live request is as fast as the rest."""
+        rest = self._suite.stack({})
+        pressures = np.full(self._model.chambers, WARM_UP_PRESSURE_PA)
+        self(EstimationRequest(0.0, 0, rest, pressures, gravity, want_hold=True))
+        self._estimator.reset()
+
+    def __call__(self, request: EstimationRequest) -> EstimationResult:
+        """Estimate at one instant."""
+        begin = time.perf_counter()
+        estimate = self._estimator.update(
+            request.time_s, request.readings, request.pressures, request.gravity
+        )
+        if self._check is not None and estimate.converged:
+            self._check.offer(request.time_s, estimate.inputs, estimate.frames)
+        hold = self._held(request, estimate)
+        contact = self._contact(request, estimate) if request.want_contact else None
+        sections = len(self._model.sections)
+        deviation = np.sqrt(np.maximum(np.diag(estimate.frame_covariance), 0.0)).reshape(sections, 6)
+        return EstimationResult(
+            request=request,
+            converged=estimate.converged,
+            loads=estimate.inputs.loads,
+            load_covariance=estimate.load_covariance,
+            positions=estimate.frames.positions,
+            quaternions=to_quaternions(estimate.frames.rotations),
+            frame_std=deviation,
+            innovation_squared=estimate.normalised_innovation_squared,
+            degrees_of_freedom=estimate.degrees_of_freedom,
+            sensor_innovations=self._innovations(request, estimate),
+            unobservable=self._unseen(request, estimate),
+            hold=hold,
+            contact=contact,
+            nodes=self._nodes(estimate) if request.want_mesh else None,
+            solve_s=time.perf_counter() - begin,
+            rod_off_rad=None if self._check is None else self._check.departure,
+        )
+
+    def _unseen(self, request: EstimationRequest, estimate: Estimate[Any]) -> tuple[str, ...]:
+        """Say what these sensors cannot tell; the answer of a moment ago serves while they are the same."""
+        since_s, sensors, told = self._unobservable
+        if not np.isfinite(estimate.motion).all():
+            return ()
+        if sensors != request.used or not since_s <= request.time_s < since_s + OBSERVED_EVERY_S:
+            told = estimate.unobservable_directions
+            self._unobservable = (request.time_s, request.used, told)
+        return told
+
+    def _innovations(self, request: EstimationRequest, estimate: Estimate[Any]) -> dict[str, float]:
+        found, start = {}, 0
+        for sensor in self._suite.measurements:
+            reading = request.readings[start : start + sensor.reading_size]
+            start += sensor.reading_size
+            residual = estimate.residuals[sensor.name]
+            if np.isfinite(residual).all():
+                sigma = np.sqrt(np.diag(sensor.covariance(reading)))
+                found[sensor.name] = float(np.sqrt(np.mean((residual / sigma) ** 2)))
+        return found
+
+    def _held(self, request: EstimationRequest, estimate: Estimate[Any]) -> HoldAnswer | None:
+        """Find the pressures that hold the pose while they are asked for."""
+        if not request.want_hold:
+            return None
+        tare = np.zeros(len(self._model.loads)) if request.tare is None else request.tare
+        return self._holding.answer(estimate, tare, request.target)
+
+    def _contact(self, request: EstimationRequest, estimate: Estimate[Any]) -> ContactPlace | None:
+        """Place the push that the estimate's loads stand for."""
+        if not estimate.converged:
+            return None
+        tare = np.zeros(len(self._model.loads)) if request.tare is None else request.tare
+        inputs = estimate.inputs
+        loads = np.concatenate([inputs.loads, np.zeros(len(self._profile.loads))])
+        pushed = Inputs(inputs.pressures, loads, inputs.gravity)
+        state = estimate.state
+        if self._rod is None:
+            state = FiniteElementState(state.displacement, pushed)
+        return self._profile.place(self._pushed, state, self._suite, request.readings, estimate, tare)
+
+    def _nodes(self, estimate: Estimate[Any]) -> NDArray[np.float32]:
+        """Give position [m] and von Mises stress [Pa] of every node, 0 with the rod, shape (nodes, 4)."""
+        if self._rod is not None:
+            moved = skin(self._model.mesh.points, self._rod.chain, estimate.state)
+            return np.column_stack([moved, np.zeros(len(moved))]).astype(np.float32)
+        positions = self._model.mesh.points + estimate.state.displacement
+        state = FiniteElementState(estimate.state.displacement, estimate.inputs)
+        _, stress = self._model.energy_and_stress(state)
+        nodes = np.zeros((len(positions), 4), dtype=np.float32)
+        nodes[:, :3] = positions
+        count = np.zeros(len(positions))
+        first = 0
+        for block in self._model.mesh.blocks:
+            on_elements = stress[first : first + len(block.connectivity)]
+            first += len(block.connectivity)
+            np.add.at(nodes[:, 3], block.connectivity, on_elements[:, None].astype(np.float32))
+            np.add.at(count, block.connectivity, 1.0)
+        nodes[:, 3] /= np.maximum(count, 1.0)
+        return nodes
+
+
+def bounded(model: FiniteElementModel) -> FiniteElementModel:
+    """Give a model whose searches for an equilibrium end in time for a live service."""
+    return replace(model, settings=replace(model.settings, total_iterations=SOLVES, descent=SOLVES))
+
+
+def _heights(specimen: Specimen) -> NDArray[np.float64]:
+    """Give candidate heights of a push [m], from above the clamp to the tip."""
+    tip = max(section.to_m for section in specimen.sections)
+    start = specimen.clamp.up_to_m + (tip - specimen.clamp.up_to_m) / PLACES
+    return np.linspace(start, tip - INSIDE_M, PLACES)

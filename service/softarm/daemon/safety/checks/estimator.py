@@ -1,0 +1,29 @@
+"""An estimator that is dead, late or does not converge."""
+
+from collections.abc import Iterator
+
+from softarm.daemon.safety.checks.inputs import FOLLOWING_THE_POSE
+from softarm.daemon.safety.findings import Finding, Severity
+from softarm.daemon.safety.modes import Mode
+from softarm.daemon.safety.observation import Observation
+
+FAILURES_ALLOWED = 20
+STEERING_BY_THE_ESTIMATE = frozenset({Mode.TEACH, Mode.HOLDING})
+"""Modes whose pressures come from the estimate; an experiment plays its own and may swing the arm."""
+
+
+def check_estimator(observation: Observation) -> Iterator[Finding]:
+    """Find an estimator on which the mode can no longer rely."""
+    estimator = observation.estimator
+    severity: Severity = "fault" if observation.mode in FOLLOWING_THE_POSE else "warning"
+    if not estimator.running:
+        message, hint = "the estimator's process is not running", "it is started again by itself; see the log"
+    elif estimator.age_s is None or estimator.age_s > estimator.deadline_s:
+        message, hint = "the estimator gives no results", "a sensor may be lost, or the machine overloaded"
+    elif estimator.failures > FAILURES_ALLOWED:
+        message = f"{estimator.failures} estimates in a row did not converge"
+        hint = "the model does not fit the arm: calibrate, or run softarm diagnose on a recording"
+        severity = "fault" if observation.mode in STEERING_BY_THE_ESTIMATE else "warning"
+    else:
+        return
+    yield Finding("estimator_failed", "estimator", severity, message, hint)

@@ -1,0 +1,16 @@
+"""A control loop that comes late."""
+
+from collections.abc import Iterator
+
+from softarm.daemon.safety.findings import Finding
+from softarm.daemon.safety.observation import Observation
+
+OVERRUNS_ALLOWED = 5
+
+
+def check_loop(observation: Observation) -> Iterator[Finding]:
+    """Find a loop that skipped ticks."""
+    if observation.overruns > OVERRUNS_ALLOWED:
+        message = f"{observation.overruns} control ticks were skipped in the last second"
+        hint = "the machine is overloaded: give the service real-time priority and a core of its own"
+        yield Finding("loop_overrun", "control", "warning", message, hint)

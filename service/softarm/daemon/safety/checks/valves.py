@@ -1,0 +1,23 @@
+"""Lost or untrustworthy valves."""
+
+from collections.abc import Iterator
+
+from softarm.daemon.safety.findings import Finding, Severity
+from softarm.daemon.safety.modes import PRESSURISED
+from softarm.daemon.safety.observation import Observation
+
+
+def check_valves(observation: Observation) -> Iterator[Finding]:
+    """Find a valve bank that does not answer, or whose outputs are not those commanded."""
+    valves = observation.valves
+    severity: Severity = "fault" if observation.mode in PRESSURISED else "warning"
+    if valves.lost:
+        age = "never answered" if valves.age_s is None else f"has not answered for {valves.age_s:.2f} s"
+        hint = "check power, network and address; its own watchdog vents meanwhile"
+        yield Finding("valves_lost", valves.name, severity, f"the valve bank {age}", hint)
+    for fault in valves.faults:
+        yield Finding(
+            "valve_fault", valves.name, severity, fault, "see the valve bank's diagnosis, then clear"
+        )
+    for warning in valves.warnings:
+        yield Finding("valve_warning", valves.name, "warning", warning, "see docs/drivers.md")

@@ -1,0 +1,110 @@
+"""What the health checks look at: one frozen picture of the service, taken every tick."""
+
+from dataclasses import dataclass
+
+from softarm.daemon.safety.modes import Mode
+
+
+@dataclass(frozen=True)
+class Input:
+    """One stream of measurements.
+
+    Args:
+        name: Device, or device and body.
+        needed: Whether pressurised modes that follow the pose cannot do without it.
+        age_s: Age of its last valid reading; ``None`` before the first.
+        deadline_s: Age from which it counts as stale.
+        trouble: What its device says is wrong, empty when nothing is.
+    """
+
+    name: str
+    needed: bool
+    age_s: float | None
+    deadline_s: float
+    trouble: str = ""
+
+    @property
+    def stale(self) -> bool:
+        """Whether the last valid reading is too old."""
+        return self.age_s is None or self.age_s > self.deadline_s
+
+
+@dataclass(frozen=True)
+class Valves:
+    """The valve bank.
+
+    Args:
+        name: Device name.
+        age_s: Age of the last cycle that was read and checked; ``None`` before the first.
+        deadline_s: Age from which the bank counts as lost.
+        faults: What makes its outputs untrustworthy, in words.
+        warnings: What a person should know.
+    """
+
+    name: str
+    age_s: float | None
+    deadline_s: float
+    faults: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def lost(self) -> bool:
+        """Whether the bank no longer answers."""
+        return self.age_s is None or self.age_s > self.deadline_s
+
+
+@dataclass(frozen=True)
+class Estimator:
+    """The estimator's process.
+
+    Args:
+        running: Whether the process lives and has been warmed up.
+        age_s: Age of its last result; ``None`` before the first.
+        deadline_s: Age from which it counts as failed.
+        failures: Results in a row that did not converge.
+        rod_off_degrees: Angle by which the calibrated rod was off when last compared; ``None`` without one.
+    """
+
+    running: bool
+    age_s: float | None
+    deadline_s: float
+    failures: int = 0
+    rod_off_degrees: float | None = None
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """The recorder.
+
+    Args:
+        active: Whether a file is open.
+        dropped: Messages dropped since it was opened.
+        error: Why writing failed, empty when it did not.
+        free_bytes: Space left where it writes.
+    """
+
+    active: bool
+    dropped: int
+    error: str
+    free_bytes: int
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The service at one tick.
+
+    Args:
+        mode: The mode whose demands are checked.
+        valves: The valve bank.
+        inputs: The streams of measurements.
+        estimator: The estimator's process.
+        recorder: The recorder.
+        overruns: Ticks skipped within the last second.
+    """
+
+    mode: Mode
+    valves: Valves
+    inputs: tuple[Input, ...]
+    estimator: Estimator
+    recorder: Recorder
+    overruns: int

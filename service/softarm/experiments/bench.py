@@ -1,0 +1,174 @@
+"""What an experiment acts through: the arm's client, and the control port where the instruments are fakes."""
+
+import json
+import socket
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.api.messages import Estimate, Message, State
+from softarm.client.client import SoftarmClient
+from softarm.estimator.errors import InputError
+from softarm.estimator.rotations import from_quaternions
+
+Floats = NDArray[np.float64]
+
+
+class FakeControl:
+    """The control port of running fakes: one JSON object a line.
+
+    Args:
+        address: ``host:port`` as the fakes announced it.
+
+    Raises:
+        InputError: Nothing answers there.
+    """
+
+    def __init__(self, address: str) -> None:
+        host, _, port = address.rpartition(":")
+        try:
+            self._socket = socket.create_connection((host, int(port)), timeout=5.0)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise InputError(f"fakes at {address}", f"no answer ({reason})", "start softarm fakes") from error
+        self._file = self._socket.makefile("rwb")
+
+    def ask(self, do: str, **fields: object) -> dict[str, Any]:
+        """Send a request and give the reply.
+
+        Raises:
+            InputError: The fakes refused it.
+        """
+        self._file.write(json.dumps({"do": do, **fields}).encode() + b"\n")
+        self._file.flush()
+        reply: dict[str, Any] = json.loads(self._file.readline())
+        if not reply.get("ok"):
+            raise InputError("fakes", str(reply.get("error")), "see docs/fakes.md")
+        return reply
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._file.close()
+        self._socket.close()
+
+
+def laboratory_of(control: FakeControl) -> Callable[[Floats], Floats]:
+    """Give the map from the base frame of the fake arm to its laboratory."""
+    truth = control.ask("truth")
+    origin, turn = np.array(truth["positions"][0]), from_quaternions(np.array(truth["quaternions"][0]))
+    return lambda point: point @ turn.T + origin
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Means over a stretch of time.
+
+    Args:
+        duration_s: Length of the stretch.
+        gauge_n: Pull on the gauge, NaN when it was silent.
+        force_n: Estimated force on the section in the base frame, shape (3,).
+        covariance_n2: Its covariance at the end, shape (3, 3).
+        position_m: Estimated position of the section, shape (3,).
+        measured_pa: Measured pressures, shape (chambers,).
+        estimates: How many estimates it rests on.
+    """
+
+    duration_s: float
+    gauge_n: float
+    force_n: Floats
+    covariance_n2: Floats
+    position_m: Floats
+    measured_pa: Floats
+    estimates: int
+
+
+class Collector:
+    """Collects the streams while an experiment looks.
+
+    Args:
+        client: The arm's client.
+        section: Section whose force is looked at.
+    """
+
+    def __init__(self, client: SoftarmClient, section: str) -> None:
+        self._client = client
+        self._section = section
+        self._lock = threading.Lock()
+        self._states: list[State] = []
+        self._estimates: list[Estimate] = []
+
+    def _take(self, message: Message) -> None:
+        with self._lock:
+            if isinstance(message, State):
+                self._states.append(message)
+            elif isinstance(message, Estimate):
+                self._estimates.append(message)
+
+    def observe(self, duration_s: float) -> Observation:
+        """Average the streams over a duration.
+
+        Raises:
+            InputError: No estimate came.
+        """
+        self._states, self._estimates = [], []
+        stop = threading.Event()
+        with self._client.subscribe("state", self._take), self._client.subscribe("estimate", self._take):
+            stop.wait(duration_s)
+        if not self._estimates or not self._states:
+            raise InputError(self._client.keys.arm, "no estimates are published", "see its findings")
+        loads = [load for e in self._estimates for load in e.loads if load.section == self._section]
+        if not loads:
+            raise InputError(self._section, "no force is estimated there", "name another section")
+        gauges = [state.gauges_n.get(self._section) for state in self._states]
+        pulls = [pull for pull in gauges if pull is not None]
+        pressures = [state.measured_pa for state in self._states]
+        return Observation(
+            duration_s,
+            float(np.mean(pulls)) if pulls else float("nan"),
+            np.mean([load.force_n for load in loads], axis=0),
+            np.array(loads[-1].covariance_n2),
+            _position(self._states[-1], self._section),
+            np.nanmean(np.array(pressures, dtype=float), axis=0),
+            len(self._estimates),
+        )
+
+
+def _position(state: State, section: str) -> Floats:
+    for pose in state.sections:
+        if pose.section == section:
+            return np.array(pose.position_m)
+    return np.full(3, np.nan)
+
+
+def ramp_pressures(
+    client: SoftarmClient, start: Sequence[float], goal: Sequence[float], duration_s: float
+) -> None:
+    """Lead the pressures along a straight line, renewing the set-point ten times a second.
+
+    Args:
+        client: The arm's client, with the lease.
+        start: Pressures at the beginning [Pa].
+        goal: Pressures at the end [Pa].
+        duration_s: How long it takes.
+    """
+    begin = time.monotonic()
+    pause = threading.Event()
+    while True:
+        share = min((time.monotonic() - begin) / duration_s, 1.0) if duration_s > 0.0 else 1.0
+        wanted = (1.0 - share) * np.array(start) + share * np.array(goal)
+        client.command("set_pressures", pressures_pa=wanted.tolist(), lifetime_s=5.0)
+        if share >= 1.0:
+            return
+        pause.wait(0.1)

@@ -1,0 +1,70 @@
+"""Rows of the calibration experiment: what was found, the paper's two beside ours, and the drift check."""
+
+from collections.abc import Callable
+
+import numpy as np
+from softarm.estimator.calibration import Calibrated, Run, Solver, check_drift
+from softarm.estimator.specimen import Specimen
+from softarm.experiments.figures import Cells
+from softarm.experiments.holds import Holds
+from softarm.experiments.paper_calibration import calibrate_as_paper
+from softarm.experiments.validation import pose_errors
+from softarm.experiments.whole_runs import sampled
+
+Runs = Callable[[str, Specimen], Run]
+Solvers = Callable[[Specimen], Solver]
+SAMPLES = 6
+
+
+def unknown_rows(found: Calibrated) -> list[Cells]:
+    """List every unknown with its deviation, verdict and the manoeuvre that is missing."""
+    return [
+        {
+            "unknown": entry.parameter.name,
+            "value": float(np.exp(entry.value)) if entry.parameter.kind == "modulus" else entry.value,
+            "std": entry.std,
+            "unit": "factor" if entry.parameter.kind == "modulus" else entry.parameter.unit,
+            "std_over_known_before": entry.share,
+            "verdict": entry.verdict,
+            "manoeuvre": entry.manoeuvre,
+        }
+        for entry in found.identified
+    ]
+
+
+def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs, solvers: Solvers) -> list[Cells]:
+    """Predict poses and pulls that no fit has seen with the paper's two calibrations and the joint one."""
+    solver = solvers(nominal)
+    paper = calibrate_as_paper(solver, nominal, runs("sweep", nominal), runs("pulls", nominal))
+    cases = (
+        ("paper's first (pressures)", paper.shape, paper.alpha_shape.value),
+        ("paper's second (force)", paper.force, paper.alpha_force.value),
+        ("joint", joint, None),
+    )
+    rows: list[Cells] = []
+    for name, specimen, alpha in cases:
+        own = solvers(specimen)
+        row: Cells = {"calibration": name, "alpha": alpha}
+        for what, run in (("random poses", "validation"), ("pulls", "force_still")):
+            holds: Holds = sampled(runs(run, specimen), SAMPLES, pulled=run == "force_still")
+            last = pose_errors(own, specimen, holds)[-1]
+            word = what.replace(" ", "_")
+            row[f"{word}_mean_mm"] = float(np.nanmean(last.millimetres))
+            row[f"{word}_mean_degrees"] = float(np.nanmean(last.degrees))
+        rows.append(row)
+    return rows
+
+
+def drift_rows(specimen: Specimen, runs: Runs, solvers: Solvers) -> list[Cells]:
+    """Check the calibration against later recordings of the same arm."""
+    found = check_drift(solvers(specimen), specimen, [runs("validation", specimen)], nodes=16)
+    return [
+        {
+            "quantity": drift.quantity,
+            "scatter_now": drift.scatter,
+            "scatter_calibrated": drift.calibrated,
+            "ratio": drift.ratio,
+            "stale": drift.stale,
+        }
+        for drift in found
+    ]

@@ -1,0 +1,51 @@
+"""Figures of errors: min, max, mean, standard deviation, share inside two standard deviations."""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.experiments.paper import Published
+
+Floats = NDArray[np.float64]
+Cells = dict[str, str | int | float | bool | None]
+
+
+def error_figures(errors: Floats, unit: str) -> Cells:
+    """Give the figures that the paper prints.
+
+    Args:
+        errors: Sizes of errors, NaN where lost, shape (samples,).
+        unit: Suffix of the headings, such as ``mm``.
+    """
+    seen = np.abs(errors[np.isfinite(errors)])
+    if not len(seen):
+        return dict.fromkeys((f"{word}_{unit}" for word in ("min", "max", "mean", "std")), None)
+    return {
+        f"min_{unit}": float(seen.min()),
+        f"max_{unit}": float(seen.max()),
+        f"mean_{unit}": float(seen.mean()),
+        f"std_{unit}": float(seen.std()),
+    }
+
+
+def beside(row: Cells, published: Published, unit: str) -> Cells:
+    """Add the paper's figures and the aim to a row that holds ``mean_<unit>``."""
+    mean = row[f"mean_{unit}"]
+    met = isinstance(mean, float) and mean <= published.aim
+    return row | {
+        f"paper_mean_{unit}": published.mean,
+        f"paper_max_{unit}": published.largest,
+        f"aim_{unit}": published.aim,
+        "aim_met": met,
+    }
+
+
+def without_unit(row: Cells, unit: str) -> Cells:
+    """Take the unit from the headings, for tables whose rows have a unit each."""
+    return {key.removesuffix(f"_{unit}"): value for key, value in row.items()}
+
+
+def inside(errors: Floats, deviations: Floats, factor: float = 2.0) -> float:
+    """Give the share of errors within some standard deviations; NaN where there is none."""
+    seen = np.isfinite(errors) & np.isfinite(deviations)
+    if not seen.any():
+        return float("nan")
+    return float((np.abs(errors[seen]) <= factor * deviations[seen]).mean())

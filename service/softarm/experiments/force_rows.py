@@ -1,0 +1,248 @@
+"""Rows of the force experiment: along the cord, by sensors, along the arm's axis, and where it acts."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.analysis.offline.resample import resample
+from softarm.analysis.offline.track import Track, Waypoints, track
+from softarm.estimator.arm import default_loads
+from softarm.estimator.calibration import Run, arrange, section_forces
+from softarm.estimator.calibration.scatter import scatter_in
+from softarm.estimator.fem import FiniteElementState
+from softarm.estimator.inverse import ContactProfile
+from softarm.estimator.model import Load
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Specimen
+from softarm.estimator.stretch import stretched
+from softarm.experiments.figures import Cells, beside, error_figures, inside
+from softarm.experiments.following import follow
+from softarm.experiments.models import tracking_model, wrench_loads
+from softarm.experiments.paper import Published
+from softarm.experiments.pulls import (
+    TAUT_N,
+    ForceErrors,
+    Pull,
+    at_looks,
+    force_errors,
+    look_windows,
+    pull_of,
+)
+from softarm.experiments.subsets import subset
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Advance = Callable[[float], None]
+
+RATE_HZ = 2.0
+VENTED_PA = 1.0e3
+CANDIDATES = 14
+
+
+@dataclass(frozen=True)
+class PullTrack:
+    """Estimates over a recording in which the cord pulls.
+
+    Args:
+        condition: ``not pressurised``, ``pressurised`` or another name.
+        sensors: Which sensors it rests on.
+        pull: What the gauge says.
+        track: The estimates.
+        errors: Estimates beside the gauge while the cord is on.
+        tied: Samples at which it is on, shape (samples,).
+    """
+
+    condition: str
+    sensors: str
+    pull: Pull
+    track: Track[Any]
+    errors: ForceErrors
+    tied: Flags
+
+
+@dataclass(frozen=True)
+class PullCase:
+    """A recording of pulls on a specimen.
+
+    Args:
+        condition: Its name.
+        recording: What was recorded.
+        specimen: The calibrated robot.
+        waypoints: States of its samples, once they have been estimated on some sensors.
+    """
+
+    condition: str
+    recording: Recording
+    specimen: Specimen
+    waypoints: Waypoints[Any] = field(default_factory=Waypoints)
+
+    @property
+    def run(self) -> Run:
+        """The recording with the gauge as known forces."""
+        return arrange(self.recording, self.specimen, None, section_forces(self.specimen))
+
+
+def follow_pull(
+    case: PullCase,
+    sensors: str = "orientations",
+    loads: tuple[Load, ...] | None = None,
+    rate: float = RATE_HZ,
+    at_rest: bool = False,
+    advance: Advance = lambda _: None,
+) -> PullTrack:
+    """Estimate the force over a recording and hold it against the gauge.
+
+    Args:
+        case: Recording and specimen.
+        sensors: Which sensors are used; see ``subsets``.
+        loads: Unknown loads; two lateral forces on the pulled section where none are named.
+        rate: Estimates per second.
+        at_rest: Estimate once at the end of each rest of gauge and pressures instead.
+        advance: Called with 1 after each.
+    """
+    run = case.run
+    sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, rate)
+    slow = subset(sampled, sensors, scatter_in(case.specimen, sampled))
+    pull = pull_of(case.recording, case.specimen, slow)
+    model = tracking_model(
+        case.specimen, default_loads(case.specimen, (pull.section,)) if loads is None else loads
+    )
+    found = track(model, case.specimen, slow, advance, waypoints=case.waypoints)
+    tied = pull.tied
+    vented = np.nan_to_num(slow.pressures).max(axis=1) < VENTED_PA
+    free = ~tied & vented
+    return PullTrack(case.condition, sensors, pull, found, force_errors(found, pull, free).keep(tied), tied)
+
+
+def along_cord_row(done: PullTrack, published: Published | None = None) -> Cells:
+    """Summarise the error along the cord, across the arm's axis; beside the paper's where there is one.
+
+    Args:
+        done: Estimates and gauge.
+        published: The paper's figures.
+    """
+    errors = done.errors
+    span = float(np.ptp(errors.gauge)) if len(errors.gauge) else float("nan")
+    row: Cells = {
+        "condition": done.condition,
+        "section": done.pull.section,
+        "sensors": done.sensors,
+        "unknown_loads": len(done.track.loads),
+        "samples": len(errors.gauge),
+        "range_n": span,
+        **error_figures(errors.error, "n"),
+    }
+    mean = row["mean_n"]
+    row["mean_percent"] = 100.0 * mean / span if isinstance(mean, float) and span > 0.0 else None
+    row["inside_2_std"] = inside(errors.error, errors.std)
+    if published is None:
+        return row
+    placed = beside(row, published, "n")
+    percent = row["mean_percent"]
+    aim = 100.0 * published.aim / published.span
+    del placed["aim_n"]
+    return placed | {
+        "paper_mean_percent": 100.0 * published.mean / published.span,
+        "aim_percent": aim,
+        "aim_met": isinstance(percent, float) and percent <= aim,
+    }
+
+
+def axial_rows(case: PullCase, *, at_rest: bool = False, advance: Advance = lambda _: None) -> list[Cells]:
+    """Estimate force along the arm's axis and torque about it from poses; the cord gives no torque."""
+    run = case.run
+    sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, RATE_HZ)
+    slow = subset(sampled, "poses", scatter_in(case.specimen, sampled))
+    pull = pull_of(case.recording, case.specimen, slow)
+    model = tracking_model(case.specimen, wrench_loads(case.specimen, pull.section))
+    found = track(model, case.specimen, slow, advance, waypoints=case.waypoints)
+    tied = pull.tied
+    free = ~tied & (slow.time < _first(slow.time, tied))
+    names = [load.name for load in found.loads]
+    rows = []
+    truths = {"z": pull.force[:, 2], "torque": np.zeros(len(slow.time))}
+    for name, truth in truths.items():
+        index = names.index(f"{pull.section}_{name}")
+        values = found.forces[:, index] - np.nanmean(found.forces[free, index])
+        error = (values - truth)[tied]
+        unit = "mn_m" if name == "torque" else "n"
+        factor = 1e3 if name == "torque" else 1.0
+        figures = error_figures(factor * error, unit)
+        rows.append(
+            {
+                "condition": case.condition,
+                "quantity": "axial force" if name == "z" else "torque",
+                "unit": "N" if name == "z" else "mN m",
+                "samples": int(tied.sum()),
+                **{key.removesuffix(f"_{unit}"): value for key, value in figures.items()},
+                "std_of_estimate": float(np.nanmedian(factor * found.force_std[tied, index])),
+                "inside_2_std": inside(error, found.force_std[tied, index]),
+            }
+        )
+    return rows
+
+
+def location_rows(case: PullCase, looks: int = 6, advance: Advance = lambda _: None) -> list[Cells]:
+    """Find where along the arm the cord pulls, from poses, at the strongest steady pulls."""
+    run = case.run
+    sampled = at_looks(run, look_windows(case.recording))
+    slow = subset(sampled, "fused", scatter_in(case.specimen, sampled))
+    pull = pull_of(case.recording, case.specimen, slow)
+    strength = np.linalg.norm(pull.force, axis=1) * pull.tied
+    strength[~np.isfinite(slow.readings).all(axis=1)] = 0.0
+    chosen = [index for index in _strongest(strength, slow.time, looks) if strength[index] > TAUT_N]
+    loads = default_loads(case.specimen, (pull.section,))
+    low = min(segment.from_m for segment in case.specimen.segments)
+    truth = case.specimen.section(pull.section).frame_origin_m[2]
+    top = case.specimen.sections[-1].frame_origin_m[2]
+    heights = np.linspace(low + 0.02, top, CANDIDATES)
+    profile = ContactProfile(heights)
+    model, pushed = (tracking_model(case.specimen, (*loads, *more)) for more in ((), profile.loads))
+    moments = slow.time[sorted({0, *chosen})]
+    errors: list[float] = []
+    deviations: list[float] = []
+    for estimate in follow(model, case.specimen, slow, moments, case.waypoints)[1:]:
+        acting = np.concatenate([estimate.inputs.loads, np.zeros(len(profile.loads))])
+        inputs = replace(estimate.inputs, loads=acting)
+        index = len(errors)
+        found = profile.place(
+            stretched(pushed, case.specimen),
+            FiniteElementState(estimate.state.displacement, inputs),
+            slow.suite,
+            slow.readings[sorted(chosen)[index]],
+            estimate,
+            np.zeros(len(loads)),
+        )
+        assert found is not None  # two poses are twelve measurements
+        errors.append(1e3 * (found.height - truth))
+        deviations.append(1e3 * found.deviation)
+        advance(1)
+    return [
+        {
+            "condition": case.condition,
+            "section": pull.section,
+            "height_mm": 1e3 * truth,
+            "looks": len(errors),
+            "mean_error_mm": float(np.mean(np.abs(errors))) if errors else None,
+            "max_error_mm": float(np.max(np.abs(errors))) if errors else None,
+            "std_of_estimate_mm": float(np.mean(deviations)) if errors else None,
+            "inside_2_std": inside(np.array(errors), np.array(deviations)),
+        }
+    ]
+
+
+def _strongest(strength: Floats, time: Floats, count: int) -> list[int]:
+    """Choose the strongest moments, at least three seconds apart."""
+    chosen: list[int] = []
+    for index in np.argsort(-strength):
+        if all(abs(time[index] - time[other]) > 3.0 for other in chosen):
+            chosen.append(int(index))
+        if len(chosen) == count:
+            break
+    return chosen
+
+
+def _first(time: Floats, tied: Flags) -> float:
+    return float(time[np.argmax(tied)]) if tied.any() else float(time[-1])

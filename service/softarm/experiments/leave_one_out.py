@@ -1,0 +1,78 @@
+"""Leave-one-out validation, as the paper does it: each pose predicted by a fit to all the others.
+
+The fits share one linearisation at the calibrated specimen. With J_i and r_i the whitened rows of pose i and
+P what is known beforehand, the fit without pose i moves the unknowns by
+(sum_{j != i} J_j^T J_j + P)^-1 sum_{j != i} J_j^T r_j and leaves r_i - J_i times that.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.calibration import Solver
+from softarm.estimator.calibration.forward import Forward
+from softarm.estimator.calibration.nodes import Nodes
+from softarm.estimator.calibration.parameters import build_layout
+from softarm.estimator.sensing import SectionPose
+from softarm.estimator.specimen import Specimen
+from softarm.experiments.holds import Holds
+from softarm.experiments.validation import PoseErrors, pose_deviation
+
+Floats = NDArray[np.float64]
+
+
+def leave_one_out_errors(solver: Solver, specimen: Specimen, holds: Holds) -> tuple[PoseErrors, ...]:
+    """Predict each held pose from a fit to the others.
+
+    Args:
+        solver: Model of the specimen with ``section_forces``.
+        specimen: The calibrated robot, about which the fits are linearised.
+        holds: The poses.
+    """
+    count = len(holds)
+    nodes = Nodes(
+        holds.run,
+        holds.time,
+        holds.pressures,
+        holds.readings,
+        np.nan_to_num(holds.loads),
+        np.ones(count),
+        np.arange(count),
+    )
+    moved = [k for k in range(holds.pressures.shape[1]) if np.ptp(holds.pressures[:, k]) > 1e3]
+    layout = build_layout(
+        specimen, holds.run.suite, holds.run.pressure_source, moved, solver.factors, sections=solver.sections
+    )
+    forward = Forward(solver, layout, (nodes,), np.array(specimen.gravity_m_s2))
+    (at,) = forward.evaluate(layout.means)
+    deviations = pose_deviation(specimen, holds.run.suite)
+    residual = np.where(np.isfinite(at.innovation), at.innovation, 0.0) / deviations
+    jacobian = np.where(np.isfinite(at.innovation)[..., None], at.jacobian, 0.0) / deviations[:, None]
+    prior = np.asarray(np.linalg.inv(layout.prior_covariance()), dtype=np.float64)
+    left = without_each(residual, jacobian, prior) * deviations
+    left[~np.isfinite(at.innovation)] = np.nan
+    found = []
+    for sensor in holds.run.suite.measurements:
+        if isinstance(sensor, SectionPose):
+            rows = holds.run.suite.slices[sensor.name]
+            spread = np.broadcast_to(deviations[rows], (count, 6))
+            part = left[:, rows]
+            name = sensor.name.removeprefix("frame_")
+            found.append(PoseErrors(name, part[:, :3], part[:, 3:], spread[:, :3], spread[:, 3:]))
+    return tuple(found)
+
+
+def without_each(residual: Floats, jacobian: Floats, prior: Floats) -> Floats:
+    """Give what each pose keeps when it is left out of the linear fit.
+
+    Args:
+        residual: Whitened, shape (poses, rows).
+        jacobian: Shape (poses, rows, unknowns).
+        prior: Information known beforehand, shape (unknowns, unknowns).
+    """
+    normals = np.einsum("pra,prb->pab", jacobian, jacobian)
+    gradients = np.einsum("pra,pr->pa", jacobian, residual)
+    normal, gradient = normals.sum(axis=0) + prior, gradients.sum(axis=0)
+    left = np.empty_like(residual)
+    for index in range(len(residual)):
+        step = np.linalg.solve(normal - normals[index], gradient - gradients[index])
+        left[index] = residual[index] - jacobian[index] @ step
+    return left

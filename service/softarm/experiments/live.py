@@ -1,0 +1,246 @@
+"""The experiments live over zenoh: manoeuvres through the client, a recording through the service."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.api.messages import State
+from softarm.client.client import CommandRefusedError, SoftarmClient
+from softarm.client.session import DEFAULT_ENDPOINT
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Recording
+from softarm.estimator.rotations import from_quaternions
+from softarm.estimator.specimen import Specimen, load_specimen
+from softarm.experiments.bench import FakeControl, laboratory_of, ramp_pressures
+from softarm.experiments.excitation import specimen_of_arm
+from softarm.experiments.operator import FakeOperator, Operator, Person
+from softarm.experiments.recovery import arm_again, lead
+from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
+from softarm.experiments.session import connect, recorded, wait_ready
+from softarm.recordings import load_recording
+
+Floats = NDArray[np.float64]
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+LIFETIME_S = 5.0
+PATIENCE = 5.0
+"""With devices that share the machine with everything else."""
+GAUGE_S = 5.0
+"""How long a gauge may take to tell its first reading."""
+AGAIN_S = 1.0
+"""How long the way back to a pose takes after a fault."""
+
+
+@dataclass
+class LiveBench:
+    """A running arm and who moves what the service cannot.
+
+    Args:
+        client: The arm's client, with the lease.
+        operator: Moves gauge and hand.
+        specimen: What the service runs on.
+        advance: Called after each step.
+        forgiving: Whether to arm anew after a fault: on fakes alone, whose machine may be busy.
+        hooks: Where the gauge's hook was: time since the recording began [s], and place in the base frame,
+            NaN while the cord is off.
+    """
+
+    client: SoftarmClient
+    operator: Operator
+    specimen: Specimen
+    advance: Callable[[], None] = lambda: None
+    forgiving: bool = False
+    hooks: list[tuple[float, Floats]] = field(default_factory=list)
+    _began: float = 0.0
+    _pressures: Floats = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def now(self) -> float:
+        """Time since the recording began [s]."""
+        return time.monotonic() - self._began
+
+    def position(self, section: str) -> Floats:
+        """Give a section's estimated position in the base frame [m], shape (3,)."""
+        for pose in self.client.state().sections:
+            if pose.section == section:
+                return np.array(pose.position_m)
+        raise InputError(self.client.keys.arm, f"tells no pose of {section}", "see its findings")
+
+    def lost(self) -> list[str]:
+        """Name the sensors that the service finds silent, with what it says to do."""
+        silent = (finding for finding in self.client.state().findings if finding.code == "stale_sensor")
+        return [f"{finding.where}: {finding.message}; {finding.hint}" for finding in silent]
+
+    def require_gauge(self, section: str = "tip") -> None:
+        """Make sure that a gauge reads before anybody pulls.
+
+        Raises:
+            InputError: It tells nothing.
+        """
+        try:
+            self.client.wait_for("state", State, lambda s: s.gauges_n.get(section) is not None, GAUGE_S)
+        except TimeoutError:
+            raise InputError(
+                f"{self.client.keys.arm}, gauge of {section}",
+                "tells nothing",
+                "switch it on, check its cable and its entry in [[sensors]], then pull anew",
+            ) from None
+
+    def go(self, pressures: Floats, ramp_s: float, hold_s: float) -> None:
+        """Lead the pressures along a line and hold them."""
+        start = self._pressures if len(self._pressures) else np.zeros_like(pressures)
+        led = lead if self.forgiving else ramp_pressures
+        led(self.client, start.tolist(), pressures.tolist(), ramp_s)
+        self._pressures = pressures.copy()
+        self.wait(hold_s, pressures)
+
+    def wait(self, seconds: float, pressures: Floats | None = None) -> None:
+        """Wait, renewing a set-point that would run out."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            if pressures is not None:
+                self._renew(pressures)
+            time.sleep(min(left, 0.5 * LIFETIME_S))
+
+    def _renew(self, pressures: Floats) -> None:
+        try:
+            self.client.command("set_pressures", pressures_pa=pressures.tolist(), lifetime_s=LIFETIME_S)
+        except CommandRefusedError:
+            if not self.forgiving:
+                raise
+            lead(self.client, [0.0] * len(pressures), pressures.tolist(), AGAIN_S)
+
+    def arm(self) -> None:
+        """Arm, the chambers vented."""
+        if self.forgiving:
+            arm_again(self.client)
+        else:
+            self.client.command("arm")
+        self._pressures = np.zeros(len(self.client.state().measured_pa))
+
+    def disarm(self) -> None:
+        """Vent and disarm."""
+        if self.forgiving and self.client.state().mode == "FAULTED":
+            arm_again(self.client)
+        self.client.command("disarm")
+        self._pressures = np.zeros_like(self._pressures)
+
+    def tie(self, section: str, hook: Floats, length: float) -> None:
+        """Tie the cord, or move the gauge."""
+        self.operator.tie(section, hook, length)
+        self.hooks.append((self.now, hook.copy()))
+
+    def untie(self) -> None:
+        """Take the cord off."""
+        self.operator.untie()
+        self.hooks.append((self.now, np.full(3, np.nan)))
+
+    @contextmanager
+    def recording(self, name: str) -> Iterator[list[str]]:
+        """Record the block; the list then holds the file's path."""
+        self.hooks.clear()
+        with recorded(self.client, name) as paths:
+            self._began = time.monotonic()
+            yield paths
+
+    def load(self, path: str, section: str = "tip") -> Recording:
+        """Load the recording and add where the gauge was.
+
+        Raises:
+            InputError: The recording is on another host, or was not written.
+        """
+        if not Path(path).exists():
+            raise InputError(path, "is not on this machine", "copy it here and run softarm calibrate on it")
+        return with_hooks(load_recording(Path(path)), self.hooks, section)
+
+
+def with_hooks(recording: Recording, hooks: list[tuple[float, Floats]], section: str) -> Recording:
+    """Add the hook of the gauge to a recording, as a marker in the laboratory frame.
+
+    Args:
+        recording: What the service recorded.
+        hooks: Times [s] and places in the base frame [m], NaN while the cord is off.
+        section: Section that the cord was tied to.
+    """
+    if not hooks:
+        return recording
+    times = np.array([moment for moment, _ in hooks])
+    places = np.array([place for _, place in hooks])
+    last = np.searchsorted(times, recording.time, side="right") - 1
+    path = np.where(last[:, None] >= 0, places[np.maximum(last, 0)], np.nan)
+    path = base_to_laboratory(recording)(path)
+    columns = {f"marker_hook_{axis}_m": path[:, index] for index, axis in enumerate("xyz")}
+    return replace(
+        recording,
+        columns={**recording.columns, **columns},
+        info={**recording.info, "gauge_section": section},
+    )
+
+
+def base_to_laboratory(recording: Recording) -> Callable[[Floats], Floats]:
+    """Give the map from the base frame to that of the recorded poses."""
+    if "base" not in recording.frames:
+        return lambda points: points
+    pose = recording.pose("base")
+    first = pose[np.isfinite(pose).all(axis=1)][0]
+    turn = from_quaternions(first[3:])
+    return lambda points: points @ turn.T + first[:3]
+
+
+@dataclass(frozen=True)
+class BenchSettings:
+    """Where an experiment runs.
+
+    Args:
+        out: Folder of everything that it writes.
+        arm: Name of a served arm; ``None`` starts fakes.
+        endpoint: Where its service listens.
+        specimen: Specimen of the fakes' service, and what a served arm's figures rest on; that of the service
+            when left out.
+        scenario: Scenario of the fakes; that of the demo when left out.
+    """
+
+    out: Path
+    arm: str | None = None
+    endpoint: str | None = None
+    specimen: str | None = None
+    scenario: Path | None = None
+
+
+@contextmanager
+def live_bench(
+    settings: BenchSettings, ask: Callable[[str], None], sensors: tuple[str, ...] = ("orientation",)
+) -> Iterator[LiveBench]:
+    """Connect to an arm, or start fakes and a service on them.
+
+    Args:
+        settings: Which.
+        ask: Tells a person what to do and returns when it is done.
+        sensors: Kinds of sensors of the fakes' estimator.
+    """
+    arm, endpoint, specimen = settings.arm, settings.endpoint, settings.specimen
+    with ExitStack() as stack:
+        if arm is not None:
+            client = stack.enter_context(SoftarmClient(arm, endpoint or DEFAULT_ENDPOINT, name="experiment"))
+            operator: Operator = Person(ask)
+        else:
+            chosen = specimen or str(EXAMPLES / "specimens" / "fake_arm.toml")
+            started = RigSettings(
+                settings.scenario or EXAMPLES / "scenarios" / "demo.toml",
+                specimen=chosen,
+                endpoint=endpoint or free_endpoint(),
+                sensors=sensors,
+                patience=PATIENCE,
+            )
+            rig = stack.enter_context(FakeRig(started, settings.out / "rig"))
+            client = stack.enter_context(connect(rig))
+            control = stack.enter_context(FakeControl(str(rig.announcement["control"])))
+            operator = FakeOperator(control, laboratory_of(control))
+        wait_ready(client)
+        known = load_specimen(specimen) if specimen else specimen_of_arm(client)
+        stack.enter_context(client.lease())
+        yield LiveBench(client, operator, known, forgiving=arm is None)

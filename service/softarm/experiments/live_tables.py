@@ -1,0 +1,180 @@
+"""Live experiments and their tables: run through the service, recorded by it, judged as recorded runs are."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.cli.calibrate import tables as calibration_tables
+from softarm.cli.output import Table
+from softarm.estimator.calibration import (
+    Options,
+    Run,
+    arrange,
+    calibrate,
+    calibrated_specimen,
+    section_forces,
+)
+from softarm.estimator.calibration.complaints import complaints
+from softarm.estimator.recording import Recording
+from softarm.estimator.sensing import SensorSuite
+from softarm.estimator.specimen import Specimen, save_specimen
+from softarm.experiments.campaign import tables_of, write_json
+from softarm.experiments.force_rows import PullCase, along_cord_row, follow_pull
+from softarm.experiments.holds import hold_windows, means
+from softarm.experiments.live import BenchSettings, LiveBench, live_bench
+from softarm.experiments.live_runs import calibrate_live, force_live, teach_live, validate_live
+from softarm.experiments.models import known_force_solver
+from softarm.experiments.paper import FORCE_N
+from softarm.experiments.plots import plot_prediction, plot_results
+from softarm.experiments.seed import SeedResult, series_of
+from softarm.experiments.teaching import TaughtPoses, miss_rows, misses, pose_of
+from softarm.experiments.validation import pose_errors, rows
+from softarm.recordings import save_recording
+
+Floats = NDArray[np.float64]
+
+LOOK_S = 0.5
+NODES = 90
+PULLED = ("calibrate", "force")
+SAME = ("seed", "sensors", "unknown_loads", "paper_mean_n", "paper_max_n")
+WAY = "Live over zenoh; figures are of the service's recording, by the service's own estimator."
+
+
+def run_live(
+    name: str,
+    settings: BenchSettings,
+    *,
+    seed: int,
+    ask: Callable[[str], None],
+    tell: Callable[[str], None],
+    advance: Callable[[], None],
+) -> tuple[Table, ...]:
+    """Run one experiment live and give its tables; recordings, plots and JSON go to a folder.
+
+    Args:
+        name: ``calibrate``, ``validate``, ``teach`` or ``force``.
+        settings: Where it runs.
+        seed: Of the random poses.
+        ask: Tells a person what to do and returns when it is done.
+        tell: Takes what was written before the rest is done.
+        advance: Called after each step.
+    """
+    sensors = ("pose",) if name == "teach" else ("orientation",)
+    out = settings.out
+    with live_bench(settings, ask, sensors) as bench:
+        bench.advance = advance
+        for lost in bench.lost():
+            tell(lost)
+        if name in PULLED:
+            bench.require_gauge()
+        done = _RUNS[name](bench, seed)
+        known = bench.specimen
+    kept = [str(save_recording(r, out / "recordings" / r.name, force=True)[0].parent) for r in done]
+    tell(f"recorded: {', '.join(kept)}")
+    result, plots = SeedResult(seed), out / "plots"
+    if name == "calibrate":
+        tables = _calibrated(known, done, out, advance)
+        result.tables = {table.title: list(map(dict, table.rows)) for table in tables}
+        plot_prediction(tables[-1].rows, plots / "calibration.png")
+    else:
+        _JUDGES[name](known, done, result)
+        tables = tuple(_alone(table, seed) for table in tables_of((result,)))
+        plot_results((result,), plots)
+    write_json((result,), out / f"{name}.json", WAY)
+    notes = (*complaints_of(known, done), WAY)
+    return (*tables[:-1], replace(tables[-1], notes=(*tables[-1].notes, *notes)))
+
+
+def _alone(table: Table, seed: int) -> Table:
+    """Leave out what does not differ on one arm; the first row gives all headings that are left."""
+    names = [name for name in dict.fromkeys(n for row in table.rows for n in row) if name not in SAME]
+    notes = tuple(note.removeprefix(f"Seed {seed}: ") for note in table.notes)
+    return replace(table, rows=[{name: row.get(name) for name in names} for row in table.rows], notes=notes)
+
+
+def complaints_of(specimen: Specimen, recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Name what the recordings lack."""
+    loads = section_forces(specimen)
+    return tuple(told for r in recordings for told in complaints(r, arrange(r, specimen, None, loads)))
+
+
+def _calibrated(
+    specimen: Specimen, recordings: Sequence[Recording], out: Path, advance: Callable[[], None]
+) -> tuple[Table, ...]:
+    loads = section_forces(specimen)
+    runs = [arrange(recording, specimen, None, loads) for recording in recordings]
+    solver = known_force_solver(specimen, lambda _: advance())
+    found = calibrate(solver, specimen, runs, Options(nodes=NODES, iterations=8))
+    told = f"softarm experiment calibrate, {', '.join(run.name for run in runs)}"
+    save_specimen(calibrated_specimen(specimen, found, told), out / "specimen.toml")
+    return calibration_tables(found)
+
+
+def _validated(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedResult) -> None:
+    run = arrange(recordings[0], specimen, None, section_forces(specimen))
+    pose_of(run, specimen.sections[-1].name)  # the paper's figures are of the tip
+    holds = means(run, hold_windows(recordings[0]))
+    errors = pose_errors(known_force_solver(specimen), specimen, holds)
+    result.add("validation", rows(errors, "held out"))
+    last = errors[-1]
+    result.series["validation"] = {"mm": last.millimetres.tolist(), "degrees": last.degrees.tolist()}
+
+
+def _forced(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedResult) -> None:
+    for condition, recording in zip(FORCE_N, recordings, strict=True):
+        at_rest = condition == "not pressurised"
+        done = follow_pull(PullCase(condition, recording, specimen), at_rest=at_rest)
+        result.add("force", [along_cord_row(done, FORCE_N[condition])])
+        result.series[f"force {condition}"] = series_of(done)
+
+
+def _taught(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedResult) -> None:
+    recording = recordings[0]
+    run = arrange(recording, specimen)
+    sensor, readings = pose_of(run, "tip")
+    suite = SensorSuite((sensor,))
+    posed = replace(run, suite=suite, readings=readings)
+    looks = np.array(recording.info["looks"]).reshape(2, -1)
+    shown, held = (np.array([_pose_before(posed, end) for end in ends]) for ends in looks)
+    seen = np.isfinite(shown).all(axis=1) & np.isfinite(held).all(axis=1)
+    shown, held = shown[seen], held[seen]
+    millimetres, degrees = misses(TaughtPoses(suite, shown, looks[0][seen]), held)
+    reachable = np.array(recording.info["reachable"], dtype=bool)[seen]
+    result.add("teach", miss_rows("held with feedback", millimetres, degrees))
+    if reachable.any() and not reachable.all():
+        label = "of these, told reachable"
+        result.add("teach", miss_rows(label, millimetres[reachable], degrees[reachable]))
+    result.series["teach"] = {"mm_0": millimetres.tolist(), "degrees_0": degrees.tolist()}
+    lost = f", {int((~seen).sum())} left out: not seen while shown or held" if not seen.all() else ""
+    told = f"{len(held)} poses, {int(reachable.sum())} told reachable to within the sensors' noise"
+    result.notes.append(f"{told}{lost}.")
+
+
+def _pose_before(run: Run, end: float) -> Floats:
+    """Give the mean pose of a look that ends then, NaN where nothing was seen, shape (7,)."""
+    seen = means(run, np.array([[end - LOOK_S, end]])).readings
+    return seen[0] if len(seen) else np.full(run.readings.shape[1], np.nan)
+
+
+def _teach(bench: LiveBench, seed: int) -> tuple[Recording, ...]:
+    taught = teach_live(bench, seed)
+    told = {
+        "looks": [list(taught.shown), list(taught.held)],
+        "reachable": list(taught.reachable),
+    }
+    return (replace(taught.recording, info={**taught.recording.info, **told}),)
+
+
+_RUNS: Mapping[str, Callable[[LiveBench, int], tuple[Recording, ...]]] = {
+    "calibrate": calibrate_live,
+    "validate": lambda bench, seed: (validate_live(bench, seed),),
+    "force": lambda bench, seed: force_live(bench),  # noqa: ARG005
+    "teach": _teach,
+}
+_JUDGES: Mapping[str, Callable[[Specimen, tuple[Recording, ...], SeedResult], None]] = {
+    "validate": _validated,
+    "force": _forced,
+    "teach": _taught,
+}

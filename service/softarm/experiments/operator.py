@@ -1,0 +1,100 @@
+"""Who moves gauge and hand in a live experiment: the fakes' control port, or a person who is told how."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.experiments.bench import FakeControl
+
+Floats = NDArray[np.float64]
+
+
+class Operator(Protocol):
+    """Moves what the service cannot move."""
+
+    def tie(self, section: str, hook: Floats, length: float) -> None:
+        """Tie the gauge's cord to a section, or move the gauge: hook in the base frame and length [m]."""
+
+    def untie(self) -> None:
+        """Take the cord off."""
+
+    def lead(self, section: str, place: Floats) -> None:
+        """Lead a section by hand towards a place in the base frame [m]."""
+
+    def let_go(self) -> None:
+        """Take the hand away."""
+
+
+@dataclass
+class FakeOperator:
+    """Moves gauge and hand of the fakes.
+
+    Args:
+        control: Their control port.
+        to_laboratory: Turns a place in the base frame into one in the laboratory [m].
+        stiffness: Of the hand's grip [N/m].
+    """
+
+    control: FakeControl
+    to_laboratory: Callable[[Floats], Floats]
+    stiffness: float = 150.0
+
+    def tie(self, section: str, hook: Floats, length: float) -> None:
+        """See ``Operator.tie``."""
+        self.control.ask("cord", section=section, hook_m=self.to_laboratory(hook).tolist(), length_m=length)
+
+    def untie(self) -> None:
+        """See ``Operator.untie``."""
+        self.control.ask("cord")
+
+    def lead(self, section: str, place: Floats) -> None:
+        """See ``Operator.lead``."""
+        self.control.ask(
+            "hand",
+            section=section,
+            position_m=self.to_laboratory(place).tolist(),
+            stiffness_n_per_m=self.stiffness,
+        )
+
+    def let_go(self) -> None:
+        """See ``Operator.let_go``."""
+        self.control.ask("hand")
+
+
+@dataclass
+class Person:
+    """Tells a person what to do and waits until it is done.
+
+    Args:
+        ask: Shows a sentence and returns when the person has confirmed.
+    """
+
+    ask: Callable[[str], None]
+    tied: list[str] = field(default_factory=list)
+
+    def tie(self, section: str, hook: Floats, length: float) -> None:
+        """See ``Operator.tie``."""
+        place = ", ".join(f"{1e3 * value:.0f}" for value in hook)
+        what = (
+            "Move the gauge"
+            if section in self.tied
+            else f"Tie the {1e3 * length:.0f} mm cord to the {section}"
+        )
+        self.tied.append(section)
+        self.ask(f"{what} so that its hook is at ({place}) mm in the base frame.")
+
+    def untie(self) -> None:
+        """See ``Operator.untie``."""
+        self.tied.clear()
+        self.ask("Take the cord off and let the arm hang free.")
+
+    def lead(self, section: str, place: Floats) -> None:
+        """See ``Operator.lead``."""
+        where = ", ".join(f"{1e3 * value:.0f}" for value in place)
+        self.ask(f"Lead the {section} by hand to about ({where}) mm in the base frame and keep it there.")
+
+    def let_go(self) -> None:
+        """See ``Operator.let_go``."""
+        self.ask("Let go of the arm.")

@@ -1,0 +1,235 @@
+"""A rig of fakes and a service on them, each a process of its own: for demo, experiments and benches."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import tomli_w
+from softarm.daemon.config import SafetySettings
+from softarm.estimator.errors import InputError
+
+END_TIMEOUT_S = 25.0
+WATCHDOG_MS = 180
+"""The terminal vents by itself when its host has been silent for so long."""
+WAITS = ("valve_deadline_s", "sensor_deadline_s", "setpoint_lifetime_s")
+"""Settings of the service that tell how long a device may be silent."""
+EXTRA: Mapping[str, Mapping[str, Any]] = {
+    "sauter": {"unit": "N"},
+    "witmotion": {"rate_hz": 50},
+    "quaternion_line": {"unit": 2, "rate_hz": 8},
+}
+"""What a driver must be told of a fake beside its address."""
+INERTIAL = ("bno08x_rvc", "witmotion", "xbus", "quaternion_line")
+
+
+@dataclass(frozen=True)
+class RigSettings:
+    """What to start.
+
+    Args:
+        scenario: Scenario of the fakes.
+        specimen: Specimen that the service runs on.
+        arm: Name of the arm on the network.
+        endpoint: zenoh endpoint of the service.
+        model: What the estimator runs on.
+        rate_hz: Rate of the control loop.
+        sensors: Kinds of sensors that the estimator may use: ``orientation`` or ``pose`` of motion capture,
+            ``bend``, ``imu``.
+        forces_on: Sections on which a force may act; all that move when empty.
+        patience: Factor on how long valves and sensors may be silent: more than 1 where fakes share a busy
+            machine with the service.
+    """
+
+    scenario: Path
+    specimen: str = "sopra"
+    arm: str = "sopra"
+    endpoint: str = "tcp/127.0.0.1:7447"
+    model: str = "fem"
+    rate_hz: float = 100.0
+    sensors: tuple[str, ...] = ("orientation",)
+    forces_on: tuple[str, ...] = ()
+    patience: float = 1.0
+
+
+def free_endpoint() -> str:
+    """Name a zenoh endpoint on this machine that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def service_config(settings: RigSettings, devices: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Write the configuration of a service for running fakes.
+
+    Args:
+        settings: What to start.
+        devices: What the fakes said when they were ready.
+
+    Returns:
+        The configuration as a table.
+    """
+    tables, sensors, usual = [], [], SafetySettings().model_dump()
+    for device in devices:
+        tables.append(_device_table(device, settings.patience))
+        sensors += _sensor_tables(device, settings.sensors)
+    return {
+        "arm": settings.arm,
+        "specimen": settings.specimen,
+        "base_body": next((f"{d['name']}/base" for d in devices if d["kind"] == "qualisys"), ""),
+        "network": {"listen": [settings.endpoint]},
+        "control": {
+            "model": settings.model,
+            "rate_hz": settings.rate_hz,
+            "forces_on": list(settings.forces_on),
+        },
+        "safety": {name: settings.patience * usual[name] for name in WAITS},
+        "devices": tables,
+        "sensors": sensors,
+    }
+
+
+def _device_table(device: Mapping[str, Any], patience: float) -> dict[str, Any]:
+    table: dict[str, Any] = {"name": device["name"], "kind": device["kind"], "simulated": True}
+    if device["kind"] in ("festo_mpa", "festo_vtem"):
+        valves = device.get("valve_map", [3, 2, 1, 0, 4, 5])
+        return table | {
+            "host": device["host"],
+            "port": device["port"],
+            "chambers": valves,
+            "maximum_pa": 65e3,
+            "watchdog_ms": round(patience * WATCHDOG_MS),
+        }
+    if device["kind"] == "qualisys":
+        return table | {"host": device["host"], "port": device["port"]}
+    return table | {"port": device["path"], **EXTRA.get(device["kind"], {})}
+
+
+def _sensor_tables(device: Mapping[str, Any], kinds: Sequence[str]) -> list[dict[str, Any]]:
+    name, kind = device["name"], device["kind"]
+    if kind == "qualisys":
+        chosen = "pose" if "pose" in kinds else "orientation"
+        if chosen not in kinds:
+            return []
+        return [
+            {"kind": chosen, "section": section, "device": name, "channel": section, "needed": True}
+            for section in ("intermediate", "tip")
+        ]
+    if kind == "bendlabs" and "bend" in kinds:
+        return [
+            {"kind": "bend", "section": section, "device": name, "channel": str(index)}
+            for index, section in enumerate(device["sections"])
+            if section
+        ]
+    if kind in INERTIAL and "imu" in kinds:
+        return [{"kind": "orientation", "section": "tip", "device": name}]
+    if kind in ("lutron", "mark10", "sauter", "line_gauge"):
+        return [{"kind": "gauge", "section": "tip", "device": name}]
+    return []
+
+
+class Process:
+    """A command of ours as a process; it ends with the block.
+
+    Args:
+        arguments: Words after ``softarm``.
+        log: File that takes what it says on standard error.
+    """
+
+    def __init__(self, arguments: Sequence[str], log: Path) -> None:
+        self._arguments = [sys.executable, "-m", "softarm", *arguments]
+        self._log = log
+        self._process: subprocess.Popen[str] | None = None
+
+    def __enter__(self) -> Self:
+        with self._log.open("a") as log:
+            self._process = subprocess.Popen(self._arguments, stdout=subprocess.PIPE, stderr=log, text=True)
+        return self
+
+    @property
+    def process(self) -> subprocess.Popen[str]:
+        """The running process."""
+        assert self._process is not None
+        return self._process
+
+    def first_line(self) -> str:
+        """Wait for the first line that it prints.
+
+        Raises:
+            InputError: It ended without one.
+        """
+        assert self.process.stdout is not None
+        line = self.process.stdout.readline()
+        if not line:
+            told = self._log.read_text().strip().splitlines()[-1:] or ["it said nothing"]
+            raise InputError(
+                f"softarm {self._arguments[3]}", f"ended at once ({told[0]})", f"see {self._log}"
+            )
+        return line
+
+    def end(self, number: int = signal.SIGTERM) -> int:
+        """Send a signal and wait for the end; killed when it does not come."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        try:
+            return self.process.wait(END_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            return self.process.wait()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.end()
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+
+
+class FakeRig:
+    """Fakes and a service on them, running within the block.
+
+    Args:
+        settings: What to start.
+        folder: Takes the configuration, the logs, the state and the recordings.
+    """
+
+    def __init__(self, settings: RigSettings, folder: Path) -> None:
+        self.settings = settings
+        self.folder = folder
+        self.config_path = folder / "service.toml"
+        self.fakes = Process(("fakes", "--scenario", str(settings.scenario), "--json"), folder / "fakes.log")
+        self.service = Process(
+            ("serve", "--config", str(self.config_path), "--verbose"), folder / "service.log"
+        )
+        self.announcement: dict[str, Any] = {}
+
+    def __enter__(self) -> Self:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.fakes.__enter__()
+        try:
+            self.announcement = json.loads(self.fakes.first_line())
+            table = service_config(self.settings, self.announcement["devices"])
+            self.config_path.write_text(tomli_w.dumps(table))
+            self.service.__enter__()
+        except BaseException:
+            self.fakes.end()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.service.__exit__(kind, error, trace)
+        self.fakes.__exit__(kind, error, trace)

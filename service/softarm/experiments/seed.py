@@ -1,0 +1,263 @@
+"""One fake arm of a campaign: its recordings, its calibration, and each experiment on it."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from softarm.common.errors import WorkFailedError
+from softarm.estimator.arm import default_loads
+from softarm.estimator.calibration import (
+    Calibrated,
+    Options,
+    Run,
+    Solver,
+    arrange,
+    calibrate,
+    calibrated_specimen,
+)
+from softarm.estimator.calibration.pulls import section_forces
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Specimen, load_specimen, save_specimen
+from softarm.experiments.calibration_rows import comparison_rows, drift_rows, unknown_rows
+from softarm.experiments.figures import Cells
+from softarm.experiments.force_rows import (
+    PullCase,
+    PullTrack,
+    along_cord_row,
+    axial_rows,
+    follow_pull,
+    location_rows,
+)
+from softarm.experiments.holds import hold_windows, means
+from softarm.experiments.leave_one_out import leave_one_out_errors
+from softarm.experiments.models import Answers, WarmSolver, known_force_solver
+from softarm.experiments.paper import FORCE_N
+from softarm.experiments.recorded import FakeRun, perform
+from softarm.experiments.subsets import SUBSETS
+from softarm.experiments.teaching import teach_recorded
+from softarm.experiments.validation import pose_errors, rows
+from softarm.recordings import load_recording
+
+CALIBRATION_RUNS = {
+    "sweep": ("each_alone",),
+    "poses": ("random_holds",),
+    "pulls": ("pulled_steps",),
+    "pulls_pressurised": ("pulled_taut_steps",),
+}
+RUNS: Mapping[str, tuple[str, ...]] = {
+    **CALIBRATION_RUNS,
+    "validation": ("random_holds", "random_holds"),
+    "force_still": ("pulled_small_steps",),
+    "force_pressurised": ("rest", "pulled_taut"),
+    "force_moving": ("pulled_ramps",),
+    "force_intermediate": ("pulled_small_steps_intermediate",),
+    "taught": ("taught", "taught", "taught"),
+    "taught_drawn": ("taught_drawn", "taught_drawn", "taught_drawn"),
+}
+"""Runs of the fake arm by name: manoeuvres of its library."""
+
+HANDS = {"taught": "leads sideways", "taught_drawn": "also draws out"}
+"""What the hand does by the name of the run."""
+IN_REACH = "either, poses in reach"
+NODES = 84
+FAILED = " failed: "
+Series = dict[str, list[float]]
+
+
+@dataclass(frozen=True)
+class SeedPlan:
+    """What is to be done on one arm.
+
+    Args:
+        number: Number of the seed; arms are drawn by it.
+        folder: Takes recordings and the calibrated specimen.
+        experiments: ``calibrate``, ``validate``, ``force``, ``teach``.
+        specimen: Nominal specimen.
+        calibrated: A calibrated specimen to use instead of calibrating.
+        nodes: Largest number of samples of the calibration.
+        resume: Keep what an earlier run in the same folder has done.
+    """
+
+    number: int
+    folder: Path
+    experiments: tuple[str, ...]
+    specimen: str = "sopra"
+    calibrated: str | None = None
+    nodes: int = NODES
+    resume: bool = False
+
+
+@dataclass
+class SeedResult:
+    """What came of it.
+
+    Args:
+        number: Number of the seed.
+        tables: Rows by the name of the table.
+        series: Columns of each plot by its name.
+        notes: What a reader should know.
+        failed: Experiments that did not come to an end; the notes say why.
+        done: Experiments that did.
+    """
+
+    number: int
+    tables: dict[str, list[Cells]] = field(default_factory=dict)
+    series: dict[str, Series] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
+    done: list[str] = field(default_factory=list)
+
+    def add(self, table: str, new: list[Cells]) -> None:
+        """Add rows to a table, the seed before them."""
+        self.tables.setdefault(table, []).extend({"seed": self.number} | row for row in new)
+
+
+class SeedBench:
+    """The recordings and the calibration of one arm, made when they are first asked for.
+
+    Args:
+        plan: What is to be done.
+    """
+
+    def __init__(self, plan: SeedPlan) -> None:
+        self.plan = plan
+        self.nominal = load_specimen(plan.specimen)
+        self._answers = Answers()
+
+    def solver(self, specimen: Specimen) -> Solver:
+        """Give a model of the arm that begins at what others have answered."""
+        return WarmSolver(known_force_solver(specimen), self._answers)
+
+    def recording(self, name: str) -> Recording:
+        """Give a recording by the name of its run."""
+        number = list(RUNS).index(name)
+        run = FakeRun(name, RUNS[name], seed=100 * self.plan.number + number, arm=self.plan.number)
+        return load_recording(perform(run, self.plan.folder))
+
+    def run(self, name: str, specimen: Specimen) -> Run:
+        """Give a recording arranged for a specimen, its gauge as known forces."""
+        return arrange(self.recording(name), specimen, None, section_forces(specimen))
+
+    @cached_property
+    def found(self) -> Calibrated:
+        """The joint calibration."""
+        runs = [self.run(name, self.nominal) for name in CALIBRATION_RUNS]
+        options = Options(nodes=self.plan.nodes, iterations=6)
+        return calibrate(self.solver(self.nominal), self.nominal, runs, options)
+
+    @cached_property
+    def specimen(self) -> Specimen:
+        """The calibrated specimen; it is written beside the recordings."""
+        if self.plan.calibrated is not None:
+            return load_specimen(self.plan.calibrated)
+        kept = self.plan.folder / "specimen.toml"
+        if self.plan.resume and kept.exists():
+            return load_specimen(str(kept))
+        told = f"softarm experiment, fake arm {self.plan.number}, {', '.join(CALIBRATION_RUNS)}"
+        specimen = calibrated_specimen(self.nominal, self.found, told)
+        save_specimen(specimen, self.plan.folder / "specimen.toml")
+        return specimen
+
+
+def run_seed(plan: SeedPlan) -> SeedResult:
+    """Do the experiments of one arm."""
+    plan.folder.mkdir(parents=True, exist_ok=True)
+    steps: dict[str, Callable[[SeedBench, SeedResult], None]] = {
+        "calibrate": _calibrate,
+        "validate": _validate,
+        "force": _force,
+        "teach": _teach,
+    }
+    kept = plan.folder / "result.json"
+    result = SeedResult(plan.number)
+    if plan.resume and kept.exists():
+        result = SeedResult(**json.loads(kept.read_text()))
+        result.failed.clear()
+        result.notes = [note for note in result.notes if FAILED not in note]
+    bench = SeedBench(plan)
+    for name in plan.experiments:
+        if name in result.done:
+            continue
+        try:
+            steps[name](bench, result)
+            result.done.append(name)
+        except (InputError, WorkFailedError) as error:  # one experiment fails, the others go on
+            result.notes.append(f"{name}{FAILED}{error}")
+            result.failed.append(name)
+        kept.write_text(json.dumps(asdict(result), indent=1, default=str))
+    return result
+
+
+def _calibrate(bench: SeedBench, result: SeedResult) -> None:
+    found = bench.found
+    result.add("unknowns", unknown_rows(found))
+    result.add("comparison", comparison_rows(bench.nominal, bench.specimen, bench.run, bench.solver))
+    result.add("drift", drift_rows(bench.specimen, bench.run, bench.solver))
+
+
+def _validate(bench: SeedBench, result: SeedResult) -> None:
+    specimen = bench.specimen
+    recording = bench.recording("validation")
+    holds = means(bench.run("validation", specimen), hold_windows(recording))
+    solver = bench.solver(specimen)
+    errors = pose_errors(solver, specimen, holds)
+    result.add("validation", rows(errors, "held out"))
+    result.add("validation", rows(leave_one_out_errors(solver, specimen, holds), "leave one out"))
+    last = errors[-1]
+    result.series["validation"] = {"mm": last.millimetres.tolist(), "degrees": last.degrees.tolist()}
+
+
+def _force(bench: SeedBench, result: SeedResult) -> None:
+    for condition, name in (("not pressurised", "force_still"), ("pressurised", "force_pressurised")):
+        case = PullCase(condition, bench.recording(name), bench.specimen)
+        resting = condition == "not pressurised"
+        done = follow_pull(case, at_rest=resting)
+        result.add("force", [along_cord_row(done, FORCE_N[condition])])
+        result.series[f"force {condition}"] = series_of(done)
+        for kind in SUBSETS:
+            by = done if kind == "orientations" else follow_pull(case, kind, at_rest=resting)
+            result.add("sensors", [along_cord_row(by)])
+        result.add("axial", axial_rows(case, at_rest=resting))
+        if resting:
+            every = default_loads(bench.specimen)
+            for kind in ("orientations", "poses"):
+                by = follow_pull(case, kind, loads=every, at_rest=True)
+                result.add("beyond", [along_cord_row(by)])
+            result.add("location", location_rows(case))
+    moving = PullCase("moving", bench.recording("force_moving"), bench.specimen)
+    result.add("beyond", [along_cord_row(follow_pull(moving))])
+    above = PullCase("not pressurised", bench.recording("force_intermediate"), bench.specimen)
+    result.add("beyond", [along_cord_row(follow_pull(above, at_rest=True))])
+    result.add("location", location_rows(above))
+
+
+def series_of(done: PullTrack) -> Series:
+    """Give what a plot of the force needs; estimates that were lost are left out."""
+    errors = done.errors.keep(np.isfinite(done.errors.estimate))
+    return {
+        "time_s": errors.time.tolist(),
+        "gauge_n": errors.gauge.tolist(),
+        "estimate_n": errors.estimate.tolist(),
+        "std_n": errors.std.tolist(),
+    }
+
+
+def _teach(bench: SeedBench, result: SeedResult) -> None:
+    plan, results = bench.plan, []
+    for name, hand in HANDS.items():
+        done = teach_recorded(bench.recording(name), bench.specimen, plan.folder, plan.number)
+        results.append(done)
+        result.add("teach", done.rows(hand))
+        result.notes.append(done.note(hand))
+    sideways, drawn = results
+    both = sideways.beside(drawn)
+    result.add("teach", both.rows(IN_REACH, both.near))
+    result.series["teach"] = {
+        f"{unit}_{attempt}": errors.tolist()
+        for unit, sizes in (("mm", both.millimetres), ("degrees", both.degrees))
+        for attempt, errors in enumerate(sizes)
+    }

@@ -1,0 +1,110 @@
+"""One experiment on one arm: lease, recording, table, plot."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+from softarm.api.messages import Estimate, State
+from softarm.client.client import CommandRefusedError, SoftarmClient
+from softarm.estimator.errors import InputError
+from softarm.experiments.bench import FakeControl
+from softarm.experiments.force import ForceSample, ForceSettings, run_fake
+from softarm.experiments.rig import FakeRig
+
+READY_S = 90.0
+
+
+def wait_ready(client: SoftarmClient) -> State:
+    """Wait until the service is up, its valves answer and it publishes estimates.
+
+    Raises:
+        InputError: It is not ready in time; its findings say why.
+    """
+    try:
+        state = client.wait_for(
+            "state", State, lambda s: s.mode != "STARTING" and None not in s.measured_pa, READY_S
+        )
+        client.wait_for("estimate", Estimate, lambda e: e.status in ("converged", "degraded"), READY_S)
+    except TimeoutError as error:
+        raise InputError(client.keys.arm, f"is not ready ({error})", "see the service's log") from error
+    return state
+
+
+def connect(rig: FakeRig) -> SoftarmClient:
+    """Connect to a rig's service, however long it takes to open its port.
+
+    Raises:
+        InputError: The service ended, or does not listen in time.
+    """
+    last: InputError | None = None
+    for _ in range(30):
+        if rig.service.process.poll() is not None:
+            told = (rig.folder / "service.log").read_text().strip().splitlines()[-1:]
+            raise InputError("softarm serve", f"ended ({' '.join(told)})", f"see {rig.folder}")
+        try:
+            return SoftarmClient(rig.settings.arm, rig.settings.endpoint, name="experiment")
+        except InputError as error:  # zenoh itself waits three seconds for the port
+            last = error
+    assert last is not None
+    raise last
+
+
+@contextmanager
+def recorded(client: SoftarmClient, name: str) -> Iterator[list[str]]:
+    """Record the block; the list then holds the file's path."""
+    paths: list[str] = []
+    client.command("record/start", name=name)
+    try:
+        yield paths
+    finally:
+        try:
+            paths.append(str(client.command("record/stop", timeout_s=20.0).applied["path"]))
+        except CommandRefusedError as refusal:
+            paths.append(f"not written: {refusal}")
+
+
+def force_on_fakes(
+    rig: FakeRig, client: SoftarmClient, settings: ForceSettings, advance: Callable[[], None]
+) -> tuple[list[ForceSample], str]:
+    """Run the force experiment on a rig of fakes.
+
+    Args:
+        rig: The running rig.
+        client: Client of its service.
+        settings: How.
+        advance: Called after each look.
+
+    Returns:
+        The looks and the recording.
+    """
+    wait_ready(client)
+    with FakeControl(str(rig.announcement["control"])) as fakes, client.lease():
+        fakes.ask("cord")
+        client.command("estimate/tare")
+        with recorded(client, "force") as paths:
+            samples = list(run_fake(client, fakes, settings, advance))
+    return samples, paths[0]
+
+
+def plot_force(samples: list[ForceSample], path: Path) -> None:
+    """Plot estimate and gauge in the paper's form, one panel a condition."""
+    conditions = list(dict.fromkeys(s.condition for s in samples))
+    with mpl.rc_context({"font.size": 9}):
+        figure = Figure(figsize=(5.0 * len(conditions), 3.2), layout="constrained")
+        panels = figure.subplots(1, len(conditions), squeeze=False)[0]
+        for panel, condition in zip(panels, conditions, strict=True):
+            chosen = [s for s in samples if s.condition == condition]
+            steps = range(len(chosen))
+            panel.plot(steps, [s.gauge_n for s in chosen], "k.-", label="gauge")
+            panel.errorbar(
+                steps,
+                [s.estimate_n for s in chosen],
+                [2.0 * s.std_n for s in chosen],
+                fmt="C1o-",
+                label="estimate, 2 std",
+            )
+            panel.set(title=condition, xlabel="step", ylabel="lateral force [N]")
+            panel.legend()
+        figure.savefig(path, dpi=130)

@@ -1,0 +1,284 @@
+"""Teach mode: poses shown by a hand, then held by pressures alone, and by how much they are missed."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.analysis.offline.resample import resample
+from softarm.analysis.offline.track import actuation
+from softarm.common.errors import WorkFailedError
+from softarm.estimator.calibration import Run, arrange
+from softarm.estimator.calibration.scatter import scatter_in
+from softarm.estimator.errors import InputError
+from softarm.estimator.inverse import approach, replace_loads, settle
+from softarm.estimator.model import Frames
+from softarm.estimator.recording import Recording
+from softarm.estimator.rotations import from_quaternions, log
+from softarm.estimator.sensing import SectionPose, SensorSuite
+from softarm.estimator.specimen import Specimen
+from softarm.estimator.stretch import stretched
+from softarm.experiments.figures import Cells, beside, error_figures, without_unit
+from softarm.experiments.following import follow
+from softarm.experiments.holds import hold_windows, means
+from softarm.experiments.models import hand_loads, tracking_model
+from softarm.experiments.paper import TEACH_DEGREES, TEACH_MM
+from softarm.experiments.recorded import FakeRun, holds_table, perform
+from softarm.experiments.subsets import subset
+from softarm.recordings import load_recording
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+CORRECTIONS = 2
+RATE_HZ = 1.0
+HOLD_S, RAMP_S = 4.0, 1.0
+STILL_M_S = 0.01
+SHORTEST_S = 2.0
+LED_M = 0.004
+FEWEST_POSES = 3
+VALVES_SEED = 7000
+"""Draws the valves: every attempt is one of the same arm on the same terminal."""
+
+
+@dataclass(frozen=True)
+class TaughtPoses:
+    """What was shown.
+
+    Args:
+        suite: The tip's pose.
+        readings: Poses shown, shape (poses, 7).
+        time: When [s], shape (poses,).
+    """
+
+    suite: SensorSuite
+    readings: Floats
+    time: Floats
+
+
+@dataclass(frozen=True)
+class TeachResult:
+    """What came of it.
+
+    Args:
+        millimetres: Distances from the shown poses, before and after each correction, shape
+            (attempts, poses).
+        degrees: Angles, shape (attempts, poses).
+        beyond: How far from each the nearest pose within reach is [mm, degrees], NaN where it was not found,
+            shape (poses, 2).
+        reachable: How many are within reach to within the sensors' noise.
+    """
+
+    millimetres: Floats
+    degrees: Floats
+    beyond: Floats
+    reachable: int
+
+    @property
+    def near(self) -> Flags:
+        """Which poses pressures reach by the model to within the aims, shape (poses,)."""
+        near: Flags = (self.beyond[:, 0] <= TEACH_MM.aim) & (self.beyond[:, 1] <= TEACH_DEGREES.aim)
+        return near
+
+    def rows(self, hand: str, which: Flags | None = None) -> list[Cells]:
+        """Summarise each attempt, beside the paper.
+
+        Args:
+            hand: What the hand did.
+            which: Poses that count, shape (poses,); all when left out.
+        """
+        taken = np.ones(len(self.beyond), dtype=bool) if which is None else which
+        rows: list[Cells] = []
+        for attempt, (millimetres, degrees) in enumerate(zip(self.millimetres, self.degrees, strict=True)):
+            label = "pressures of the model" if attempt == 0 else f"after {attempt} corrections by feedback"
+            found = miss_rows(label, millimetres[taken], degrees[taken]) if taken.any() else []
+            rows += [{"hand": hand, **row} for row in found]
+        return rows
+
+    def beside(self, other: "TeachResult") -> "TeachResult":
+        """Join the poses of two hands."""
+        return TeachResult(
+            np.hstack([self.millimetres, other.millimetres]),
+            np.hstack([self.degrees, other.degrees]),
+            np.vstack([self.beyond, other.beyond]),
+            self.reachable + other.reachable,
+        )
+
+    def note(self, hand: str) -> str:
+        """Tell how far the nearest poses within reach are."""
+        far = [f"{distance:.1f}" for distance in self.beyond[:, 0] if np.isfinite(distance)]
+        return (
+            f"{len(self.beyond)} poses of the hand that {hand}, {self.reachable} within reach to within the "
+            f"sensors' noise; the nearest that pressures reach by the model are {', '.join(far)} mm away."
+        )
+
+
+def taught_poses(recording: Recording, specimen: Specimen, section: str = "tip") -> TaughtPoses:
+    """Find the poses at which a hand held the vented arm still.
+
+    Raises:
+        InputError: There are too few of them.
+    """
+    run = arrange(recording, specimen)
+    sensor, readings = pose_of(run, section)
+    windows = still_windows(run.time, readings[:, :3])
+    held = means(replace(run, suite=SensorSuite((sensor,)), readings=readings), windows)
+    rest = readings[np.isfinite(readings).all(axis=1)][0, :3]
+    led = np.linalg.norm(held.readings[:, :3] - rest, axis=1) > LED_M
+    held = held.keep(led)
+    if len(held) < FEWEST_POSES:
+        raise InputError(
+            recording.name,
+            f"shows {len(held)} poses held still for {SHORTEST_S:g} s",
+            "lead the arm to a pose, hold it for 4 s, and go on to the next",
+        )
+    return TaughtPoses(SensorSuite((sensor,)), held.readings, held.time)
+
+
+def pose_of(run: Run, section: str) -> tuple[SectionPose, Floats]:
+    """Give the sensor of a section's pose and its readings, shape (samples, 7).
+
+    Raises:
+        InputError: The recording has no such pose.
+    """
+    start = 0
+    for sensor in run.suite.measurements:
+        readings = run.readings[:, start : start + sensor.reading_size]
+        start += sensor.reading_size
+        if isinstance(sensor, SectionPose) and sensor.name == f"frame_{section}":
+            return sensor, readings
+    raise InputError(run.name, f"has no pose of {section}", "bring its markers into view, and record anew")
+
+
+def still_windows(time: Floats, positions: Floats, look: float = 0.5) -> Floats:
+    """Find where a body rests, beginning and end of the look at each rest's end [s], shape (looks, 2)."""
+    seen = np.isfinite(positions).all(axis=1)
+    times, points = time[seen], positions[seen]
+    width = max(2, round(0.2 / float(np.median(np.diff(times)))))
+    kernel = np.ones(width) / width
+    smooth = np.column_stack([np.convolve(column, kernel, mode="same") for column in points.T])
+    speed = np.linalg.norm(np.gradient(smooth, times, axis=0), axis=1)
+    speed[:width] = speed[-width:] = 0.0
+    moving = speed > STILL_M_S
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], moving, [True]]).astype(int)))
+    windows = [
+        (times[end - 1] - look, times[end - 1])
+        for start, end in zip(edges[::2], edges[1::2], strict=True)
+        if times[end - 1] - times[start] >= SHORTEST_S
+    ]
+    return np.array(windows).reshape(-1, 2)
+
+
+def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, number: int | None) -> TeachResult:
+    """Let the fake arm hold the poses that were shown, lead it back by what is missed, repeat.
+
+    The pressures and the corrections are those of the service: loads traded for pressures at the estimate of
+    the shown pose, then a step towards it from the estimate of the held one; the service takes such steps
+    little by little.
+
+    Args:
+        recording: The poses shown.
+        specimen: The calibrated robot.
+        folder: Folder of the recordings.
+        number: Which arm is drawn.
+    """
+    poses = taught_poses(recording, specimen)
+    model = tracking_model(specimen, hand_loads(specimen, "tip"))
+    acting = stretched(model, specimen)
+    mapping, limits = actuation(specimen, arrange(recording, specimen)), np.array(specimen.pressure_limits)
+    shown = follow(model, specimen, _slow(recording, specimen), poses.time)
+    tips = _as_shown(poses.suite, specimen)
+    tare = np.zeros(len(model.loads))
+    found = [
+        settle(acting, estimate, tips, limits, tare, replace_loads(estimate, tips, limits, tare))
+        for estimate in shown
+    ]
+    nearest = [None if there is None else there.frames for _, there in found]
+    beyond = np.array([out_of_reach(goal.frames, there) for goal, there in zip(shown, nearest, strict=True)])
+    held = [
+        mapping.to_measured(e.inputs.pressures + step.change)
+        for e, (step, _) in zip(shown, found, strict=True)
+    ]
+    asked = np.clip(np.array(held), 0.0, limits)
+    missed: list[tuple[Floats, Floats]] = []
+    for attempt in range(CORRECTIONS + 1):
+        run = FakeRun(
+            f"{recording.name}_held_{attempt}", (), VALVES_SEED, number, holds_table(asked, HOLD_S, RAMP_S)
+        )
+        told = load_recording(perform(run, folder))
+        seen, moments = _held(told, specimen, len(asked))
+        missed.append(misses(poses, seen))
+        if attempt == CORRECTIONS:
+            break
+        for row, estimate, goal in zip(
+            asked, follow(model, specimen, _slow(told, specimen), moments), shown, strict=True
+        ):
+            applied, now = mapping.to_measured(estimate.measured_pressures), estimate.inputs.pressures
+            change = approach(estimate, tips, limits, goal.frames, applied, goal.residuals).change
+            row += mapping.to_measured(now + change) - mapping.to_measured(now)
+        asked = np.clip(asked, 0.0, limits)
+    millimetres, degrees = (np.array(sizes) for sizes in zip(*missed, strict=True))
+    return TeachResult(millimetres, degrees, beyond, sum(step.reachable for step, _ in found))
+
+
+def _as_shown(suite: SensorSuite, specimen: Specimen) -> SensorSuite:
+    """Give the sensor of the shown poses with the specimen's noise as what a held pose may miss."""
+    noise = specimen.noise
+    return SensorSuite(
+        tuple(
+            replace(sensor, position_sigma=noise.position_m, rotation_sigma=noise.orientation_rad)
+            for sensor in suite.measurements
+            if isinstance(sensor, SectionPose)
+        )
+    )
+
+
+def out_of_reach(goal: Frames, nearest: Frames | None) -> tuple[float, float]:
+    """Give how far the last section is from a goal [mm, degrees] where pressures bring it nearest."""
+    if nearest is None:
+        return np.nan, np.nan
+    distance = float(np.linalg.norm(nearest.positions[-1] - goal.positions[-1]))
+    turn = log(goal.rotations[-1].T @ nearest.rotations[-1])
+    return 1e3 * distance, float(np.degrees(np.linalg.norm(turn)))
+
+
+def _slow(recording: Recording, specimen: Specimen) -> Run:
+    run = arrange(recording, specimen)
+    return resample(subset(run, "poses", scatter_in(specimen, run)), RATE_HZ)
+
+
+def _held(recording: Recording, specimen: Specimen, count: int) -> tuple[Floats, Floats]:
+    """Give the poses at the ends of the holds, the vented one left out, shape (poses, 7), and when."""
+    run = arrange(recording, specimen)
+    sensor, readings = pose_of(run, "tip")
+    windows = hold_windows(recording, shortest=0.5 * HOLD_S)
+    if len(windows) not in (count, count + 1):  # the vented hold before them may be there or not
+        raise WorkFailedError(f"{recording.name}: {len(windows)} holds for {count} poses")
+    windows = windows[-count:]
+    seen = means(replace(run, suite=SensorSuite((sensor,)), readings=readings), windows)
+    return seen.readings, seen.time
+
+
+def misses(poses: TaughtPoses, seen: Floats) -> tuple[Floats, Floats]:
+    """Compare held with shown poses.
+
+    Returns:
+        Distances [mm] and angles [degrees], shape (poses,).
+    """
+    distance = 1e3 * np.linalg.norm(seen[:, :3] - poses.readings[:, :3], axis=1)
+    shown, held = from_quaternions(poses.readings[:, 3:]), from_quaternions(seen[:, 3:])
+    turn = log(np.swapaxes(shown, -1, -2) @ held)
+    return distance, np.degrees(np.linalg.norm(turn, axis=1))
+
+
+def miss_rows(label: str, millimetres: Floats, degrees: Floats) -> list[Cells]:
+    """Give one row for the position and one for the orientation, beside the paper's."""
+    rows: list[Cells] = []
+    for quantity, unit, sizes, published in (
+        ("position", "mm", millimetres, TEACH_MM),
+        ("orientation", "degrees", degrees, TEACH_DEGREES),
+    ):
+        figures = without_unit(beside(error_figures(sizes, unit), published, unit), unit)
+        row: Cells = {"run": label, "quantity": quantity, "unit": unit, "poses": len(sizes)}
+        rows.append(row | figures)
+    return rows

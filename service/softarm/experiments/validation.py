@@ -1,0 +1,140 @@
+"""Validation of a calibration: poses that the pressures alone predict, beside the measured ones."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.calibration import Solver
+from softarm.estimator.calibration.stretched import respond
+from softarm.estimator.errors import InputError
+from softarm.estimator.model import Frames
+from softarm.estimator.sensing import Scene, SectionPose, SensorSuite
+from softarm.estimator.sensors import SpecimenSensors
+from softarm.estimator.specimen import Specimen
+from softarm.estimator.stretch import StretchLaw
+from softarm.experiments.figures import Cells, beside, error_figures, inside, without_unit
+from softarm.experiments.holds import Holds
+from softarm.experiments.paper import VALIDATION_DEGREES, VALIDATION_MM
+
+Floats = NDArray[np.float64]
+FEWEST_POSES = 5
+
+
+@dataclass(frozen=True)
+class PoseErrors:
+    """Measured minus predicted pose of one section.
+
+    Args:
+        section: Its name.
+        position: [m], shape (holds, 3).
+        rotation: Rotation vector [rad], shape (holds, 3).
+        position_std: Standard deviation of each component [m], shape (holds, 3).
+        rotation_std: [rad], shape (holds, 3).
+    """
+
+    section: str
+    position: Floats
+    rotation: Floats
+    position_std: Floats
+    rotation_std: Floats
+
+    @property
+    def millimetres(self) -> Floats:
+        """Size of each position error [mm], shape (holds,)."""
+        return np.asarray(1e3 * np.linalg.norm(self.position, axis=1))
+
+    @property
+    def degrees(self) -> Floats:
+        """Size of each rotation error [degrees], shape (holds,)."""
+        return np.asarray(np.degrees(np.linalg.norm(self.rotation, axis=1)))
+
+
+def predict(solver: Solver, specimen: Specimen, holds: Holds) -> tuple[Frames, NDArray[np.bool_]]:
+    """Predict the sections' frames from pressures and known forces, and where an equilibrium was found."""
+    actuation = SpecimenSensors(specimen, solver.sections, holds.run.registration).actuation()
+    found = respond(
+        solver,
+        {name: specimen.calibration.scale(name) for name in solver.factors if name in _segments(specimen)},
+        StretchLaw.of(specimen, solver.sections),
+        actuation.to_chamber(holds.pressures),
+        np.nan_to_num(holds.loads),
+        np.array(specimen.gravity_m_s2),
+        None,
+    )
+    return found.frames, found.converged
+
+
+def pose_errors(solver: Solver, specimen: Specimen, holds: Holds) -> tuple[PoseErrors, ...]:
+    """Compare predicted with measured poses, section by section.
+
+    The deviation is that of the calibration's scatter on unseen blocks and of the sensors.
+
+    Raises:
+        InputError: There are too few poses, or no motion capture.
+    """
+    sensors = [sensor for sensor in holds.run.suite.measurements if isinstance(sensor, SectionPose)]
+    if len(holds) < FEWEST_POSES:
+        raise InputError(
+            holds.run.name,
+            f"holds {len(holds)} poses for 2 s or longer",
+            f"hold at least {FEWEST_POSES} random pressures, each for 5 s",
+        )
+    if not sensors:
+        raise InputError(holds.run.name, "has no pose of a section", "record the bodies of the sections")
+    frames, converged = predict(solver, specimen, holds)
+    scene = Scene(frames, np.zeros((len(holds), 0)))
+    innovation = holds.run.suite.sensitivity(scene, holds.readings).innovation
+    innovation[~converged] = np.nan
+    spread = pose_deviation(specimen, holds.run.suite)
+    found = []
+    for sensor in sensors:
+        rows = holds.run.suite.slices[sensor.name]
+        left, own = innovation[:, rows], np.broadcast_to(spread[rows], (len(holds), 6))
+        name = sensor.name.removeprefix("frame_")
+        found.append(PoseErrors(name, left[:, :3], left[:, 3:], own[:, :3], own[:, 3:]))
+    return tuple(found)
+
+
+def pose_deviation(specimen: Specimen, suite: SensorSuite) -> Floats:
+    """Give the standard deviation of measured minus predicted [m or rad], shape (rows,).
+
+    It joins the sensors' noise and the scatter of the calibration on blocks that it had not seen.
+    """
+    scatter = specimen.calibration.scatter
+    spread = np.empty(suite.size)
+    for sensor in suite.measurements:
+        own = np.sqrt(np.diag(sensor.covariance(np.zeros(sensor.reading_size))))
+        if isinstance(sensor, SectionPose):
+            own[:3] = np.hypot(own[:3], scatter.get(f"{sensor.name} position", 0.0))
+            own[3:] = np.hypot(own[3:], scatter.get(f"{sensor.name} rotation", 0.0))
+        else:
+            own = np.hypot(own, scatter.get(sensor.name, 0.0))
+        spread[suite.slices[sensor.name]] = own
+    return spread
+
+
+def rows(errors: Sequence[PoseErrors], label: str) -> list[Cells]:
+    """Give one row a section and quantity; the last section's stand beside the paper's."""
+    found: list[Cells] = []
+    for part in errors:
+        last = part is errors[-1]
+        parts = (
+            ("position", "mm", part.millimetres, inside(part.position, part.position_std), VALIDATION_MM),
+            ("orientation", "degrees", part.degrees, inside(part.rotation, part.rotation_std),
+             VALIDATION_DEGREES),
+        )  # fmt: skip
+        for quantity, unit, sizes, share, published in parts:
+            figures = error_figures(sizes, unit)
+            named = without_unit(beside(figures, published, unit) if last else figures, unit)
+            found.append(
+                {"run": label, "section": part.section, "quantity": quantity, "unit": unit}
+                | {"poses": len(part.position)}
+                | named
+                | {"inside_2_std": share}
+            )
+    return found
+
+
+def _segments(specimen: Specimen) -> set[str]:
+    return {segment.name for segment in specimen.segments}

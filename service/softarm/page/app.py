@@ -1,0 +1,101 @@
+"""Puts view and panel together and feeds them from the streams."""
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, redirect_stdout
+from io import StringIO
+from typing import TypeVar
+
+import viser
+from softarm.api.messages import Estimate, Message, Mismatch, State
+from softarm.client.client import SoftarmClient
+from softarm.estimator.specimen import Specimen
+from softarm.page.panel import Panel
+from softarm.page.scene import Scene
+
+Kind = TypeVar("Kind", bound=Message)
+REFRESH_S = 0.1
+
+
+class Page:
+    """The operator page of one arm; open within the block.
+
+    Args:
+        client: Client of the arm's service.
+        host: Address to serve the page on.
+        port: Its TCP port.
+    """
+
+    def __init__(self, client: SoftarmClient, host: str, port: int) -> None:
+        specimen = Specimen.model_validate_json(client.ask("specimen"))
+        self._client = client
+        with redirect_stdout(StringIO()):  # viser's banner would come before our own first line
+            self._server = viser.ViserServer(
+                host=host, port=port, label=f"softarm {client.keys.arm}", verbose=False
+            )
+        self._scene = Scene(self._server, specimen)
+        self._panel = Panel(self._server, client, len(specimen.chambers))
+        self._sections: State | None = None
+        self._exit = ExitStack()
+
+    @property
+    def port(self) -> int:
+        """The TCP port in use."""
+        return int(self._server.get_port())
+
+    def __enter__(self) -> "Page":
+        subscriptions: list[tuple[str, type[Message], Callable[[Message], None]]] = [
+            ("state", State, self._on_state),
+            ("estimate", Estimate, self._on_estimate),
+            ("mismatch", Mismatch, self._on_mismatch),
+        ]
+        for stream, _, handler in subscriptions:
+            self._exit.enter_context(self._client.subscribe(stream, Throttle(handler, REFRESH_S)))
+        self._exit.enter_context(self._client.subscribe_shape(self._scene.show_shape))
+        self._panel.operator.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._panel.operator.close()
+        self._exit.close()
+        self._server.stop()
+
+    def _on_state(self, message: Message) -> None:
+        if isinstance(message, State):
+            self._sections = message
+            self._panel.show_state(message)
+
+    def _on_estimate(self, message: Message) -> None:
+        if isinstance(message, Estimate):
+            self._panel.show_estimate(message)
+            if self._sections is not None:
+                self._scene.show_loads(message.loads, self._sections.sections)
+
+    def _on_mismatch(self, message: Message) -> None:
+        if isinstance(message, Mismatch):
+            self._panel.show_mismatch(message)
+
+
+class Throttle:
+    """Passes on a message when the last one is old enough: a browser cannot draw a hundred a second.
+
+    Args:
+        handler: Takes what is passed on.
+        interval_s: Least time between two.
+    """
+
+    def __init__(self, handler: Callable[[Message], None], interval_s: float) -> None:
+        self._handler = handler
+        self._interval_s = interval_s
+        self._last = 0.0
+        self._lock = threading.Lock()
+
+    def __call__(self, message: Message) -> None:
+        """Take a message."""
+        now = time.monotonic()
+        with self._lock:
+            if now - self._last < self._interval_s:
+                return
+            self._last = now
+        self._handler(message)

@@ -1,0 +1,149 @@
+"""What the operator does through the page: commands, the dead-man, and who keeps the lease."""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from softarm.api.commands import Applied
+from softarm.api.messages import State
+from softarm.client.client import CommandRefusedError, SoftarmClient
+from softarm.daemon.safety.modes import Mode
+
+GRACE_S = 2.0
+"""After the dead-man is let go the lease is renewed for so long: time to press "Hold pose"."""
+RENEW_S = 0.2
+TIMEOUT_S = 1.0
+RAMP_S = 2.0
+
+
+class Operator:
+    """Acts for whoever sits at the page.
+
+    While the dead-man is pressed the arm is armed and can be taught by hand. Once it is let go, and no pose
+    is held, the lease is no longer renewed and the arm vents. A held pose lives as long as a browser shows
+    the page.
+
+    Args:
+        client: Client of the arm's service.
+        browsers: Counts the browsers that show the page.
+        say: Shows one line to the operator.
+        clock: Monotonic time [s].
+    """
+
+    def __init__(
+        self,
+        client: SoftarmClient,
+        browsers: Callable[[], int],
+        say: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._client = client
+        self._browsers = browsers
+        self._say = say
+        self._clock = clock
+        self._mode: str = Mode.STARTING
+        self._pressed_s = float("-inf")
+        self._holding = False
+        self._acting = threading.Lock()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._keep, name="softarm-operator", daemon=True)
+
+    def start(self) -> None:
+        """Begin to renew the lease while it is wanted."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Renew no longer."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def see(self, state: State) -> None:
+        """Take the newest state of the service."""
+        self._mode = state.mode
+        if state.mode != Mode.HOLDING:
+            self._holding = False
+
+    def press(self) -> None:
+        """Take a sign of life of the dead-man: arm, then teach."""
+        if not self._acting.acquire(blocking=False):
+            return  # the last one is still being carried out
+        try:
+            self._pressed_s = self._clock()
+            self._lead_to_teach()
+        finally:
+            self._acting.release()
+
+    def _lead_to_teach(self) -> None:
+        verbs = {Mode.IDLE: "arm", Mode.ARMED: "teach/start"}
+        if self._mode in verbs and self._acquire():
+            self.send(verbs[Mode(self._mode)])
+
+    def hold_pose(self) -> None:
+        """Hold the pose in which the arm is, and keep the lease for it."""
+        if self._acquire() and self.send("teach/hold", ramp_s=RAMP_S):
+            self._holding = True
+
+    def go_to(self, name: str) -> None:
+        """Go to a saved pose and hold it."""
+        ready = self._acquire() and (self._mode != Mode.IDLE or self.send("arm"))
+        if ready and self.send("teach/goto", name=name, ramp_s=RAMP_S):
+            self._holding = True
+
+    def let_go(self, verb: str) -> None:
+        """Release or disarm; the lease is no longer renewed."""
+        self._pressed_s, self._holding = float("-inf"), False
+        self.send(verb)
+
+    def stop(self) -> None:
+        """Vent at once."""
+        self._pressed_s, self._holding = float("-inf"), False
+        self.send("stop")
+
+    def clear(self) -> None:
+        """Leave FAULTED once the cause is gone."""
+        self.send("clear")
+
+    def poses(self) -> dict[str, str]:
+        """Name the saved poses, each with why it is out of reach; none when the service does not answer."""
+        try:
+            listed: dict[str, Any] = self._client.command("teach/list").applied
+        except CommandRefusedError:
+            return {}
+        return {name: "" if pose["reachable"] else str(pose["note"]) for name, pose in listed.items()}
+
+    def send(self, verb: str, **fields: str | float) -> bool:
+        """Send a command, show its answer, and tell whether it was accepted."""
+        try:
+            applied = self._client.command(verb, TIMEOUT_S, **fields)
+        except (CommandRefusedError, ValueError) as refusal:
+            self._say(f"refused: {refusal}")
+            return False
+        self._mode = applied.mode
+        self._say(f"{verb}: {self._mode}{_short_of(applied)}")
+        return True
+
+    @property
+    def wanted(self) -> bool:
+        """Whether the lease is to be kept."""
+        pressed = self._clock() - self._pressed_s < GRACE_S
+        return pressed or (self._holding and self._browsers() > 0)
+
+    def _acquire(self) -> bool:
+        try:
+            self._client.acquire()
+        except CommandRefusedError as refusal:
+            self._say(f"refused: {refusal}")
+            return False
+        return True
+
+    def _keep(self) -> None:
+        while not self._stop.wait(RENEW_S):
+            if self.wanted:
+                self._acquire()
+
+
+def _short_of(applied: Applied) -> str:
+    """Say why a pose that was held, saved or gone to is out of reach; nothing when it is not."""
+    return f"; {applied.applied['note']}" if applied.applied.get("reachable") is False else ""

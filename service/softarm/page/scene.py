@@ -1,0 +1,95 @@
+"""The 3-D view: the arm's surface coloured by stress, and the force with its uncertainty."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import trimesh
+import viser
+from numpy.typing import NDArray
+from softarm.api.messages import LoadEstimate, SectionPose
+from softarm.estimator.geometry import build_mesh
+from softarm.estimator.mesh import Mesh
+from softarm.estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+METRES_PER_NEWTON = 0.15
+CORNERS = {"tri3": 3, "tri6": 3, "quad4": 4, "quad8": 4}
+HANGING = np.diag([1.0, -1.0, -1.0])
+"""The view's z points up, the base frame's from the base down to the tip."""
+COLD, HOT = np.array([70.0, 130.0, 200.0]), np.array([225.0, 70.0, 50.0])
+
+
+def triangles(mesh: Mesh) -> NDArray[np.int64]:
+    """Cut the outer surface into triangles of corner nodes, shape (triangles, 3)."""
+    surface = mesh.surfaces["outer"]
+    corners = surface.facets[:, : CORNERS[surface.kind]]
+    if corners.shape[1] == 3:
+        return corners
+    return np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
+
+
+def colours(stress: Floats) -> NDArray[np.uint8]:
+    """Colour nodes from blue at no stress to red at the 98th percentile, shape (nodes, 3)."""
+    top = float(np.percentile(stress, 98.0))
+    share = np.clip(stress / top, 0.0, 1.0)[:, None] if top > 0.0 else np.zeros((len(stress), 1))
+    return np.asarray((1.0 - share) * COLD + share * HOT, dtype=np.uint8)
+
+
+class Scene:
+    """What the browser shows in 3-D.
+
+    Args:
+        server: viser's server.
+        specimen: The arm.
+    """
+
+    def __init__(self, server: viser.ViserServer, specimen: Specimen) -> None:
+        mesh = build_mesh(specimen)
+        self._server = server
+        self._nodes = len(mesh.points)
+        self._used, faces = np.unique(triangles(mesh), return_inverse=True)
+        self._faces = faces.reshape(-1, 3)
+        server.scene.set_up_direction("+z")
+        server.scene.add_grid("/floor", width=0.6, height=0.6, position=(0.0, 0.0, -0.35), cell_size=0.05)
+        server.initial_camera.position = (0.45, -0.45, 0.05)
+        server.initial_camera.look_at = (0.0, 0.0, -0.14)
+        self._draw(mesh.points, np.zeros(self._nodes))
+
+    def _draw(self, points: Floats, stress: Floats) -> None:
+        vertices = points[self._used] @ HANGING.T
+        surface = trimesh.Trimesh(
+            vertices, self._faces, vertex_colors=colours(stress[self._used]), process=False
+        )
+        self._server.scene.add_mesh_trimesh("/arm", surface)
+
+    def show_shape(self, data: bytes) -> None:
+        """Show a shape message: positions and stress of every node."""
+        nodes = np.frombuffer(data, dtype="<f4").reshape(-1, 4).astype(np.float64)
+        if len(nodes) == self._nodes:
+            self._draw(nodes[:, :3], nodes[:, 3])
+
+    def show_loads(self, loads: Sequence[LoadEstimate], sections: Sequence[SectionPose]) -> None:
+        """Draw each force as an arrow at its section, with a sphere of one standard deviation at its head."""
+        places = {section.section: np.array(section.position_m) for section in sections}
+        for load in loads:
+            place = places.get(load.section)
+            if place is None:
+                continue
+            start = place @ HANGING.T
+            reach = METRES_PER_NEWTON * np.array(load.force_n) @ HANGING.T
+            deviation = float(np.sqrt(max(np.trace(np.array(load.covariance_n2)) / 3.0, 0.0)))
+            self._server.scene.add_arrows(
+                f"/force/{load.section}",
+                np.array([[start, start + reach]], dtype=np.float32),
+                colors=(240, 170, 40),
+                shaft_radius=0.002,
+                head_radius=0.005,
+                head_length=0.012,
+            )
+            self._server.scene.add_icosphere(
+                f"/uncertainty/{load.section}",
+                radius=max(METRES_PER_NEWTON * deviation, 1e-4),
+                color=(240, 170, 40),
+                opacity=0.3,
+                position=tuple(start + reach),
+            )

@@ -1,0 +1,8 @@
+"""Recordings on disk: MCAP, canonical tables as CSV and Parquet, and Qualisys exports.
+
+``load_recording`` and ``save_recording`` are the door; the suffix of the path decides on the format.
+"""
+
+from softarm.recordings.load import load_recording, read_attachments, save_recording
+
+__all__ = ["load_recording", "read_attachments", "save_recording"]

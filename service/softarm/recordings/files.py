@@ -1,0 +1,85 @@
+"""Output files that appear whole or not at all."""
+
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from softarm.estimator.errors import InputError
+
+
+def refuse_existing(path: Path, *, force: bool) -> None:
+    """Refuse to replace a file or a folder that exists.
+
+    Raises:
+        InputError: The path exists and ``force`` is off.
+    """
+    if path.exists() and not force:
+        raise InputError(str(path), "exists already", "give another path, or --force to replace it")
+
+
+@contextmanager
+def whole_files(*paths: Path) -> Iterator[tuple[Path, ...]]:
+    """Write files under other names beside their place and rename them once all are complete.
+
+    Args:
+        paths: The files' final places; missing folders are made.
+
+    Yields:
+        Where to write, one path per final place.
+
+    Raises:
+        InputError: A folder cannot be made or written to.
+    """
+    made = [folder for path in paths for folder in _missing_folders(path.parent)]
+    drafts: list[Path] = []
+    try:
+        drafts.extend(map(_draft, paths))
+        yield tuple(drafts)
+        for draft, path in zip(drafts, paths, strict=True):
+            draft.replace(path)
+    except BaseException:
+        for draft in drafts:
+            draft.unlink(missing_ok=True)
+        for folder in reversed(made):
+            _remove_if_empty(folder)
+        raise
+
+
+def write_whole(contents: Mapping[Path, bytes]) -> None:
+    """Write some files whole."""
+    with whole_files(*contents) as drafts:
+        for draft, data in zip(drafts, contents.values(), strict=True):
+            draft.write_bytes(data)
+
+
+def _draft(path: Path) -> Path:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+    except OSError as error:
+        raise InputError(
+            str(path.parent),
+            f"cannot be written to ({error.strerror})",
+            "give a folder that you may write to",
+        ) from None
+    os.close(handle)
+    draft = Path(name)
+    draft.chmod(0o666 & ~_umask())
+    return draft
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _missing_folders(folder: Path) -> list[Path]:
+    return [parent for parent in reversed([folder, *folder.parents]) if not parent.exists()]
+
+
+def _remove_if_empty(folder: Path) -> None:
+    if folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()

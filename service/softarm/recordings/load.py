@@ -1,0 +1,115 @@
+"""Load a recording from any format that is read, save it in any that is written."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Floats, Recording
+from softarm.recordings.c3d import read_c3d
+from softarm.recordings.files import refuse_existing, whole_files
+from softarm.recordings.info import format_info, read_info, sidecar
+from softarm.recordings.mcap_reader import read_contents, read_mcap
+from softarm.recordings.mcap_writer import INFO_FILE, write_recording
+from softarm.recordings.qualisys import read_tsv
+from softarm.recordings.table import read_csv, read_parquet, write_csv, write_parquet
+from softarm.recordings.validate import checked_recording
+
+TABLES = (".csv", ".parquet")
+WRITTEN = (*TABLES, ".mcap")
+READ = (*WRITTEN, ".c3d", ".tsv")
+STEM = "recording"
+
+
+def load_recording(path: Path, column_map: Path | None = None) -> Recording:
+    """Load a recording.
+
+    Args:
+        path: A folder with ``recording.csv``, ``.parquet`` or ``.mcap``, or a file of those formats, ``.c3d``
+            or ``.tsv``.
+        column_map: For Qualisys exports, a TOML file whose tables ``markers`` and ``bodies`` give the names
+            that labels and rigid bodies have in a recording; the TOML beside the export when left out.
+
+    Raises:
+        InputError: Names the file, the field and the cure.
+    """
+    path = _data_file(path)
+    name = path.parent.name if path.stem == STEM and path.parent.name else path.stem
+    if path.suffix == ".mcap" or path.name.endswith(".mcap.part"):
+        return read_mcap(path, name.removesuffix(".mcap"))
+    info = read_info(column_map or sidecar(path))
+    source = str(path)
+    columns: dict[str, Floats]
+    if path.suffix == ".csv":
+        columns = read_csv(path)
+    elif path.suffix == ".parquet":
+        columns = read_parquet(path)
+    elif path.suffix == ".c3d":
+        columns = read_c3d(path, info)
+    else:
+        columns = read_tsv(path, info)
+    info = {key: value for key, value in info.items() if key not in ("markers", "bodies")}
+    return checked_recording(name, source, columns, info)
+
+
+def save_recording(
+    recording: Recording, path: Path, *, force: bool = False, attachments: Mapping[str, bytes] | None = None
+) -> tuple[Path, ...]:
+    """Save a recording whole: all of its files appear, or none.
+
+    Args:
+        recording: What to save.
+        path: A file ``.csv``, ``.parquet`` (each with a ``.toml`` beside it) or ``.mcap``, or a folder, which
+            gets ``recording.csv`` and ``recording.toml``.
+        force: Replace what is there.
+        attachments: More files to keep, in MCAP inside, else beside; such as ``specimen.toml``.
+
+    Returns:
+        The files written.
+
+    Raises:
+        InputError: The format is not one that is written, or the path exists.
+    """
+    if path.is_dir() or not path.suffix:
+        path = path / f"{STEM}.csv"
+    if path.suffix not in WRITTEN:
+        raise InputError(str(path), f"{path.suffix} is not written", f"end the path in {', '.join(WRITTEN)}")
+    refuse_existing(path, force=force)
+    if path.suffix == ".mcap":
+        with whole_files(path) as (draft,), draft.open("wb") as file:
+            write_recording(recording, file, attachments)
+        return (path,)
+    beside = [path.parent / name for name in attachments or {}]
+    with whole_files(sidecar(path), *beside, path) as drafts:
+        drafts[0].write_bytes(format_info(recording.info))
+        for draft, data in zip(drafts[1:-1], (attachments or {}).values(), strict=True):
+            draft.write_bytes(data)
+        write = write_csv if path.suffix == ".csv" else write_parquet
+        write(recording, drafts[-1])
+    return (path, sidecar(path), *beside)
+
+
+def read_attachments(path: Path) -> dict[str, bytes]:
+    """Read the files kept with a recording: inside MCAP, or the TOML files beside a table."""
+    path = _data_file(path)
+    if path.suffix == ".mcap":
+        return {k: v for k, v in read_contents(path).attachments.items() if k != INFO_FILE}
+    specimen = path.parent / "specimen.toml"
+    return {specimen.name: specimen.read_bytes()} if specimen.is_file() else {}
+
+
+def _data_file(path: Path) -> Path:
+    if path.is_dir():
+        present = [path / f"{STEM}{suffix}" for suffix in WRITTEN if (path / f"{STEM}{suffix}").is_file()]
+        if len(present) != 1:
+            what = "holds several recordings" if present else f"holds no {STEM}.csv, .parquet or .mcap"
+            raise InputError(str(path), what, "give the file itself")
+        return present[0]
+    if not path.is_file():
+        raise InputError(str(path), "there is no such file or folder", "give the path of a recording")
+    if path.suffix not in READ and not path.name.endswith(".mcap.part"):
+        raise InputError(
+            str(path),
+            f"{path.suffix or 'a file without suffix'} is not read",
+            f"give a folder or a file that ends in {', '.join(READ)}",
+        )
+    return path

@@ -1,0 +1,199 @@
+"""Writing MCAP: one channel per stream, JSON with its schema, a whole chunk on disk every second."""
+
+import json
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count
+from typing import IO, Any
+
+import numpy as np
+from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
+from softarm.estimator.recording import Recording
+from softarm.recordings.columns import TIME, place
+from softarm.recordings.info import format_info
+
+LIBRARY = "softarm"
+METADATA = "softarm.recording"
+INFO_FILE = "recording.toml"
+NANOSECONDS = 1_000_000_000
+UNITS = {"pa": "Pa, gauge", "m": "m", "rad": "rad", "n": "N", "s": "s", "nm": "N m"}
+
+
+@dataclass(frozen=True)
+class Stream:
+    """What one channel carries.
+
+    Args:
+        topic: Its name: ``pressures``, ``marker/tip1``.
+        fields: Names of the values of a message.
+        source: Where the values come from: ``measured``, ``fake+modbus://...``; empty when not known.
+    """
+
+    topic: str
+    fields: tuple[str, ...]
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """When a reading was taken.
+
+    Args:
+        t_s: Time of the recording [s].
+        host_ns: Host time of arrival [ns since the epoch of the file].
+        device_ns: The device's own time stamp [ns], the host's where the device has none.
+        sequence: The device's counter of messages; 0 where it has none.
+    """
+
+    t_s: float
+    host_ns: int
+    device_ns: int
+    sequence: int = 0
+
+
+class StreamWriter:
+    """Writes streams to an open file.
+
+    A chunk is finished, flushed and synchronised whenever ``flush_period_ns`` of host time has passed, so
+    that a loss of power costs no more than that; reading takes the file up to its last whole chunk.
+
+    Args:
+        file: Open for writing bytes.
+        streams: What will be written; more may be added later.
+        attachments: File name to contents, written first: ``recording.toml``, ``specimen.toml``.
+        columns: Columns in the order in which a table would have them.
+        flush_period_ns: Host time between chunks; ``None`` lets their size decide.
+    """
+
+    def __init__(
+        self,
+        file: IO[bytes],
+        streams: Iterable[Stream] = (),
+        *,
+        attachments: Mapping[str, bytes] | None = None,
+        columns: Sequence[str] = (),
+        flush_period_ns: int | None = NANOSECONDS,
+    ) -> None:
+        self._file = file
+        self._writer = Writer(file, compression=CompressionType.ZSTD)
+        self._writer.start(profile="", library=LIBRARY)
+        self._writer.add_metadata(METADATA, {"columns": json.dumps(list(columns)), "version": "1"})
+        for name, data in (attachments or {}).items():
+            self._writer.add_attachment(0, 0, name, _media_type(name), data)
+        self._channels: dict[str, tuple[int, tuple[str, ...]]] = {}
+        self._documents: dict[str, int] = {}
+        self._flush_period_ns = flush_period_ns
+        self._last_flush_ns: int | None = None
+        for stream in streams:
+            self.add_stream(stream)
+
+    def add_stream(self, stream: Stream) -> None:
+        """Announce a stream before its first message."""
+        schema = self._writer.register_schema(f"softarm.{stream.topic}", "jsonschema", _schema(stream))
+        metadata = {"source": stream.source} if stream.source else {}
+        channel = self._writer.register_channel(stream.topic, "json", schema, metadata)
+        self._channels[stream.topic] = (channel, stream.fields)
+
+    def write(self, topic: str, values: Sequence[float], stamp: Stamp) -> None:
+        """Write one message of an announced stream; NaN stands for a lost reading."""
+        channel, fields = self._channels[topic]
+        message = {TIME: stamp.t_s} | {
+            field: value if math.isfinite(value) else None
+            for field, value in zip(fields, values, strict=True)
+        }
+        self._add(channel, message, stamp)
+
+    def write_document(self, topic: str, document: Mapping[str, Any], stamp: Stamp) -> None:
+        """Write a message of another kind, such as a change of mode; tables leave it out."""
+        if topic not in self._documents:
+            schema = self._writer.register_schema(f"softarm.{topic}", "jsonschema", b'{"type": "object"}')
+            self._documents[topic] = self._writer.register_channel(topic, "json", schema)
+        self._add(self._documents[topic], {TIME: stamp.t_s, **document}, stamp)
+
+    def _add(self, channel: int, message: Mapping[str, Any], stamp: Stamp) -> None:
+        data = json.dumps(message, separators=(",", ":"), allow_nan=False).encode()
+        self._writer.add_message(channel, stamp.host_ns, data, stamp.device_ns, stamp.sequence)
+        if self._flush_period_ns is None:
+            return
+        if self._last_flush_ns is None:
+            self._last_flush_ns = stamp.host_ns
+        elif stamp.host_ns - self._last_flush_ns >= self._flush_period_ns:
+            self.flush()
+            self._last_flush_ns = stamp.host_ns
+
+    def flush(self) -> None:
+        """Finish the chunk and put it on the disk."""
+        # The library finishes a chunk by size alone; the method that does it at a time is private.
+        self._writer._Writer__finalize_chunk()  # type: ignore[attr-defined]
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def finish(self) -> None:
+        """Write the index and the footer; the file stays open."""
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._file.flush()
+
+
+def write_recording(
+    recording: Recording, file: IO[bytes], attachments: Mapping[str, bytes] | None = None
+) -> None:
+    """Write a recording in memory as MCAP.
+
+    A stream gets a message wherever it has a reading; a row without any reading is kept by an empty message.
+
+    Args:
+        recording: What to write.
+        file: Open for writing bytes.
+        attachments: More files to keep in it, such as the specimen.
+    """
+    streams = streams_of(recording.columns)
+    writer = StreamWriter(
+        file,
+        [Stream(topic, tuple(fields)) for topic, fields in streams.items()],
+        attachments={INFO_FILE: format_info(recording.info), **(attachments or {})},
+        columns=list(recording.columns),
+        flush_period_ns=None,
+    )
+    tables = {topic: recording.stack(tuple(fields.values())) for topic, fields in streams.items()}
+    present: dict[str, NDArray[np.bool_]] = {
+        topic: np.asarray(np.isfinite(table).any(axis=1)) for topic, table in tables.items()
+    }
+    if present:
+        present[next(iter(present))] |= ~np.logical_or.reduce(list(present.values()))
+    rows = {topic: table.tolist() for topic, table in tables.items()}
+    origin = min(0.0, float(recording.time[0]))
+    for index, t_s, sequence in zip(
+        range(len(recording.time)), recording.time.tolist(), count(), strict=False
+    ):
+        stamp_ns = round((t_s - origin) * NANOSECONDS)
+        stamp = Stamp(t_s, stamp_ns, stamp_ns, sequence)
+        for topic, keep in present.items():
+            if keep[index]:
+                writer.write(topic, rows[topic][index], stamp)
+    writer.finish()
+
+
+def streams_of(columns: Iterable[str]) -> dict[str, dict[str, str]]:
+    """Sort columns into streams: topic to fields, field to column."""
+    streams: dict[str, dict[str, str]] = {}
+    for column in columns:
+        spot = place(column)
+        assert spot is not None, column
+        streams.setdefault(spot.topic, {})[spot.field] = column
+    return streams
+
+
+def _schema(stream: Stream) -> bytes:
+    properties: dict[str, Any] = {TIME: {"type": "number", "description": "time of the recording [s]"}}
+    for field in stream.fields:
+        unit = UNITS.get(field.rpartition("_")[2], "1")
+        properties[field] = {"type": ["number", "null"], "description": f"[{unit}]; null: lost reading"}
+    schema = {"type": "object", "properties": properties, "required": [TIME]}
+    return json.dumps({"title": stream.topic, **schema}).encode()
+
+
+def _media_type(name: str) -> str:
+    return "application/toml" if name.endswith(".toml") else "application/octet-stream"

@@ -1,0 +1,183 @@
+"""From the tables of a scenario to fakes: each with its board of faults."""
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from softarm.estimator.errors import InputError
+from softarm.fakes.faults import Fault, FaultBoard, nearest
+from softarm.fakes.parts import (
+    BendPart,
+    BnoPart,
+    DevicePart,
+    GaugePart,
+    InertialPart,
+    LineGaugePart,
+    LutronPart,
+    Mark10Part,
+    QtmPart,
+    QuaternionLinePart,
+    SauterPart,
+    SerialPart,
+    ValvesPart,
+    WitMotionPart,
+    XbusPart,
+)
+from softarm.fakes.plant.state import Plant
+from softarm.fakes.qtm.measurement import Body, Cameras, Measurement, measurement_faults
+from softarm.fakes.qtm.server import SERVER_FAULTS
+from softarm.fakes.serial.attitude import Mounting
+from softarm.fakes.serial.bend import BendBoard, bend_faults
+from softarm.fakes.serial.bno import BNO_FAULTS, BnoRvc
+from softarm.fakes.serial.instrument import Instrument
+from softarm.fakes.serial.line_gauge import LINE_GAUGE_FAULTS, LineGauge
+from softarm.fakes.serial.load_cell import Cell
+from softarm.fakes.serial.lutron import LUTRON_FAULTS, LutronGauge
+from softarm.fakes.serial.mark10 import MARK10_FAULTS, Mark10Gauge
+from softarm.fakes.serial.quaternion_line import QUATERNION_LINE_FAULTS, QuaternionLine
+from softarm.fakes.serial.sauter import SAUTER_FAULTS, SauterGauge
+from softarm.fakes.serial.witmotion import WITMOTION_FAULTS, WitMotion
+from softarm.fakes.serial.xbus import XBUS_FAULTS, XbusModule
+from softarm.fakes.signals import See, by_valve, plainly
+from softarm.fakes.valves.mpa import MpaBank, bank_faults
+from softarm.fakes.valves.node import CpxNode, node_faults
+from softarm.fakes.valves.pneumatics import MBAR, Regulators
+from softarm.fakes.valves.server import WIRE_FAULTS
+from softarm.fakes.valves.vtem import LOWEST_MBAR, VtemBank, vtem_faults
+
+VALVES = 16
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What devices are built into.
+
+    Args:
+        plant: The arm.
+        seed: Seed of the scenario.
+        see: What is concealed in signals.
+    """
+
+    plant: Plant
+    seed: int
+    see: See = plainly
+
+
+def seed_of(seed: int, name: str) -> int:
+    """Give a device its own seed, whatever other devices there are."""
+    return zlib.crc32(f"{seed}/{name}".encode())
+
+
+def catalogue(part: DevicePart) -> tuple[Fault, ...]:
+    """List the faults of a device."""
+    if isinstance(part, ValvesPart):
+        bank = bank_faults(VALVES) if part.kind == "festo_mpa" else vtem_faults()
+        return (*WIRE_FAULTS, *node_faults(VALVES), *bank)
+    if isinstance(part, QtmPart):
+        return (*SERVER_FAULTS, *measurement_faults([body.name for body in part.bodies]))
+    if isinstance(part, BendPart):
+        return bend_faults(len(part.sensors))
+    fixed: dict[type[DevicePart], tuple[Fault, ...]] = {
+        LutronPart: LUTRON_FAULTS,
+        Mark10Part: MARK10_FAULTS,
+        SauterPart: SAUTER_FAULTS,
+        LineGaugePart: LINE_GAUGE_FAULTS,
+        BnoPart: BNO_FAULTS,
+        WitMotionPart: WITMOTION_FAULTS,
+        XbusPart: XBUS_FAULTS,
+        QuaternionLinePart: QUATERNION_LINE_FAULTS,
+    }
+    return fixed[type(part)]
+
+
+def build_node(part: ValvesPart, around: Surroundings, faults: FaultBoard) -> CpxNode:
+    """Build a terminal.
+
+    Raises:
+        InputError: Its valve map does not fit the arm.
+    """
+    if len(part.valve_map) != around.plant.chambers:
+        what = f"valve_map has {len(part.valve_map)} entries, the arm has {around.plant.chambers} chambers"
+        raise InputError(f"scenario, device {part.name}", what, "give one valve per chamber")
+    mpa = part.kind == "festo_mpa"
+    figures = Regulators(
+        dead_time=part.dead_time_s,
+        fill_time=part.fill_time_s,
+        bias=part.bias_pa,
+        noise=part.noise_pa,
+        supply=part.supply_pa,
+        lowest=0.0 if mpa else LOWEST_MBAR * MBAR,
+    )
+    seed, see = seed_of(around.seed, part.name), by_valve(around.see, part.valve_map)
+    bank = MpaBank(faults, VALVES, figures, seed, see) if mpa else VtemBank(faults, figures, seed, see)
+    return CpxNode(bank, faults, part.watchdog_ms)
+
+
+def build_measurement(part: QtmPart, around: Surroundings, faults: FaultBoard) -> Measurement:
+    """Build the measurement of a motion capture.
+
+    Raises:
+        InputError: A body names a section that the arm does not have.
+    """
+    sections, bodies = around.plant.sections, []
+    for body in part.bodies:
+        _index(part, body.section, sections)
+        bodies.append(Body(body.name, body.section, body.offset_m, body.rotation_rad))
+    cameras = Cameras(part.rate_hz, part.position_noise_m, part.angle_noise_rad, part.clock_ppm)
+    return Measurement(bodies, sections, cameras, faults, seed_of(around.seed, part.name), around.see)
+
+
+def build_instrument(part: SerialPart, around: Surroundings, faults: FaultBoard) -> Instrument:
+    """Build a serial instrument.
+
+    Raises:
+        InputError: It names a section or segment that the arm does not have.
+    """
+    seed, plant = seed_of(around.seed, part.name), around.plant
+    if isinstance(part, GaugePart):
+        return _build_gauge(part, faults, seed, around.see)
+    if isinstance(part, InertialPart):
+        return _build_inertial(part, plant, faults, seed)
+    assert isinstance(part, BendPart)
+    for name in filter(None, part.sensors):
+        _index(part, name, plant.segments)
+    return BendBoard(
+        faults, plant.segments, part.sensors, part.rate_hz, part.noise_rad, part.boot_s, part.baud, seed,
+        resets_on_open=part.resets_on_open, see=around.see, sections=plant.sections,
+    )  # fmt: skip
+
+
+def _build_gauge(part: GaugePart, faults: FaultBoard, seed: int, see: See) -> Instrument:
+    cell = Cell(part.full_scale_n, part.noise_n, part.drift_n_per_s, see)
+    if isinstance(part, LutronPart):
+        return LutronGauge(faults, cell, part.rate_hz, part.unit, part.baud, seed)
+    if isinstance(part, Mark10Part):
+        return Mark10Gauge(faults, cell, part.unit, part.baud, seed)
+    if isinstance(part, SauterPart):
+        return SauterGauge(faults, cell, part.baud, seed)
+    assert isinstance(part, LineGaugePart)
+    return LineGauge(
+        faults, cell, part.rate_hz, part.unit, part.decimals,
+        prints_unit=part.prints_unit, baud=part.baud, seed=seed,
+    )  # fmt: skip
+
+
+def _build_inertial(part: InertialPart, plant: Plant, faults: FaultBoard, seed: int) -> Instrument:
+    def mounting(section: str) -> Mounting:
+        index = _index(part, section, plant.sections)
+        return Mounting(index, part.rotation_rad, part.noise_rad, part.drift_rad_per_s)
+
+    if isinstance(part, BnoPart):
+        return BnoRvc(faults, mounting(part.section), part.rate_hz, part.baud, seed)
+    if isinstance(part, WitMotionPart):
+        return WitMotion(faults, mounting(part.section), part.baud, needs_unlock=part.needs_unlock, seed=seed)
+    if isinstance(part, XbusPart):
+        return XbusModule(faults, mounting(part.section), part.rate_hz, part.clock_ppm, part.baud, seed)
+    assert isinstance(part, QuaternionLinePart)
+    return QuaternionLine(faults, [mounting(name) for name in part.sections], part.rate_hz, part.baud, seed)
+
+
+def _index(part: DevicePart, name: str, names: Sequence[str]) -> int:
+    if name not in names:
+        raise InputError(f"scenario, device {part.name}", f"the arm has no {name!r}", nearest(name, names))
+    return list(names).index(name)

@@ -1,0 +1,148 @@
+"""``python -m softarm.fakes.plant``: recordings of the fake arm and sealed trials, written to folders."""
+
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import click
+import numpy as np
+import polars as pl
+from softarm.estimator.errors import InputError
+from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, Concealed, effect
+from softarm.fakes.plant.generate import Laboratory, generate
+from softarm.fakes.plant.manoeuvre import Manoeuvre, chain
+from softarm.fakes.plant.manoeuvres import CHAMBERS, LIBRARY, path
+from softarm.fakes.plant.mounts import MOUNTS
+from softarm.fakes.plant.trials import KINDS, draw
+from softarm.fakes.plant.variants import variant
+from softarm.fakes.plant.write import write
+
+PLACES = ("segment", "chamber", "section", "sensor", "axis")
+
+
+@click.group()
+def main() -> None:
+    """Make recordings of the fake arm."""
+
+
+@main.command()
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option(
+    "--manoeuvre", "names", multiple=True, default=("random_holds",), type=click.Choice(list(LIBRARY))
+)
+@click.option("--mount", default="hanging", type=click.Choice(list(MOUNTS)))
+@click.option("--effect", "effects", multiple=True, help="Such as 'tip_payload mass=0.02 section=tip'.")
+@click.option("--variant", "arm", type=int, help="Draw another arm of the same drawing.")
+@click.option("--seed", default=0, show_default=True, help="Of the manoeuvre and of the noise.")
+@click.option("--truth", type=click.Path(path_type=Path), help="Folder for what is concealed.")
+@click.option(
+    "--commands",
+    type=click.Path(path_type=Path),
+    help="Table with columns t_s and pressure_cmd_K_pa, followed instead of the manoeuvres.",
+)
+def record(
+    out: Path,
+    names: tuple[str, ...],
+    mount: str,
+    effects: tuple[str, ...],
+    arm: int | None,
+    seed: int,
+    truth: Path | None,
+    commands: Path | None,
+) -> None:
+    """Record one run: the manoeuvres one after another, or pressures from a table.
+
+    Example: python -m softarm.fakes.plant record runs/a --manoeuvre ramps --effect 'tip_payload mass=0.02'
+    """
+    rng = np.random.default_rng([seed, 30])
+    parts = [LIBRARY[name](rng) for name in names] if commands is None else [_followed(commands)]
+    laboratory = Laboratory() if arm is None else _drawn(arm)
+    laboratory = replace(laboratory.mounted(MOUNTS[mount]), concealed=tuple(map(parse_effect, effects)))
+    what = "+".join(names) if commands is None else "commands"
+    write(generate(laboratory, chain(what, *parts), seed), out, truth)
+
+
+@main.command()
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("--seed", required=True, type=int, help="Which trial.")
+@click.option("--kind", default="single", show_default=True, type=click.Choice(KINDS))
+@click.option("--only", multiple=True, help="Draw from these effects only.")
+@click.option("--background", default=1.0, show_default=True, help="Scale of what every arm has anyway.")
+@click.option("--truth", required=True, type=click.Path(path_type=Path), help="Folder for the answer.")
+def trial(out: Path, seed: int, kind: str, only: tuple[str, ...], background: float, truth: Path) -> None:
+    """Record a sealed trial: an arm before and after something was concealed in it.
+
+    Example: python -m softarm.fakes.plant trial trials/7 --seed 7 --kind pair --truth answers/7
+    """
+    for run in draw(seed, kind, background, only).runs:
+        write(generate(run.laboratory, run.manoeuvre, run.seed), out / run.name, truth / run.name)
+
+
+@main.command()
+def effects() -> None:
+    """List the effects with their parameters, places and ranges.
+
+    Example: python -m softarm.fakes.plant effects
+    """
+    for name in (*ARM_EFFECTS, *INSTRUMENT_EFFECTS, *FOREIGN_EFFECTS):
+        one = effect(name)
+        ranges = (f"{n}={q.typical:g} {q.unit} ({q.low:g} to {q.high:g})" for n, q in one.quantities.items())
+        foreign = " (foreign)" if name in FOREIGN_EFFECTS else ""
+        click.echo(f"{name + foreign:32s} [{', '.join(one.places)}] {'; '.join(ranges)}")
+
+
+def parse_effect(text: str) -> Concealed:
+    """Read an effect from a command line: its name, then ``parameter=value`` and ``place=name``.
+
+    Raises:
+        InputError: A word is not of that form, or a value is not a number.
+    """
+    name, *words = text.split()
+    where: dict[str, str | int] = {}
+    numbers: dict[str, float] = {}
+    for word in words:
+        match = re.fullmatch(r"(\w+)=(\S+)", word)
+        if not match:
+            raise InputError(f"effect '{name}'", f"'{word}'", "write parameter=value")
+        key, value = match.groups()
+        if key in PLACES:
+            where[key] = int(value) if key == "chamber" and value.isdigit() else value
+            continue
+        try:
+            numbers[key] = float(value)
+        except ValueError:
+            raise InputError(
+                f"effect '{name}'", f"'{word}' is not a number", "write parameter=value"
+            ) from None
+    return Concealed(name, where, numbers)
+
+
+def _followed(table: Path) -> Manoeuvre:
+    """Read a manoeuvre from a table of commanded pressures, linear in between.
+
+    Raises:
+        InputError: The table cannot be read or lacks a column.
+    """
+    names = [f"pressure_cmd_{chamber}_pa" for chamber in range(CHAMBERS)]
+    try:
+        columns = pl.read_csv(table)
+        time, points = columns["t_s"].to_numpy(), columns.select(names).to_numpy()
+    except (OSError, pl.exceptions.PolarsError) as error:
+        cure = f"give a CSV with columns t_s, {names[0]} to {names[-1]}"
+        raise InputError(str(table), f"cannot be read ({str(error).splitlines()[0]})", cure) from None
+    return path("commands", points, time - time[0])
+
+
+def _drawn(seed: int) -> Laboratory:
+    """Put another arm in its laboratory."""
+    drawn = variant(seed)
+    return Laboratory(arm=drawn.arm, instruments=drawn.instruments)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except InputError as error:
+        click.echo(f"fake arm: {error}", err=True)
+        sys.exit(2)

@@ -1,0 +1,219 @@
+"""The arm as a chain of rigid bodies in MuJoCo; elastic and pneumatic forces are added at its joints.
+
+Each soft segment is cut in equal pieces; at the middle of each piece sits a slide along the arm and a ball
+joint. MuJoCo's world is the base frame. The joints carry only viscous damping in MuJoCo, which its integrator
+treats implicitly and which therefore keeps the explicit elastic forces stable.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from softarm.estimator.errors import InputError
+from softarm.fakes.plant.cross_section import CrossSection, lobed
+from softarm.fakes.plant.parameters import GRAVITY, ArmParameters, Segment
+from softarm.fakes.plant.rotations import rotation_matrix, vector_quaternion
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+SUPPORT_DAMPING_TIME = 0.006
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One elastic joint.
+
+    Args:
+        segment: Index of its segment.
+        share: Where it sits along the segment, 0 to 1.
+        height: Its rest height [m].
+        length: Of the piece whose deformation it gathers [m].
+        section: Cross-section there.
+    """
+
+    segment: int
+    share: float
+    height: float
+    length: float
+    section: CrossSection
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The compiled model and where its parts are.
+
+    Args:
+        model: MuJoCo model.
+        joints: Elastic joints from the base to the tip.
+        slides: Addresses of the slides in the velocity, shape (joints,).
+        slide_positions: Addresses of the slides in the position, shape (joints,).
+        bodies: Bodies of the links, one per joint, shape (joints,).
+        radii: Outer radius at each link [m], shape (joints,).
+        sections: Sites of the sections' frames, shape (sections,).
+        section_bodies: Bodies that carry them, shape (sections,).
+        link_sections: Section that each link is counted to, shape (joints,).
+    """
+
+    model: mujoco.MjModel
+    joints: tuple[Joint, ...]
+    slides: Integers
+    slide_positions: Integers
+    bodies: Integers
+    radii: Floats
+    sections: Integers
+    section_bodies: Integers
+    link_sections: Integers
+
+
+def build(parameters: ArmParameters) -> Chain:
+    """Build the chain of an arm.
+
+    Raises:
+        InputError: A part would have negative mass.
+    """
+    joints = tuple(joint for index in range(len(parameters.segments)) for joint in _joints(parameters, index))
+    spec = mujoco.MjSpec()
+    spec.option.timestep = parameters.step
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    off = mujoco.mjtDisableBit
+    spec.option.disableflags |= off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_AUTORESET
+    spec.option.gravity = gravity_in_base(parameters)
+    masses = _masses(parameters, joints)
+    if min(masses.min(), *(payload.mass for payload in parameters.loads.payloads), 1.0) < 0.0:
+        raise InputError("fake arm", "a part of negative mass", "give masses and densities above 0")
+    body, height = _support(spec, parameters), 0.0
+    for index, (joint, mass) in enumerate(zip(joints, masses, strict=True)):
+        body = _link(body, index, joint, joint.height - height, mass, parameters)
+        height = joint.height
+        _attach_sections(body, index, joints, parameters)
+    return _locate(spec.compile(), joints, parameters)
+
+
+def gravity_in_base(parameters: ArmParameters) -> Floats:
+    """Give the gravitational acceleration in the base frame [m/s2]."""
+    into_base = rotation_matrix(np.array(parameters.mount.quaternion)).T
+    return np.asarray(into_base @ np.array([0.0, 0.0, -GRAVITY]))
+
+
+def _joints(parameters: ArmParameters, index: int) -> list[Joint]:
+    """Cut one segment."""
+    segment = parameters.segments[index]
+    length = segment.length / segment.links
+    joints = []
+    for number in range(segment.links):
+        share = (number + 0.5) / segment.links
+        radius = float(np.interp(share, (0.0, 1.0), segment.radii))
+        section = lobed(
+            radius, parameters.wall, parameters.floor, parameters.fibre_depth, parameters.azimuths
+        )
+        joints.append(Joint(index, share, segment.start + share * segment.length, length, section))
+    return joints
+
+
+def _masses(parameters: ArmParameters, joints: tuple[Joint, ...]) -> Floats:
+    """Share the silicone's mass by area, and give the rigid part to the last link of each segment [kg]."""
+    masses = np.zeros(len(joints))
+    for index, segment in enumerate(parameters.segments):
+        own = [k for k, joint in enumerate(joints) if joint.segment == index]
+        areas = np.array([joints[k].section.areas.sum() for k in own])
+        masses[own] = parameters.density_factor * segment.mass * areas / areas.sum()
+        masses[own[-1]] += parameters.rigid_masses[index]
+    return masses
+
+
+def _support(spec: mujoco.MjSpec, parameters: ArmParameters) -> mujoco.MjsBody:
+    """Make the base plate, which turns on its compliance, and the clamp on it, which may be tilted."""
+    plate = spec.worldbody.add_body(name="plate")
+    plate.explicitinertial = True
+    plate.mass = 0.3
+    plate.inertia = [2e-4, 2e-4, 2e-4]
+    for name, axis, compliance in zip("xy", np.eye(3)[:2], parameters.support.compliance, strict=True):
+        if compliance > 0.0:
+            plate.add_joint(
+                name=f"support_{name}",
+                type=mujoco.mjtJoint.mjJNT_HINGE,
+                axis=axis,
+                stiffness=1.0 / compliance,
+                damping=SUPPORT_DAMPING_TIME / compliance,
+            )
+    plate.add_site(name="base", pos=[0.0, 0.0, parameters.frame_heights[0]])
+    clamp: mujoco.MjsBody = plate.add_body(name="clamp")
+    clamp.quat = vector_quaternion(np.array([*parameters.support.tilt, 0.0]))
+    return clamp
+
+
+def _link(
+    parent: mujoco.MjsBody, index: int, joint: Joint, offset: float, mass: float, parameters: ArmParameters
+) -> mujoco.MjsBody:
+    """Hang one link on the chain: a uniform piece of the arm below its joint."""
+    segment = parameters.segments[joint.segment]
+    last = joint.share + 1.0 / segment.links > 1.0
+    length = joint.length * 0.5 + parameters.rigid_lengths[joint.segment] if last else joint.length
+    body = parent.add_body(name=f"link_{index}", pos=[0.0, 0.0, offset])
+    across = 0.5 * float(
+        joint.section.areas @ (joint.section.fibres**2).sum(axis=1) / joint.section.areas.sum()
+    )
+    slender = length**2 / 12.0
+    body.explicitinertial = True
+    body.mass = mass
+    body.ipos = [0.0, 0.0, 0.5 * length]
+    body.inertia = mass * np.array([across + slender, across + slender, 2.0 * across])
+    axial, bending, torsion = rest_stiffness(segment, joint)
+    body.add_joint(
+        name=f"slide_{index}",
+        type=mujoco.mjtJoint.mjJNT_SLIDE,
+        axis=[0.0, 0.0, 1.0],
+        damping=segment.damping_time * axial,
+    )
+    body.add_joint(
+        name=f"ball_{index}",
+        type=mujoco.mjtJoint.mjJNT_BALL,
+        damping=segment.damping_time * max(bending, torsion),
+    )
+    return body
+
+
+def rest_stiffness(segment: Segment, joint: Joint) -> tuple[float, float, float]:
+    """Give the axial [N/m], bending and torsional [N m/rad] stiffness of a joint at rest."""
+    section = joint.section
+    per_length = segment.modulus / joint.length
+    axial = per_length * float(section.areas.sum())
+    bending = per_length * section.second_moment
+    return axial, bending, 2.0 * segment.torsion * bending
+
+
+def _attach_sections(
+    body: mujoco.MjsBody, index: int, joints: tuple[Joint, ...], parameters: ArmParameters
+) -> None:
+    """Put the section's frame and its payloads on the last link of a segment."""
+    joint = joints[index]
+    if index + 1 < len(joints) and joints[index + 1].segment == joint.segment:
+        return
+    name = parameters.sections[joint.segment + 1]
+    origin = np.array([0.0, 0.0, parameters.frame_heights[joint.segment + 1] - joint.height])
+    body.add_site(name=name, pos=origin)
+    for number, payload in enumerate(parameters.loads.payloads):
+        if payload.section == name:
+            weight = body.add_body(name=f"payload_{number}", pos=origin + np.array(payload.offset))
+            weight.explicitinertial = True
+            weight.mass = payload.mass
+            weight.inertia = payload.mass * np.full(3, 0.4 * 0.008**2)
+
+
+def _locate(model: mujoco.MjModel, joints: tuple[Joint, ...], parameters: ArmParameters) -> Chain:
+    """Find the addresses of the chain's parts."""
+    slides = [model.joint(f"slide_{k}") for k in range(len(joints))]
+    sites = [model.site(name) for name in parameters.sections]
+    return Chain(
+        model=model,
+        joints=joints,
+        slides=np.array([slide.dofadr[0] for slide in slides], dtype=np.int64),
+        slide_positions=np.array([slide.qposadr[0] for slide in slides], dtype=np.int64),
+        bodies=np.array([model.body(f"link_{k}").id for k in range(len(joints))], dtype=np.int64),
+        radii=np.array([joint.section.radius for joint in joints]),
+        sections=np.array([site.id for site in sites], dtype=np.int64),
+        section_bodies=np.array([site.bodyid[0] for site in sites], dtype=np.int64),
+        link_sections=np.array([joint.segment + 1 for joint in joints], dtype=np.int64),
+    )

@@ -1,0 +1,38 @@
+"""Concealed effects: what an arm, its valves and its sensors do that no model was told.
+
+Those of ``arm`` and ``instrument`` are the diagnosis's vocabulary, those of ``foreign`` lie outside it.
+"""
+
+from softarm.fakes.plant.effects.effect import (
+    ArmEffect,
+    Concealed,
+    Effect,
+    Filter,
+    InstrumentEffect,
+    Quantity,
+)
+from softarm.fakes.plant.effects.registry import (
+    ARM_EFFECTS,
+    FOREIGN_EFFECTS,
+    INSTRUMENT_EFFECTS,
+    apply,
+    arm_effects,
+    effect,
+    filters,
+)
+
+__all__ = [
+    "ARM_EFFECTS",
+    "FOREIGN_EFFECTS",
+    "INSTRUMENT_EFFECTS",
+    "ArmEffect",
+    "Concealed",
+    "Effect",
+    "Filter",
+    "InstrumentEffect",
+    "Quantity",
+    "apply",
+    "arm_effects",
+    "effect",
+    "filters",
+]

@@ -1,0 +1,30 @@
+"""Pressure of a chamber that also acts in the other segment, at the same azimuth."""
+
+from dataclasses import replace
+
+from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.places import chosen_chambers
+from softarm.fakes.plant.parameters import CHAMBERS_PER_SEGMENT, ArmParameters
+
+
+def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
+    """Let a ``share`` of the pressure act on the chamber of the other segment.
+
+    Without a chamber given, the lower chambers act in the upper segment, whose wall their lines run through.
+    """
+    matrix = [list(row) for row in arm.actuation.crosstalk]
+    sources = (
+        chosen_chambers(arm, where)
+        if "chamber" in where
+        else tuple(range(CHAMBERS_PER_SEGMENT, arm.chambers))
+    )
+    for chamber in sources:
+        place = (chamber + CHAMBERS_PER_SEGMENT) % arm.chambers
+        matrix[place][chamber] += numbers["share"]
+    crosstalk = tuple(tuple(row) for row in matrix)
+    return replace(arm, actuation=replace(arm.actuation, crosstalk=crosstalk))
+
+
+EFFECT = ArmEffect(
+    "chamber_crosstalk", "share", {"share": Quantity("", 0.08, 0.03, 0.2)}, ("chamber",), change=change
+)

@@ -1,0 +1,23 @@
+"""Stiffening of the rubber with strain: the static response flattens out."""
+
+from dataclasses import replace
+
+from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.places import change_segments
+from softarm.fakes.plant.parameters import ArmParameters
+
+
+def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
+    """Multiply the stress at 20 % strain by 1 + strength, with the square of the strain."""
+    return change_segments(
+        arm, where, lambda segment: replace(segment, stiffening=segment.stiffening + numbers["strength"])
+    )
+
+
+EFFECT = ArmEffect(
+    "material_stiffening",
+    "strength",
+    {"strength": Quantity("", 0.4, 0.15, 1.0)},
+    ("segment",),
+    change=change,
+)

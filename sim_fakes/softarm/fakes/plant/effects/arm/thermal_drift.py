@@ -1,0 +1,19 @@
+"""Moduli that drift with the temperature over the run."""
+
+from dataclasses import replace
+
+from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.parameters import ArmParameters, Warming
+
+
+def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:  # noqa: ARG001
+    """Let all moduli change by ``change`` with the time constant ``time`` from time 0."""
+    return replace(arm, warming=Warming(arm.warming.change + numbers["change"], numbers["time"]))
+
+
+EFFECT = ArmEffect(
+    "thermal_drift",
+    "change",
+    {"change": Quantity("", 0.2, -0.3, 0.4), "time": Quantity("s", 400.0, 200.0, 800.0)},
+    change=change,
+)

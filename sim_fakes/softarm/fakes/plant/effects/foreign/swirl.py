@@ -1,0 +1,20 @@
+"""Chambers that push at a slant: each also acts at one neighbour's azimuth, and against the other's."""
+
+from dataclasses import replace
+
+from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.parameters import CHAMBERS_PER_SEGMENT, ArmParameters
+
+
+def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:  # noqa: ARG001
+    """Let a ``share`` of each pressure act at the next azimuth, and its negative at the one before."""
+    matrix = [list(row) for row in arm.actuation.crosstalk]
+    for chamber in range(arm.chambers):
+        first = chamber - chamber % CHAMBERS_PER_SEGMENT
+        matrix[first + (chamber + 1) % CHAMBERS_PER_SEGMENT][chamber] += numbers["share"]
+        matrix[first + (chamber - 1) % CHAMBERS_PER_SEGMENT][chamber] -= numbers["share"]
+    crosstalk = tuple(tuple(row) for row in matrix)
+    return replace(arm, actuation=replace(arm.actuation, crosstalk=crosstalk))
+
+
+EFFECT = ArmEffect("swirl", "share", {"share": Quantity("", 0.06, 0.03, 0.12)}, change=change)

@@ -1,0 +1,66 @@
+"""From the valves' outlets to the pressures that act in the arm."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from softarm.fakes.plant.parameters import CHAMBERS_PER_SEGMENT, Actuation
+
+Floats = NDArray[np.float64]
+
+REFERENCE_PRESSURE = 50e3
+BUCKLING_WIDTH = 0.03
+
+
+@dataclass(frozen=True)
+class Lines:
+    """First-order lines with leaks: dp/dt = (p_valve - p) / lag - leak p.
+
+    Args:
+        follow: Share of the way to the steady pressure in one step, shape (chambers,).
+        level: Steady pressure over that of the valve, shape (chambers,).
+    """
+
+    follow: Floats
+    level: Floats
+
+    def step(self, pressures: Floats, valve_pressures: Floats) -> Floats:
+        """Step the chamber pressures [Pa] under constant valve pressures, shape (chambers,)."""
+        return pressures + self.follow * (self.level * valve_pressures - pressures)
+
+
+def lines(actuation: Actuation, step: float) -> Lines:
+    """Make the lines of an arm for one time step [s]; the step is exact for a constant valve pressure."""
+    lags, leaks = np.array(actuation.lags), np.array(actuation.leak_rates)
+    return Lines(follow=-np.expm1(-step * (1.0 / lags + leaks)), level=1.0 / (1.0 + leaks * lags))
+
+
+@dataclass(frozen=True)
+class Muscles:
+    """What each chamber's pressure is worth to the arm.
+
+    Args:
+        mixing: Gains on the diagonal, cross-talk beside it, shape (chambers, chambers).
+        actuation: The constants of the nonlinear terms.
+    """
+
+    mixing: Floats
+    actuation: Actuation
+
+    def effective(self, pressures: Floats) -> Floats:
+        """Turn chamber pressures into those that would push as much on the drawn area [Pa]."""
+        own = self.actuation
+        worth = pressures * (1.0 + own.growth * pressures / REFERENCE_PRESSURE)
+        if own.buckling_pressure > 0.0:
+            past = (pressures / own.buckling_pressure - 1.0) / BUCKLING_WIDTH
+            worth = worth * (1.0 + 0.5 * own.buckling * (1.0 + np.tanh(past)))
+        if own.product != 0.0:
+            groups = pressures.reshape(-1, CHAMBERS_PER_SEGMENT)
+            others = (groups.sum(axis=1, keepdims=True) - groups).reshape(-1)
+            worth = worth * (1.0 + own.product * others / REFERENCE_PRESSURE)
+        return self.mixing @ worth
+
+
+def muscles(actuation: Actuation) -> Muscles:
+    """Make the map from chamber pressures to effective pressures."""
+    return Muscles(np.diag(actuation.gains) + np.array(actuation.crosstalk), actuation)

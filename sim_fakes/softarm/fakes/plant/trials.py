@@ -1,0 +1,191 @@
+"""Sealed trials: an arm and what is concealed in it, both drawn by a seed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from softarm.estimator.errors import InputError
+from softarm.fakes.plant.effects import (
+    ARM_EFFECTS,
+    FOREIGN_EFFECTS,
+    INSTRUMENT_EFFECTS,
+    Concealed,
+    Effect,
+    Quantity,
+    effect,
+)
+from softarm.fakes.plant.generate import Laboratory
+from softarm.fakes.plant.manoeuvre import Manoeuvre
+from softarm.fakes.plant.manoeuvres import (
+    co_contraction,
+    directions,
+    each_alone,
+    growing_cycles,
+    long_holds,
+    one_of_each,
+    pulled_steps,
+    ramps,
+    random_holds,
+    random_pressures,
+    staircase,
+    steps,
+    triangles,
+)
+from softarm.fakes.plant.mounts import MOUNTS
+from softarm.fakes.plant.variants import variant
+
+Random = np.random.Generator
+
+PAUSE = 20.0
+KINDS = ("null", "single", "pair", "triple", "foreign")
+SENSORS = {"pose": ("frame_intermediate", "frame_tip"), "bend": ("bend_intermediate", "bend_tip")}
+DRAWN = {
+    "segment": ("upper", "lower"),
+    "chamber": (0, 1, 2, 3, 4, 5),
+    "section": ("tip",),
+    "axis": tuple(str(angle) for angle in range(0, 360, 30)),
+}
+NOMINAL_RUNS = (("random_holds", "hanging"), ("ramps", "hanging"), ("random_holds", "sideways"))
+RUNS = (
+    ("growing_cycles", "hanging"),
+    ("random_holds", "hanging"),
+    ("ramps", "hanging"),
+    ("long_holds", "hanging"),
+    ("each_alone", "hanging"),
+    ("triangles", "hanging"),
+    ("steps", "hanging"),
+    ("staircase", "hanging"),
+    ("co_contraction", "hanging"),
+    ("pulled_steps", "hanging"),
+    ("random_holds", "sideways"),
+    ("each_alone", "sideways"),
+    ("random_holds", "hanging"),
+)
+SHORT: dict[str, Callable[[Random], Manoeuvre]] = {
+    "growing_cycles": lambda rng: growing_cycles(one_of_each(rng), cycle=5.0),
+    "random_holds": lambda rng: random_holds(rng, seconds=40.0),
+    "ramps": lambda rng: ramps(rng, durations=(4.0, 12.0)),
+    "long_holds": lambda rng: long_holds(rng, hold=30.0, count=1),
+    "each_alone": lambda rng: each_alone(ramp=3.0, hold=1.0, highest=float(rng.uniform(40e3, 55e3))),
+    "triangles": lambda rng: triangles(one_of_each(rng)),
+    "steps": lambda rng: steps(rng, count=4),
+    "staircase": lambda rng: staircase(rise=float(rng.uniform(1.2e3, 1.6e3)), hold=1.0, top=8e3),
+    "co_contraction": lambda rng: co_contraction(ramp=3.0, highest=float(rng.uniform(35e3, 45e3))),
+    "pulled_steps": lambda rng: pulled_steps(
+        count=6, ways=directions(2), pressures=random_pressures(rng, 20e3)
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Run:
+    """One recording of a trial.
+
+    Args:
+        name: Of its folder.
+        laboratory: The arm, in its mount.
+        manoeuvre: What is done.
+        seed: Of its noise.
+    """
+
+    name: str
+    laboratory: Laboratory
+    manoeuvre: Manoeuvre
+    seed: int
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A sealed trial.
+
+    Args:
+        seed: Which one.
+        kind: One of ``KINDS``.
+        concealed: The answer.
+        runs: Recordings; those named ``nominal_...`` are of the arm before anything was concealed in it.
+    """
+
+    seed: int
+    kind: str
+    concealed: tuple[Concealed, ...]
+    runs: tuple[Run, ...]
+
+
+def draw(seed: int, kind: str, background: float = 1.0, only: tuple[str, ...] = ()) -> Trial:
+    """Draw a trial.
+
+    Args:
+        seed: Which one.
+        kind: ``null`` for nothing concealed, ``single``, ``pair`` or ``triple`` for effects of the
+            vocabulary, ``foreign`` for one outside it.
+        background: Scale of what every arm has of creep, hysteresis and the like.
+        only: Names to draw from; all of the kind when left out.
+
+    Raises:
+        InputError: The kind or a name is unknown.
+    """
+    if kind not in KINDS:
+        raise InputError("kind", f"'{kind}'", f"one of {', '.join(KINDS)}")
+    rng = np.random.default_rng([seed, 10])
+    names = _names(rng, kind, only)
+    concealed = tuple(draw_effect(rng, effect(name)) for name in names)
+    drawn = variant(seed, background=background)
+    plain = Laboratory(arm=drawn.arm, instruments=drawn.instruments)
+    suspect = Laboratory(arm=drawn.arm, instruments=drawn.instruments, concealed=concealed)
+    runs = (*_runs("nominal", plain, NOMINAL_RUNS, seed), *_runs("run", suspect, RUNS, seed))
+    return Trial(seed, kind, concealed, runs)
+
+
+def draw_effect(rng: Random, known: Effect) -> Concealed:
+    """Draw the place and the size of one effect; sizes of one sign are even on a logarithmic scale."""
+    where = {place: _choose(rng, DRAWN[place]) for place in known.places if place in DRAWN}
+    if "sensor" in known.places:
+        where["sensor"] = _choose(rng, SENSORS["pose"])
+    numbers = {name: _size(rng, quantity) for name, quantity in known.quantities.items()}
+    return Concealed(known.name, where, numbers)
+
+
+def _names(rng: Random, kind: str, only: tuple[str, ...]) -> tuple[str, ...]:
+    """Draw the names of the effects, without repeats."""
+    known = list(FOREIGN_EFFECTS) if kind == "foreign" else [*ARM_EFFECTS, *INSTRUMENT_EFFECTS]
+    pool = sorted(only or known)
+    count = {"null": 0, "single": 1, "pair": 2, "triple": 3, "foreign": 1}[kind]
+    if count > len(pool):
+        raise InputError("only", f"{len(pool)} names for {count} effects", "give more names")
+    return tuple(str(name) for name in rng.choice(pool, count, replace=False))
+
+
+def _choose(rng: Random, choices: tuple[str | int, ...]) -> str | int:
+    """Draw one of some choices."""
+    return choices[int(rng.integers(len(choices)))]
+
+
+def _size(rng: Random, quantity: Quantity) -> float:
+    """Draw a parameter; one that may be negative is at least a quarter of its range's end away from zero."""
+    low, high = quantity.low, quantity.high
+    if low == high or low * high < 0.0:
+        side = low if rng.random() < 0.5 else high
+        return float(side * rng.uniform(0.25, 1.0)) if low != high else low
+    if low == 0.0:
+        return float(rng.uniform(low, high))
+    return float(np.sign(low) * np.exp(rng.uniform(*np.sort(np.log(np.abs([low, high]))))))
+
+
+def _runs(
+    prefix: str, laboratory: Laboratory, plan: tuple[tuple[str, str], ...], seed: int
+) -> tuple[Run, ...]:
+    """Lay out the runs of an arm, one session with pauses."""
+    runs, clock = [], 0.0
+    for number, (name, mount) in enumerate(plan):
+        own = [seed, number, len(plan)]
+        manoeuvre = SHORT[name](np.random.default_rng(own))
+        runs.append(
+            Run(
+                f"{prefix}_{number:02d}_{name}_{mount}",
+                replace(laboratory.mounted(MOUNTS[mount]), session_start=clock),
+                manoeuvre,
+                int(np.random.default_rng([*own, 1]).integers(2**31)),
+            )
+        )
+        clock += manoeuvre.duration + PAUSE
+    return tuple(runs)

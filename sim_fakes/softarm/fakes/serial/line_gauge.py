@@ -1,0 +1,74 @@
+"""A home-made gauge: one number per line in a stated unit, as HX711 boards print it."""
+
+import math
+
+from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.plant.state import PlantState
+from softarm.fakes.serial.beat import Beat
+from softarm.fakes.serial.instrument import PORT_FAULTS
+from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, Cell, LoadCell
+
+MALFORMED = {"nan": b"nan", "inf": b"inf", "text": b"HX711 not found", "long": b"1" * 400, "empty": b""}
+
+LINE_GAUGE_FAULTS = (
+    *PORT_FAULTS,
+    *GAUGE_FAULTS,
+    Fault("malformed", "a line that is no number", once=True, parameters={"kind": "nan"},
+          limits={"kind": tuple(MALFORMED)}),
+)  # fmt: skip
+
+
+class LineGauge:
+    """A stream of lines ``value[ unit]``; an overload reads ``S +``.
+
+    Args:
+        faults: The board with ``LINE_GAUGE_FAULTS``.
+        cell: Its load cell.
+        rate: Lines per second: 10 or 80 on an HX711.
+        unit: Unit of the number.
+        decimals: Digits after the point.
+        prints_unit: Whether the unit stands behind the number.
+        baud: Speed of the line [bit/s].
+        seed: Seed of the noise.
+    """
+
+    checks_baud = False
+    resets_on_open = False
+
+    def __init__(
+        self, faults: FaultBoard, cell: Cell, rate: float = 80.0, unit: str = "g", decimals: int = 1,
+        *, prints_unit: bool = True, baud: int = 115200, seed: int = 0,
+    ) -> None:  # fmt: skip
+        self.faults = faults
+        self.baud = baud
+        self._cell = LoadCell(faults, cell, seed)
+        self._unit, self._decimals, self._prints_unit = unit, decimals, prints_unit
+        self._beat = Beat(rate)
+
+    def power_on(self, time: float) -> bytes:
+        """Start to measure."""
+        self._beat.start(time)
+        return b""
+
+    def next_time(self) -> float:
+        """Give the time of the next line [s]."""
+        return self._beat.next
+
+    def update(self, time: float, state: PlantState) -> bytes:
+        """Send the line that is due."""
+        self._beat.take(time)
+        if self._cell.is_off():
+            return b""
+        if malformed := self.faults.hit("malformed"):
+            return MALFORMED[str(malformed["kind"])] + b"\r\n"
+        value = self._cell.pull(state) / NEWTONS_PER[self._unit]
+        if math.isinf(value):
+            return b"S +\r\n"
+        unit = f" {self._unit}" if self._prints_unit else ""
+        return f"{value:.{self._decimals}f}{unit}\r\n".encode()
+
+    def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
+        """Take ``t`` for tare."""
+        if b"t" in data:
+            self._cell.press_zero(state)
+        return b""

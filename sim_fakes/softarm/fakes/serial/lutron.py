@@ -1,0 +1,93 @@
+"""Lutron gauge: a stream of 16 characters, output only (``devices.md`` section 6.1)."""
+
+import math
+
+from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.plant.state import PlantState
+from softarm.fakes.serial.beat import Beat
+from softarm.fakes.serial.instrument import PORT_FAULTS
+from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, Cell, LoadCell
+
+UNITS = {"kg": (b"55", 3), "lb": (b"56", 3), "g": (b"57", 0), "oz": (b"58", 2), "N": (b"59", 2)}
+
+LUTRON_FAULTS = (
+    *PORT_FAULTS,
+    *GAUGE_FAULTS,
+    Fault("unit", "the operator has chosen another unit", False, {"unit": "kg"}, {"unit": tuple(UNITS)}),
+    Fault("lower_display", "one frame of the lower display", once=True),
+    Fault("parity", "the high bit of some characters is set", once=True),
+    Fault("stale_frame", "the delimiters of one frame are missing", once=True),
+)
+
+
+def lutron_frame(value: float, unit: str, display: int = 1) -> bytes:
+    """Encode one reading.
+
+    Args:
+        value: Reading in ``unit``; infinite for over-range.
+        unit: One of ``UNITS``.
+        display: 1 for the upper display, 2 for the lower one.
+    """
+    code, decimals = UNITS[unit]
+    digits = 99999999 if math.isinf(value) else round(abs(value) * 10**decimals)
+    sign = b"1" if value < 0 and digits else b"0"
+    return b"\x024%d%b%b%d%08d\r" % (display, code, sign, decimals, min(digits, 99999999))
+
+
+class LutronGauge:
+    """The stream of a Lutron force gauge.
+
+    Args:
+        faults: The board with ``LUTRON_FAULTS``.
+        cell: Its load cell.
+        rate: Readings per second, at most 60.
+        unit: Unit that is set.
+        baud: Speed of the line [bit/s].
+        seed: Seed of the noise.
+    """
+
+    checks_baud = True
+    resets_on_open = False
+
+    def __init__(
+        self,
+        faults: FaultBoard,
+        cell: Cell,
+        rate: float = 20.0,
+        unit: str = "g",
+        baud: int = 9600,
+        seed: int = 0,
+    ) -> None:
+        self.faults = faults
+        self.baud = baud
+        self._cell = LoadCell(faults, cell, seed)
+        self._unit = unit
+        self._beat = Beat(rate)
+
+    def power_on(self, time: float) -> bytes:
+        """Start to measure."""
+        self._beat.start(time)
+        return b""
+
+    def next_time(self) -> float:
+        """Give the time of the next reading [s]."""
+        return self._beat.next
+
+    def update(self, time: float, state: PlantState) -> bytes:
+        """Send the reading that is due."""
+        self._beat.take(time)
+        if self._cell.is_off():
+            return b""
+        chosen = self.faults.hit("unit")
+        unit = str(chosen["unit"]) if chosen else self._unit
+        display = 2 if self.faults.hit("lower_display") else 1
+        frame = lutron_frame(self._cell.pull(state) / NEWTONS_PER[unit], unit, display)
+        if self.faults.hit("parity"):
+            frame = bytes(byte | 0x80 if k % 3 == 0 else byte for k, byte in enumerate(frame))
+        if self.faults.hit("stale_frame"):
+            frame = frame[1:-1]
+        return frame
+
+    def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
+        """Ignore the host: there is no command channel."""
+        return b""

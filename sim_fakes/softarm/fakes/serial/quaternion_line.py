@@ -1,0 +1,80 @@
+"""The lab's sketch with BNO055 sensors: ``Quaternion of IMU 1:w,x,y,z`` (``devices.md`` section 7.5)."""
+
+from collections.abc import Sequence
+
+from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.plant.state import PlantState
+from softarm.fakes.serial.attitude import Attitude, Mounting
+from softarm.fakes.serial.beat import Beat
+from softarm.fakes.serial.instrument import PORT_FAULTS
+
+MALFORMED = {
+    "three": b"Quaternion of IMU 1:0.50,0.50,0.50",
+    "zero": b"Quaternion of IMU 1:0.00,0.00,0.00,0.00",
+    "nan": b"Quaternion of IMU 1:nan,0.00,0.00,1.00",
+    "text": b"Ooops, no BNO055 detected ... Check your wiring or I2C ADDR!",
+    "empty": b"",
+}
+
+QUATERNION_LINE_FAULTS = (
+    *PORT_FAULTS,
+    Fault("malformed", "a line that is no quaternion", True, {"kind": "three"}, {"kind": tuple(MALFORMED)}),
+    Fault("reset", "the sketch restarts: a second of silence, heading 0", once=True),
+)
+
+
+class QuaternionLine:
+    """Prints one line per sensor and turn, with two decimals.
+
+    Args:
+        faults: The board with ``QUATERNION_LINE_FAULTS``.
+        mountings: Where the sensors sit; sensor 1 first.
+        rate: Turns per second.
+        baud: Speed of the line [bit/s].
+        seed: Seed of the noise.
+    """
+
+    checks_baud = True
+    resets_on_open = False
+
+    def __init__(
+        self,
+        faults: FaultBoard,
+        mountings: Sequence[Mounting],
+        rate: float = 8.0,
+        baud: int = 9600,
+        seed: int = 0,
+    ) -> None:
+        self.faults = faults
+        self.baud = baud
+        self._attitudes = [Attitude(mounting, seed + k) for k, mounting in enumerate(mountings)]
+        self._beat = Beat(rate)
+
+    def power_on(self, time: float) -> bytes:
+        """Start with heading 0."""
+        for attitude in self._attitudes:
+            attitude.reset()
+        self._beat.start(time)
+        return b""
+
+    def next_time(self) -> float:
+        """Give the time of the next turn [s]."""
+        return self._beat.next
+
+    def update(self, time: float, state: PlantState) -> bytes:
+        """Send the lines that are due."""
+        if self.faults.hit("reset"):
+            self.power_on(time + 1.0)
+            return b""
+        self._beat.take(time)
+        if malformed := self.faults.hit("malformed"):
+            return MALFORMED[str(malformed["kind"])] + b"\r\n"
+        lines = b""
+        for number, attitude in enumerate(self._attitudes, start=1):
+            numbers = ",".join(f"{c:.2f}" for c in attitude.orientation(state))
+            lines += f"Quaternion of IMU {number}:{numbers}\r\n".encode()
+        return lines
+
+    def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
+        """Ignore the host."""
+        return b""

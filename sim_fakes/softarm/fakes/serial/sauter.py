@@ -1,0 +1,67 @@
+"""Sauter FH gauge: seven characters per request, no terminator (``devices.md`` section 6.3)."""
+
+import math
+
+from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.plant.state import PlantState
+from softarm.fakes.serial.instrument import PORT_FAULTS
+from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, Cell, LoadCell
+
+SAUTER_FAULTS = (
+    *PORT_FAULTS,
+    *GAUGE_FAULTS,
+    Fault("unit", "the operator has chosen another unit; nothing on the wire says so",
+          parameters={"unit": "kg"}, limits={"unit": ("N", "kg", "lb")}),
+    Fault("deaf", "a request is not heard", once=True),
+)  # fmt: skip
+
+
+def sauter_reply(value: float) -> bytes:
+    """Encode a reading: '1' for tension or '0' for compression, then six characters."""
+    magnitude = 999.99 if math.isinf(value) else min(abs(value), 999.99)
+    return b"%b%b" % (b"0" if value < 0 else b"1", f"{magnitude:06.2f}".encode())
+
+
+class SauterGauge:
+    """A gauge that answers ``9`` with its reading and takes ``2`` for zero.
+
+    Args:
+        faults: The board with ``SAUTER_FAULTS``.
+        cell: Its load cell.
+        baud: Speed of the line [bit/s].
+        seed: Seed of the noise.
+    """
+
+    checks_baud = True
+    resets_on_open = False
+
+    def __init__(self, faults: FaultBoard, cell: Cell, baud: int = 9600, seed: int = 0) -> None:
+        self.faults = faults
+        self.baud = baud
+        self._cell = LoadCell(faults, cell, seed)
+
+    def power_on(self, time: float) -> bytes:  # noqa: ARG002
+        """Start silent, waiting for requests."""
+        return b""
+
+    def next_time(self) -> None:
+        """Never speak unasked."""
+        return
+
+    def update(self, time: float, state: PlantState) -> bytes:  # noqa: ARG002
+        """Never speak unasked."""
+        return b""
+
+    def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
+        """Answer each request among the bytes."""
+        replies = b""
+        for letter in data:
+            if self._cell.is_off() or self.faults.hit("deaf"):
+                continue
+            if letter == ord("9"):
+                chosen = self.faults.hit("unit")
+                scale = NEWTONS_PER[str(chosen["unit"])] if chosen else 1.0
+                replies += sauter_reply(self._cell.pull(state) / scale)
+            elif letter == ord("2"):
+                self._cell.press_zero(state)
+        return replies

@@ -1,0 +1,145 @@
+"""VTEM motion terminal: eight slots of two valves, each slot with its own state machine.
+
+Words, modes and states as in ``devices.md`` section 1.5; how long the slots take is a guess within the
+limits that the public driver waits for.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.plant.state import Floats
+from softarm.fakes.signals import See, plainly
+from softarm.fakes.valves.mpa import bank_faults, signed
+from softarm.fakes.valves.pneumatics import MBAR, Pneumatics, Regulators
+
+SLOTS = 8
+PRESSURE_REGULATION, INACTIVE, ACKNOWLEDGE = 3, 61, 62
+NOT_READY, READY, RUNNING, ERROR = 0, 1, 2, 3
+LOWEST_MBAR, HIGHEST_MBAR = -900, 7000
+BOOT_S, ACTIVATION_S, DEACTIVATION_S = 0.5, 0.8, 0.3
+VALVE_ERROR = 16
+
+MOTION_FIGURES = Regulators(supply=800e3, lowest=LOWEST_MBAR * MBAR, bias=(0.0, 200.0))
+
+
+def vtem_faults() -> tuple[Fault, ...]:
+    """List what can go wrong with the slots and valves."""
+    valves = tuple(fault for fault in bank_faults(2 * SLOTS) if fault.name != "valve_fault")
+    slot = Fault(
+        "valve_fault",
+        "a slot goes to its error state until it is acknowledged",
+        once=True,
+        parameters={"slot": 0},
+        limits={"slot": (0, SLOTS - 1)},
+    )
+    return (*valves, slot)
+
+
+@dataclass
+class _Slot:
+    """State machine of one slot: what was asked, what it is, when the change is done."""
+
+    mode: int = INACTIVE
+    state: int = NOT_READY
+    asked: int = 0
+    due: float = BOOT_S
+    target: tuple[int, int] = (INACTIVE, READY)
+
+    def command(self, time: float, word: int) -> None:
+        """Take the command word: mode in bits 0-5, which valves regulate in bits 6-7."""
+        asked = word & 0xFF
+        if asked != self.asked:
+            self.asked = asked
+            self._switch(time, asked & 0x3F, asked >> 6)
+        if time >= self.due:
+            self.mode, self.state = self.target
+
+    def fail(self) -> None:
+        """Go to the error state."""
+        self.state, self.target = ERROR, (self.mode, ERROR)
+
+    def _switch(self, time: float, mode: int, control: int) -> None:
+        if mode == ACKNOWLEDGE:
+            self.target, self.due = (ACKNOWLEDGE, READY), time + DEACTIVATION_S
+        elif self.target[1] == ERROR:
+            return
+        elif mode in (0, INACTIVE):
+            self.target, self.due = (INACTIVE, READY), time + DEACTIVATION_S
+        elif mode == PRESSURE_REGULATION:
+            self.target, self.due = (mode, RUNNING if control else READY), time + ACTIVATION_S
+        else:
+            self.target, self.due = (mode, ERROR), time + DEACTIVATION_S
+
+
+class VtemBank:
+    """Sixteen valves in eight slots; a valve regulates only while its slot runs mode 3 with it selected.
+
+    Args:
+        faults: The board with at least ``vtem_faults``.
+        figures: Figures of the valves.
+        seed: Seed of spread and noise.
+        see: What is concealed in set-points and readings, in valve order.
+    """
+
+    def __init__(
+        self,
+        faults: FaultBoard,
+        figures: Regulators = MOTION_FIGURES,
+        seed: int = 0,
+        see: See = plainly,
+    ) -> None:
+        self.modules = SLOTS
+        self._faults = faults
+        self._figures = figures
+        self._pneumatics = Pneumatics(2 * SLOTS, figures, seed, see)
+        self._slots = [_Slot() for _ in range(SLOTS)]
+        self._free = np.ones(2 * SLOTS, dtype=np.bool_)
+
+    def setpoint_word(self, channel: int) -> int:
+        """Give the output word (from word 2 on) of a channel's set-point."""
+        return 3 * (channel // 2) + 1 + channel % 2
+
+    def update(self, time: float, outputs: Sequence[int]) -> None:
+        """Advance to ``time`` [s] under the output words."""
+        if broken := self._faults.hit("valve_fault"):
+            self._slots[int(broken["slot"])].fail()
+        setpoints = np.zeros(2 * SLOTS)
+        for number, slot in enumerate(self._slots):
+            word, first, second = outputs[3 * number : 3 * number + 3]
+            slot.command(time, word)
+            if slot.mode == PRESSURE_REGULATION and slot.state == RUNNING:
+                wanted = (signed(first) if word & 0x80 else 0, signed(second) if word & 0x40 else 0)
+                if not all(LOWEST_MBAR <= mbar <= HIGHEST_MBAR for mbar in wanted):
+                    slot.fail()
+                    continue
+                setpoints[2 * number : 2 * number + 2] = wanted
+        stuck = self._faults.active("stuck_valve")
+        self._free[:] = True
+        if stuck:
+            self._free[int(stuck["channel"])] = False
+        self._pneumatics.advance(time, setpoints * MBAR, self._supply(), self._free)
+
+    def pressures(self) -> Floats:
+        """Give the gauge pressures at the outlets [Pa], shape (16,)."""
+        return self._pneumatics.pressures
+
+    def inputs(self) -> list[int]:
+        """Give three words per slot: status, actual of the first valve, of the second [mbar]."""
+        actual = np.rint(self._pneumatics.readings() / MBAR).astype(np.int64)
+        if offset := self._faults.active("reading_offset"):
+            actual[int(offset["channel"])] += int(offset["mbar"])
+        words: list[int] = []
+        for number, slot in enumerate(self._slots):
+            pair = (int(actual[2 * number]) & 0xFFFF, int(actual[2 * number + 1]) & 0xFFFF)
+            words += [slot.mode | slot.state << 6, *pair]
+        return words
+
+    def errors(self) -> Mapping[int, int]:
+        """Give the error number of each faulty slot, slots counted from 1."""
+        return {number + 1: VALVE_ERROR for number, slot in enumerate(self._slots) if slot.state == ERROR}
+
+    def _supply(self) -> float:
+        missing = self._faults.active("supply_missing")
+        return float(missing["mbar"]) * MBAR if missing else self._figures.supply

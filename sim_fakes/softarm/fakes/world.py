@@ -1,0 +1,95 @@
+"""The world behind the wires: valves drive the arm, the arm is seen by every instrument."""
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from softarm.estimator.errors import InputError
+from softarm.fakes.clock import Clock
+from softarm.fakes.faults import nearest
+from softarm.fakes.plant.state import Cord, Floats, Hand, Plant, PlantInputs, PlantState
+
+
+class Actuator(Protocol):
+    """A valve terminal as the world sees it."""
+
+    def update(self, time: float) -> None:
+        """Advance to ``time`` [s]."""
+
+    def pressures(self) -> Floats:
+        """Give the gauge pressures at the outlets [Pa], shape (valves,)."""
+
+
+class World:
+    """Steps the valves and the arm together at a fixed rate.
+
+    Args:
+        plant: The arm.
+        actuator: The valve terminal; without one every chamber is vented.
+        valve_map: Valve of each chamber, shape (chambers,).
+        step: Step of the world [s].
+    """
+
+    def __init__(
+        self, plant: Plant, actuator: Actuator | None, valve_map: Sequence[int], step: float = 1e-3
+    ) -> None:
+        self.plant = plant
+        self.cord: Cord | None = None
+        self.hand: Hand | None = None
+        self._actuator = actuator
+        self._valve_map = np.array(valve_map, dtype=np.int64)
+        self.step = step
+        self._steps = 0
+
+    @property
+    def state(self) -> PlantState:
+        """The latest snapshot."""
+        return self.plant.state
+
+    @property
+    def time(self) -> float:
+        """Time up to which the world has been stepped [s]."""
+        return self._steps * self.step
+
+    def advance(self, time: float, most: int = 50) -> bool:
+        """Step up to ``time`` [s], at most ``most`` steps; tell whether it was reached."""
+        for _ in range(most):
+            if self.time + self.step > time + 1e-9:
+                return True
+            self._advance_once()
+        return self.time + self.step > time + 1e-9
+
+    def tie(self, cord: Cord | None) -> None:
+        """Tie the cord of the force gauge to a section, or take it off."""
+        if cord is not None:
+            self._check("cord", cord.section, (*cord.hook, cord.length))
+        self.cord = cord
+
+    def hold(self, hand: Hand | None) -> None:
+        """Put a hand on a section, or take it away."""
+        if hand is not None:
+            self._check("hand", hand.section, (*hand.force, *hand.position, hand.stiffness))
+        self.hand = hand
+
+    def _check(self, what: str, section: str, numbers: tuple[float, ...]) -> None:
+        if section not in self.plant.sections:
+            cure = nearest(section, self.plant.sections)
+            raise InputError(f"fakes, {what}", f"no section {section!r}", cure)
+        if not all(math.isfinite(number) for number in numbers):
+            raise InputError(f"fakes, {what}", "a number is not finite", "give finite SI values")
+
+    def _advance_once(self) -> None:
+        self._steps += 1
+        pressures = np.zeros(self.plant.chambers)
+        if self._actuator is not None:
+            self._actuator.update(self.time)
+            pressures = self._actuator.pressures()[self._valve_map]
+        self.plant.advance(self.time, PlantInputs(pressures, self.cord, self.hand))
+
+
+async def run_world(world: World, clock: Clock, tick: float = 2e-3) -> None:
+    """Keep a world at the time of a clock, forever; the loop gets its turn at least every 50 steps."""
+    while True:
+        reached = world.advance(clock.now())
+        await clock.sleep_until(world.time + max(tick, world.step) if reached else 0.0)
