@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 
 import click
 import numpy as np
+
 from softarm.analysis.diagnosis.report import Report, read_report
 from softarm.api.messages import Estimate, Message, Mismatch
 from softarm.cli.demo import EXAMPLES, fake_specimen

@@ -6,6 +6,7 @@ Run from the root of the repository: .venv/bin/python examples/recordings/make.p
 from pathlib import Path
 
 import numpy as np
+
 from softarm.estimator.arm import build_arm
 from softarm.estimator.model import Frames, Inputs
 from softarm.estimator.recording import Recording

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from softarm.analysis.plots.recording import amplitude_spectrum
 from softarm.cli import run
 from softarm.estimator.recording import Recording

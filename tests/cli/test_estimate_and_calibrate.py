@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from softarm.cli import run
 from softarm.estimator.arm import build_arm
 from softarm.estimator.model import Inputs

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from softarm.analysis.diagnosis.report import report_of
 from softarm.cli import run
 from softarm.cli.excite import plan_tables, shortened
 from softarm.estimator.excitation import Choice, Manoeuvre, Plan
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.excitation_plan import count_of_pairs, manoeuvres_of
-
 from tests.service.diagnosis.made_diagnosis import diagnosis
 
 

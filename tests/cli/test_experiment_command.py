@@ -1,6 +1,7 @@
 """What ``softarm experiment`` takes and refuses, and how its tables are joined."""
 
 import pytest
+
 from softarm.cli import run
 from softarm.experiments.campaign import default_jobs, summary, tables_of
 from softarm.experiments.page import experiments_page

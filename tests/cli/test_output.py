@@ -1,6 +1,7 @@
 import json
 
 import pytest
+
 from softarm.cli import run
 from softarm.cli.bench import BENCHES, command, module_name
 from softarm.cli.output import Table, as_markdown, progress, show, text

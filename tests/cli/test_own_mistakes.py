@@ -1,6 +1,7 @@
 """A mistake of softarm itself ends in one line too, and shows where on request."""
 
 import pytest
+
 from softarm import cli
 
 

@@ -4,6 +4,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+
 from softarm.daemon.config import load_config
 
 DEPLOY = Path(__file__).parents[2] / "deploy"

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import trustme
+
 from softarm.api.commands import Applied
 from softarm.api.messages import Mismatch, Stamp
 from softarm.client.client import CommandRefusedError, SoftarmClient

@@ -6,6 +6,7 @@ from random import Random
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from softarm.drivers.clock import Ticker
 from softarm.drivers.clock_map import ClockMap
 

@@ -5,12 +5,12 @@ import socket
 
 import pytest
 from click.testing import CliRunner
+
 from softarm.cli import doctor
 from softarm.cli.doctor import Tally, command, describe, examine, read_devices, tables
 from softarm.drivers.errors import ConnectionLost
 from softarm.drivers.reading import Reading
 from softarm.estimator.errors import InputError
-
 from tests.drivers.valve_rig import MemoryTerminal, build
 
 

@@ -1,6 +1,7 @@
 """The parts of ``softarm bench drivers`` that need no second process, in small."""
 
 import pytest
+
 from softarm.bench import driver_decoding
 from softarm.bench.driver_decoding import Case, against_qtm_rt, cases, load, zero_size_header
 

@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+
 from softarm.drivers.registry import KINDS, load_devices
 from softarm.drivers.supervisor import TRANSITIONS, State
 

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+
 from softarm.bench.driver_soak import Judge, Outcome, Soak
 from softarm.drivers.gauges.force import Force
 from softarm.drivers.qualisys.motion import MotionFrame

@@ -6,6 +6,7 @@ import struct
 import time
 
 import pytest
+
 from softarm.drivers.errors import ConnectionLost, ProtocolError
 from softarm.drivers.health import Health
 from softarm.drivers.valves.link import NoAnswer, Refused

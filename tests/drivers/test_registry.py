@@ -1,6 +1,7 @@
 """The configuration of devices: every mistake at once, each with its place and its cure."""
 
 import pytest
+
 from softarm.drivers.errors import DeviceErrors
 from softarm.drivers.registry import KINDS, load_devices
 

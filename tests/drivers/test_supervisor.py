@@ -6,6 +6,7 @@ from random import Random
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from softarm.drivers.alarms import Alarms
 from softarm.drivers.backoff import Backoff
 from softarm.drivers.device import SupervisedDevice, close_all, connect_all

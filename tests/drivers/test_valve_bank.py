@@ -7,9 +7,9 @@ from itertools import pairwise
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from softarm.drivers.errors import ConfigurationError, DeviceErrors, InterlockError, LimitError, ProtocolError
 from softarm.drivers.supervisor import State
-
 from tests.drivers.valve_rig import MemoryTerminal, build
 
 SIX = [30_000.0, 0.0, 10_000.0, 0.0, 5_000.0, 0.0]

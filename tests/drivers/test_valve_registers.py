@@ -5,6 +5,7 @@ import math
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+
 from softarm.drivers.errors import LimitError
 from softarm.drivers.valves.echo import EchoMonitor, Verdict
 from softarm.drivers.valves.limits import PressureLimits, limit_lifetime, limit_step

@@ -3,9 +3,9 @@
 import asyncio
 
 import pytest
+
 from softarm.drivers.errors import DeviceErrors, InterlockError
 from softarm.drivers.supervisor import State
-
 from tests.drivers.valve_rig import MemoryTerminal, build_vtem
 
 SIX = [30_000.0, 0.0, 10_000.0, 0.0, 5_000.0, 0.0]

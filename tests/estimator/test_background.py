@@ -3,6 +3,7 @@
 from threading import Event
 
 import pytest
+
 from softarm.estimator.background import Background
 
 

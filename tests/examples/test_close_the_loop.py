@@ -7,6 +7,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 from click.testing import CliRunner
+
 from softarm.api.messages import Estimate, LoadEstimate, Mismatch
 from softarm.experiments.excitation_plan import manoeuvres_of
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+
 from softarm.daemon.config import ConfigError, load_config
 
 WRONG = """

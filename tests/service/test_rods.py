@@ -1,12 +1,12 @@
 """Where rods come from: the cache or a fit; and which of them may stand in for the finite elements."""
 
 import pytest
+
 import softarm.common.rods as rods
 from softarm.common.errors import WorkFailedError
 from softarm.estimator.rod import FittedRod, HeldOut, Report, shape_key
 from softarm.estimator.rod.archive import to_bytes
 from softarm.estimator.specimen import load_specimen
-
 from tests.estimator.rod.linear_rod import linear_rod
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from softarm.api.messages import State
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.estimator.recording import Recording

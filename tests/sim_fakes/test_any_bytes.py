@@ -2,6 +2,7 @@
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from softarm.fakes.devices import Surroundings, build_instrument, catalogue
 from softarm.fakes.faults import FaultBoard
 from softarm.fakes.parts import PART_OF_KIND, SerialPart
@@ -10,7 +11,6 @@ from softarm.fakes.qtm.session import Session
 from softarm.fakes.scenario import check_scenario
 from softarm.fakes.still import StillArm
 from softarm.fakes.valves.modbus import LONGEST_PDU, execute
-
 from tests.sim_fakes.test_qtm import Software
 from tests.sim_fakes.test_valves import terminal
 

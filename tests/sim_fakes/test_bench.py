@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from softarm.estimator.errors import InputError
 from softarm.fakes.control import ControlPort, serve
 from softarm.fakes.faults import Fault, FaultBoard

@@ -6,6 +6,7 @@ import signal
 import sys
 
 import tomli_w
+
 from softarm.cli import run
 
 TABLE = {

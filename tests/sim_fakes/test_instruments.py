@@ -6,6 +6,7 @@ import struct
 
 import numpy as np
 import pytest
+
 from softarm.fakes.devices import Surroundings, build_instrument, catalogue
 from softarm.fakes.faults import FaultBoard
 from softarm.fakes.plant.state import Cord, PlantInputs

@@ -4,6 +4,7 @@ import struct
 import xml.etree.ElementTree as ET
 
 import pytest
+
 from softarm.fakes.faults import FaultBoard
 from softarm.fakes.qtm import packets
 from softarm.fakes.qtm.measurement import Body, Cameras, Measurement, measurement_faults

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from softarm.fakes.faults import FaultBoard
 from softarm.fakes.valves.modbus import execute
 from softarm.fakes.valves.mpa import MpaBank, bank_faults

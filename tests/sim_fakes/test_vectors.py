@@ -4,6 +4,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+
 from softarm.fakes.faults import FaultBoard
 from softarm.fakes.qtm import packets
 from softarm.fakes.qtm.discovery import discovery_reply

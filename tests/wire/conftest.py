@@ -5,6 +5,7 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
+
 from softarm.drivers.registry import load_devices
 from softarm.fakes.rig import Rig, running
 from softarm.fakes.scenario import check_scenario

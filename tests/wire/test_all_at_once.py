@@ -1,6 +1,7 @@
 """Every kind of device at once under random faults, on real sockets and terminals, against the truth."""
 
 import pytest
+
 from softarm.bench import fault_run
 
 

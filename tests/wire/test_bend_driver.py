@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+
 from softarm.drivers.supervisor import State
 
 SPEED = 40.0

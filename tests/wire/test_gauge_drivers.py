@@ -3,6 +3,7 @@
 import asyncio
 
 import pytest
+
 from softarm.drivers.errors import DeviceErrors, InterlockError
 from softarm.drivers.supervisor import State
 

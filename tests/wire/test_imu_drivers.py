@@ -4,6 +4,7 @@ import asyncio
 
 import numpy as np
 import pytest
+
 from softarm.drivers.errors import DeviceErrors
 from softarm.drivers.supervisor import State
 

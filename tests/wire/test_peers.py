@@ -8,6 +8,7 @@ from itertools import pairwise
 import pytest
 import qtm_rt
 from pymodbus.client import AsyncModbusTcpClient
+
 from softarm.fakes.rig import running
 from softarm.fakes.scenario import check_scenario
 

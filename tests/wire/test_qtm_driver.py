@@ -3,6 +3,7 @@
 import asyncio
 
 import pytest
+
 from softarm.drivers.errors import DeviceErrors
 from softarm.drivers.qualisys.discovery import discover
 from softarm.drivers.supervisor import State

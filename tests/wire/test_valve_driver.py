@@ -5,6 +5,7 @@ import contextlib
 from itertools import pairwise
 
 import pytest
+
 from softarm.drivers.errors import DeviceErrors, InterlockError
 from softarm.drivers.supervisor import State
 

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
+
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.device import Device
 from softarm.drivers.reading import Sink, ignore

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pydantic import ValidationError
+
 from softarm.drivers.bend.device import BendConfig
 from softarm.drivers.config import DriverConfig
 from softarm.drivers.errors import ConfigurationError, DeviceErrors

@@ -5,6 +5,7 @@ from abc import abstractmethod
 from typing import Annotated, Any, Generic, Literal, TypeVar
 
 from pydantic import Field
+
 from softarm.drivers.clock import NANOSECONDS, Clock
 from softarm.drivers.config import DriverConfig
 from softarm.drivers.device import SupervisedDevice

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
 import serial
+
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.errors import ConnectionLost, DeviceError, ProtocolError
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+
 from softarm.estimator.fem import FiniteElementModel, Material, Membrane, Section, Springs
 from softarm.estimator.geometry import Resolution, build_mesh
 from softarm.estimator.geometry.checks import element_volumes

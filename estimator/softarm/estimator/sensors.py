@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.rotations import exp, from_quaternions
 from softarm.estimator.sensing import ActuationMap, Bend, Marker, Orientation, Registration, SectionPose

@@ -3,6 +3,7 @@
 from typing import Literal
 
 from pydantic import Field, ValidationError
+
 from softarm.api.messages import Message
 
 ErrorCode = Literal[

@@ -8,6 +8,7 @@ from typing import Literal, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
+
 from softarm.api.commands import VERBS, Applied, Refused
 from softarm.api.keys import PREFIX
 from softarm.api.messages import (

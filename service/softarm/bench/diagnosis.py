@@ -7,6 +7,7 @@ from threading import Lock
 from typing import TYPE_CHECKING
 
 import click
+
 from softarm.cli.output import Table, json_option, progress, quick_option, say, show
 
 if TYPE_CHECKING:

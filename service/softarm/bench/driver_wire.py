@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import tomli_w
+
 from softarm.cli.output import Cell
 from softarm.drivers.clock import NANOSECONDS
 from softarm.drivers.device import Device, close_all, connect_all

@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 import click
+
 from softarm.bench import driver_decoding, driver_soak, driver_wire
 from softarm.bench.driver_wire import Subject
 from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show

@@ -3,6 +3,7 @@
 import logging
 
 import click
+
 from softarm.bench import fault_run
 from softarm.cli.output import Table, json_option, progress, quick_option, show
 

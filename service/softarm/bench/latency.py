@@ -13,6 +13,7 @@ from pathlib import Path
 
 import click
 import numpy as np
+
 from softarm.api.messages import Estimate, Message
 from softarm.cli.demo import fake_specimen
 from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show

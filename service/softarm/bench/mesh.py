@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import click
 import numpy as np
+
 from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show
 from softarm.estimator.arm import model_on_mesh
 from softarm.estimator.geometry import DEFAULTS, Resolution, build_mesh

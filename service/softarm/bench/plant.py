@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import click
+
 from softarm.cli.output import Table, json_option, progress, quick_option, show
 
 

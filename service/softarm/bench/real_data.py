@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 import numpy as np
+
 from softarm.analysis.offline.alignment import quick_solver
 from softarm.analysis.offline.inputs import cut, load_recordings
 from softarm.analysis.offline.resample import resample

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 import numpy as np
+
 import softarm.estimator.rod
 from softarm.cli.output import Cell, Table, json_option, progress, quick_option, say, show
 from softarm.common.rods import fit_now, fitted_rod

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import as_completed
 
 import click
+
 from softarm.analysis.diagnosis.workers import workers
 from softarm.bench import safety_run
 from softarm.bench.safety_cases import FAST_S, Outcome

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from softarm.api.commands import VERBS, Applied, Refused
 from softarm.cli import fakes
 from softarm.daemon.config import ServiceConfig, Setup

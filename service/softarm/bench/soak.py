@@ -4,6 +4,7 @@ import tempfile
 from pathlib import Path
 
 import click
+
 from softarm.bench.soak_run import Soak, SoakSettings
 from softarm.cli.output import Cell, Table, json_option, progress, show
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 import numpy as np
+
 from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem import FiniteElementModel, Material, Section

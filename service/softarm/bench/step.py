@@ -9,6 +9,7 @@ from typing import Any
 import click
 import numpy as np
 from scipy.sparse.linalg import splu
+
 from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show
 from softarm.estimator.arm import model_on_mesh
 from softarm.estimator.fem import FiniteElementModel, Refactoriser, TrackingModel

@@ -3,6 +3,7 @@
 from itertools import chain
 
 import click
+
 from softarm.bench.verification.bodies import body_results
 from softarm.bench.verification.elements import element_results
 from softarm.bench.verification.held import Result

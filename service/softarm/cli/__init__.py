@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 
 import click
+
 from softarm.common.errors import WorkFailedError
 from softarm.estimator.errors import InputError
 

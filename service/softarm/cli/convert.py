@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import click
+
 from softarm.cli.output import Table, force_option, json_option, progress, say, show
 from softarm.recordings import load_recording, read_attachments, save_recording
 from softarm.recordings.summary import summary

@@ -5,6 +5,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import click
+
 from softarm.cli.output import Table, json_option, progress, say, show
 from softarm.experiments.rig import FakeRig, Process, RigSettings
 

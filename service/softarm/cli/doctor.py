@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+
 from softarm.cli.output import Cell, Table, json_option, progress, show
 from softarm.daemon.config import ConfigError
 from softarm.drivers.clock import NANOSECONDS

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
 from softarm.cli.output import (
     Table,
     force_option,

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+
 from softarm.cli.demo import EXAMPLES, fake_specimen
 from softarm.cli.output import Cell, Table, json_option, progress, say, show, specimen_option
 from softarm.client.session import DEFAULT_ENDPOINT

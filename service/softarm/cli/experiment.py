@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+
 from softarm.cli.output import as_markdown, force_option, json_option, progress, say, show
 
 if TYPE_CHECKING:

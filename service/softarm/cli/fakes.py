@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+
 from softarm.cli.output import Table, json_option, say, show
 from softarm.fakes.control import ControlPort, status
 from softarm.fakes.devices import catalogue

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import click
+
 from softarm.cli.output import Table, json_option, out_option, progress, recording_argument, say, show
 
 

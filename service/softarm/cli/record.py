@@ -4,6 +4,7 @@ import signal
 from pathlib import Path
 
 import click
+
 from softarm.cli.output import Table, json_option, progress, say, show
 from softarm.client.client import SoftarmClient
 from softarm.client.session import DEFAULT_ENDPOINT

@@ -7,6 +7,7 @@ import signal
 from pathlib import Path
 
 import click
+
 from softarm.cli.output import progress
 from softarm.common.rods import trusted_rod
 from softarm.daemon.app import Replay, Service

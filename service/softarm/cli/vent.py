@@ -4,6 +4,7 @@ import asyncio
 from pathlib import Path
 
 import click
+
 from softarm.cli.output import say
 from softarm.common.errors import WorkFailedError
 from softarm.daemon.config import load_config

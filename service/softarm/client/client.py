@@ -10,12 +10,13 @@ from typing import Self, TypeVar
 
 import zenoh
 from pydantic import ValidationError
+from zenoh.ext import HistoryConfig, declare_advanced_subscriber
+
 from softarm.api.commands import VERBS, Applied, Refused, malformed
 from softarm.api.keys import ArmKeys
 from softarm.api.messages import STREAMS, Estimate, Message, State
 from softarm.client.session import DEFAULT_ENDPOINT, client_settings, open_session
 from softarm.common.errors import WorkFailedError
-from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 StreamMessage = TypeVar("StreamMessage", bound=Message)
 

@@ -6,6 +6,7 @@ from typing import Literal
 
 import zenoh
 from pydantic import BaseModel, ConfigDict, Field
+
 from softarm.estimator.errors import InputError
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"

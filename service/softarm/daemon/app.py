@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import tomli_w
 from numpy.typing import NDArray
+
 from softarm.api.commands import Refused
 from softarm.api.page import schemas
 from softarm.daemon.config import SensorSettings, Setup

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
 from softarm.client.session import NetworkSettings
 from softarm.drivers.config import DriverConfig
 from softarm.drivers.errors import DeviceErrors

@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.api.messages import Estimate, Message, State
 from softarm.client.client import SoftarmClient
 from softarm.estimator.errors import InputError

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+
 from softarm.estimator.calibration import Calibrated, Run, Solver, check_drift
 from softarm.estimator.specimen import Specimen
 from softarm.experiments.figures import Cells

@@ -9,6 +9,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+
 from softarm.cli.output import Table
 from softarm.experiments.figures import Cells
 from softarm.experiments.seed import FAILED, HANDS, IN_REACH, SeedPlan, SeedResult, run_seed

@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.estimator.errors import InputError
 from softarm.estimator.excitation import Choice, Manoeuvre

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+
 from softarm.analysis.diagnosis.report import FindingPart, Report, Where
 from softarm.common.rods import known_rod, rod_for
 from softarm.estimator.arm import build_arm

@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.experiments.paper import Published
 
 Floats = NDArray[np.float64]

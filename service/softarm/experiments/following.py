@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.analysis.offline.track import Waypoints, begin_near, settings
 from softarm.common.errors import WorkFailedError
 from softarm.estimator.calibration import Run

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.client.client import SoftarmClient
 from softarm.experiments.bench import Collector, FakeControl, Observation, laboratory_of
 from softarm.experiments.paper import FORCE_N, Published

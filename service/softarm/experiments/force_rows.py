@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import Track, Waypoints, track
 from softarm.estimator.arm import default_loads

@@ -7,6 +7,7 @@ P what is known beforehand, the fit without pose i moves the unknowns by
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration import Solver
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.nodes import Nodes

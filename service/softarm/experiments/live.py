@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.api.messages import State
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.client.session import DEFAULT_ENDPOINT

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.client.client import CommandRefusedError
 from softarm.common.errors import WorkFailedError
 from softarm.estimator.recording import Recording

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.cli.calibrate import tables as calibration_tables
 from softarm.cli.output import Table
 from softarm.estimator.calibration import (

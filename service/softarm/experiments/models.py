@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.arm import build_arm, default_loads
 from softarm.estimator.calibration import NodeSolver, Solver, section_forces
 from softarm.estimator.calibration.solver import Response

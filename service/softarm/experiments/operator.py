@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.experiments.bench import FakeControl
 
 Floats = NDArray[np.float64]

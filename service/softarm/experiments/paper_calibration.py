@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from softarm.estimator.calibration import Run, Solver
 from softarm.estimator.calibration.fit import Fit, fit
 from softarm.estimator.calibration.forward import Forward

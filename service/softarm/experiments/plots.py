@@ -7,6 +7,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
 from softarm.cli.output import Cell
 from softarm.experiments.seed import SeedResult, Series
 

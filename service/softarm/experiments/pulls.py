@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.analysis.offline.track import State, Track
 from softarm.estimator.calibration import Run
 from softarm.estimator.calibration.pulls import cord_direction, gauged_section

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+
 from softarm.common.errors import WorkFailedError
 
 Floats = NDArray[np.float64]

@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Any, Self
 
 import tomli_w
+
 from softarm.daemon.config import SafetySettings
 from softarm.estimator.errors import InputError
 

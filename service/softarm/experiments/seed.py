@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+
 from softarm.common.errors import WorkFailedError
 from softarm.estimator.arm import default_loads
 from softarm.estimator.calibration import (

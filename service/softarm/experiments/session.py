@@ -6,6 +6,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+
 from softarm.api.messages import Estimate, State
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.estimator.errors import InputError

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration import Run
 from softarm.estimator.errors import InputError
 from softarm.estimator.sensing import Bend, Measurement, Orientation, SectionPose, SensorSuite

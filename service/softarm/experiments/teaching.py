@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import actuation
 from softarm.common.errors import WorkFailedError

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration import Solver
 from softarm.estimator.calibration.stretched import respond
 from softarm.estimator.errors import InputError

@@ -1,6 +1,7 @@
 """Samples spread over a whole run, for errors that do not need holds."""
 
 import numpy as np
+
 from softarm.estimator.calibration import Run
 from softarm.estimator.calibration.nodes import choose_nodes
 from softarm.estimator.calibration.pulls import LEAST_PULL

@@ -8,6 +8,7 @@ from io import StringIO
 from typing import TypeVar
 
 import viser
+
 from softarm.api.messages import Estimate, Message, Mismatch, State
 from softarm.client.client import SoftarmClient
 from softarm.estimator.specimen import Specimen

@@ -7,10 +7,11 @@ from collections.abc import Mapping
 
 import numpy as np
 import viser
+from viser import uplot
+
 from softarm.api.messages import Estimate, Mismatch, State
 from softarm.client.client import SoftarmClient
 from softarm.page.operator import Operator
-from viser import uplot
 
 HISTORY = 300
 HOLD_RATE_HZ = 5.0

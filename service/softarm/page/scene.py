@@ -6,6 +6,7 @@ import numpy as np
 import trimesh
 import viser
 from numpy.typing import NDArray
+
 from softarm.api.messages import LoadEstimate, SectionPose
 from softarm.estimator.geometry import build_mesh
 from softarm.estimator.mesh import Mesh

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import MARKER_SUFFIXES, Floats
 from softarm.recordings.columns import TIME

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import tomli_w
+
 from softarm.estimator.errors import InputError
 
 

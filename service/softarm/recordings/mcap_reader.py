@@ -11,13 +11,14 @@ import numpy as np
 from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
 from mcap.stream_reader import CRCValidationError, StreamReader
+from zstandard import ZstdError
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Floats, Recording
 from softarm.recordings.columns import TIME, column_name
 from softarm.recordings.info import parse_info
 from softarm.recordings.mcap_writer import INFO_FILE, METADATA
 from softarm.recordings.validate import checked_recording
-from zstandard import ZstdError
 
 CUT_OFF = "the file was cut off; read up to its last whole chunk"
 TEAR = (McapError, CRCValidationError, ZstdError, EOFError, struct.error, UnicodeDecodeError, ValueError)

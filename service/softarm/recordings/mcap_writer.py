@@ -11,6 +11,7 @@ from typing import IO, Any
 import numpy as np
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
+
 from softarm.estimator.recording import Recording
 from softarm.recordings.columns import TIME, place
 from softarm.recordings.info import format_info

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import MARKER_SUFFIXES, POSE_SUFFIXES, Floats
 from softarm.estimator.rotations import to_quaternions

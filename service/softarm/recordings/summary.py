@@ -1,6 +1,7 @@
 """What a recording holds, one row per stream."""
 
 import numpy as np
+
 from softarm.estimator.recording import Recording
 from softarm.recordings.mcap_writer import streams_of
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Floats, Recording
 from softarm.recordings.columns import TIME, check_names

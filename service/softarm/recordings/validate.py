@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Floats, Recording
 from softarm.recordings.columns import TIME, check_names

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
+
 from softarm.estimator.errors import InputError
 from softarm.fakes.faults import nearest
 from softarm.fakes.parts import NotNegative, Part, Positive, ValvesPart, Vector

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
+
 from softarm.estimator.errors import InputError
 from softarm.fakes.parts import (
     PART_OF_KIND,

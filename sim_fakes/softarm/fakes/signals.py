@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.effects import INSTRUMENT_EFFECTS, Concealed, Filter, filters
 from softarm.fakes.plant.state import Floats

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.fakes.faults import nearest
 from softarm.fakes.plant.state import Floats, PlantInputs, PlantState

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.fakes.clock import Clock
 from softarm.fakes.faults import nearest

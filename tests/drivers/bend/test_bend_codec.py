@@ -3,6 +3,7 @@
 from typing import Any
 
 import pytest
+
 from softarm.drivers.bend.bendlabs import BendLine, BendStatus, bend_codec, parse_line
 from softarm.drivers.framing import FrameFault
 

@@ -5,6 +5,7 @@ from math import radians
 from typing import Any
 
 import pytest
+
 from softarm.drivers.bend.device import BendAngles, BendConfig, BendSensors
 from softarm.drivers.errors import InterlockError
 from softarm.drivers.reading import Reading

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from softarm.drivers.framing import FrameFault
 from softarm.drivers.gauges.line import parse_line
 from softarm.drivers.gauges.lutron import lutron_codec

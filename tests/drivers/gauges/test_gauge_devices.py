@@ -5,6 +5,7 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
+
 from softarm.drivers.errors import ConnectionLost, InterlockError
 from softarm.drivers.gauges.device import LineGaugeConfig, LutronConfig, StreamingGauge
 from softarm.drivers.gauges.force import Force, ForceScale

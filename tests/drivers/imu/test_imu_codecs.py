@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from softarm.drivers.framing import FrameFault
 from softarm.drivers.imu.bno08x import bno08x_codec
 from softarm.drivers.imu.quaternion_line import parse_line

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from softarm.drivers.errors import ProtocolError
 from softarm.drivers.imu.device import Bno08xConfig, QuaternionLineConfig, XbusConfig
 from softarm.drivers.imu.sample import ImuSample

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+
 from softarm.drivers.errors import DeviceErrors
 from softarm.drivers.qualisys.connection import Connection
 from softarm.drivers.qualisys.device import MotionCapture, QualisysConfig

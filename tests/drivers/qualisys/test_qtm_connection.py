@@ -4,10 +4,10 @@ import asyncio
 from typing import Any
 
 import pytest
+
 from softarm.drivers.errors import ConnectionLost
 from softarm.drivers.qualisys.connection import Connection, Refused
 from softarm.drivers.qualisys.packets import PacketKind
-
 from tests.drivers.qualisys.qtm_peer import Peer, event, frame, text
 
 

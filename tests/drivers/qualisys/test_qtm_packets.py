@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from qtm_rt.packet import QRTPacketType
 from qtm_rt.receiver import Receiver
+
 from softarm.drivers.framing import FrameFault
 from softarm.drivers.qualisys.bodies import BodyFrame, Component, decode_bodies
 from softarm.drivers.qualisys.discovery import Host, encode_discover, parse_reply

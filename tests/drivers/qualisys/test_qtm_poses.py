@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+
 from softarm.drivers.framing import FrameFault
 from softarm.drivers.qualisys.bodies import BodyFrame, Component
 from softarm.drivers.qualisys.parameters import Parameters, parse_parameters

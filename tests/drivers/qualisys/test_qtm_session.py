@@ -5,10 +5,10 @@ import struct
 from typing import Any
 
 import pytest
+
 from softarm.drivers.errors import ConfigurationError, ConnectionLost, ProtocolError
 from softarm.drivers.qualisys.device import QualisysConfig
 from softarm.drivers.supervisor import State
-
 from tests.drivers.qualisys.qtm_peer import Peer, Rig, event, frame, refused, run, settings, text
 
 

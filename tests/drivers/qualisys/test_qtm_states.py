@@ -5,9 +5,9 @@ import struct
 from typing import Any
 
 import pytest
+
 from softarm.drivers.errors import ConfigurationError
 from softarm.drivers.supervisor import State
-
 from tests.drivers.qualisys.qtm_peer import Rig, event, frame, packet, refused, run, text
 
 

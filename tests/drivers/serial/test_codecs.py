@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from softarm.drivers.bend.bendlabs import bend_codec
 from softarm.drivers.framing import Codec, Decoded
 from softarm.drivers.gauges.line import line_gauge_codec

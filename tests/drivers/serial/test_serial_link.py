@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import serial
+
 from softarm.drivers import serial_link
 from softarm.drivers.clock import monotonic
 from softarm.drivers.errors import ConnectionLost, ProtocolError

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from softarm.estimator.augmented import AugmentedEstimator, ShapedModel, Spread
 from softarm.estimator.augmented.estimator import registered_again, undo
 from softarm.estimator.effects import EFFECTS, Spot, World
@@ -16,7 +17,6 @@ from softarm.estimator.sensing import ActuationMap, Orientation, Registration, S
 from softarm.estimator.simulation import Drive
 from softarm.estimator.simulation.compliance import bounded_inverse
 from softarm.estimator.specimen.physics import Place
-
 from tests.estimator.simulation.straight_arm import AZIMUTHS, MASSES
 from tests.estimator.simulation.test_simulation_arm import toy
 

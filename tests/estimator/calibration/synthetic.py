@@ -2,6 +2,8 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from toy import toy
+
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import to_quaternions
 from softarm.estimator.sensing import Registration, Scene
@@ -15,7 +17,6 @@ from softarm.estimator.specimen import (
     Value,
     load_specimen,
 )
-from toy import toy
 
 Floats = NDArray[np.float64]
 

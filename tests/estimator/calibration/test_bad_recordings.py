@@ -5,6 +5,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from synthetic import record
+from toy import toy
+
 from softarm.estimator.calibration import (
     CalibrationRefusedError,
     NodeSolver,
@@ -21,8 +24,6 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.model import Load
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen, load_specimen
-from synthetic import record
-from toy import toy
 
 SECTIONS = ("base", "intermediate", "tip")
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}

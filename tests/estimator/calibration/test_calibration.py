@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+from synthetic import GAINS, SCALES, record, true_specimen
+from toy import toy
+
 from softarm.estimator.calibration import (
     CalibrationRefusedError,
     NodeSolver,
@@ -21,8 +24,6 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.sensing import ActuationMap
 from softarm.estimator.specimen import Specimen, Value, load_specimen
-from synthetic import GAINS, SCALES, record, true_specimen
-from toy import toy
 
 SECTIONS = ("base", "intermediate", "tip")
 QUICK = Options(nodes=40, iterations=8)

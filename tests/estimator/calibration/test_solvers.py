@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from toy import ToyModel, toy, twists
+
 from softarm.estimator.calibration import BatchSolver, NodeSolver
 from softarm.estimator.model import Frames, Inputs
-from toy import ToyModel, toy, twists
 
 Floats = NDArray[np.float64]
 GRAVITY = np.array([0.0, 0.0, 9.81])

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.rotations import exp
 

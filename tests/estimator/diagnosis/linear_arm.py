@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.estimator.diagnosis.prepare import blocks_of
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Model
@@ -14,7 +15,6 @@ from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.simulation import Drive, LinearisedArm, Response
 from softarm.estimator.specimen import load_specimen
 from softarm.estimator.specimen.physics import Place
-
 from tests.estimator.simulation.straight_arm import SEGMENTS, straight_arm, world
 
 SECTIONS = ("intermediate", "tip")

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from softarm.estimator.diagnosis.admit import admit
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording

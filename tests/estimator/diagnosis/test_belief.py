@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from softarm.estimator.diagnosis.belief import Belief, Factor, Marginal
 from softarm.estimator.diagnosis.gram import products_of, renewed, total, with_columns
 

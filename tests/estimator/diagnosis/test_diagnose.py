@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from softarm.analysis.diagnosis.report import report_of
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis import diagnose as whole
@@ -11,7 +12,6 @@ from softarm.estimator.diagnosis.split import hold_out
 from softarm.estimator.effects import EFFECTS, Spot
 from softarm.estimator.effects.effect import Memory, Signals
 from softarm.estimator.specimen.physics import Place
-
 from tests.estimator.diagnosis.linear_arm import model, session, trial
 
 TRIED = (

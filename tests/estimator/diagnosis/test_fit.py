@@ -5,6 +5,7 @@ from typing import cast
 
 import numpy as np
 import pytest
+
 from softarm.estimator.diagnosis.belief import Belief
 from softarm.estimator.diagnosis.fit import Ground, View, fit_effects
 from softarm.estimator.diagnosis.gram import products_of, total
@@ -13,7 +14,6 @@ from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.augmented import PlacedEffect
 from softarm.estimator.specimen.physics import Place
-
 from tests.estimator.simulation.straight_arm import world
 
 SHAPE = np.sin(np.linspace(0.0, 9.0, 400))[:, None] + np.array([[0.3, -0.2]])

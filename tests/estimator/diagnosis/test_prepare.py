@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from softarm.estimator.diagnosis.prepare import averaged, prepare
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.split import excitation, hold_out
 from softarm.estimator.diagnosis.words import EXCITATION, WHEN, manoeuvre
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen import load_specimen
-
 from tests.estimator.diagnosis.linear_arm import session
 
 LIMITS = np.array(load_specimen("sopra").pressure_limits)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from softarm.estimator.diagnosis.calibration import calibrate_sessions
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS, Spot
@@ -13,7 +14,6 @@ from softarm.estimator.sensing import Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.specimen import load_specimen
 from softarm.estimator.specimen.physics import Place
-
 from tests.estimator.diagnosis.linear_arm import SECTIONS, model, session
 
 TILT = 0.01, -0.02

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from softarm.estimator.diagnosis.calibration import calibrate_sessions
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.stuck import (
@@ -14,7 +15,6 @@ from softarm.estimator.diagnosis.stuck import (
     without_stuck,
 )
 from softarm.estimator.recording import Recording
-
 from tests.estimator.diagnosis.linear_arm import model, session
 
 

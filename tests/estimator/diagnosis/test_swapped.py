@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from softarm.estimator.diagnosis.calibration import calibrate_sessions
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Stage
@@ -11,7 +12,6 @@ from softarm.estimator.diagnosis.swapped import refuse_swapped, refuse_swapped_c
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import load_specimen
-
 from tests.estimator.diagnosis.linear_arm import model, session
 
 SOPRA = load_specimen("sopra")

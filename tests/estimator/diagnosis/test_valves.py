@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from softarm.estimator.diagnosis.valve_stage import splits_of, valve_findings
 from softarm.estimator.diagnosis.valves import static, valves_of
 from softarm.estimator.recording import Recording

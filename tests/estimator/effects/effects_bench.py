@@ -1,12 +1,12 @@
 """Runs one effect on the straight arm under given pressures."""
 
 import numpy as np
+
 from softarm.estimator.effects import EFFECTS, Spot
 from softarm.estimator.effects.augmented import PlacedEffect, Simulation, simulate_with
 from softarm.estimator.sensing import Bend, SensorSuite
 from softarm.estimator.simulation import Drive
 from softarm.estimator.specimen.physics import Place
-
 from tests.estimator.simulation.straight_arm import straight_arm, world
 
 SUITE = SensorSuite((Bend("bend_intermediate", 0, 1e-3), Bend("bend_tip", 1, 1e-3)))

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.accepted import accepted_physics, physics_entry
 from softarm.estimator.effects.excitation import inventory, missing
@@ -11,7 +12,6 @@ from softarm.estimator.rotations import exp, from_quaternions, log, to_quaternio
 from softarm.estimator.simulation import Segments
 from softarm.estimator.specimen import load_specimen
 from softarm.estimator.specimen.physics import Physics, Place
-
 from tests.estimator.effects.effects_bench import WORLD, placed
 
 

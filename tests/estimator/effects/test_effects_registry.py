@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
+
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.simulation import Drive
-
 from tests.estimator.effects.effects_bench import WORLD, drive_of, placed, run
 
 

@@ -4,6 +4,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+
 from softarm.estimator.effects.effect import Excitation
 from softarm.estimator.effects.excitation import inventory
 from softarm.estimator.excitation import Limits, Manoeuvre, menu

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+
 from softarm.estimator.excitation import Limits, Rivals, Subject, menu, plan_for, whole
 from softarm.estimator.excitation.plan import ENOUGH
 from softarm.estimator.simulation import Drive, Response, Segments
-
 from tests.estimator.effects.effects_bench import SUITE, WORLD, placed
 from tests.estimator.simulation.straight_arm import SEGMENTS, straight_arm
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from softarm.estimator.fem import FiniteElementModel, Material, Membrane
 from softarm.estimator.fem.structured import box, with_nodes, with_surface
 from softarm.estimator.mesh import ElementKind, Mesh

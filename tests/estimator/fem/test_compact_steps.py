@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.fem.lanes import SINGLE_LANES
 from softarm.estimator.fem.section_fit import build_section_fit

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
+
 from softarm.bench.sofa import DISPLACEMENT_LIMIT, FORCE_LIMIT_N, forward, inverse, read_reference
 
 FOLDER = Path(os.environ.get("SOFARM_SOFA", "../shared/reference/sofa"))

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+
 from softarm.estimator.derivatives import central_difference
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.mesh import ElementKind

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+
 from softarm.estimator.fem import (
     FiniteElementModel,
     Refactoriser,

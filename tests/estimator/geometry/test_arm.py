@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from softarm.estimator.arm import build_arm, default_loads, fibres, region_materials
 from softarm.estimator.fem import FiniteElementModel, Membrane, Springs
 from softarm.estimator.geometry import Resolution, build_mesh

@@ -7,6 +7,7 @@ from typing import Any
 import meshio
 import numpy as np
 import pytest
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.geometry import Resolution, build_mesh
 from softarm.estimator.geometry.checks import chamber_volume, element_volumes

@@ -5,6 +5,7 @@ import pytest
 import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.geometry import Resolution, build_mesh
 from softarm.estimator.geometry.checks import chamber_volume, element_volumes, jacobians

@@ -1,6 +1,6 @@
 import pytest
-from softarm.estimator.model import Load
 
+from softarm.estimator.model import Load
 from tests.estimator.inverse.toy_arm import ToyArm
 
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from softarm.estimator.inverse import (
     Tolerances,
     Unknowns,

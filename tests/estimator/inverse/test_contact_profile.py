@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from softarm.estimator.inverse import ContactProfile, Unknowns, forces_problem, independent_prior
 from softarm.estimator.model import Inputs, Load
 from softarm.estimator.sensing import Orientation, Scene, SectionPose, SensorSuite

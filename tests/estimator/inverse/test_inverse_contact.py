@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.inverse import ContactSearch, locate_force
 from softarm.estimator.model import Inputs, Load

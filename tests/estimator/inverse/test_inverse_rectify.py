@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.inverse import rectify
 from softarm.estimator.model import Frames, Inputs

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from softarm.estimator.inverse import Estimator, LoadProcess, TrackerSettings
 from softarm.estimator.model import Inputs
 from softarm.estimator.sensing import ActuationMap, Orientation, Scene, SensorSuite

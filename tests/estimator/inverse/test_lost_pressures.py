@@ -1,4 +1,5 @@
 import numpy as np
+
 from softarm.estimator.inverse import Estimator, LoadProcess, TrackerSettings
 from softarm.estimator.model import Inputs
 from softarm.estimator.sensing import ActuationMap, Orientation, Scene, SensorSuite

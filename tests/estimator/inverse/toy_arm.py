@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
+
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.rotations import exp_kernel, jacobian_kernel
 

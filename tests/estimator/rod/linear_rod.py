@@ -1,6 +1,7 @@
 """A straight, uniform, linearly elastic rod with pressures that bend it: laws that are known exactly."""
 
 import numpy as np
+
 from softarm.estimator.model import Load
 from softarm.estimator.rod.arrays import Laws
 from softarm.estimator.rod.chain import Chain, point_weights

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from softarm.estimator.arm import build_arm
 from softarm.estimator.model import Inputs
 from softarm.estimator.rod import Recipe, shape_key

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from softarm.estimator.derivatives import derivative_error
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames

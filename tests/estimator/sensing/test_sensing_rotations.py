@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from softarm.estimator.derivatives import derivative_error
 from softarm.estimator.rotations import (
     exp,

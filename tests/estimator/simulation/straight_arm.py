@@ -1,6 +1,7 @@
 """A linear arm of two segments about its straight rest pose, known in closed form."""
 
 import numpy as np
+
 from softarm.estimator.effects import World
 from softarm.estimator.model import Frames
 from softarm.estimator.simulation import Drive, LinearisedArm, Response, Segments

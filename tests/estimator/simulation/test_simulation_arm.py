@@ -2,10 +2,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames, Inputs
 from softarm.estimator.simulation import Drive, LinearisedArm, Segments, SimulatedArm, section_loads
-
 from tests.estimator.inverse.toy_arm import LENGTH, STIFFNESS, ToyArm, chain
 
 SECTIONS = ("intermediate", "tip")

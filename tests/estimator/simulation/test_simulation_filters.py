@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+
 from softarm.estimator.simulation.filters import first_order, second_order
 
 TIME = np.concatenate([np.linspace(0.0, 1.0, 30), np.linspace(1.3, 3.0, 10)])

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from softarm.estimator.simulation.inertia import Masses, Swaying
 
+from softarm.estimator.simulation.inertia import Masses, Swaying
 from tests.estimator.simulation.straight_arm import HEIGHTS, SEGMENTS, STIFFNESS, straight_arm
 
 TIP = Masses(np.array([0.0, 0.08]), np.zeros(2))

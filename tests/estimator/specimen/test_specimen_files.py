@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import (
     SHIPPED,

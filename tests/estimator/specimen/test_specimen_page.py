@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from pydantic import BaseModel
+
 from softarm.estimator.specimen.page import TABLES, specimen_page
 
 PAGE = Path(__file__).parents[3] / "docs" / "specimen.md"

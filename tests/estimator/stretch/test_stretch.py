@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad
+
 from softarm.estimator.arm import build_arm
 from softarm.estimator.fem import TrackingModel
 from softarm.estimator.geometry import Resolution

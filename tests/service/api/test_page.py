@@ -1,6 +1,7 @@
 from pathlib import Path
 
 from jsonschema import Draft202012Validator
+
 from softarm.api.commands import VERBS
 from softarm.api.page import render, schemas
 

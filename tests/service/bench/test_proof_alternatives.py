@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from softarm.bench.proof.alternatives import SMOOTH, Bends, alignment, chosen_by, faded, learned, sindy
 from softarm.bench.proof.schedule import SealedTrial
 from softarm.bench.proof.trial import Folders, forget

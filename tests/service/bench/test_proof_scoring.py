@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 import tomli_w
+
 from softarm.bench.proof.schedule import PATTERN, SealedTrial, schedule
 from softarm.bench.proof.score import SAME, Score, score
 from softarm.bench.proof.tables import proof_tables, ran_table, wilson

@@ -1,6 +1,7 @@
 """A minute of faults, stalled clients and recordings beside a running service."""
 
 import pytest
+
 from softarm.bench.soak_run import Soak, SoakSettings
 
 pytestmark = pytest.mark.timeout(240)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 
 import pytest
+
 from softarm.bench.verification import bodies, elements
 from softarm.bench.verification.held import Result
 

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+
 from softarm.daemon.control.hold import HoldGoal, HoldLimits, advance_hold, begin_hold
 from softarm.daemon.control.poses import PoseStore, SavedPose
 from softarm.estimator.errors import InputError

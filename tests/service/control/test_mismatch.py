@@ -1,4 +1,5 @@
 import numpy as np
+
 from softarm.daemon.control.mismatch import MismatchTest
 
 

@@ -4,6 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+
 from softarm.daemon.control.recorder import PART_SUFFIX, Document, Recorder, RecorderError, Sample
 from softarm.daemon.control.streams import RecordedStreams
 from softarm.recordings import load_recording

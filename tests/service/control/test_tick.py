@@ -1,5 +1,6 @@
 from hypothesis import given
 from hypothesis import strategies as st
+
 from softarm.daemon.control.tick import Ticker, TickSchedule
 
 INTERVAL = 10_000_000

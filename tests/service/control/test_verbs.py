@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from softarm.api.commands import VERBS, Applied, Refused
 from softarm.daemon.config import ControlSettings, SafetySettings
 from softarm.daemon.control.controller import Controller

@@ -1,6 +1,7 @@
 """A diagnosis as the pipeline would give it, with every part filled."""
 
 import numpy as np
+
 from softarm.estimator.diagnosis.result import (
     Baseline,
     Cell,

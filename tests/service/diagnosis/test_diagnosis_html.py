@@ -6,12 +6,12 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
+
 from softarm.analysis.diagnosis.charts import Curve, against, over_time
 from softarm.analysis.diagnosis.drawing import colour
 from softarm.analysis.diagnosis.html import _chance, page, write_html
 from softarm.estimator.diagnosis.result import LocationMap
 from softarm.estimator.specimen import load_specimen
-
 from tests.service.diagnosis.made_diagnosis import diagnosis, finding, trace
 
 VOID = {"meta", "br"}

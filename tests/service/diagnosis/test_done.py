@@ -4,11 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+
 from softarm.analysis.diagnosis.done import digest_of, done_before, write_digest, write_report
 from softarm.analysis.diagnosis.report import report_of
 from softarm.analysis.diagnosis.run import Request
 from softarm.estimator.specimen import load_specimen
-
 from tests.service.diagnosis.made_diagnosis import diagnosis
 
 

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from softarm.analysis.diagnosis.report import FILE, read_report, report_of
 from softarm.cli import run
 from softarm.estimator.diagnosis.result import (

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from softarm.analysis.diagnosis.run import Request, improved_specimen, run
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.cli.demo import fake_specimen
@@ -15,7 +16,6 @@ from softarm.estimator.effects.augmented import PlacedEffect
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import Specimen, load_specimen
 from softarm.estimator.specimen.physics import Place
-
 from tests.estimator.simulation.straight_arm import world
 from tests.service.diagnosis.made_diagnosis import diagnosis
 

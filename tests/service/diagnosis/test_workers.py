@@ -1,6 +1,7 @@
 """The same work, in this process, in others, or on a Dask cluster."""
 
 import pytest
+
 from softarm.analysis.diagnosis.workers import workers
 from softarm.estimator.errors import InputError
 

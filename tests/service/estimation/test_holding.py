@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
 from softarm.daemon.estimation import holding
 from softarm.daemon.estimation.holding import Arm, Holding
 from softarm.estimator.inverse import Compensation

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from softarm.daemon.estimation.rod_check import RodCheck
 from softarm.daemon.safety.checks import check_rod
 from softarm.daemon.safety.modes import Mode

@@ -4,6 +4,7 @@ import signal
 from functools import partial
 
 import pytest
+
 from softarm.daemon.estimation.worker import RESTARTS_ALLOWED, STUCK_S, Worker
 
 

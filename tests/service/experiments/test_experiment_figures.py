@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from softarm.estimator.calibration import arrange, section_forces
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames

@@ -5,6 +5,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+
 from softarm.analysis.offline.track import Waypoints
 from softarm.estimator.calibration.solver import Response
 from softarm.estimator.errors import InputError

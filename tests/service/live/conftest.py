@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
+
 from softarm.experiments.bench import FakeControl
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.session import connect, wait_ready
-
 from tests.service.live.helpers import cleared
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -5,6 +5,7 @@ import threading
 import time
 
 import numpy as np
+
 from softarm.api.messages import State
 from softarm.client.client import CommandRefusedError
 from softarm.experiments.recovery import arm_again

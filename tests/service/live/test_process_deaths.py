@@ -8,10 +8,10 @@ import time
 from pathlib import Path
 
 import pytest
+
 from softarm.client.client import SoftarmClient
 from softarm.experiments.recovery import arm_again
 from softarm.recordings import load_recording
-
 from tests.service.live.helpers import (
     VENTED_MBAR,
     VENTED_S,

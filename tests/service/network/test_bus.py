@@ -3,6 +3,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+
 from softarm.api.commands import Applied, Refused
 from softarm.api.messages import Mismatch, Stamp
 from softarm.client.client import CommandRefusedError, SoftarmClient

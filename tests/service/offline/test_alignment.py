@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from softarm.analysis.offline.alignment import aligned
 from softarm.common.rods import rod_for
 from softarm.estimator.recording import Recording

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from softarm.analysis.offline.inputs import in_its_mount
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from softarm.analysis.offline.inputs import load_recordings
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import track
@@ -13,7 +14,6 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import Specimen, load_specimen
 from softarm.estimator.specimen.calibration import Value
 from softarm.estimator.specimen.physics import Parameter, Physics, Place
-
 from tests.cli.test_estimate_and_calibrate import SCALE, WEIGHT, record
 
 MASS = -WEIGHT / 9.81

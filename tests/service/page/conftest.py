@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+
 from softarm.client.session import NetworkSettings, listening_endpoint
 from softarm.daemon.config import ControlSettings, SafetySettings
 from softarm.daemon.control.controller import Controller

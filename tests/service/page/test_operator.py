@@ -1,4 +1,5 @@
 import pytest
+
 from softarm.api.commands import Applied, Refused
 from softarm.client.client import CommandRefusedError
 from softarm.daemon.safety.modes import Mode

@@ -4,6 +4,7 @@ import shutil
 import socket
 
 import pytest
+
 from softarm.client.client import SoftarmClient
 from softarm.daemon.safety.modes import Mode
 

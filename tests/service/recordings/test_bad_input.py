@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.recordings import load_recording, save_recording

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+
 from softarm.estimator.errors import InputError
 from softarm.recordings import load_recording, read_attachments
 from softarm.recordings.mcap_writer import NANOSECONDS, Stamp, Stream, StreamWriter

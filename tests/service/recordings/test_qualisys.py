@@ -3,6 +3,7 @@ from pathlib import Path
 import ezc3d
 import numpy as np
 import pytest
+
 from softarm.estimator.errors import InputError
 from softarm.recordings import load_recording
 

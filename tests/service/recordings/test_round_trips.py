@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from softarm.estimator.recording import Recording
 from softarm.recordings import load_recording, read_attachments, save_recording
 from softarm.recordings.columns import column_name, place

@@ -1,6 +1,7 @@
 """Every fault of valves and motion capture, and some of the others, in a mode each: where is the arm left?"""
 
 import pytest
+
 from softarm.bench.safety_cases import Outcome
 from softarm.bench.safety_run import BENCHES, parts, quick, run
 from softarm.daemon.safety.modes import Mode

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 from hypothesis import given
 from hypothesis import strategies as st
+
 from softarm.daemon.safety.checks import ALL_CHECKS
 from softarm.daemon.safety.checks.inputs import FOLLOWING_THE_POSE
 from softarm.daemon.safety.findings import FindingBook

@@ -1,6 +1,7 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from softarm.daemon.safety.lease import LeaseDesk, LeaseError
 
 SECOND = 1_000_000_000

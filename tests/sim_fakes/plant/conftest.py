@@ -1,10 +1,10 @@
 from dataclasses import replace
 
 import pytest
+
 from softarm.fakes.plant.arm import FakeArm
 from softarm.fakes.plant.effects import Concealed
 from softarm.fakes.plant.parameters import ArmParameters, sopra
-
 from tests.sim_fakes.plant.driving import MakeArm
 
 

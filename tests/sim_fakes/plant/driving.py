@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+
 from softarm.fakes.plant.arm import FakeArm
 from softarm.fakes.plant.state import PlantInputs, PlantState
 

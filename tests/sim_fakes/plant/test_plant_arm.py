@@ -2,12 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.arm import FakeArm
 from softarm.fakes.plant.parameters import GRAVITY, ArmParameters, Mount, sopra
 from softarm.fakes.plant.rotations import product, rotation_matrix, vector_quaternion
 from softarm.fakes.plant.state import Cord, Hand, PlantInputs
-
 from tests.sim_fakes.plant.driving import MakeArm, hold, pressures
 
 VENTED = PlantInputs(np.zeros(6))

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
+
 from softarm.fakes.plant.loads import Line
 from softarm.fakes.plant.parameters import GRAVITY
 from softarm.fakes.plant.state import Cord, PlantInputs
-
 from tests.sim_fakes.plant.driving import MakeArm, hold
 
 KNOT = np.array([0.0, 0.0, 0.1])

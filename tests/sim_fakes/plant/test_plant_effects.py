@@ -2,11 +2,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.arm import FakeArm
 from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, Concealed, effect
 from softarm.fakes.plant.state import PlantInputs, PlantState
-
 from tests.sim_fakes.plant.driving import MakeArm, hold, move, pressures
 
 VENTED = PlantInputs(np.zeros(6))

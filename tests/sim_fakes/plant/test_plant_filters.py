@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from softarm.fakes.plant.effects import INSTRUMENT_EFFECTS, Concealed, Filter, filters
 from softarm.fakes.plant.instruments import bends_of
 from softarm.fakes.plant.rotations import product, quaternion_vector, vector_quaternion

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.excitation import LONG, inventory, missing
 from softarm.fakes.plant.chain import gravity_in_base

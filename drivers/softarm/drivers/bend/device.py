@@ -12,6 +12,7 @@ from math import radians
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
+
 from softarm.drivers.bend.bendlabs import BendLine, BendStatus, bend_codec
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.errors import InterlockError

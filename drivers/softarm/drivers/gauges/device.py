@@ -4,6 +4,7 @@ import asyncio
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
+
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.errors import InterlockError
 from softarm.drivers.framing import Codec

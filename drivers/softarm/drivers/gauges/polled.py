@@ -5,6 +5,7 @@ from abc import abstractmethod
 from typing import Annotated, Generic, Literal
 
 from pydantic import Field
+
 from softarm.drivers.clock import NANOSECONDS, Clock, Ticker, monotonic
 from softarm.drivers.config import Seconds
 from softarm.drivers.framing import Codec

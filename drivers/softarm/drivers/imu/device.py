@@ -4,6 +4,7 @@ import asyncio
 from typing import Annotated, Any, Generic, Literal
 
 from pydantic import Field
+
 from softarm.drivers.clock import NANOSECONDS, Clock, monotonic
 from softarm.drivers.framing import Codec
 from softarm.drivers.imu import bno08x, xbus

@@ -4,6 +4,7 @@ import asyncio
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
+
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.errors import ProtocolError
 from softarm.drivers.imu import witmotion

@@ -4,6 +4,7 @@ import asyncio
 from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
+
 from softarm.drivers.clock import NANOSECONDS, Clock, monotonic
 from softarm.drivers.config import DriverConfig, Seconds
 from softarm.drivers.device import SupervisedDevice

@@ -3,6 +3,7 @@
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
+
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.config import DriverConfig, Seconds
 from softarm.drivers.reading import Sink, ignore

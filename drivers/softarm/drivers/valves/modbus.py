@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from pymodbus.client import AsyncModbusTcpClient
 from pymodbus.exceptions import ModbusException
 from pymodbus.pdu import ModbusPDU
+
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.errors import ConnectionLost, ProtocolError
 from softarm.drivers.health import Health

@@ -10,6 +10,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.augmented.model import ShapedModel, ShapedStep, Spread
 from softarm.estimator.effects.accepted import accepted_physics
 from softarm.estimator.effects.augmented import (

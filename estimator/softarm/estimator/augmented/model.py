@@ -11,6 +11,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
 

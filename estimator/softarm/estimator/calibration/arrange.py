@@ -6,6 +6,7 @@ from difflib import get_close_matches
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.gaps import interpolate
 from softarm.estimator.calibration.pulls import LEAST_PULL, known_pulls
 from softarm.estimator.errors import InputError

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.arrange import Run
 from softarm.estimator.calibration.fit import Fit, fit
 from softarm.estimator.calibration.forward import Evaluation, Forward

@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.arrange import Run
 from softarm.estimator.calibration.pulls import HOOK, LEAST_PULL
 from softarm.estimator.recording import Recording

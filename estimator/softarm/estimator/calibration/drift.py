@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
+
 from softarm.estimator.calibration.arrange import Run
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.nodes import NEVER_TOGETHER, TOGETHER, Nodes, choose_nodes

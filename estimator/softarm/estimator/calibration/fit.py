@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.forward import Evaluation, Forward
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.scatter import vented

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.parameters import Layout, Setting, gravity_axes
 from softarm.estimator.calibration.pressures import by_unknown

@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.parameters import Layout, Parameter
 
 Floats = NDArray[np.float64]

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
+
 from softarm.estimator.calibration.arrange import Floats, Run
 
 Flags = NDArray[np.bool_]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.identifiability import Identified
 from softarm.estimator.calibration.parameters import gravity_axes
 from softarm.estimator.rotations import exp, from_quaternions, log

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.rotations import exp
 from softarm.estimator.sensing import (
     ActuationMap,

@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.parameters import Parameter, Setting
 from softarm.estimator.model import Frames
 from softarm.estimator.stretch import StretchLaw

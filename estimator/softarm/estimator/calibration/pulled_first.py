@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.fit import fit
 from softarm.estimator.calibration.forward import Evaluation, Forward
 from softarm.estimator.calibration.nodes import Nodes

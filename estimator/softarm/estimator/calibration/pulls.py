@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.gaps import LONGEST_BRIDGE, interpolate
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Load

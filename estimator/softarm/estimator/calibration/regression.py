@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.arrange import Run
 
 Floats = NDArray[np.float64]

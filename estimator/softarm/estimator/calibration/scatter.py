@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.arrange import Run
 from softarm.estimator.calibration.forward import Evaluation
 from softarm.estimator.calibration.nodes import Nodes

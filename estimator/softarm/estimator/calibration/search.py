@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.model import Frames
 from softarm.estimator.sensing import Bend, Scene, SensorSuite

@@ -6,6 +6,7 @@ from typing import Generic, Protocol, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
 from softarm.estimator.rotations import exp
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.parameters import Layout

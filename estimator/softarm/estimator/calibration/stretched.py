@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.solver import LARGEST_MOVE, Response, Solver
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import exp

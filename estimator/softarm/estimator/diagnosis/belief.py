@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
 from softarm.estimator.diagnosis.gram import Total
 
 Floats = NDArray[np.float64]

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.parameters import Layout, Parameter, Setting, build_layout
 from softarm.estimator.diagnosis.session import Session, units
 from softarm.estimator.diagnosis.stage import Model, Stage, build_stage, thinned

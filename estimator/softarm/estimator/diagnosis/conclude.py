@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.diagnosis.belief import Marginal
 from softarm.estimator.diagnosis.candidates import TIED, Accepted, Candidate, Choice
 from softarm.estimator.diagnosis.choose import Search

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.diagnosis.calibration import Fitted, calibrate_sessions
 from softarm.estimator.diagnosis.candidates import Choice
 from softarm.estimator.diagnosis.choose import Search

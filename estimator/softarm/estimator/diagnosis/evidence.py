@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.diagnosis.belief import Belief
 from softarm.estimator.diagnosis.calibration import Fitted
 from softarm.estimator.diagnosis.gram import Products, products_of, renewed, total, with_columns

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.diagnosis.belief import Belief, Factor
 from softarm.estimator.diagnosis.gram import Total
 from softarm.estimator.diagnosis.library import Hypothesis

@@ -10,6 +10,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.diagnosis.stage import Stage
 
 Floats = NDArray[np.float64]

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration import Run, arrange
 from softarm.estimator.diagnosis.session import Floats, Indices, Session
 from softarm.estimator.errors import InputError

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.diagnosis.session import Session
 
 Floats = NDArray[np.float64]

@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.specimen.physics import EffectName, Place
 
 Floats = NDArray[np.float64]

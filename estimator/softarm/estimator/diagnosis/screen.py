@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.diagnosis.belief import Marginal
 from softarm.estimator.diagnosis.evidence import Evidence
 from softarm.estimator.diagnosis.library import Direction

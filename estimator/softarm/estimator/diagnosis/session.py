@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.sensing import ActuationMap, SensorSuite
 from softarm.estimator.simulation import Drive
 

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects import World
 from softarm.estimator.effects.augmented import PRESSURES, PlacedEffect, signals_of
 from softarm.estimator.model import Frames

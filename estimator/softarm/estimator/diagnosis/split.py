@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.excitation import inventory

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration.forward import registered, rigid_motion
 from softarm.estimator.calibration.parameters import Layout, Setting
 from softarm.estimator.calibration.pressures import by_unknown

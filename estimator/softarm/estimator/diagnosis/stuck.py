@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.diagnosis.result import Evidence, Finding, Quantity
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS

@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.diagnosis.belief import Marginal
 from softarm.estimator.diagnosis.candidates import Choice
 from softarm.estimator.diagnosis.choose import Search

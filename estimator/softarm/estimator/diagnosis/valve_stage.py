@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.diagnosis.admit import Admitted
 from softarm.estimator.diagnosis.result import (
     Baseline,

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.recording import Recording
 from softarm.estimator.simulation.filters import first_order
 

@@ -1,6 +1,7 @@
 """The effects that a specimen file says its model contains."""
 
 import numpy as np
+
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.augmented import PlacedEffect
 from softarm.estimator.effects.effect import Effect

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects import base_tilt
 from softarm.estimator.effects.effect import Effect, Memory, Signals
 from softarm.estimator.effects.world import Spot, World

@@ -6,6 +6,7 @@ clamp sits askew in its mount, none where the mount itself is turned.
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.world import (
     Spot,

@@ -5,6 +5,7 @@ n = (cos a, sin a, 0) points into the wall, d is its distance from the arm's axi
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.world import (
     Spot,

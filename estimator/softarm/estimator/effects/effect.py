@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.world import Spot, World
 from softarm.estimator.specimen.physics import EffectName, Place
 

@@ -6,6 +6,7 @@ Its exact step over a change du of one sign is z' = s r + (z - s r) exp(-|du| / 
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.world import (
     Spot,

@@ -6,6 +6,7 @@ One mode for all of the place: rings of a few hertz are of the arm's first bendi
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.world import (
     Spot,

@@ -8,6 +8,7 @@ K_a d (1 - k (2 t^2 + 4/3 d^2 / r^2)); the sums in brackets are the loss of bend
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.world import World
 
 Floats = NDArray[np.float64]

@@ -5,6 +5,7 @@ p = p_in - s z, tau z' = p_in - z, s the share lost in a long hold and tau the t
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.world import (
     Spot,

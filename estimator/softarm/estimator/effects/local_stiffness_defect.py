@@ -9,6 +9,7 @@ with q = D / (1 - D) and D the share of bending stiffness lost about the axis.
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.world import (
     Spot,

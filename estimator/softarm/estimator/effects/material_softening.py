@@ -6,6 +6,7 @@ of 2 it is the leading term of Yeoh's law, with n of 1 a modulus that falls from
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.large_strain import losses
 from softarm.estimator.effects.world import (

@@ -6,6 +6,7 @@ with q of the step before.
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.large_strain import losses
 from softarm.estimator.effects.world import (

@@ -7,6 +7,7 @@ Ogden-Roxburgh: stiffness factor eta = 1 - s erf((M^2 - A^2) / w^2), A the size 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
+
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.large_strain import size
 from softarm.estimator.effects.world import (

@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.rotations import exp, from_quaternions, log, to_quaternions
 
 Floats = NDArray[np.float64]

@@ -6,6 +6,7 @@ kept, and is brought back to unit length.
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.readings import QUATERNION, turns
 from softarm.estimator.effects.world import (

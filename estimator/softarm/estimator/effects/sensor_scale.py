@@ -5,6 +5,7 @@ A frame shows too much of its way and of its turn from where it was first seen.
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.readings import QUATERNION, turns
 from softarm.estimator.effects.world import (

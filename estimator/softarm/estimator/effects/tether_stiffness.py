@@ -6,6 +6,7 @@ A cord is soft where an obstacle is hard: what holds back with less than ``SOFTE
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects import contact_obstacle
 from softarm.estimator.effects.contact_obstacle import SOFTEST
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals

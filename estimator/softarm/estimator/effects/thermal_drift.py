@@ -5,6 +5,7 @@ A body that warms up to its surroundings nears their temperature exponentially (
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.world import (
     Spot,

@@ -8,6 +8,7 @@ there at once may change too, by i.
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.world import Spot, whole_and_segments
 from softarm.estimator.simulation.filters import first_order

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.effect import Excitation
 from softarm.estimator.excitation.manoeuvre import Limits, Manoeuvre, Path
 

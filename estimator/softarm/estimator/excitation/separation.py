@@ -16,6 +16,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.augmented import PlacedEffect, simulate_with
 from softarm.estimator.effects.world import World
 from softarm.estimator.excitation.manoeuvre import Manoeuvre

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.interpolation import points_inside

@@ -13,6 +13,7 @@ from llvmlite import ir  # type: ignore[import-untyped]
 from numba.core import types
 from numba.extending import get_cython_function_address, intrinsic
 from numpy.typing import NDArray
+
 from softarm.estimator.fem.compiled import compiled
 
 Addresses = NDArray[np.int64]

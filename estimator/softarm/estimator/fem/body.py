@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.bars import Bars, Membrane, Springs, build_fibres
 from softarm.estimator.fem.cavities import Cavities, build_cavities

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.pattern import Pattern, Slots

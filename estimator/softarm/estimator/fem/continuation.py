@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.estimator.fem.body import Body
 from softarm.estimator.fem.equilibrium import (
     Balance,

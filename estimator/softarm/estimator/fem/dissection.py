@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
+
 from softarm.estimator.mesh import Floats, Indices
 
 LEAF = 12

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.estimator.fem.body import Body, Evaluation
 from softarm.estimator.fem.factor import StiffnessFactor
 from softarm.estimator.fem.pattern import Tangent

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.estimator.fem.blas import Blas, load_blas
 from softarm.estimator.fem.fronts import Fronts
 from softarm.estimator.fem.fronts_kernel import factor_fronts, multiply_blocks, solve_fronts

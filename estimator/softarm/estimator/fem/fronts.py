@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.estimator.fem.dissection import Dissection
 from softarm.estimator.fem.pattern import Pattern
 from softarm.estimator.mesh import Indices

@@ -1,6 +1,7 @@
 """Kernels of the multifrontal Cholesky factorisation and of its solves."""
 
 import numpy as np
+
 from softarm.estimator.fem.blas import Addresses, Letters, gemm, gemv, potrf, syrk, trsm, trsv
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.mesh import Floats, Indices

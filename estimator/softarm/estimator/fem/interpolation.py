@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.shapes import inside_violation, shape_functions
 from softarm.estimator.mesh import Floats, Indices, Mesh

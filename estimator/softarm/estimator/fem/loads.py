@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.sections import SectionFrame, build_slice
 from softarm.estimator.fem.shapes import quadrature, shape_functions

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.mesh import Floats
 

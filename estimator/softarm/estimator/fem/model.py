@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.bars import Membrane, Springs
 from softarm.estimator.fem.body import Body, build_body

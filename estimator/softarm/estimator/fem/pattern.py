@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+
 from softarm.estimator.mesh import Floats, Indices
 
 Slots = NDArray[np.int32]

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.sections import SectionFrame
 from softarm.estimator.fem.transport import Transport

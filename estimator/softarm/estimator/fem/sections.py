@@ -6,6 +6,7 @@ A single material point counts as a section too: it has a position, and axes tha
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.interpolation import PointMap, cross_section, node_map, points_inside
 from softarm.estimator.mesh import Floats, Mesh

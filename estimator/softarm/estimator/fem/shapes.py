@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+
 from softarm.estimator.mesh import Floats
 
 TET_EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])

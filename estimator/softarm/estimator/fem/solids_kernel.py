@@ -18,6 +18,7 @@ those of the second node (``LEFT``).
 """
 
 import numpy as np
+
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.lanes import LANES, fma, load, multiply, store, zero
 from softarm.estimator.fem.pattern import Slots

@@ -1,6 +1,7 @@
 """Kernel of the hyperelastic elements' forces alone; the laws and symbols are those of ``solids_kernel``."""
 
 import numpy as np
+
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.lanes import LANES, fma, load, multiply, store, zero
 from softarm.estimator.fem.solids_kernel import (

@@ -6,6 +6,7 @@ from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.fem.shapes import HEX_EDGES, TET_EDGES
 from softarm.estimator.mesh import ElementBlock, ElementKind, FacetKind, Floats, Indices, Mesh, Surface
 

@@ -6,6 +6,7 @@ Four columns of a front go together, so that the right-hand side passes through 
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.estimator.fem.compiled import compiled, reassociated
 from softarm.estimator.fem.fronts import Fronts
 from softarm.estimator.fem.vector_substitution import substitute_vectors

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.materials import FRAME_CODES, Material
 from softarm.estimator.fem.pattern import Pattern, Slots

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+
 from softarm.estimator.fem.background import Refactoriser
 from softarm.estimator.fem.equilibrium import Balance
 from softarm.estimator.fem.loads import superpose

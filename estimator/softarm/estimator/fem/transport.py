@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.estimator.fem.dissection import Dissection
 from softarm.estimator.fem.factor import FactorPlan
 from softarm.estimator.fem.fronts import analyse

@@ -8,6 +8,7 @@ strain does not drown in the motion of the whole. Matrices stand at addresses, n
 from typing import Any
 
 import numpy as np
+
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.lanes import (
     SINGLE_LANES,

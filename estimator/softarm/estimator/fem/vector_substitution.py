@@ -1,6 +1,7 @@
 """Substitution of nodal vectors through a factor with one dof per node, their components side by side."""
 
 import numpy as np
+
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.lanes import LANES, fma, load, multiply, spread, store, zero
 from softarm.estimator.mesh import Floats, Indices, Singles

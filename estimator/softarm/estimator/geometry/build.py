@@ -1,6 +1,7 @@
 """From the description of a specimen to the mesh of its body."""
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.geometry.checks import check_mesh
 from softarm.estimator.geometry.cross_sections import block_patches, lobe_patches, quadrant_patches

@@ -1,6 +1,7 @@
 """What every mesh has to fulfil before a model is built on it."""
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.cavities import volume_form
 from softarm.estimator.fem.shapes import quadrature, shape_functions

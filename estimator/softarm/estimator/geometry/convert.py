@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+
 from softarm.estimator.fem.shapes import HEX_EDGES, parent_nodes, shape_functions
 from softarm.estimator.geometry.orphans import without_orphans
 from softarm.estimator.mesh import ElementBlock, ElementKind, FacetKind, Floats, Indices, Mesh, Surface

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+
 from softarm.estimator.geometry.patches import Curve, Patch, arc, line, moved, straight
 from softarm.estimator.geometry.resolution import Resolution
 from softarm.estimator.mesh import Floats

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.mesh import NODES_PER_FACET, ElementKind, FacetKind, Indices
 
 # Faces of the VTK elements seen from outside, corners counter-clockwise, then their mid-edge nodes.

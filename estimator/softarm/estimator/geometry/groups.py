@@ -8,6 +8,7 @@ from typing import Any
 
 import meshio
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.mesh import ElementKind, FacetKind, Floats, Indices
 

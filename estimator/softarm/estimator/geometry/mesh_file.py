@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.geometry.checks import check_elements, check_mesh
 from softarm.estimator.geometry.faces import FACE_KIND, boundary_faces, connected_parts, is_among

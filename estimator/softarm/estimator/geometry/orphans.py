@@ -1,6 +1,7 @@
 """Nodes that belong to no element."""
 
 import numpy as np
+
 from softarm.estimator.mesh import ElementBlock, Indices, Mesh, Surface
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+
 from softarm.estimator.mesh import Floats, Indices
 
 Curve = Callable[[Floats], Floats]

@@ -1,6 +1,7 @@
 """Rings of points on the wall of a chamber, where thread is wound."""
 
 import numpy as np
+
 from softarm.estimator.fem.shapes import shape_functions
 from softarm.estimator.geometry.faces import CORNERS
 from softarm.estimator.mesh import Floats, Indices, Mesh

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
+
 from softarm.estimator.geometry.faces import boundary_faces, element_faces, is_among
 from softarm.estimator.geometry.orphans import without_orphans
 from softarm.estimator.geometry.patches import Patch, Plan, build_plan

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
+
 from softarm.estimator.inverse.estimate import Estimate
 from softarm.estimator.inverse.limits import Limits
 from softarm.estimator.inverse.minimise import Tolerances

@@ -7,6 +7,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.inverse.estimate import Estimate
 from softarm.estimator.inverse.minimise import Tolerances

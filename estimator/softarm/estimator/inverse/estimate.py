@@ -7,6 +7,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.inverse.limits import Limits
 from softarm.estimator.inverse.minimise import Linearised, Minimum, Status
 from softarm.estimator.inverse.objectives import PRESSURES, Rows

@@ -6,6 +6,7 @@ from typing import Any, Generic, Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.inverse.limits import Limits
 from softarm.estimator.inverse.objectives import Iterate, Objective, Rows
 from softarm.estimator.inverse.program import build_program, solve_program

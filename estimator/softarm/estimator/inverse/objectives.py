@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.model import Frames
 from softarm.estimator.sensing import Scene, SensorSuite
 

@@ -5,6 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.inverse.estimate import Estimate, make_estimate
 from softarm.estimator.inverse.limits import Limits
 from softarm.estimator.inverse.minimise import Linearised, Tolerances, minimise

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from proxsuite import proxqp
+
 from softarm.estimator.inverse.limits import Limits
 from softarm.estimator.inverse.objectives import Rows
 

@@ -5,6 +5,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.inverse.estimate import Estimate
 from softarm.estimator.inverse.minimise import Tolerances
 from softarm.estimator.inverse.observability import join

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.model import Inputs, Load
 
 Floats = NDArray[np.float64]

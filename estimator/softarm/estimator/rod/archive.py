@@ -9,6 +9,7 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.geometry import DEFAULTS
 from softarm.estimator.rod.arrays import Laws

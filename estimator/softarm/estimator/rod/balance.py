@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
 from softarm.estimator.rod.arrays import Actions, Drive, Laws, Work
 from softarm.estimator.rod.laws import evaluate_laws
 from softarm.estimator.rod.statics import action_points, place, wrenches

@@ -4,6 +4,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+
 from softarm.estimator.arm import build_arm, default_loads
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.geometry import DEFAULTS

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.rod.model import CalibratedRod

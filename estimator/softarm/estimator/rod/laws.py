@@ -10,6 +10,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
 from softarm.estimator.rod.arrays import Laws
 
 Floats = NDArray[np.float64]

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.fem.factor import StiffnessFactor
 from softarm.estimator.fem.interpolation import node_map

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
 from softarm.estimator.model import Load
 from softarm.estimator.rod.arrays import Actions, Drive
 from softarm.estimator.rod.chain import Chain

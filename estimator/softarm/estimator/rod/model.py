@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.rod.arrays import Actions, Drive, Laws, Work, new_work

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.rod.arrays import Laws
 from softarm.estimator.rod.chain import Chain
 from softarm.estimator.rod.laws import OUTPUTS, feature_slopes, features, term_table

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
+
 from softarm.estimator.fem import FiniteElementModel, Settings
 from softarm.estimator.fem.continuation import Waypoint, between, extrapolate
 from softarm.estimator.fem.equilibrium import Balance, correct, exact_factor

@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.model import Frames
 from softarm.estimator.rod.chain import Chain
 from softarm.estimator.rod.statics import place

@@ -14,6 +14,7 @@ squares): a lateral force by 3 s^2 - 2 s^3, an axial one by s, its moment by l s
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
 from softarm.estimator.rod.arrays import Actions, Drive
 from softarm.estimator.rod.vectors import cross, multiply, rotate, rotate_back
 from softarm.estimator.rotations import exp_kernel, quaternion_kernel

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.arm import region_materials
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.fem.interpolation import PointMap, cross_section, locate

@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.model import Load
 from softarm.estimator.rod.laws import features
 from softarm.estimator.specimen import Chamber, Specimen

@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
 from softarm.estimator.rod.arrays import Actions, Drive
 from softarm.estimator.rod.statics import add_part
 from softarm.estimator.rod.vectors import cross, rotate, rotate_back

@@ -5,6 +5,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.rotations import exp, left_jacobian, skew
 from softarm.estimator.sensing.measurement import (
     Scene,

@@ -5,6 +5,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.rotations import skew
 from softarm.estimator.sensing.measurement import Scene, Sensitivity, no_load_rows, twist_rows
 from softarm.estimator.sensing.registration import Registration

@@ -10,6 +10,7 @@ from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.model import Frames
 from softarm.estimator.sensing.registration import Registration
 

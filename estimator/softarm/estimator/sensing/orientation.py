@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
 from softarm.estimator.rotations import (
     exp,
     from_quaternions,

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.rotations import exp, nearest_rotation, skew
 

@@ -5,6 +5,7 @@ from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
 from softarm.estimator.rotations import exp

@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.model import Frames
 from softarm.estimator.simulation.segments import Segments
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.model import Frames
 
 Floats = NDArray[np.float64]

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import eigh
+
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import skew
 from softarm.estimator.simulation.drive import Response

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import exp
 from softarm.estimator.simulation.drive import Drive, Response

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import inverse_left_jacobian, log

@@ -3,6 +3,7 @@
 from typing import Annotated, Literal
 
 from pydantic import Field
+
 from softarm.estimator.specimen.entry import Entry, Finite, Name, NotNegative, Positive, Quaternion, Vector
 
 Index = Annotated[int, Field(ge=0)]

@@ -1,6 +1,7 @@
 """What calibration found: how the arm, its actuators and its sensors differ from the description."""
 
 from pydantic import Field
+
 from softarm.estimator.specimen.body import Index
 from softarm.estimator.specimen.entry import Entry, Finite, Name, NotNegative, Value, Vector
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from pydantic_core import PydanticCustomError
+
 from softarm.estimator.specimen.body import Chamber, Section, Segment
 
 if TYPE_CHECKING:

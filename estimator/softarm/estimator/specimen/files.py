@@ -9,6 +9,7 @@ from pathlib import Path
 
 import tomli_w
 from pydantic import ValidationError
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen.problems import describe_errors
 from softarm.estimator.specimen.specimen import Specimen

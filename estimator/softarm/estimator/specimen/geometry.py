@@ -5,6 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
+
 from softarm.estimator.specimen.entry import Entry, Name, Positive, Quaternion, Vector
 
 

@@ -3,6 +3,7 @@
 from typing import Annotated, Literal
 
 from pydantic import Field
+
 from softarm.estimator.specimen.entry import Entry, Finite, NotNegative, Positive
 
 PoissonRatio = Annotated[float, Field(gt=0.0, lt=0.5, allow_inf_nan=False)]

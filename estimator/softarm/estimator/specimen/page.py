@@ -7,6 +7,7 @@ from typing import Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
+
 from softarm.estimator.specimen.body import Chamber, Clamp, Fibres, Marker, Section, Segment, SensorNoise
 from softarm.estimator.specimen.calibration import (
     BendCalibration,

@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from typing import Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen.checks import Inconsistency
 

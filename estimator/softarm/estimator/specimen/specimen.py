@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
+
 from softarm.estimator.specimen.body import Chamber, Clamp, Fibres, Marker, Section, Segment, SensorNoise
 from softarm.estimator.specimen.calibration import Calibration
 from softarm.estimator.specimen.checks import raise_inconsistencies

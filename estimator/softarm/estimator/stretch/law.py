@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.geometry import build_mesh
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import from_quaternions

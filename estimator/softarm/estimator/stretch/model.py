@@ -13,6 +13,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch.law import StretchLaw

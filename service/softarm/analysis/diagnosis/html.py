@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.analysis.diagnosis.charts import (
     AFTER,
     BEFORE,

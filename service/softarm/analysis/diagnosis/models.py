@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.arm import build_arm
 from softarm.estimator.diagnosis.stage import Model
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState

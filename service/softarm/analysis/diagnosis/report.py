@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
 from softarm.estimator.diagnosis.result import Diagnosis, Finding
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen.physics import EffectName, Place

@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+
 from softarm.analysis.diagnosis.models import finite_element_model, quick_rod, rod_model
 from softarm.analysis.offline.inputs import load_recordings
 from softarm.common.rods import known_rod, trusted

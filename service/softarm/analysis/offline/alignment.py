@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+
 from softarm.analysis.offline.track import actuation
 from softarm.common.rods import known_trusted_rod
 from softarm.estimator.arm import build_arm

@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.calibration import Run
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Floats

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+
 from softarm.analysis.offline.track import STATUSES, State, Track
 from softarm.estimator.recording import POSE_SUFFIXES, Floats, Recording
 from softarm.estimator.rotations import to_quaternions

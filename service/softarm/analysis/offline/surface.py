@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.analysis.plots.arm import Surface
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.mesh import Floats, Mesh

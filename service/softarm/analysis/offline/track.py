@@ -7,6 +7,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.augmented import Follower, estimator_of
 from softarm.estimator.calibration import Run
 from softarm.estimator.errors import InputError

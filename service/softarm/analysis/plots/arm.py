@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
+
 from softarm.analysis.offline.track import State, Track
 from softarm.analysis.plots.figures import blank
 from softarm.estimator.recording import Floats

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+
 from softarm.analysis.offline.track import State, Track
 from softarm.analysis.plots.arm import Surface, draw_arms
 from softarm.analysis.plots.figures import label, save, stacked

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+
 from softarm.analysis.plots.figures import label, save, stacked
 from softarm.estimator.excitation import Plan
 

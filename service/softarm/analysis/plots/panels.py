@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.estimator.recording import Floats, Recording
 from softarm.estimator.rotations import from_quaternions, log
 

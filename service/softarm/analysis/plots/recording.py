@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.signal import welch
+
 from softarm.analysis.plots.figures import blank, label, save, stacked
 from softarm.analysis.plots.panels import Panel, panels
 from softarm.estimator.recording import Floats, Recording

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.analysis.offline.inputs import load_recordings
 from softarm.analysis.offline.resample import resample
 from softarm.bench.proof.schedule import SealedTrial

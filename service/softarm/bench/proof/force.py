@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+
 from softarm.analysis.offline.inputs import in_its_mount, load_recordings
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import track

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
+
 from softarm.bench.proof.score import Score
 from softarm.cli.output import Cell, Table
 

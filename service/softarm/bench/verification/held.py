@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
+
 from softarm.estimator.fem import Material
 from softarm.estimator.fem.body import Body, build_body
 from softarm.estimator.fem.shapes import quadrature, shape_functions

@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.daemon.config import ControlSettings, SafetySettings
 from softarm.daemon.control.hold import Hold, HoldGoal, HoldLimits, advance_hold, begin_hold
 from softarm.daemon.estimation.messages import HoldAnswer

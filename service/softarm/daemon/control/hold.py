@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.daemon.estimation.messages import PoseTarget
 
 Floats = NDArray[np.float64]

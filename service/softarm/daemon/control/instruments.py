@@ -6,6 +6,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.daemon.config import Setup
 from softarm.daemon.control.controller import ValveOutputs
 from softarm.drivers.clock import Clock, monotonic

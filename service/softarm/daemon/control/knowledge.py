@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.api.messages import Contact, LoadEstimate, SectionPose, Vector
 from softarm.daemon.estimation.messages import EstimationResult, HoldAnswer, PoseTarget
 from softarm.estimator.model import Load

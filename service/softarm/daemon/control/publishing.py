@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.api.messages import (
     STREAMS,
     Estimate,

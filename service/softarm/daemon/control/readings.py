@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.daemon.config import SafetySettings, SensorSettings
 from softarm.daemon.control.channels import Sample, samples
 from softarm.daemon.safety.observation import Input

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.daemon.config import SensorSettings
 from softarm.daemon.control.channels import Sample
 from softarm.daemon.control.readings import channel

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
+
 from softarm.api.commands import (
     VERBS,
     Applied,

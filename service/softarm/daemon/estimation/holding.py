@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.daemon.estimation.messages import HoldAnswer, PoseTarget
 from softarm.estimator.inverse import Estimate, approach, replace_loads
 from softarm.estimator.model import Frames

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.inverse import ContactPlace
 
 Floats = NDArray[np.float64]

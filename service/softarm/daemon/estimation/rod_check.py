@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+
 from softarm.estimator.background import Background
 from softarm.estimator.model import ArmModel, Frames, Inputs
 from softarm.estimator.rotations import log

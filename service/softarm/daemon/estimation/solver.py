@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.common.rods import trusted_rod
 from softarm.daemon.config import ControlSettings, SensorSettings
 from softarm.daemon.estimation.holding import Arm, Holding

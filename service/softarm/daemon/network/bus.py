@@ -7,13 +7,14 @@ from types import TracebackType
 from typing import Any, Self
 
 import zenoh
+from zenoh.ext import CacheConfig, declare_advanced_publisher
+
 from softarm.api.commands import Applied, Refused
 from softarm.api.keys import ArmKeys
 from softarm.api.messages import STREAMS, Message
 from softarm.client.session import NetworkSettings, open_session
 from softarm.daemon.network.inbox import Inbox
 from softarm.estimator.errors import InputError
-from zenoh.ext import CacheConfig, declare_advanced_publisher
 
 COMMANDS_WAITING = 16
 SHAPE = "shape"

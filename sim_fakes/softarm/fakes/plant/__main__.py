@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 import numpy as np
 import polars as pl
+
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, Concealed, effect
 from softarm.fakes.plant.generate import Laboratory, generate

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.chain import Chain, build
 from softarm.fakes.plant.effects import Concealed, apply

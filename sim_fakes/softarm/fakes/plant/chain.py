@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.cross_section import CrossSection, lobed
 from softarm.fakes.plant.parameters import GRAVITY, ArmParameters, Segment

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.fakes.plant.arm import FakeArm
 from softarm.fakes.plant.chain import gravity_in_base
 from softarm.fakes.plant.effects import Concealed, arm_effects, effect, filters

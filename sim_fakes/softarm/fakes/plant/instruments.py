@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.fakes.plant.effects import Concealed, Filter, filters
 from softarm.fakes.plant.manoeuvre import SAMPLE
 from softarm.fakes.plant.rotations import product, tilt, vector_quaternion

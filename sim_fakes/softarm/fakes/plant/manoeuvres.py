@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.fakes.plant.manoeuvre import SAMPLE, Grip, Manoeuvre, Pull, chain, samples
 
 Floats = NDArray[np.float64]

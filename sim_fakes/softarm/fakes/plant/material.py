@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
 from softarm.fakes.plant.chain import Joint, rest_stiffness
 from softarm.fakes.plant.parameters import ArmParameters, Segment
 

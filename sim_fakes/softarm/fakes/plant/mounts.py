@@ -1,6 +1,7 @@
 """Ways to clamp the arm."""
 
 import numpy as np
+
 from softarm.fakes.plant.parameters import Mount
 from softarm.fakes.plant.rotations import product, vector_quaternion
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.fakes.plant.parameters import CHAMBERS_PER_SEGMENT, Actuation
 
 Floats = NDArray[np.float64]

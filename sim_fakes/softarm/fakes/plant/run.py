@@ -5,6 +5,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.fakes.plant.arm import FakeArm
 from softarm.fakes.plant.manoeuvre import SAMPLE, Grip, Manoeuvre, Pull
 from softarm.fakes.plant.state import Cord, Hand, PlantInputs, PlantState

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+
 from softarm.fakes.plant.arm import FakeArm
 from softarm.fakes.plant.effects import Concealed
 from softarm.fakes.plant.state import Cord, PlantInputs

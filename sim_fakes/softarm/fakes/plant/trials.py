@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.effects import (
     ARM_EFFECTS,

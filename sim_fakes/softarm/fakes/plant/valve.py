@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.fakes.plant.effects import Filter
 from softarm.fakes.plant.manoeuvre import SAMPLE
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from softarm.fakes.plant.instruments import Instruments
 from softarm.fakes.plant.parameters import Actuation, ArmParameters, Memory, Segment, sopra
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import tomli_w
+
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.generate import Generated
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.fakes.plant.state import Floats, PlantState
 from softarm.fakes.rotation import Quaternion, Vector, multiply, roll_pitch_yaw, rotate, turn
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import Floats, PlantState
 from softarm.fakes.serial.beat import Beat

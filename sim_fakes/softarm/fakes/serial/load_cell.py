@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.signals import See, plainly

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+
 from softarm.fakes.clock import Clock
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.instrument import BITS_PER_BYTE, Instrument

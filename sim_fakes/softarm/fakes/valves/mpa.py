@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import Floats
 from softarm.fakes.signals import See, plainly

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import Floats
 from softarm.fakes.signals import See, plainly

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.parameters import ArmParameters
 

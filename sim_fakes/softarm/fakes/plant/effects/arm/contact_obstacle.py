@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+
 from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
 from softarm.fakes.plant.effects.places import azimuth
 from softarm.fakes.plant.parameters import ArmParameters, Obstacle

@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.fakes.plant.rotations import product, vector_quaternion
 
 Floats = NDArray[np.float64]

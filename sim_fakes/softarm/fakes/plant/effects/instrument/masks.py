@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.fakes.plant.effects.effect import Where
 
 CHAMBERS = 16

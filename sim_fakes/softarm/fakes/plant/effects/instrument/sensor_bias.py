@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.fakes.plant.effects.effect import Filter, InstrumentEffect, Numbers, Quantity, Where
 from softarm.fakes.plant.effects.instrument.attitude import turned
 from softarm.fakes.plant.effects.places import azimuth
