@@ -21,8 +21,9 @@ import numpy as np
 from softarm.analysis.diagnosis.report import Report, read_report
 from softarm.api.messages import Estimate, Message, Mismatch
 from softarm.cli.demo import EXAMPLES, fake_specimen
-from softarm.cli.output import Table, say, show
+from softarm.cli.output import say, show
 from softarm.client.client import CommandRefusedError, SoftarmClient
+from softarm.common.tables import Table
 from softarm.estimator.excitation import Choice, Manoeuvre
 from softarm.experiments.bench import FakeControl
 from softarm.experiments.excitation import Recorded, run_excitation, run_manoeuvre, specimen_of_arm

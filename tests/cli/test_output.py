@@ -1,10 +1,12 @@
 import json
+from pathlib import Path
 
 import pytest
 
 from softarm.cli import run
-from softarm.cli.bench import BENCHES, command, module_name
-from softarm.cli.output import Table, as_markdown, progress, show, text
+from softarm.cli.bench import LABORATORY_BENCHMARKS, benchmarks, command
+from softarm.cli.output import progress, show
+from softarm.common.tables import Table, as_markdown, text
 
 
 def test_table_prints_rows_and_notes(capsys: pytest.CaptureFixture[str]) -> None:
@@ -54,11 +56,17 @@ def test_unknown_benchmark_is_one_line_and_status_2(capsys: pytest.CaptureFixtur
     assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_benchmarks_of_developers_are_there_in_a_checkout_only(tmp_path: Path) -> None:
+    assert {"step", "safety"} <= benchmarks().keys()
+    elsewhere = benchmarks(tmp_path)
+    assert "step" in elsewhere
+    assert "safety" not in elsewhere
+
+
 def test_absent_benchmark_is_not_listed(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setitem(BENCHES, "not-there-yet", "Nothing.")
-    assert module_name("not-there-yet") == "softarm.bench.not_there_yet"
+    monkeypatch.setitem(LABORATORY_BENCHMARKS, "not-there-yet", "Nothing.")
     assert run(["bench", "--help"]) == 0
     assert "not-there-yet" not in capsys.readouterr().out
     assert run(["bench", "not-there-yet"]) == 2

@@ -2,7 +2,7 @@
 
 import pytest
 
-from softarm.bench import fault_run
+from acceptance import fault_run
 
 
 @pytest.mark.timeout(300)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from softarm.cli.output import Table, json_option, progress, quick_option, say, show
+from softarm.cli.output import json_option, progress, quick_option, say, show
+from softarm.common.tables import Table
 
 if TYPE_CHECKING:
     from softarm.bench.proof.schedule import SealedTrial

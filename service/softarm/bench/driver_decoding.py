@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from softarm.cli.output import Cell
+from softarm.common.tables import Cell
 from softarm.drivers.clock import Tick, monotonic
 from softarm.drivers.health import Health
 from softarm.drivers.qualisys.bodies import BodyFrame, decode_bodies

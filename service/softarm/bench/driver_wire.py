@@ -14,7 +14,7 @@ from typing import Any
 
 import tomli_w
 
-from softarm.cli.output import Cell
+from softarm.common.tables import Cell
 from softarm.drivers.clock import NANOSECONDS
 from softarm.drivers.device import Device, close_all, connect_all
 from softarm.drivers.errors import DeviceErrors

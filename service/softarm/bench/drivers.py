@@ -7,9 +7,10 @@ from pathlib import Path
 
 import click
 
-from softarm.bench import driver_decoding, driver_soak, driver_wire
+from softarm.bench import driver_decoding, driver_wire
 from softarm.bench.driver_wire import Subject
-from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show
+from softarm.cli.output import json_option, progress, quick_option, show
+from softarm.common.tables import Cell, Table
 
 FASTEST_HZ = 500.0
 READINGS = driver_decoding.MILLION
@@ -21,26 +22,13 @@ QUICK_SECONDS = 2.0
 @click.command()
 @json_option
 @quick_option
-@click.option(
-    "--soak",
-    "soak_minutes",
-    type=click.FloatRange(min=0.05, max=24 * 60.0),
-    help="Instead: strike all devices with random faults for so many minutes.",
-)
-@click.option("--seed", default=1, show_default=True, help="Seed of the random faults.")
-def command(as_json: bool, quick: bool, soak_minutes: float | None, seed: int) -> int:
-    r"""Time and load the device drivers against the fakes, which run in a process of their own.
+def command(as_json: bool, quick: bool) -> int:
+    """Time and load the device drivers against the fakes, which run in a process of their own.
 
-    With --soak the status is 1 when a task leaked, a reading was mislabelled or a fault went unnoticed.
-
-    \b
     Example: softarm bench drivers --quick
-    Example: softarm bench drivers --soak 10
     """
     # The outages are meant; the drivers' warnings of them would only stand between the tables.
-    logging.getLogger("drivers").setLevel(logging.ERROR)
-    if soak_minutes is not None:
-        return _soak(soak_minutes, seed, as_json=as_json)
+    logging.getLogger("softarm.drivers").setLevel(logging.ERROR)
     seconds, readings = (QUICK_SECONDS, QUICK_READINGS) if quick else (SECONDS, READINGS)
     with progress("drivers on the wire"):
         wire = asyncio.run(on_the_wire(seconds))
@@ -60,25 +48,6 @@ def command(as_json: bool, quick: bool, soak_minutes: float | None, seed: int) -
     )
     show(*wire, decoding, *qualisys(readings), as_json=as_json)
     return 0
-
-
-def _soak(minutes: float, seed: int, *, as_json: bool) -> int:
-    with (
-        progress("drivers under random faults"),
-        tempfile.TemporaryDirectory(prefix="softarm-bench-") as folder,
-    ):
-        soaked = asyncio.run(driver_soak.soak(Path(folder), driver_wire.subjects(), 60.0 * minutes, seed))
-    notes = (
-        f"{soaked.seconds:.0f} s, seed {seed}; tasks leaked: {len(soaked.leaked)}; errors that ended in the "
-        f"event loop: {len(soaked.stray)}; memory grew by {soaked.grown_kib} KiB.",
-        "Beyond notice: faults that nothing on the wire betrays; the next table says why.",
-    )
-    show(
-        Table("Drivers under random faults", driver_soak.rows_by_device(soaked), notes),
-        Table("Faults", driver_soak.rows_by_fault(soaked)),
-        as_json=as_json,
-    )
-    return int(not soaked.sound)
 
 
 async def on_the_wire(seconds: float) -> tuple[Table, ...]:

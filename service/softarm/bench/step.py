@@ -10,7 +10,8 @@ import click
 import numpy as np
 from scipy.sparse.linalg import splu
 
-from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show
+from softarm.cli.output import json_option, progress, quick_option, show
+from softarm.common.tables import Cell, Table
 from softarm.estimator.arm import model_on_mesh
 from softarm.estimator.fem import FiniteElementModel, Refactoriser, TrackingModel
 from softarm.estimator.fem.stiffness import take_stiffness

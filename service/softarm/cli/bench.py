@@ -1,60 +1,88 @@
-"""``softarm bench NAME``: one module of ``softarm.bench`` per benchmark, imported only when it is run."""
+"""``softarm bench NAME``: one module per benchmark, imported only when it is run."""
 
 import importlib
 import importlib.util
+import sys
+from pathlib import Path
 
 import click
 
-BENCHES = {
+CHECKOUT = Path(__file__).parents[3]
+ACCEPTANCE = "acceptance"
+"""Package below ``tests/`` of a checkout with the benchmarks that only developers run."""
+
+LABORATORY_BENCHMARKS = {
+    "step": "Time a step of the estimator, part by part.",
+    "latency": "Time estimates from the packet to a subscriber in another process.",
+    "drivers": "Time and load the device drivers against the fakes.",
+    "diagnosis": "Diagnose sealed trials, and score them where answers are given.",
+}
+ACCEPTANCE_BENCHMARKS = {
     "verify": "Check the finite elements against published and analytic answers.",
     "sofa": "Compare with SOFA's equilibria and inverse trajectories.",
-    "step": "Time a step of the estimator, part by part.",
-    "rod": "Hold the calibrated rod against its finite-element model, and time both.",
-    "latency": "Time estimates from the packet to a subscriber in another process.",
+    "rod": "Compare the calibrated rod with its finite-element model, and time both.",
     "mesh": "Compare the shipped meshes with their refinements.",
-    "drivers": "Time and load the device drivers against the fakes.",
-    "faults": "Strike every kind of device with random faults, and hold each reading against the truth.",
-    "diagnosis": "Prove the diagnosis on sealed trials and beside its alternatives.",
-    "safety": "Strike every device with every fault in every mode; is the arm left safe?",
-    "soak": "Run a service for long under faults and clients that come, go and stall.",
+    "faults": "Inject random faults into every kind of device, and compare each reading with the truth.",
+    "safety": "Inject every fault into every device in every mode, and check that the arm is left safe.",
+    "soak": "Run a service for long under faults, with clients that come, go and stall.",
     "plant": "Time the fake arm against real time.",
     "real-data": "Calibrate on real recordings and predict what was held out.",
 }
 
 
-def module_name(name: str) -> str:
-    """Name the module of a benchmark."""
-    return f"softarm.bench.{name.replace('-', '_')}"
+def benchmarks(checkout: Path = CHECKOUT) -> dict[str, tuple[str, str]]:
+    """List the benchmarks that can be run: all in a checkout, those of a laboratory elsewhere.
+
+    Args:
+        checkout: Root of the checkout, if this is one.
+
+    Returns:
+        For each name, its module and one line of help.
+    """
+    packages = {"softarm.bench": LABORATORY_BENCHMARKS}
+    tests = checkout / "tests"
+    if (tests / ACCEPTANCE / "__init__.py").exists():
+        packages[ACCEPTANCE] = ACCEPTANCE_BENCHMARKS
+        if str(tests) not in sys.path:
+            sys.path.append(str(tests))
+    named = {
+        name: (f"{package}.{name.replace('-', '_')}", line)
+        for package, lines in packages.items()
+        for name, line in lines.items()
+    }
+    return {name: entry for name, entry in named.items() if importlib.util.find_spec(entry[0])}
 
 
-class LazyBenches(click.Group):
-    """The benchmarks that are installed; the others are neither listed nor run."""
+class LazyBenchmarks(click.Group):
+    """The benchmarks that are at hand; the others are neither listed nor run."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         """Name the benchmarks whose module exists."""
-        return [name for name in BENCHES if importlib.util.find_spec(module_name(name))]
+        return list(benchmarks())
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command:
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command:  # noqa: ARG002
         """Import one benchmark.
 
         Raises:
             click.UsageError: There is none of that name.
         """
-        installed = self.list_commands(ctx)
-        if cmd_name not in installed:
-            raise click.UsageError(f"no benchmark is called {cmd_name}; take one of: {', '.join(installed)}")
-        command = importlib.import_module(module_name(cmd_name)).command
+        known = benchmarks()
+        if cmd_name not in known:
+            where = "; this one runs in a checkout" if cmd_name in ACCEPTANCE_BENCHMARKS else ""
+            raise click.UsageError(
+                f"no benchmark is called {cmd_name}{where}; take one of: {', '.join(known)}"
+            )
+        command = importlib.import_module(known[cmd_name][0]).command
         assert isinstance(command, click.Command)
         return command
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """List the benchmarks without importing them."""
-        if rows := [(name, BENCHES[name]) for name in self.list_commands(ctx)]:
-            with formatter.section("Benchmarks"):
-                formatter.write_dl(rows)
+        with formatter.section("Benchmarks"):
+            formatter.write_dl([(name, line) for name, (_, line) in benchmarks().items()])
 
 
-@click.group(cls=LazyBenches, no_args_is_help=True)
+@click.group(cls=LazyBenchmarks, no_args_is_help=True)
 def command() -> None:
     """Run a benchmark and print its table.
 

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import Table, force_option, json_option, progress, say, show
+from softarm.cli.output import force_option, json_option, progress, say, show
+from softarm.common.tables import Table
 from softarm.recordings import load_recording, read_attachments, save_recording
 from softarm.recordings.summary import summary
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import Table, json_option, progress, say, show
+from softarm.cli.output import json_option, progress, say, show
+from softarm.common.tables import Table
 from softarm.experiments.rig import FakeRig, Process, RigSettings
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

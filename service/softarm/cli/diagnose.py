@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from softarm.cli.output import (
-    Table,
     force_option,
     json_option,
     progress,
@@ -16,6 +15,7 @@ from softarm.cli.output import (
     show,
     specimen_option,
 )
+from softarm.common.tables import Table
 
 if TYPE_CHECKING:
     from softarm.estimator.diagnosis import Diagnosis

@@ -10,7 +10,8 @@ from typing import Any
 
 import click
 
-from softarm.cli.output import Cell, Table, json_option, progress, show
+from softarm.cli.output import json_option, progress, show
+from softarm.common.tables import Cell, Table
 from softarm.daemon.config import ConfigError
 from softarm.drivers.clock import NANOSECONDS
 from softarm.drivers.config import DriverConfig
@@ -122,7 +123,7 @@ def command(path: Path, seconds: float, as_json: bool) -> int:
     """
     configs = read_devices(path)
     # What the drivers would log stands in the table.
-    logging.getLogger("drivers").setLevel(logging.ERROR)
+    logging.getLogger("softarm.drivers").setLevel(logging.ERROR)
     with progress(f"Listening to {len(configs)} devices", seconds) as advance:
         examinations = asyncio.run(examine_all(configs, seconds, advance))
     show(*tables(examinations), as_json=as_json)

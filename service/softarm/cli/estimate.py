@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from softarm.cli.output import (
-    Table,
     force_option,
     json_option,
     progress,
@@ -15,6 +14,7 @@ from softarm.cli.output import (
     show,
     specimen_option,
 )
+from softarm.common.tables import Table
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import click
 
 from softarm.cli.demo import EXAMPLES, fake_specimen
-from softarm.cli.output import Cell, Table, json_option, progress, say, show, specimen_option
+from softarm.cli.output import json_option, progress, say, show, specimen_option
 from softarm.client.session import DEFAULT_ENDPOINT
+from softarm.common.tables import Cell, Table
 
 if TYPE_CHECKING:
     from softarm.client.client import SoftarmClient

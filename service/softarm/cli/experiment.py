@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from softarm.cli.output import as_markdown, force_option, json_option, progress, say, show
+from softarm.cli.output import force_option, json_option, progress, say, show
+from softarm.common.tables import as_markdown
 
 if TYPE_CHECKING:
     from softarm.experiments.live import BenchSettings

@@ -10,7 +10,8 @@ from typing import Any
 
 import click
 
-from softarm.cli.output import Table, json_option, say, show
+from softarm.cli.output import json_option, say, show
+from softarm.common.tables import Table
 from softarm.fakes.control import ControlPort, status
 from softarm.fakes.devices import catalogue
 from softarm.fakes.rig import Rig, running

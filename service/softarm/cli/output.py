@@ -2,9 +2,8 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,25 +12,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table as RichTable
 
+from softarm.common.tables import Cell, Table, text
+
 Command = TypeVar("Command", bound=Callable[..., Any])
-Cell = str | int | float | bool | None
-TINY = 1e-15
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table that a command prints.
-
-    Args:
-        title: One line above the table.
-        rows: One mapping per row; the keys of the first row are the headings and carry the unit
-            (``force_rms_n``), in JSON as they are, on the screen with blanks for underscores.
-        notes: Sentences below the table: what was compared with what, and how.
-    """
-
-    title: str
-    rows: Sequence[Mapping[str, Cell]]
-    notes: tuple[str, ...] = ()
 
 
 def show(*tables: Table, as_json: bool) -> None:
@@ -45,31 +28,6 @@ def show(*tables: Table, as_json: bool) -> None:
         console.print(_rich_table(table))
         for note in table.notes:
             console.print(note, markup=False)
-
-
-def as_markdown(*tables: Table) -> str:
-    """Write tables as Markdown, for pages of the documentation that a command prints."""
-    parts = []
-    for table in tables:
-        headings = list(table.rows[0]) if table.rows else []
-        lines = [
-            "| " + " | ".join(heading.replace("_", " ") for heading in headings) + " |",
-            "|" + "---|" * len(headings),
-            *("| " + " | ".join(text(row.get(heading)) for heading in headings) + " |" for row in table.rows),
-        ]
-        parts.append("\n".join([f"**{table.title}**", "", *lines, "", *table.notes]))
-    return "\n\n".join(parts)
-
-
-def text(value: Cell) -> str:
-    """Write one cell: four significant digits, a dash where there is nothing, 0 for rounding."""
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return "-"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:.4g}" if abs(value) > TINY else "0"
-    return str(value)
 
 
 def _clean(row: Mapping[str, Cell]) -> dict[str, Cell]:

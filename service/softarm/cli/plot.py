@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import Table, json_option, out_option, progress, recording_argument, say, show
+from softarm.cli.output import json_option, out_option, progress, recording_argument, say, show
+from softarm.common.tables import Table
 
 
 @click.command()

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import Table, json_option, progress, say, show
+from softarm.cli.output import json_option, progress, say, show
 from softarm.client.client import SoftarmClient
 from softarm.client.session import DEFAULT_ENDPOINT
 from softarm.common.errors import WorkFailedError
+from softarm.common.tables import Table
 
 STOP_TIMEOUT_S = 20.0
 LOOK_S = 0.5

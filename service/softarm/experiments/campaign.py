@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from softarm.cli.output import Table
+from softarm.common.tables import Table
 from softarm.experiments.figures import Cells
 from softarm.experiments.seed import FAILED, HANDS, IN_REACH, SeedPlan, SeedResult, run_seed
 from softarm.experiments.teaching import CORRECTIONS

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.cli.calibrate import tables as calibration_tables
-from softarm.cli.output import Table
+from softarm.common.tables import Table
 from softarm.estimator.calibration import (
     Options,
     Run,

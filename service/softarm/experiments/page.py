@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from softarm.cli.output import Table, as_markdown
+from softarm.common.tables import Table, as_markdown
 
 HEAD = """# The paper's experiments
 

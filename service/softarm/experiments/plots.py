@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from softarm.cli.output import Cell
+from softarm.common.tables import Cell
 from softarm.experiments.seed import SeedResult, Series
 
 DPI = 110

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from softarm.bench.sofa import DISPLACEMENT_LIMIT, FORCE_LIMIT_N, forward, inverse, read_reference
+from acceptance.sofa import DISPLACEMENT_LIMIT, FORCE_LIMIT_N, forward, inverse, read_reference
 
 FOLDER = Path(os.environ.get("SOFARM_SOFA", "../shared/reference/sofa"))
 pytestmark = pytest.mark.timeout(600)

@@ -5,7 +5,7 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from softarm.bench.mesh import Trial, command, judge, respond
+from acceptance.mesh import Trial, command, judge, respond
 from softarm.estimator.geometry import DEFAULTS
 from softarm.estimator.specimen import load_specimen
 

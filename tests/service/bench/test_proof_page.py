@@ -1,7 +1,7 @@
 """The page of the proof is renewed table by table."""
 
 from softarm.bench.proof.page import renewed
-from softarm.cli.output import Table
+from softarm.common.tables import Table
 
 HEAD = "# The proof\n\nSome words.\n"
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from softarm.bench.soak_run import Soak, SoakSettings
+from acceptance.soak_run import Soak, SoakSettings
 
 pytestmark = pytest.mark.timeout(240)
 SECONDS = 60.0

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from softarm.bench.verification import bodies, elements
-from softarm.bench.verification.held import Result
+from acceptance.verification import bodies, elements
+from acceptance.verification.held import Result
 
 
 @pytest.mark.parametrize("checks", [elements.element_results, bodies.body_results])

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from acceptance.safety_processes import other_client
 from examples.teach_client import teach
 from softarm.api.messages import Estimate, Occurrence, State
-from softarm.bench.safety_processes import other_client
 from softarm.client.session import client_settings, open_session
 from softarm.recordings import load_recording
 from tests.service.live.helpers import (

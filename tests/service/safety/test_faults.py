@@ -2,8 +2,8 @@
 
 import pytest
 
-from softarm.bench.safety_cases import Outcome
-from softarm.bench.safety_run import BENCHES, parts, quick, run
+from acceptance.safety_cases import Outcome
+from acceptance.safety_run import BENCHES, parts, quick, run
 from softarm.daemon.safety.modes import Mode
 
 PRESSED = (Mode.ARMED, Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT)

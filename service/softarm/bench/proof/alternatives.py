@@ -17,7 +17,7 @@ from softarm.analysis.offline.resample import resample
 from softarm.bench.proof.schedule import SealedTrial
 from softarm.bench.proof.score import answer
 from softarm.bench.proof.trial import WRITTEN, Folders, diagnosed
-from softarm.cli.output import Cell, Table
+from softarm.common.tables import Cell, Table
 from softarm.estimator.calibration import arrange
 from softarm.estimator.effects.accepted import accepted_physics
 from softarm.estimator.effects.augmented import simulate_with

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from softarm.bench.proof.schedule import SealedTrial
 from softarm.bench.proof.trial import Folders, diagnose, record
-from softarm.cli.output import Cell, Table
+from softarm.common.tables import Cell, Table
 from softarm.estimator.effects import EFFECTS
 
 TRIAL = SealedTrial("single", 4901)

@@ -10,7 +10,7 @@ from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import track
 from softarm.bench.proof.alternatives import EXCITATION, TRIAL
 from softarm.bench.proof.trial import FORCE_RUN, WRITTEN, Folders, Outcome, diagnosed, read_outcomes
-from softarm.cli.output import Cell, Table
+from softarm.common.tables import Cell, Table
 from softarm.estimator.arm import build_arm
 from softarm.estimator.calibration import arrange, section_forces
 from softarm.estimator.specimen import Specimen, load_specimen

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from softarm.cli.output import Table, as_markdown
+from softarm.common.tables import Table, as_markdown
 
 TITLE = re.compile(r"^\*\*(.+)\*\*$", re.MULTILINE)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from softarm.bench.proof.score import Score
-from softarm.cli.output import Cell, Table
+from softarm.common.tables import Cell, Table
 
 AIMS = {"single": 0.95, "pair": 0.85, "null": 0.01, "foreign": 0.90}
 EXCITATIONS = ("designed", "ordinary")

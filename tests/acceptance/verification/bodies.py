@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from softarm.bench.verification.held import Result, facet_forces, free_body, solve_held
+from acceptance.verification.held import Result, facet_forces, free_body, solve_held
 from softarm.estimator.fem import FiniteElementModel, Material, Settings
 from softarm.estimator.fem.structured import box, mapped, with_nodes, with_surface
 from softarm.estimator.mesh import ElementKind, Floats

@@ -10,7 +10,8 @@ from typing import Any
 import click
 import numpy as np
 
-from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show
+from softarm.cli.output import json_option, progress, quick_option, show
+from softarm.common.tables import Cell, Table
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem import FiniteElementModel, Material, Section
 from softarm.estimator.inverse import Tolerances, Unknowns, forces_problem, independent_prior

@@ -4,10 +4,11 @@ from itertools import chain
 
 import click
 
-from softarm.bench.verification.bodies import body_results
-from softarm.bench.verification.elements import element_results
-from softarm.bench.verification.held import Result
-from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show
+from acceptance.verification.bodies import body_results
+from acceptance.verification.elements import element_results
+from acceptance.verification.held import Result
+from softarm.cli.output import json_option, progress, quick_option, show
+from softarm.common.tables import Cell, Table
 
 
 def row(result: Result) -> dict[str, Cell]:

@@ -14,7 +14,8 @@ from softarm.analysis.offline.alignment import quick_solver
 from softarm.analysis.offline.inputs import cut, load_recordings
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import track
-from softarm.cli.output import Cell, Table, as_markdown, json_option, progress, quick_option, say, show
+from softarm.cli.output import json_option, progress, quick_option, say, show
+from softarm.common.tables import Cell, Table, as_markdown
 from softarm.estimator.arm import build_arm
 from softarm.estimator.calibration import (
     BatchSolver,
@@ -37,7 +38,7 @@ from softarm.estimator.sensing import Registration, Scene
 from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.specimen import Calibration, Specimen, load_specimen
 
-BESIDE = Path(__file__).parents[4] / "shared" / "recordings"
+BESIDE = Path(__file__).parents[3] / "shared" / "recordings"
 ARM = "sopra_2021-07-09"
 BARE, LOADED = "beam_gravity_v2_a", "beam_load52_v2_a"
 HELD = (0.15, 0.6)  # s, while the beam is held level

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from softarm.bench.verification.held import Result, free_body, solve_held, tangent_and_forces
+from acceptance.verification.held import Result, free_body, solve_held, tangent_and_forces
 from softarm.estimator.fem import Material
 from softarm.estimator.fem.materials import CorotationalLaw, HyperelasticLaw
 from softarm.estimator.fem.shapes import quadrature, shape_functions

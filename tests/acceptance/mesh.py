@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import click
 import numpy as np
 
-from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show
+from softarm.cli.output import json_option, progress, quick_option, show
+from softarm.common.tables import Cell, Table
 from softarm.estimator.arm import model_on_mesh
 from softarm.estimator.geometry import DEFAULTS, Resolution, build_mesh
 from softarm.estimator.geometry.convert import to_elements

@@ -16,8 +16,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from acceptance.processes import child_of, resident_kib
 from softarm.api.messages import Message, State
-from softarm.bench.processes import child_of, resident_kib
 from softarm.cli.demo import fake_specimen
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.estimator.errors import InputError
@@ -26,7 +26,7 @@ from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.session import connect, wait_ready
 from softarm.recordings import load_recording
 
-SCENARIO = Path(__file__).parents[3] / "examples" / "scenarios" / "demo.toml"
+SCENARIO = Path(__file__).parents[2] / "examples" / "scenarios" / "demo.toml"
 FAULT_EVERY_S = 5.0
 VISITOR_EVERY_S = 4.0
 RECORDING_S = 8.0

@@ -4,8 +4,9 @@ import logging
 
 import click
 
-from softarm.bench import fault_run
-from softarm.cli.output import Table, json_option, progress, quick_option, show
+from acceptance import fault_run
+from softarm.cli.output import json_option, progress, quick_option, show
+from softarm.common.tables import Table
 
 MINUTES = 10.0
 QUICK_MINUTES = 1.0 / 3.0
@@ -29,7 +30,7 @@ def command(minutes: float | None, seed: int, speed: float, quick: bool, as_json
     Example: softarm bench faults --quick
     """
     minutes = minutes or (QUICK_MINUTES if quick else MINUTES)
-    logging.getLogger("drivers").setLevel(logging.CRITICAL)
+    logging.getLogger("softarm.drivers").setLevel(logging.CRITICAL)
     with progress("devices under random faults"):
         result = fault_run.run(60.0 * minutes, seed, speed)
     notes = (

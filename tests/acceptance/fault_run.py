@@ -14,9 +14,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from softarm.bench.fault_subjects import CHAMBERS, SUBJECTS, Moment, Subject
+from acceptance.fault_subjects import CHAMBERS, SUBJECTS, Moment, Subject
 from softarm.cli import fakes
-from softarm.cli.output import Cell
+from softarm.common.tables import Cell
 from softarm.drivers.device import Device, close_all, connect_all
 from softarm.drivers.errors import DeviceError, DeviceErrors
 from softarm.drivers.reading import Reading

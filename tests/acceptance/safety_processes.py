@@ -12,9 +12,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from acceptance.processes import child_of
+from acceptance.safety_cases import FAST_S
 from softarm.api.messages import State
-from softarm.bench.processes import child_of
-from softarm.bench.safety_cases import FAST_S
 from softarm.cli.demo import fake_specimen
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.common.errors import WorkFailedError
@@ -23,7 +23,7 @@ from softarm.experiments.bench import FakeControl
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.session import connect, wait_ready
 
-SCENARIO = Path(__file__).parents[3] / "examples" / "scenarios" / "demo.toml"
+SCENARIO = Path(__file__).parents[2] / "examples" / "scenarios" / "demo.toml"
 PRESSURE_PA = 20e3
 WAIT_S = 10.0
 RESTART_S = 90.0

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from softarm.bench.safety_arm import SafetyArm, safety_arm
-from softarm.bench.safety_cases import SLOW_S, STRIKE, Outcome, expected
+from acceptance.safety_arm import SafetyArm, safety_arm
+from acceptance.safety_cases import SLOW_S, STRIKE, Outcome, expected
 from softarm.cli import fakes
 from softarm.daemon.safety.modes import PRESSURISED, Mode
 

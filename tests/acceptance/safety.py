@@ -5,12 +5,13 @@ from concurrent.futures import as_completed
 
 import click
 
+from acceptance import safety_run
+from acceptance.safety_cases import FAST_S, Outcome
+from acceptance.safety_processes import EVENT_NOTES, strike_processes
+from acceptance.safety_run import BENCHES, KINDS, MODES, Case, everything, parts, run
 from softarm.analysis.diagnosis.workers import workers
-from softarm.bench import safety_run
-from softarm.bench.safety_cases import FAST_S, Outcome
-from softarm.bench.safety_processes import EVENT_NOTES, strike_processes
-from softarm.bench.safety_run import BENCHES, KINDS, MODES, Case, everything, parts, run
-from softarm.cli.output import Cell, Table, json_option, progress, quick_option, show
+from softarm.cli.output import json_option, progress, quick_option, show
+from softarm.common.tables import Cell, Table
 from softarm.daemon.safety.modes import Mode
 
 NOTES = (

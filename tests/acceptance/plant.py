@@ -6,7 +6,8 @@ import sys
 
 import click
 
-from softarm.cli.output import Table, json_option, progress, quick_option, show
+from softarm.cli.output import json_option, progress, quick_option, show
+from softarm.common.tables import Table
 
 
 @click.command()

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import click
 
-from softarm.bench.soak_run import Soak, SoakSettings
-from softarm.cli.output import Cell, Table, json_option, progress, show
+from acceptance.soak_run import Soak, SoakSettings
+from softarm.cli.output import json_option, progress, show
+from softarm.common.tables import Cell, Table
 
 NOTES = (
     "Fakes, service and clients are processes of their own, over zenoh. Lost replies: commands without an "

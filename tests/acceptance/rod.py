@@ -9,8 +9,9 @@ import click
 import numpy as np
 
 import softarm.estimator.rod
-from softarm.cli.output import Cell, Table, json_option, progress, quick_option, say, show
+from softarm.cli.output import json_option, progress, quick_option, say, show
 from softarm.common.rods import fit_now, fitted_rod
+from softarm.common.tables import Cell, Table
 from softarm.estimator.arm import build_arm, default_loads
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem import FiniteElementModel

@@ -1,0 +1,49 @@
+"""Tables as commands print them: on the screen, as JSON, as Markdown in a page."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+Cell = str | int | float | bool | None
+TINY = 1e-15
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table that a command prints.
+
+    Args:
+        title: One line above the table.
+        rows: One mapping per row; the keys of the first row are the headings and carry the unit
+            (``force_rms_n``), in JSON as they are, on the screen with blanks for underscores.
+        notes: Sentences below the table: what was compared with what, and how.
+    """
+
+    title: str
+    rows: Sequence[Mapping[str, Cell]]
+    notes: tuple[str, ...] = ()
+
+
+def as_markdown(*tables: Table) -> str:
+    """Write tables as Markdown, for pages of the documentation that a command prints."""
+    parts = []
+    for table in tables:
+        headings = list(table.rows[0]) if table.rows else []
+        lines = [
+            "| " + " | ".join(heading.replace("_", " ") for heading in headings) + " |",
+            "|" + "---|" * len(headings),
+            *("| " + " | ".join(text(row.get(heading)) for heading in headings) + " |" for row in table.rows),
+        ]
+        parts.append("\n".join([f"**{table.title}**", "", *lines, "", *table.notes]))
+    return "\n\n".join(parts)
+
+
+def text(value: Cell) -> str:
+    """Write one cell: four significant digits, a dash where there is nothing, 0 for rounding."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}" if abs(value) > TINY else "0"
+    return str(value)
