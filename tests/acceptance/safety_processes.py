@@ -15,10 +15,10 @@ from pathlib import Path
 from acceptance.processes import child_of
 from acceptance.safety_cases import FAST_S
 from softarm.api.messages import State
+from softarm.api.modes import Mode
 from softarm.cli.demo import fake_specimen
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.common.errors import WorkFailedError
-from softarm.daemon.safety.modes import Mode
 from softarm.experiments.bench import FakeControl
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.session import connect, wait_ready

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from softarm.daemon.safety.modes import Mode
+from softarm.api.modes import Mode
 
 Vector = tuple[float, float, float]
 

@@ -20,7 +20,8 @@ from softarm.api.messages import (
     SectionPose,
     Stamp,
 )
-from softarm.daemon.safety.modes import PRESSURISED, TRANSITIONS, Mode
+from softarm.api.modes import Mode
+from softarm.daemon.safety.modes import PRESSURISED, TRANSITIONS
 
 SHARED: tuple[type[BaseModel], ...] = (
     Stamp,

@@ -2,7 +2,6 @@
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -15,14 +14,6 @@ from softarm.cli.output import (
     show,
     specimen_option,
 )
-from softarm.common.tables import Table
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from softarm.estimator.calibration import Calibrated, Drift
-
-DEGREES = 57.29577951308232
 
 
 @click.command()
@@ -64,6 +55,7 @@ def command(
 
     Example: softarm calibrate run1 run2 --specimen sopra --out my_sopra.toml
     """
+    from softarm.analysis.calibration_tables import calibration_tables, drift_table
     from softarm.analysis.offline.inputs import load_recordings, specimen_of
     from softarm.estimator.arm import build_arm
     from softarm.estimator.calibration import (
@@ -108,92 +100,6 @@ def command(
         return 1
     told = f"softarm calibrate, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC, {found.nodes} samples"
     save_specimen(calibrated_specimen(robot, found, told), out)
-    show(*tables(found), as_json=as_json)
+    show(*calibration_tables(found), as_json=as_json)
     say(f"wrote {out}")
     return 0
-
-
-def drift_table(drifts: "Sequence[Drift]") -> Table:
-    """Say of each quantity whether it scatters more than the calibration left it."""
-    stale = [drift.quantity for drift in drifts if drift.stale]
-    verdict = (
-        f"Stale: {', '.join(stale)}; record each chamber alone, random poses and pulls, and calibrate anew."
-        if stale
-        else "The calibration holds."
-    )
-    return Table(
-        "Scatter about the calibrated model",
-        [
-            {
-                "quantity": drift.quantity,
-                "unit": "m" if drift.quantity.endswith("position") else "rad",
-                "now": drift.scatter,
-                "calibrated": drift.calibrated,
-                "ratio": drift.ratio,
-                "stale": drift.stale,
-            }
-            for drift in drifts
-        ],
-        (verdict,),
-    )
-
-
-def tables(found: "Calibrated") -> tuple[Table, ...]:
-    """Arrange a calibration in tables: what was found, how well it predicts, what is missing."""
-    missing = tuple(
-        f"{entry.parameter.name}: {entry.verdict}; {entry.manoeuvre}"
-        for entry in found.identified
-        if entry.verdict != "determined"
-    )
-    lags = ", ".join("unknown" if lag is None else f"{lag * 1e3:.0f} ms" for lag in found.lags)
-    unknowns: list[dict[str, str | int | float | bool | None]] = [
-        {
-            "unknown": entry.parameter.name,
-            "value": entry.value,
-            "std": entry.std,
-            "unit": entry.parameter.unit,
-            "verdict": entry.verdict,
-            "std_over_known_before": entry.share,
-        }
-        for entry in found.identified
-    ]
-    handed = ", ".join(
-        f"{name} {'left' if mirrored else 'right'}" for name, mirrored in found.mirrored.items()
-    )
-    notes = (
-        f"{found.fitted} unknowns fitted to {found.nodes} samples; {found.status}; "
-        f"motion lags the pressures by {lags}"
-        + (f"; axes of bends: {handed}-handed" if handed else "")
-        + ".",
-        "A modulus is the logarithm of the factor on the specimen's.",
-    )
-    return (
-        Table("Calibration", unknowns, (*notes, *missing)),
-        Table(
-            "Prediction error, rms",
-            [_error_row(found, name) for name in found.check.training],
-            (
-                f"Held out: alternate blocks that no fit has seen. Line: ordinary linear regression of the "
-                f"readings on the pressures, {found.check.line_parameters} numbers fitted on the same blocks."
-                if found.check.line
-                else "Held out: alternate blocks or recordings that no fit has seen.",
-            ),
-        ),
-    )
-
-
-def _error_row(found: "Calibrated", name: str) -> dict[str, str | float | None]:
-    check = found.check
-    sensor, _, component = name.rpartition(".")
-    scale, unit = (1e3, "mm") if sensor.startswith("marker") else (DEGREES, "degrees")
-    if sensor.startswith("frame"):
-        scale, unit = (1e3, "mm") if int(component) < 3 else (DEGREES, "degrees")
-    row: dict[str, str | float | None] = {"sensor": sensor, "component": component, "unit": unit}
-    for heading, values in (
-        ("old_calibration", check.before),
-        ("training", check.training),
-        ("held_out", check.held_out),
-        ("line_held_out", check.line),
-    ):
-        row[heading] = values[name] * scale if name in values else None
-    return row

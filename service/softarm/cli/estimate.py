@@ -19,8 +19,8 @@ from softarm.common.tables import Table
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from softarm.analysis.offline.surface import Surface
     from softarm.analysis.offline.track import Track
-    from softarm.analysis.plots.arm import Surface
     from softarm.estimator.calibration import Run
     from softarm.estimator.specimen import Specimen
 

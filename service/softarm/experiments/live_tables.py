@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.cli.calibrate import tables as calibration_tables
+from softarm.analysis.calibration_tables import calibration_tables
 from softarm.common.tables import Table
 from softarm.estimator.calibration import (
     Options,

@@ -7,8 +7,8 @@ from typing import Any
 
 from softarm.api.commands import Applied
 from softarm.api.messages import State
+from softarm.api.modes import Mode
 from softarm.client.client import CommandRefusedError, SoftarmClient
-from softarm.daemon.safety.modes import Mode
 
 GRACE_S = 2.0
 """After the dead-man is let go the lease is renewed for so long: time to press "Hold pose"."""

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from softarm.api.modes import Mode
 from softarm.daemon.estimation.rod_check import RodCheck
 from softarm.daemon.safety.checks import check_rod
-from softarm.daemon.safety.modes import Mode
 from softarm.daemon.safety.observation import Estimator, Observation, Recorder, Valves
 from softarm.estimator.arm import build_arm
 from softarm.estimator.model import Frames, Inputs

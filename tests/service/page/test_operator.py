@@ -1,8 +1,8 @@
 import pytest
 
 from softarm.api.commands import Applied, Refused
+from softarm.api.modes import Mode
 from softarm.client.client import CommandRefusedError
-from softarm.daemon.safety.modes import Mode
 from softarm.page.operator import GRACE_S, Operator
 
 AFTER = {"arm": Mode.ARMED, "teach/start": Mode.TEACH, "teach/hold": Mode.HOLDING, "teach/goto": Mode.HOLDING}

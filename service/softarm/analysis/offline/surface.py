@@ -1,15 +1,29 @@
 """The surface of an arm's body in a state of its model, for pictures."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.analysis.plots.arm import Surface
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.mesh import Floats, Mesh
 from softarm.estimator.rod import CalibratedRod
 from softarm.estimator.rod.skin import skin
 
 CORNERS = {"tri3": 3, "tri6": 3, "quad4": 4, "quad8": 4}
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The body's surface.
+
+    Args:
+        points: Nodes in the base frame [m], shape (nodes, 3).
+        facets: Corners of each facet, shape (facets, corners).
+    """
+
+    points: Floats
+    facets: NDArray[np.int64]
 
 
 def outer_surface(model: FiniteElementModel, state: FiniteElementState) -> Surface:

@@ -1,13 +1,12 @@
 """The arm in space at a few instants: its surface, its sections' axes, the forces on it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from numpy.typing import NDArray
 
+from softarm.analysis.offline.surface import Surface
 from softarm.analysis.offline.track import State, Track
 from softarm.analysis.plots.figures import blank
 from softarm.estimator.recording import Floats
@@ -15,19 +14,6 @@ from softarm.estimator.recording import Floats
 MILLI = 1e3
 FORCE_LENGTH = 0.25  # of the arm's length, for the largest force shown
 VIEW = (12.0, -60.0)
-
-
-@dataclass(frozen=True)
-class Surface:
-    """The body's surface.
-
-    Args:
-        points: Nodes in the base frame [m], shape (nodes, 3).
-        facets: Corners of each facet, shape (facets, corners).
-    """
-
-    points: Floats
-    facets: NDArray[np.int64]
 
 
 def draw_arms(track: Track[State], title: str, surface: Callable[[State], Surface] | None) -> Figure:

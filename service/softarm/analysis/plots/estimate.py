@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from softarm.analysis.offline.surface import Surface
 from softarm.analysis.offline.track import State, Track
-from softarm.analysis.plots.arm import Surface, draw_arms
+from softarm.analysis.plots.arm import draw_arms
 from softarm.analysis.plots.figures import label, save, stacked
 
 MILLI = 1e3

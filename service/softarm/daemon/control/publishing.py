@@ -17,13 +17,13 @@ from softarm.api.messages import (
     Stamp,
     State,
 )
+from softarm.api.modes import Mode
 from softarm.daemon.control.controller import Controller
 from softarm.daemon.control.instruments import Source
 from softarm.daemon.control.knowledge import Knowledge
 from softarm.daemon.control.mismatch import MismatchTest
 from softarm.daemon.estimation.messages import EstimationResult
 from softarm.daemon.safety.findings import FindingBook
-from softarm.daemon.safety.modes import Mode
 
 Floats = NDArray[np.float64]
 Status = Literal["converged", "not_converged", "degraded", "no_data"]

@@ -4,18 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
-
-class Mode(StrEnum):
-    """What the service is doing with the arm."""
-
-    STARTING = "STARTING"
-    IDLE = "IDLE"
-    ARMED = "ARMED"
-    TEACH = "TEACH"
-    HOLDING = "HOLDING"
-    EXPERIMENT = "EXPERIMENT"
-    FAULTED = "FAULTED"
-    STOPPING = "STOPPING"
+from softarm.api.modes import Mode
 
 
 class Event(StrEnum):

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from softarm.daemon.safety.modes import Mode
+from softarm.api.modes import Mode
 
 
 @dataclass(frozen=True)

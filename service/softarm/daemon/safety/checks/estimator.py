@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
+from softarm.api.modes import Mode
 from softarm.daemon.safety.checks.inputs import FOLLOWING_THE_POSE
 from softarm.daemon.safety.findings import Finding, Severity
-from softarm.daemon.safety.modes import Mode
 from softarm.daemon.safety.observation import Observation
 
 FAILURES_ALLOWED = 20

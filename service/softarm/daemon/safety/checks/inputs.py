@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
+from softarm.api.modes import Mode
 from softarm.daemon.safety.findings import Finding, Severity
-from softarm.daemon.safety.modes import Mode
 from softarm.daemon.safety.observation import Input, Observation
 
 FOLLOWING_THE_POSE = frozenset({Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT})

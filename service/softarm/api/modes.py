@@ -1,0 +1,16 @@
+"""The modes of the service, as its messages name them."""
+
+from enum import StrEnum
+
+
+class Mode(StrEnum):
+    """What the service is doing with the arm."""
+
+    STARTING = "STARTING"
+    IDLE = "IDLE"
+    ARMED = "ARMED"
+    TEACH = "TEACH"
+    HOLDING = "HOLDING"
+    EXPERIMENT = "EXPERIMENT"
+    FAULTED = "FAULTED"
+    STOPPING = "STOPPING"
