@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
-from softarm.api.modes import Mode
+from softarm.api.modes import Mode as Mode
 
 
 class Event(StrEnum):
