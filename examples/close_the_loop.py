@@ -25,11 +25,11 @@ from softarm.cli.output import say, show
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.common.tables import Table
 from softarm.estimator.excitation import Choice, Manoeuvre
-from softarm.experiments.bench import FakeControl
 from softarm.experiments.excitation import Recorded, run_excitation, run_manoeuvre, specimen_of_arm
 from softarm.experiments.excitation_plan import manoeuvres_of
 from softarm.experiments.recovery import until_allowed
 from softarm.experiments.rig import FakeRig, RigSettings
+from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
 
 EFFECT: dict[str, Any] = {"where": {"chamber": 0}, "change": -0.25}

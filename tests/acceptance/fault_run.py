@@ -21,7 +21,7 @@ from softarm.drivers.device import Device, close_all, connect_all
 from softarm.drivers.errors import DeviceError, DeviceErrors
 from softarm.drivers.reading import Reading
 from softarm.drivers.registry import load_devices
-from softarm.drivers.supervisor import State
+from softarm.drivers.supervisor import ConnectionState
 from softarm.drivers.valves import ValveBank
 
 STEP_S = 0.005
@@ -225,7 +225,7 @@ class Target:
 
     def well(self, since: float) -> bool:
         """Tell whether it streams and has delivered a valid reading since a time [s]."""
-        return self.device.state is State.STREAMING and self.watcher.last_valid > since
+        return self.device.state is ConnectionState.STREAMING and self.watcher.last_valid > since
 
 
 def _target(rig: Any, subject: Subject, truth: deque[Moment], outcome: Outcome) -> Target:
@@ -285,7 +285,7 @@ async def _strike_once(target: Target, fault: Any, board: Any, dice: random.Rand
     ends, noticed, waits = loop.time() + lasts, False, True
     while waits:
         await asyncio.sleep(LOOK_S)
-        noticed = noticed or target.device.state is not State.STREAMING
+        noticed = noticed or target.device.state is not ConnectionState.STREAMING
         noticed = noticed or bool({a.key for a in target.device.health.alarms.standing} - standing)
         if loop.time() >= ends and board.active(fault.name):
             board.clear(fault.name)
@@ -307,7 +307,7 @@ async def _strike_once(target: Target, fault: Any, board: Any, dice: random.Rand
 
 async def _revive(target: Target) -> None:
     """Do what an operator does after an error that is not retried: connect again."""
-    if target.device.state is State.FAULT and not target.device.supervisor.retrying:  # type: ignore[attr-defined]
+    if target.device.state is ConnectionState.FAULT and not target.device.supervisor.retrying:  # type: ignore[attr-defined]
         await target.device.close()
         with contextlib.suppress(DeviceErrors):
             await target.device.connect()

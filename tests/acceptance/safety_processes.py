@@ -19,8 +19,8 @@ from softarm.api.modes import Mode
 from softarm.cli.demo import fake_specimen
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.common.errors import WorkFailedError
-from softarm.experiments.bench import FakeControl
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
+from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
 
 SCENARIO = Path(__file__).parents[2] / "examples" / "scenarios" / "demo.toml"

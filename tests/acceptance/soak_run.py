@@ -21,8 +21,8 @@ from softarm.api.messages import Message, State
 from softarm.cli.demo import fake_specimen
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.estimator.errors import InputError
-from softarm.experiments.bench import FakeControl
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
+from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
 from softarm.recordings import load_recording
 

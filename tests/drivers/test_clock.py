@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softarm.drivers.clock import Ticker
+from softarm.drivers.clock import PollTicker
 from softarm.drivers.clock_map import ClockMap
 
 SECOND = 1_000_000_000
@@ -71,7 +71,7 @@ def test_any_history_maps_without_error_and_not_into_the_future(history):
 
 def test_ticks_keep_their_times(virtual):
     async def main():
-        ticker = Ticker(10 * MILLISECOND, virtual.clock)
+        ticker = PollTicker(10 * MILLISECOND, virtual.clock)
         began = virtual.clock()
         for index in range(1, 6):
             await asyncio.sleep(0.004)
@@ -86,7 +86,7 @@ def test_ticks_keep_their_times(virtual):
 @given(st.lists(st.floats(0, 0.1), min_size=1, max_size=30))
 def test_an_overrun_skips_and_never_bursts(virtual, busy):
     async def main():
-        ticker = Ticker(10 * MILLISECOND, virtual.clock)
+        ticker = PollTicker(10 * MILLISECOND, virtual.clock)
         began = previous = virtual.clock()
         skipped = 0
         for busy_s in busy:

@@ -3,7 +3,7 @@
 import pytest
 
 from softarm.bench import driver_decoding
-from softarm.bench.driver_decoding import Case, against_qtm_rt, cases, load, zero_size_header
+from softarm.bench.driver_decoding import DecodingCase, against_qtm_rt, cases, load, zero_size_header
 
 
 @pytest.mark.parametrize("case", cases(), ids=lambda case: case.device)
@@ -20,7 +20,7 @@ def test_a_leak_shows():
     def leak(count):
         kept.extend(bytearray(8192) for _ in range(count))
 
-    assert load(Case("leaky", "eight kibibytes", leak), 20_000)["memory_growth_kib"] > 80_000
+    assert load(DecodingCase("leaky", "eight kibibytes", leak), 20_000)["memory_growth_kib"] > 80_000
 
 
 def test_both_clients_decode_the_same_stream():

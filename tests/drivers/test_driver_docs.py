@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from softarm.drivers.registry import KINDS, load_devices
-from softarm.drivers.supervisor import TRANSITIONS, State
+from softarm.drivers.supervisor import TRANSITIONS, ConnectionState
 
 PAGE = (Path(__file__).parents[2] / "docs" / "drivers.md").read_text(encoding="utf-8")
 
@@ -25,8 +25,8 @@ def test_every_kind_and_key_is_told(kind):
         assert f"`{key}`" in PAGE, f"{kind}: {key}"
 
 
-@pytest.mark.parametrize("state", list(State))
+@pytest.mark.parametrize("state", list(ConnectionState))
 def test_every_state_is_told_with_what_follows(state):
     (row,) = re.findall(rf"^\| `{state}` \|.*\| (.*) \|$", PAGE, re.MULTILINE)
     told = set(re.findall(r"`(\w+)`", row))
-    assert told == {str(after) for after in TRANSITIONS[state] if after is not State.DISCONNECTED}
+    assert told == {str(after) for after in TRANSITIONS[state] if after is not ConnectionState.DISCONNECTED}

@@ -9,7 +9,7 @@ import pytest
 
 from softarm.drivers.errors import ConnectionLost, ProtocolError
 from softarm.drivers.health import Health
-from softarm.drivers.valves.link import NoAnswer, Refused
+from softarm.drivers.valves.link import ModbusExceptionError, NoAnswer
 from softarm.drivers.valves.modbus import ModbusTcpLink
 from softarm.drivers.valves.registers import MpaLayout
 
@@ -101,7 +101,9 @@ async def test_exchange_is_the_vector_and_its_refusal_is_told(vectors):
     async with Peer(registers([0]), registers([0]), refusal) as peer:
         await peer.link.read(45395, 1)
         await peer.link.read(45395, 1)
-        with pytest.raises(Refused, match="function 23 at register 40003 with exception 2") as caught:
+        with pytest.raises(
+            ModbusExceptionError, match="function 23 at register 40003 with exception 2"
+        ) as caught:
             await peer.link.exchange(45395, 48, 40003, vector["words"])
         assert caught.value.code == vector["exception_code"]
         assert peer.requests[2] == bytes.fromhex(vector["bytes"])
@@ -172,7 +174,7 @@ async def test_a_drop_fails_the_pending_request_at_once():
 )
 async def test_garbage_never_passes_for_an_answer(garbage):
     async with Peer(garbage) as peer:
-        with pytest.raises((ConnectionLost, ProtocolError, Refused)):
+        with pytest.raises((ConnectionLost, ProtocolError, ModbusExceptionError)):
             await peer.link.read(45395, 1)
 
 

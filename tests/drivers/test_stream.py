@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from softarm.drivers.health import COUNTERS, Health
 from softarm.drivers.histogram import Histogram
-from softarm.drivers.stream import Stream
+from softarm.drivers.stream import ReadingStream
 
 
 class HandClock:
@@ -21,7 +21,7 @@ def build(sink=lambda reading: None, **options):
     clock = HandClock()
     health = Health()
     return (
-        Stream("gauge", "fake+pty:gauge", 0.5, health=health, sink=sink, clock=clock, **options),
+        ReadingStream("gauge", "fake+pty:gauge", 0.5, health=health, sink=sink, clock=clock, **options),
         health,
         clock,
     )

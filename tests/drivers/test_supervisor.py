@@ -12,7 +12,7 @@ from softarm.drivers.backoff import Backoff
 from softarm.drivers.device import SupervisedDevice, close_all, connect_all
 from softarm.drivers.errors import ConfigurationError, ConnectionLost, DeviceErrors
 from softarm.drivers.health import Health
-from softarm.drivers.supervisor import STALE, TRANSITIONS, State, Supervisor, Timing
+from softarm.drivers.supervisor import STALE, TRANSITIONS, ConnectionState, Supervisor, Timing
 
 LOST = ConnectionLost("gauge", "was unplugged", "plug it in")
 MISFIT = ConfigurationError("gauge", "is another device", "correct the port")
@@ -83,10 +83,10 @@ def test_connect_streams_and_close_closes(virtual):
 
     async def main():
         await rig.supervisor.start()
-        assert rig.supervisor.state is State.STREAMING
+        assert rig.supervisor.state is ConnectionState.STREAMING
         await asyncio.sleep(1)
         await rig.supervisor.stop()
-        assert rig.supervisor.state is State.DISCONNECTED
+        assert rig.supervisor.state is ConnectionState.DISCONNECTED
         assert rig.log == ["identify", "stream", "close"]
 
     virtual.run(main)
@@ -114,7 +114,7 @@ def test_a_configuration_error_is_not_tried_again(virtual):
         with pytest.raises(ConfigurationError):
             await rig.supervisor.start()
         await asyncio.sleep(100)
-        assert rig.supervisor.state is State.FAULT
+        assert rig.supervisor.state is ConnectionState.FAULT
         assert not rig.supervisor.retrying
         await rig.supervisor.stop()
 
@@ -130,7 +130,7 @@ def test_a_corrected_device_can_be_started_again(virtual):
         with pytest.raises(ConfigurationError):
             await rig.supervisor.start()
         await rig.supervisor.start()
-        assert rig.supervisor.state is State.STREAMING
+        assert rig.supervisor.state is ConnectionState.STREAMING
         await rig.supervisor.stop()
 
     virtual.run(main)
@@ -143,10 +143,10 @@ def test_waits_start_short_again_after_stable_streaming(virtual):
     async def main():
         with pytest.raises(ConnectionLost, match="no route"):
             await rig.supervisor.start()
-        await rig.supervisor.wait_for(State.STREAMING)
-        await rig.supervisor.wait_for(State.FAULT)
+        await rig.supervisor.wait_for(ConnectionState.STREAMING)
+        await rig.supervisor.wait_for(ConnectionState.FAULT)
         lost_at = virtual.clock()
-        await rig.supervisor.wait_for(State.STREAMING)
+        await rig.supervisor.wait_for(ConnectionState.STREAMING)
         assert (virtual.clock() - lost_at) / 1e9 == pytest.approx(0.1)
         await rig.supervisor.stop()
 
@@ -172,13 +172,13 @@ def test_silence_degrades_and_the_next_valid_reading_recovers(virtual):
     async def main():
         await rig.supervisor.start()
         began = virtual.clock()
-        await rig.supervisor.wait_for(State.DEGRADED)
+        await rig.supervisor.wait_for(ConnectionState.DEGRADED)
         assert (virtual.clock() - began) / 1e9 == pytest.approx(0.5, abs=0.01)
         assert STALE in rig.health.alarms
         rig.supervisor.heard(valid=False)
-        assert rig.supervisor.state is State.DEGRADED
+        assert rig.supervisor.state is ConnectionState.DEGRADED
         rig.supervisor.heard(valid=True)
-        assert rig.supervisor.state is State.STREAMING
+        assert rig.supervisor.state is ConnectionState.STREAMING
         await rig.supervisor.stop()
 
     virtual.run(main)
@@ -192,9 +192,9 @@ def test_invalid_readings_keep_the_connection_but_silence_loses_it(virtual):
         for _ in range(30):
             await asyncio.sleep(0.2)
             rig.supervisor.heard(valid=False)
-        assert rig.supervisor.state is State.DEGRADED
+        assert rig.supervisor.state is ConnectionState.DEGRADED
         before = virtual.clock()
-        await rig.supervisor.wait_for(State.FAULT)
+        await rig.supervisor.wait_for(ConnectionState.FAULT)
         assert (virtual.clock() - before) / 1e9 == pytest.approx(2.0, abs=0.01)
         await rig.supervisor.stop()
 
@@ -206,9 +206,9 @@ def test_a_driver_that_fails_is_reported_and_tried_again(virtual, caplog):
 
     async def main():
         await rig.supervisor.start()
-        await rig.supervisor.wait_for(State.FAULT)
+        await rig.supervisor.wait_for(ConnectionState.FAULT)
         assert "ZeroDivisionError" in str(rig.health.last_error)
-        await rig.supervisor.wait_for(State.STREAMING)
+        await rig.supervisor.wait_for(ConnectionState.STREAMING)
         await rig.supervisor.stop()
 
     virtual.run(main)
@@ -259,11 +259,11 @@ def test_any_history_follows_the_table_and_closes_what_it_opened(virtual, script
         await asyncio.gather(*starts, return_exceptions=True)
 
     virtual.run(main)
-    assert rig.supervisor.state is State.DISCONNECTED
+    assert rig.supervisor.state is ConnectionState.DISCONNECTED
     assert all(after in TRANSITIONS[before] for before, after in rig.changes)
     assert rig.log.count("close") == rig.log.count("identify")
     if rig.health.alarms:
-        assert rig.supervisor.state not in (State.STREAMING,)
+        assert rig.supervisor.state not in (ConnectionState.STREAMING,)
 
 
 @given(first=st.floats(0.01, 1), cap=st.floats(1, 60), jitter=st.floats(0, 0.5), seed=st.integers())
@@ -292,9 +292,9 @@ def test_connect_all_tells_every_failure_and_keeps_those_that_answer(virtual):
         with pytest.raises(DeviceErrors, match="2 of 3") as caught:
             await connect_all(devices)
         assert [type(error) for error in caught.value.leaves()] == [ConnectionLost, ConfigurationError]
-        assert devices[1].state is State.STREAMING
+        assert devices[1].state is ConnectionState.STREAMING
         await close_all(devices)
-        assert all(device.state is State.DISCONNECTED for device in devices)
+        assert all(device.state is ConnectionState.DISCONNECTED for device in devices)
 
     virtual.run(main)
 
@@ -333,7 +333,7 @@ def test_a_lost_device_is_a_fault_before_its_session_has_closed(virtual):
         supervisor = Supervisor("valves", open_session, Health(Alarms(virtual.clock)), clock=virtual.clock)
         await supervisor.start()
         began = virtual.clock()
-        await supervisor.wait_for(State.FAULT)
+        await supervisor.wait_for(ConnectionState.FAULT)
         assert (virtual.clock() - began) / 1e9 == pytest.approx(1.0)
         await supervisor.stop()
 
@@ -376,8 +376,8 @@ def test_a_lost_cancellation_delays_the_end_and_does_not_prevent_it(virtual, los
         )
         await supervisor.start()
         if lost_after_s is not None:
-            await supervisor.wait_for(State.FAULT)
-            await supervisor.wait_for(State.STREAMING)
+            await supervisor.wait_for(ConnectionState.FAULT)
+            await supervisor.wait_for(ConnectionState.STREAMING)
         await supervisor.stop()
 
     virtual.run(main)

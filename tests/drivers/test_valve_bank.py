@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from softarm.drivers.errors import ConfigurationError, DeviceErrors, InterlockError, LimitError, ProtocolError
-from softarm.drivers.supervisor import State
+from softarm.drivers.supervisor import ConnectionState
 from tests.drivers.valve_rig import MemoryTerminal, build
 
 SIX = [30_000.0, 0.0, 10_000.0, 0.0, 5_000.0, 0.0]
@@ -224,7 +224,7 @@ def test_a_second_master_is_told_apart_and_vented(virtual):
             bank.command(SIX, 0.2)
             await asyncio.sleep(0.003)
         assert "foreign writer" in bank.health.alarms
-        assert bank.state is State.DEGRADED
+        assert bank.state is ConnectionState.DEGRADED
         assert {reading.flags for reading in readings if not reading.valid} == {("foreign",)}
         await asyncio.sleep(0.1)
         assert terminal.setpoints == [0] * 16
@@ -274,11 +274,11 @@ def test_coming_back_brings_readings_and_no_motion(virtual):
         await hold(bank, SIX, 0.6)
         epoch = readings[-1].epoch
         terminal.down = True
-        await bank.supervisor.wait_for(State.FAULT)
+        await bank.supervisor.wait_for(ConnectionState.FAULT)
         assert not bank.armed
         terminal.down = False
         terminal.log.clear()
-        await bank.supervisor.wait_for(State.STREAMING)
+        await bank.supervisor.wait_for(ConnectionState.STREAMING)
         await asyncio.sleep(0.5)
         assert readings[-1].epoch == epoch + 1
         assert not any(any(words) for _, words in terminal.writes())
@@ -311,11 +311,11 @@ def test_silence_is_a_lost_connection_after_the_stated_misses(virtual):
     async def body(bank, terminal, readings):
         began = virtual.clock()
         terminal.faults = ["unheard"] * 8
-        await bank.supervisor.wait_for(State.FAULT)
+        await bank.supervisor.wait_for(ConnectionState.FAULT)
         assert (virtual.clock() - began) / 1e9 == pytest.approx(0.31, abs=0.03)
         assert "3 requests in a row" in str(bank.health.last_error)
         terminal.faults = []
-        await bank.supervisor.wait_for(State.STREAMING)
+        await bank.supervisor.wait_for(ConnectionState.STREAMING)
 
     session(virtual, body)
 
@@ -328,7 +328,7 @@ def test_busy_is_tried_again_and_other_refusals_end_it(virtual):
         assert bank.armed
         assert bank.health.events["terminal busy"] == 6
         terminal.faults = [4]
-        await bank.supervisor.wait_for(State.FAULT)
+        await bank.supervisor.wait_for(ConnectionState.FAULT)
         assert isinstance(bank.supervisor.error, ConfigurationError)
         await asyncio.sleep(0.05)
         assert terminal.setpoints == [0] * 16
@@ -340,7 +340,7 @@ def test_misfit_answers_are_missed_passes(virtual):
     async def body(bank, terminal, readings):
         terminal.faults = [ProtocolError("valves", "answers 47 registers instead of 48", "look")]
         await asyncio.sleep(0.1)
-        assert bank.state is State.STREAMING
+        assert bank.state is ConnectionState.STREAMING
         assert "47 registers" in str(bank.health.last_error)
 
     session(virtual, body)
@@ -402,10 +402,10 @@ def test_a_chamber_that_does_not_follow_is_named(virtual):
         (alarm,) = bank.health.alarms.standing
         assert alarm.key == "chamber 0 tracking"
         assert (alarm.value, alarm.limit, alarm.unit) == (2000.0, 30_000.0, "Pa")
-        assert bank.state is State.DEGRADED
+        assert bank.state is ConnectionState.DEGRADED
         terminal.stuck.clear()
         await hold(bank, SIX, 0.5)
-        assert bank.state is State.STREAMING
+        assert bank.state is ConnectionState.STREAMING
 
     session(virtual, body)
 

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from softarm.drivers.errors import DeviceErrors, InterlockError
-from softarm.drivers.supervisor import State
+from softarm.drivers.supervisor import ConnectionState
 from tests.drivers.valve_rig import MemoryTerminal, build_vtem
 
 SIX = [30_000.0, 0.0, 10_000.0, 0.0, 5_000.0, 0.0]
@@ -109,7 +109,7 @@ def test_a_slot_that_never_regulates_is_named_and_tried_again(virtual):
             await bank.connect()
         assert "slot 5 does not regulate (limit 20.0 s)" in caught.value.lines()[0]
         terminal.broken = set()
-        await bank.supervisor.wait_for(State.STREAMING)
+        await bank.supervisor.wait_for(ConnectionState.STREAMING)
         await bank.close()
 
     virtual.run(main)
@@ -121,7 +121,7 @@ def test_a_slot_in_error_is_an_alarm_of_its_chambers(virtual):
         await asyncio.sleep(0.1)
         named = {alarm.key: alarm.value for alarm in bank.health.alarms.standing}
         assert named == {"chamber 2 diagnosis": "0x00c3", "chamber 3 diagnosis": "0x00c3"}
-        assert bank.state is State.DEGRADED
+        assert bank.state is ConnectionState.DEGRADED
 
     session(virtual, body)
 

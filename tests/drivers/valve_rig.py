@@ -6,7 +6,7 @@ from random import Random
 from softarm.drivers.errors import ConnectionLost
 from softarm.drivers.valves.bank import ValveBank
 from softarm.drivers.valves.config import MpaConfig, VtemConfig
-from softarm.drivers.valves.link import NoAnswer, Refused
+from softarm.drivers.valves.link import ModbusExceptionError, NoAnswer
 
 TIMEOUT_S = 0.1
 FILL_S = 0.05
@@ -110,15 +110,15 @@ class MemoryLink:
         terminal.update()
         fault = terminal.faults.pop(0) if terminal.faults else None
         if function not in terminal.functions:
-            raise Refused("valves", function, 1, address)
+            raise ModbusExceptionError("valves", function, 1, address)
         if isinstance(fault, int):
-            raise Refused("valves", function, fault, address)
+            raise ModbusExceptionError("valves", function, fault, address)
         if isinstance(fault, Exception):
             raise fault
         try:
             answer = action() if fault != "unheard" else None
         except LookupError:
-            raise Refused("valves", function, 2, address) from None
+            raise ModbusExceptionError("valves", function, 2, address) from None
         if fault in ("unheard", "unanswered"):
             await asyncio.sleep(TIMEOUT_S)
             raise NoAnswer("valves", "did not answer", "look")

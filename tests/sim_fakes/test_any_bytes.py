@@ -7,7 +7,7 @@ from softarm.fakes.devices import Surroundings, build_instrument, catalogue
 from softarm.fakes.faults import FaultBoard
 from softarm.fakes.parts import PART_OF_KIND, SerialPart
 from softarm.fakes.qtm.discovery import discovery_reply
-from softarm.fakes.qtm.session import Session
+from softarm.fakes.qtm.session import ClientSession
 from softarm.fakes.scenario import check_scenario
 from softarm.fakes.still import StillArm
 from softarm.fakes.valves.modbus import LONGEST_PDU, execute
@@ -50,7 +50,7 @@ WORDS = st.sampled_from(
 @settings(max_examples=150)
 @given(st.one_of(st.text(max_size=60), st.lists(WORDS, max_size=5).map(" ".join)))
 def test_qtm(command):
-    reply = Session(Software(), "192.0.2.1").answer(command)
+    reply = ClientSession(Software(), "192.0.2.1").answer(command)
     assert not reply or int.from_bytes(reply[:4], "little") == len(reply)
 
 

@@ -16,7 +16,7 @@ from softarm.fakes.rig import running
 from softarm.fakes.scenario import check_scenario, read_scenario
 from softarm.fakes.still import StillArm
 from softarm.fakes.warp import WarpLoop
-from softarm.fakes.world import World
+from softarm.fakes.world import FakeArmWorld
 
 SCENARIOS = Path(__file__).parents[2] / "examples" / "scenarios"
 TABLE = {
@@ -203,7 +203,7 @@ class TestFaults:
 
 class TestWorld:
     def test_it_catches_up_in_turns(self):
-        world = World(StillArm(), None, (), 0.002)
+        world = FakeArmWorld(StillArm(), None, (), 0.002)
         assert not world.advance(1.0, most=100)
         assert world.time == pytest.approx(0.2)
         assert world.advance(0.3)
@@ -219,7 +219,7 @@ class TestWorld:
         assert 0.0 <= warp(main) <= 1.1 * step_s + 0.002
 
     def test_hand_and_cord_are_checked(self):
-        world = World(StillArm(), None, (), 0.002)
+        world = FakeArmWorld(StillArm(), None, (), 0.002)
         for wrong in (Hand("nose"), Hand("tip", force=(float("nan"), 0.0, 0.0))):
             with pytest.raises(InputError):
                 world.hold(wrong)

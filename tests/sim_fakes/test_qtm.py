@@ -7,10 +7,10 @@ import pytest
 
 from softarm.fakes.faults import FaultBoard
 from softarm.fakes.qtm import packets
-from softarm.fakes.qtm.measurement import Body, Cameras, Measurement, measurement_faults
-from softarm.fakes.qtm.packets import Frame
+from softarm.fakes.qtm.measurement import Cameras, MarkerBody, MotionMeasurement, measurement_faults
+from softarm.fakes.qtm.packets import MeasuredFrame
 from softarm.fakes.qtm.server import SERVER_FAULTS, spoil
-from softarm.fakes.qtm.session import Session, parse_stream
+from softarm.fakes.qtm.session import ClientSession, parse_stream
 from softarm.fakes.qtm.settings import parameters
 from softarm.fakes.still import StillArm
 
@@ -22,7 +22,7 @@ class Software:
     password = "gait1"
     rate = 100.0
     last_event = 3
-    last_frame = Frame(10_000, 1, [None, None, None])
+    last_frame = MeasuredFrame(10_000, 1, [None, None, None])
     body_names = NAMES
     master = None
 
@@ -40,7 +40,7 @@ def software():
 
 @pytest.fixture
 def session(software):
-    return Session(software, "192.0.2.7")
+    return ClientSession(software, "192.0.2.7")
 
 
 def told(reply):
@@ -91,7 +91,7 @@ def test_without_a_measurement_there_is_no_more_data(session, software):
 
 
 def test_one_master_at_a_time(session, software):
-    other = Session(software, "192.0.2.8")
+    other = ClientSession(software, "192.0.2.8")
     session.answer("TakeControl gait1")
     assert told(session.answer("TakeControl gait1")) == (1, "You are already master")
     assert told(other.answer("TakeControl gait1")) == (0, "192.0.2.7 is already master")
@@ -151,8 +151,8 @@ class TestFrames:
     def make(self, **cameras):
         arm = StillArm()
         faults = FaultBoard("qtm", (*SERVER_FAULTS, *measurement_faults(NAMES)))
-        bodies = [Body(name, name) for name in NAMES]
-        return arm, faults, Measurement(bodies, arm.sections, Cameras(**cameras), faults)
+        bodies = [MarkerBody(name, name) for name in NAMES]
+        return arm, faults, MotionMeasurement(bodies, arm.sections, Cameras(**cameras), faults)
 
     def test_time_and_number_begin_with_the_measurement(self):
         arm, _, measurement = self.make()
@@ -222,7 +222,7 @@ class TestFrames:
 def test_spoilt_headers(fault, head):
     faults = FaultBoard("qtm", SERVER_FAULTS)
     faults.set(fault)
-    data = packets.data_packet(Frame(0, 1, [None]), ["6d"])
+    data = packets.data_packet(MeasuredFrame(0, 1, [None]), ["6d"])
     assert spoil(data, faults)[:8].hex(" ") == head
     assert spoil(data, faults) == data
 

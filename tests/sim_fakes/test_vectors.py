@@ -8,7 +8,7 @@ import pytest
 from softarm.fakes.faults import FaultBoard
 from softarm.fakes.qtm import packets
 from softarm.fakes.qtm.discovery import discovery_reply
-from softarm.fakes.qtm.packets import BodyPose, Frame
+from softarm.fakes.qtm.packets import MeasuredFrame, PacketBody
 from softarm.fakes.qtm.session import WELCOME
 from softarm.fakes.serial.bno import MILLI_G, rvc_frame
 from softarm.fakes.serial.lutron import lutron_frame
@@ -87,8 +87,8 @@ def test_qtm_packets():
 
 def test_qtm_frame():
     vector = VECTORS["qtm"]["frame_6d"]
-    body = BodyPose(tuple(vector["position_mm"]), tuple(vector["rotation"]), 0.1)
-    frame = Frame(vector["timestamp_us"], vector["frame"], [body, None])
+    body = PacketBody(tuple(vector["position_mm"]), tuple(vector["rotation"]), 0.1)
+    frame = MeasuredFrame(vector["timestamp_us"], vector["frame"], [body, None])
     assert packets.data_packet(frame, ["6d"]) == octets(vector["bytes"])
 
 

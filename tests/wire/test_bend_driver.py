@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from softarm.drivers.supervisor import State
+from softarm.drivers.supervisor import ConnectionState
 
 SPEED = 40.0
 FAKE = {"name": "bend", "kind": "bendlabs", "boot_s": 0.5}
@@ -61,7 +61,7 @@ def test_the_dead_zone_repeats_values_and_is_no_staleness(wire):
         fresh = await more(wire, readings, 100)
         same = sum(a.value.angles == b.value.angles for a, b in pairwise(fresh))
         assert same > 80
-        assert sensors.state is State.STREAMING
+        assert sensors.state is ConnectionState.STREAMING
         assert not sensors.health.alarms
 
     session(wire, body, fake={"noise_rad": 0.0})
@@ -72,7 +72,7 @@ def test_a_sensor_that_drops_out_silently_cannot_be_seen_and_is_not_invented(wir
         rig.inject("bend", "dropout", {"sensor": 2})
         for reading in await more(wire, readings, 50):
             assert reading.valid
-        assert sensors.state is State.STREAMING
+        assert sensors.state is ConnectionState.STREAMING
 
     session(wire, body)
 
@@ -139,10 +139,10 @@ def test_a_damaged_line_costs_at_most_two_lines(wire, fault):
 def test_unplugged_and_plugged_in_again(wire):
     async def body(rig, sensors, readings):
         rig.inject("bend", "unplug")
-        await sensors.supervisor.wait_for(State.FAULT)
+        await sensors.supervisor.wait_for(ConnectionState.FAULT)
         epoch = readings.last.epoch
         rig.boards["bend"].clear()
-        await wire.until(lambda: sensors.state is State.STREAMING, within=10)
+        await wire.until(lambda: sensors.state is ConnectionState.STREAMING, within=10)
         last = (await more(wire, readings))[-1]
         assert last.epoch > epoch
         assert "recalibrate" in last.flags
@@ -168,6 +168,6 @@ def test_silence_is_a_stale_alarm(wire):
         await asyncio.sleep(0.5)
         assert len(readings.all) == count
         rig.boards["bend"].clear()
-        await sensors.supervisor.wait_for(State.STREAMING)
+        await sensors.supervisor.wait_for(ConnectionState.STREAMING)
 
     session(wire, body)

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from softarm.drivers.errors import DeviceErrors, InterlockError
-from softarm.drivers.supervisor import State
+from softarm.drivers.supervisor import ConnectionState
 
 LUTRON = ({"kind": "lutron"}, {"kind": "lutron"})
 LINE = ({"kind": "line_gauge"}, {"kind": "line_gauge"})
@@ -60,12 +60,12 @@ def test_the_pull_of_the_cord_is_read_with_its_sign(wire, pair):
 def test_a_gauge_that_is_unplugged_comes_back_in_a_new_epoch(wire, pair):
     async def body(rig, gauge, readings):
         rig.inject("gauge", "unplug")
-        await gauge.supervisor.wait_for(State.FAULT)
+        await gauge.supervisor.wait_for(ConnectionState.FAULT)
         assert "was unplugged" in str(gauge.health.last_error) or "takes no" in str(gauge.health.last_error)
         epoch, count = readings.last.epoch, len(readings.all)
         await wire.until(lambda: "is not there" in str(gauge.health.last_error))
         rig.boards["gauge"].clear()
-        await wire.until(lambda: gauge.state is State.STREAMING, within=10)
+        await wire.until(lambda: gauge.state is ConnectionState.STREAMING, within=10)
         assert all(reading.epoch > epoch for reading in (await more(wire, readings)))
         assert gauge.health.reconnects == 1
         assert len(readings.all) > count
@@ -78,12 +78,12 @@ def test_a_gauge_that_switches_itself_off_is_a_stale_alarm(wire, pair):
     async def body(rig, gauge, readings):
         rig.inject("gauge", "power_off")
         await wire.until(lambda: "stale" in gauge.health.alarms)
-        assert gauge.state is State.DEGRADED
+        assert gauge.state is ConnectionState.DEGRADED
         count = len(readings.all)
         await asyncio.sleep(0.5)
         assert len(readings.all) == count
         rig.boards["gauge"].clear()
-        await gauge.supervisor.wait_for(State.STREAMING)
+        await gauge.supervisor.wait_for(ConnectionState.STREAMING)
 
     session(wire, body, pair)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from softarm.drivers.errors import DeviceErrors
-from softarm.drivers.supervisor import State
+from softarm.drivers.supervisor import ConnectionState
 
 SPEED = 40.0
 BNO = ({"kind": "bno08x_rvc"}, {"kind": "bno08x_rvc"})
@@ -59,7 +59,7 @@ def test_orientations_arrive(wire, pair):
     async def body(rig, imu, readings):
         for reading in await more(wire, readings):
             check(rig, reading)
-        assert imu.state is State.STREAMING
+        assert imu.state is ConnectionState.STREAMING
         assert imu.health.gaps == imu.health.bad_checksum == imu.health.malformed == 0
 
     session(wire, body, pair)
@@ -163,7 +163,7 @@ def test_a_wit_unit_that_is_locked_is_told_until_somebody_unlocks_it(wire):
         assert "the unit sends 0x51 at 10 Hz" in line
         assert "set the unit to 0x51, 0x59 at 50 Hz" in line
         rig.boards["imu"].clear()
-        await wire.until(lambda: imu.state is State.STREAMING, within=10)
+        await wire.until(lambda: imu.state is ConnectionState.STREAMING, within=10)
 
     session(wire, body, WIT, connect=False)
 
@@ -186,7 +186,7 @@ def test_an_xbus_unit_in_its_configuration_state_is_asked_to_measure(wire):
         rig.inject("imu", "config_mode")
         await wire.until(lambda: "stale" in imu.health.alarms)
         await wire.until(lambda: imu.health.events["asked to measure"] == 1)
-        await imu.supervisor.wait_for(State.STREAMING)
+        await imu.supervisor.wait_for(ConnectionState.STREAMING)
 
     session(wire, body, XBUS)
 
@@ -234,10 +234,10 @@ def test_lines_that_are_no_quaternion(wire, kind):
 def test_unplugged_and_plugged_in_again(wire, pair):
     async def body(rig, imu, readings):
         rig.inject("imu", "unplug")
-        await imu.supervisor.wait_for(State.FAULT)
+        await imu.supervisor.wait_for(ConnectionState.FAULT)
         epoch = readings.last.epoch
         rig.boards["imu"].clear()
-        await wire.until(lambda: imu.state is State.STREAMING, within=15)
+        await wire.until(lambda: imu.state is ConnectionState.STREAMING, within=15)
         assert (await more(wire, readings, 3))[0].epoch > epoch
         assert imu.health.reconnects == 1
 
@@ -250,7 +250,7 @@ def test_silence_is_a_stale_alarm(wire, pair):
         rig.inject("imu", "silence")
         await wire.until(lambda: "stale" in imu.health.alarms, within=5)
         rig.boards["imu"].clear()
-        await imu.supervisor.wait_for(State.STREAMING)
+        await imu.supervisor.wait_for(ConnectionState.STREAMING)
 
     session(wire, body, pair)
 

@@ -6,7 +6,7 @@ import pytest
 
 from softarm.drivers.errors import DeviceErrors
 from softarm.drivers.qualisys.discovery import discover
-from softarm.drivers.supervisor import State
+from softarm.drivers.supervisor import ConnectionState
 
 FAKE = {"name": "qtm", "kind": "qualisys", "rate_hz": 100.0}
 SPEED = 30.0
@@ -112,9 +112,9 @@ def test_a_lost_body_is_none_with_its_age_and_the_others_go_on(wire, fault):
         assert last.value.poses["tip"] is not None
         assert last.value.lost_for_s["intermediate"] >= 0.5
         assert "lost:intermediate" in last.flags
-        assert capture.state is State.DEGRADED
+        assert capture.state is ConnectionState.DEGRADED
         rig.boards["qtm"].clear()
-        await capture.supervisor.wait_for(State.STREAMING)
+        await capture.supervisor.wait_for(ConnectionState.STREAMING)
         assert rig.boards["qtm"].counts[fault] > 0
 
     session(wire, body)
@@ -128,7 +128,7 @@ def test_all_bodies_lost_degrades_after_the_deadline(wire):
         assert readings.last.value.drop_rate == 500
         assert all(pose is None for pose in readings.last.value.poses.values())
         rig.boards["qtm"].clear()
-        await capture.supervisor.wait_for(State.STREAMING)
+        await capture.supervisor.wait_for(ConnectionState.STREAMING)
 
     session(wire, body)
 
@@ -167,7 +167,7 @@ def test_no_more_data_waits_and_the_next_capture_streams_again(wire):
     async def body(rig, capture, readings):
         rig.inject("qtm", "no_more_data")
         await wire.until(lambda: "waiting" in capture.health.alarms)
-        assert capture.state is State.DEGRADED
+        assert capture.state is ConnectionState.DEGRADED
         count = len(readings.all)
         await asyncio.sleep(2)
         assert len(readings.all) == count
@@ -197,12 +197,12 @@ def test_changed_settings_rename_and_never_mislabel(wire, action):
 def test_shutting_down_is_a_loss_and_the_driver_comes_back(wire):
     async def body(rig, capture, readings):
         rig.inject("qtm", "shutdown")
-        await capture.supervisor.wait_for(State.FAULT)
+        await capture.supervisor.wait_for(ConnectionState.FAULT)
         assert "QTM is shutting down" in str(capture.health.last_error)
         epoch = readings.last.epoch
         await wire.until(lambda: "cannot be reached" in str(capture.health.last_error))
         rig.boards["qtm"].clear()
-        await wire.until(lambda: capture.state is State.STREAMING, within=10)
+        await wire.until(lambda: capture.state is ConnectionState.STREAMING, within=10)
         await more(wire, readings)
         assert readings.last.epoch > epoch
         assert capture.health.reconnects == 1
@@ -213,8 +213,8 @@ def test_shutting_down_is_a_loss_and_the_driver_comes_back(wire):
 def test_a_reset_connection_comes_back(wire):
     async def body(rig, capture, readings):
         rig.inject("qtm", "reset_connection")
-        await capture.supervisor.wait_for(State.FAULT)
-        await capture.supervisor.wait_for(State.STREAMING)
+        await capture.supervisor.wait_for(ConnectionState.FAULT)
+        await capture.supervisor.wait_for(ConnectionState.STREAMING)
         await more(wire, readings)
         assert capture.health.failures == 1
 
@@ -225,10 +225,10 @@ def test_a_reset_connection_comes_back(wire):
 def test_a_hostile_header_costs_one_connection(wire, fault):
     async def body(rig, capture, readings):
         rig.inject("qtm", fault)
-        await capture.supervisor.wait_for(State.FAULT)
+        await capture.supervisor.wait_for(ConnectionState.FAULT)
         assert "not in step, or not QTM" in str(capture.health.last_error)
         assert capture.health.malformed == 1
-        await capture.supervisor.wait_for(State.STREAMING)
+        await capture.supervisor.wait_for(ConnectionState.STREAMING)
         await more(wire, readings)
 
     session(wire, body)
@@ -282,10 +282,10 @@ def test_silence_is_noticed_and_survived(wire):
     async def body(rig, capture, readings):
         rig.inject("qtm", "silence")
         await wire.until(lambda: "stale" in capture.health.alarms)
-        await wire.until(lambda: capture.state is State.FAULT, within=5)
+        await wire.until(lambda: capture.state is ConnectionState.FAULT, within=5)
         assert "does not answer GetState" in str(capture.health.last_error)
         rig.boards["qtm"].clear()
-        await wire.until(lambda: capture.state is State.STREAMING, within=10)
+        await wire.until(lambda: capture.state is ConnectionState.STREAMING, within=10)
         await more(wire, readings)
 
     session(wire, body)
@@ -299,7 +299,7 @@ def test_the_eleventh_client_is_told_and_tries_again(wire):
         assert "takes no more clients" in caught.value.lines()[0]
         assert "close another client of QTM" in caught.value.lines()[0]
         rig.boards["qtm"].clear()
-        await wire.until(lambda: capture.state is State.STREAMING, within=5)
+        await wire.until(lambda: capture.state is ConnectionState.STREAMING, within=5)
 
     session(wire, body, connect=False)
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from softarm.drivers.errors import DeviceErrors, InterlockError
-from softarm.drivers.supervisor import State
+from softarm.drivers.supervisor import ConnectionState
 
 FAKE = {"name": "valves", "kind": "festo_mpa", "valve_map": [3, 2, 1, 0, 4, 5]}
 DRIVER = {
@@ -108,9 +108,9 @@ def test_the_terminal_vents_when_its_master_falls_silent(wire):
             await wire.until(lambda: rig.valve_ports["valves"].node.watchdog_trips == 1)
             assert rig.clock.now() - began == pytest.approx(0.18, abs=0.06)
             await wire.until(lambda: outlets(rig).max() < 200.0)
-            assert await bank.supervisor.wait_for(State.FAULT) is State.FAULT
+            assert await bank.supervisor.wait_for(ConnectionState.FAULT) is ConnectionState.FAULT
             rig.boards["valves"].clear()
-            await bank.supervisor.wait_for(State.STREAMING)
+            await bank.supervisor.wait_for(ConnectionState.STREAMING)
             with pytest.raises(InterlockError):
                 bank.command(SIX, 0.2)
             assert outlets(rig).max() < 200.0
@@ -124,10 +124,10 @@ def test_a_node_that_goes_down_is_found_again_and_stays_vented(wire):
         async with holding(bank):
             await wire.until(lambda: outlets(rig)[3] > 27e3)
             rig.inject("valves", "node_down")
-            await bank.supervisor.wait_for(State.FAULT)
+            await bank.supervisor.wait_for(ConnectionState.FAULT)
             epoch = readings.last.epoch
             rig.boards["valves"].clear()
-            await wire.until(lambda: bank.state is State.STREAMING, 10.0)
+            await wire.until(lambda: bank.state is ConnectionState.STREAMING, 10.0)
             await wire.until(lambda: readings.last.epoch > epoch)
             assert readings.last.value.applied == (0.0,) * 6
             assert not readings.last.value.armed
@@ -140,10 +140,10 @@ def test_after_a_reconnection_pressure_starts_from_zero_at_the_slew_limit(wire):
     async def body(rig, bank, readings):
         await inflate(wire, rig, bank)
         rig.inject("valves", "freeze")
-        await bank.supervisor.wait_for(State.FAULT)
+        await bank.supervisor.wait_for(ConnectionState.FAULT)
         await wire.until(lambda: outlets(rig).max() < 200.0)
         rig.boards["valves"].clear()
-        await bank.supervisor.wait_for(State.STREAMING)
+        await bank.supervisor.wait_for(ConnectionState.STREAMING)
         count = len(readings.all)
         bank.arm()
         async with holding(bank):
@@ -163,10 +163,10 @@ def test_refused_connections_are_retried_with_growing_waits(wire):
         rig.inject("valves", "node_down")
         with pytest.raises(DeviceErrors, match="valves"):
             await bank.connect()
-        assert bank.state is State.FAULT
+        assert bank.state is ConnectionState.FAULT
         await wire.until(lambda: bank.health.failures >= 3, 10.0)
         rig.boards["valves"].clear()
-        await wire.until(lambda: bank.state is State.STREAMING, 10.0)
+        await wire.until(lambda: bank.state is ConnectionState.STREAMING, 10.0)
 
     session(wire, body, connect=False)
 
@@ -207,9 +207,9 @@ def test_a_reset_after_a_request_ends_the_session_at_once(wire, served):
             await wire.until(lambda: outlets(rig)[3] > 27e3)
             began = rig.clock.now()
             rig.inject("valves", "drop_after_request", {"served": served})
-            await bank.supervisor.wait_for(State.FAULT)
+            await bank.supervisor.wait_for(ConnectionState.FAULT)
             assert rig.clock.now() - began < 0.1
-            await wire.until(lambda: bank.state is State.STREAMING, 10.0)
+            await wire.until(lambda: bank.state is ConnectionState.STREAMING, 10.0)
             await wire.until(lambda: outlets(rig).max() < 200.0)
             assert readings.last.value.applied == (0.0,) * 6
 
@@ -239,7 +239,7 @@ def test_a_busy_node_is_asked_again(wire):
         await wire.until(lambda: bank.health.events["terminal busy"] == 5)
         count = len(readings.all)
         await wire.until(lambda: len(readings.all) > count + 5)
-        assert bank.state is State.STREAMING
+        assert bank.state is ConnectionState.STREAMING
         assert bank.health.failures == 0
 
     session(wire, body)
@@ -249,7 +249,7 @@ def test_a_busy_node_is_asked_again(wire):
 def test_another_exception_is_an_error_of_the_configuration(wire, code):
     async def body(rig, bank, readings):
         rig.inject("valves", "exception", {"code": code})
-        await bank.supervisor.wait_for(State.FAULT)
+        await bank.supervisor.wait_for(ConnectionState.FAULT)
         await wire.until(lambda: not bank.supervisor.retrying)
         assert f"exception {code}" in str(bank.health.last_error)
 
@@ -310,7 +310,7 @@ def test_a_full_node_is_asked_again_later(wire):
         with pytest.raises(DeviceErrors):
             await bank.connect()
         rig.boards["valves"].clear()
-        await wire.until(lambda: bank.state is State.STREAMING, 10.0)
+        await wire.until(lambda: bank.state is ConnectionState.STREAMING, 10.0)
 
     session(wire, body, connect=False)
 

@@ -15,7 +15,7 @@ monotonic: Clock = time.monotonic_ns
 
 
 @dataclass(frozen=True, slots=True)
-class Tick:
+class PollTick:
     """One pass of a fixed-rate loop.
 
     Attributes:
@@ -29,7 +29,7 @@ class Tick:
     skipped: int
 
 
-class Ticker:
+class PollTicker:
     """Ticks at fixed monotonic times; an overrun skips ticks, it never bursts.
 
     Args:
@@ -44,7 +44,7 @@ class Ticker:
         self._start_ns = clock()
         self._index = 0
 
-    async def wait(self) -> Tick:
+    async def wait(self) -> PollTick:
         """Wait for the next tick and tell how late it came."""
         due = self._index + 1
         passed = (self._clock() - self._start_ns) // self.period_ns
@@ -53,4 +53,4 @@ class Ticker:
         self.overruns += skipped
         due_ns = self._start_ns + self._index * self.period_ns
         await asyncio.sleep(max(0, due_ns - self._clock()) / NANOSECONDS)
-        return Tick(self._index, max(0, self._clock() - due_ns), skipped)
+        return PollTick(self._index, max(0, self._clock() - due_ns), skipped)

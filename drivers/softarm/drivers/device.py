@@ -11,7 +11,7 @@ from softarm.drivers.backoff import Backoff
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.errors import DeviceError, DeviceErrors
 from softarm.drivers.health import Health
-from softarm.drivers.supervisor import Session, State, Supervisor, Timing
+from softarm.drivers.supervisor import ConnectionState, DeviceSession, Supervisor, Timing
 
 
 class Device(Protocol):
@@ -26,7 +26,7 @@ class Device(Protocol):
         """Where its readings come from."""
 
     @property
-    def state(self) -> State:
+    def state(self) -> ConnectionState:
         """Where it stands."""
 
     @property
@@ -83,14 +83,14 @@ class SupervisedDevice(ABC):
         )
 
     @abstractmethod
-    async def open(self) -> Session:
+    async def open(self) -> DeviceSession:
         """Open the transport and give the session on it."""
 
-    def on_state(self, before: State, after: State) -> None:  # noqa: B027  a driver need not care
+    def on_state(self, before: ConnectionState, after: ConnectionState) -> None:  # noqa: B027  a driver need not care
         """Follow a change of state; the driver may act on it."""
 
     @property
-    def state(self) -> State:
+    def state(self) -> ConnectionState:
         """Where the device stands."""
         return self.supervisor.state
 

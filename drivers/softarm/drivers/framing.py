@@ -165,7 +165,7 @@ class FrameParser(Generic[FrameT]):
             self._in_step = False
 
 
-class Line(NamedTuple):
+class TextLine(NamedTuple):
     """A line without its end, and how many bytes had been received when it ended."""
 
     text: bytes
@@ -202,10 +202,10 @@ class LineParser:
         self._buffer.clear()
         self._dropping = self.discard_first
 
-    def feed(self, data: bytes) -> Decoded[Line]:
+    def feed(self, data: bytes) -> Decoded[TextLine]:
         """Take the next bytes and return the lines completed, without their ends and without empty ones."""
         self.counts.since_frame += len(data)
-        decoded: Decoded[Line] = Decoded([], [])
+        decoded: Decoded[TextLine] = Decoded([], [])
         *pieces, rest = data.split(self.end)
         for piece in pieces:
             self._extend(piece, decoded)
@@ -214,7 +214,7 @@ class LineParser:
         self._extend(rest, decoded)
         return decoded
 
-    def _extend(self, piece: bytes, decoded: Decoded[Line]) -> None:
+    def _extend(self, piece: bytes, decoded: Decoded[TextLine]) -> None:
         self.counts.received += len(piece)
         if self._dropping:
             self.counts.skipped += len(piece)
@@ -226,7 +226,7 @@ class LineParser:
             self._buffer.clear()
             self._dropping = True
 
-    def _finish(self, decoded: Decoded[Line]) -> None:
+    def _finish(self, decoded: Decoded[TextLine]) -> None:
         if self._dropping:
             self.counts.skipped += len(self.end)
             self._dropping = False
@@ -234,7 +234,7 @@ class LineParser:
         text = bytes(self._buffer).strip(b"\r")
         self._buffer.clear()
         if text:
-            decoded.frames.append(Line(text, self.counts.received))
+            decoded.frames.append(TextLine(text, self.counts.received))
 
 
 @dataclass(slots=True)

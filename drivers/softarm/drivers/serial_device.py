@@ -13,7 +13,7 @@ from softarm.drivers.errors import ConnectionLost, ProtocolError
 from softarm.drivers.framing import Codec, Decoded, FrameFault
 from softarm.drivers.reading import Sink, Value
 from softarm.drivers.serial_link import SerialLink, SerialSettings, open_serial
-from softarm.drivers.stream import Stream
+from softarm.drivers.stream import ReadingStream
 from softarm.drivers.supervisor import Timing
 
 FrameT = TypeVar("FrameT")
@@ -93,7 +93,7 @@ class SerialDevice(SupervisedDevice, Generic[FrameT, Value]):
         self.identify_s = config.identify_s
         self.joined = asyncio.Event()
         self.latency_ns = round(config.latency_s * NANOSECONDS)
-        self.stream: Stream[Value] = Stream(
+        self.stream: ReadingStream[Value] = ReadingStream(
             config.name,
             config.source,
             config.stale_after_s,

@@ -15,7 +15,7 @@ logger = logging.getLogger(__name__)
 HISTORY = 256
 
 
-class Stream(Generic[Value]):
+class ReadingStream(Generic[Value]):
     """Publishes the readings of one device and remembers the last of them.
 
     Args:

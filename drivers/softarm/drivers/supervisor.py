@@ -20,7 +20,7 @@ logger = logging.getLogger(__name__)
 STALE = "stale"
 
 
-class State(StrEnum):
+class ConnectionState(StrEnum):
     """Where a device stands."""
 
     DISCONNECTED = "disconnected"
@@ -31,21 +31,29 @@ class State(StrEnum):
     FAULT = "fault"
 
 
-TRANSITIONS: dict[State, frozenset[State]] = {
-    State.DISCONNECTED: frozenset({State.CONNECTING}),
-    State.CONNECTING: frozenset({State.IDENTIFY, State.FAULT, State.DISCONNECTED}),
-    State.IDENTIFY: frozenset({State.STREAMING, State.FAULT, State.DISCONNECTED}),
-    State.STREAMING: frozenset({State.DEGRADED, State.FAULT, State.DISCONNECTED}),
-    State.DEGRADED: frozenset({State.STREAMING, State.FAULT, State.DISCONNECTED}),
-    State.FAULT: frozenset({State.CONNECTING, State.DISCONNECTED}),
+TRANSITIONS: dict[ConnectionState, frozenset[ConnectionState]] = {
+    ConnectionState.DISCONNECTED: frozenset({ConnectionState.CONNECTING}),
+    ConnectionState.CONNECTING: frozenset(
+        {ConnectionState.IDENTIFY, ConnectionState.FAULT, ConnectionState.DISCONNECTED}
+    ),
+    ConnectionState.IDENTIFY: frozenset(
+        {ConnectionState.STREAMING, ConnectionState.FAULT, ConnectionState.DISCONNECTED}
+    ),
+    ConnectionState.STREAMING: frozenset(
+        {ConnectionState.DEGRADED, ConnectionState.FAULT, ConnectionState.DISCONNECTED}
+    ),
+    ConnectionState.DEGRADED: frozenset(
+        {ConnectionState.STREAMING, ConnectionState.FAULT, ConnectionState.DISCONNECTED}
+    ),
+    ConnectionState.FAULT: frozenset({ConnectionState.CONNECTING, ConnectionState.DISCONNECTED}),
 }
 """From each state to those that may follow. FAULT waits for the next attempt, or for good after a
 configuration error; DISCONNECTED is before `start` and after `stop`."""
 
-ALIVE = frozenset({State.STREAMING, State.DEGRADED})
+ALIVE = frozenset({ConnectionState.STREAMING, ConnectionState.DEGRADED})
 
 
-class Session(Protocol):
+class DeviceSession(Protocol):
     """One connection, from open to close."""
 
     async def identify(self) -> None:
@@ -58,8 +66,8 @@ class Session(Protocol):
         """Leave the device safe and release the transport; called once, whatever went before."""
 
 
-Opener = Callable[[], Awaitable[Session]]
-Observer = Callable[[State, State], None]
+Opener = Callable[[], Awaitable[DeviceSession]]
+Observer = Callable[[ConnectionState, ConnectionState], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,14 +121,14 @@ class Supervisor:
         self.health = health
         self.timing = timing or Timing()
         self.backoff = backoff or Backoff()
-        self.state = State.DISCONNECTED
+        self.state = ConnectionState.DISCONNECTED
         self.error: DeviceError | None = None
         self._open_session = open_session
         self._random = random or Random()
         self._clock = clock
         self._observer = observer
         self._task: asyncio.Task[None] | None = None
-        self._waiting: list[tuple[frozenset[State], asyncio.Future[State]]] = []
+        self._waiting: list[tuple[frozenset[ConnectionState], asyncio.Future[ConnectionState]]] = []
         self._heard_ns = self._valid_ns = 0
         self._failures_in_row = 0
         health.alarms.observer = self._follow_alarms
@@ -135,12 +143,12 @@ class Supervisor:
         if self._task is not None and self.error is not None and not self.error.retried:
             await asyncio.wait({self._task})
         if not self.retrying:
-            self._enter(State.CONNECTING)
+            self._enter(ConnectionState.CONNECTING)
             self._task = asyncio.create_task(self._run(), name=f"{self.device} supervisor")
-        outcome = await self.wait_for(*ALIVE, State.FAULT, State.DISCONNECTED)
-        if outcome is State.FAULT and self.error is not None:
+        outcome = await self.wait_for(*ALIVE, ConnectionState.FAULT, ConnectionState.DISCONNECTED)
+        if outcome is ConnectionState.FAULT and self.error is not None:
             raise self.error
-        if outcome is State.DISCONNECTED:
+        if outcome is ConnectionState.DISCONNECTED:
             raise ConnectionLost(self.device, "was closed while it connected", "connect again")
 
     async def stop(self) -> None:
@@ -148,14 +156,14 @@ class Supervisor:
         task, self._task = self._task, None
         if task is not None:
             await finish(task, cancel=True)
-        self._enter(State.DISCONNECTED)
+        self._enter(ConnectionState.DISCONNECTED)
         self.health.alarms.clear_all()
 
-    async def wait_for(self, *states: State) -> State:
+    async def wait_for(self, *states: ConnectionState) -> ConnectionState:
         """Wait until one of these states is entered, or stands already."""
         if self.state in states:
             return self.state
-        future: asyncio.Future[State] = asyncio.get_running_loop().create_future()
+        future: asyncio.Future[ConnectionState] = asyncio.get_running_loop().create_future()
         self._waiting.append((frozenset(states), future))
         return await future
 
@@ -202,14 +210,14 @@ class Supervisor:
         finally:
             await self._close(session)
 
-    async def _open(self) -> Session:
-        self._enter(State.CONNECTING)
+    async def _open(self) -> DeviceSession:
+        self._enter(ConnectionState.CONNECTING)
         with self._deadline("did not open", self.timing.open_s) as deadline:
             async with deadline:
                 return await self._open_session()
 
-    async def _use(self, session: Session) -> None:
-        self._enter(State.IDENTIFY)
+    async def _use(self, session: DeviceSession) -> None:
+        self._enter(ConnectionState.IDENTIFY)
         with self._deadline("did not identify itself", self.timing.identify_s) as deadline:
             async with deadline:
                 await session.identify()
@@ -232,10 +240,10 @@ class Supervisor:
             logger.info("%s: back after %d failures", self.device, self._failures_in_row)
         self._failures_in_row = 0
         self.error = None
-        self._enter(State.STREAMING)
+        self._enter(ConnectionState.STREAMING)
         self._follow_alarms()
 
-    async def _stream(self, session: Session) -> None:
+    async def _stream(self, session: DeviceSession) -> None:
         tasks = [
             asyncio.create_task(session.stream(), name=f"{self.device} stream"),
             asyncio.create_task(self._watch(), name=f"{self.device} watch"),
@@ -273,11 +281,11 @@ class Supervisor:
         limit = self.timing.stale_after_s
         self.health.alarms.set(STALE, "no valid reading", cure, value=age_s, limit=limit, unit="s")
 
-    async def _close(self, session: Session) -> None:
+    async def _close(self, session: DeviceSession) -> None:
         """Close a session to the end, even when cancelled: this is what leaves the device safe."""
         await finish(asyncio.create_task(self._close_in_time(session), name=f"{self.device} close"))
 
-    async def _close_in_time(self, session: Session) -> None:
+    async def _close_in_time(self, session: DeviceSession) -> None:
         try:
             async with asyncio.timeout(self.timing.close_s):
                 await session.close()
@@ -291,7 +299,7 @@ class Supervisor:
         self._failures_in_row += 1
         level = logging.WARNING if self._failures_in_row == 1 or not error.retried else logging.DEBUG
         logger.log(level, "%s%s", error, "; tries again" if error.retried else "")
-        self._enter(State.FAULT)
+        self._enter(ConnectionState.FAULT)
         self.health.alarms.clear_all()
         return error
 
@@ -306,9 +314,9 @@ class Supervisor:
 
     def _follow_alarms(self) -> None:
         if self.state in ALIVE:
-            self._enter(State.DEGRADED if self.health.alarms else State.STREAMING)
+            self._enter(ConnectionState.DEGRADED if self.health.alarms else ConnectionState.STREAMING)
 
-    def _enter(self, state: State) -> None:
+    def _enter(self, state: ConnectionState) -> None:
         before, self.state = self.state, state
         if before is state:
             return

@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from softarm.common.tables import Cell
-from softarm.drivers.clock import Tick, monotonic
+from softarm.drivers.clock import PollTick, monotonic
 from softarm.drivers.health import Health
 from softarm.drivers.qualisys.bodies import BodyFrame, decode_bodies
 from softarm.drivers.qualisys.packets import PacketParser
 from softarm.drivers.qualisys.poses import poses
 from softarm.drivers.registry import load_devices
 from softarm.drivers.serial_device import SerialDevice
-from softarm.drivers.stream import Stream
+from softarm.drivers.stream import ReadingStream
 from softarm.drivers.valves import ValveBank
 from softarm.drivers.valves.registers import INPUTS
 
@@ -36,7 +36,7 @@ VALVES = {
 
 
 @dataclass(frozen=True)
-class Case:
+class DecodingCase:
     """One driver under load.
 
     Attributes:
@@ -50,18 +50,18 @@ class Case:
     produce: Callable[[int], None]
 
 
-def cases() -> list[Case]:
+def cases() -> list[DecodingCase]:
     """List the drivers that are put under load."""
     return [
-        Case("valves", "a pass: two requests in memory, echo, alarms", _passes()),
-        Case("qualisys", "a packet of three bodies to poses", _packets()),
-        Case("lutron", "a frame of 16 characters", _serial("lutron", _lutron_frames())),
-        Case("bendlabs", "a line of three sensors", _serial("bendlabs", _bend_lines())),
-        Case("bno08x_rvc", "a frame of 19 bytes", _serial("bno08x_rvc", _rvc_frames())),
+        DecodingCase("valves", "a pass: two requests in memory, echo, alarms", _passes()),
+        DecodingCase("qualisys", "a packet of three bodies to poses", _packets()),
+        DecodingCase("lutron", "a frame of 16 characters", _serial("lutron", _lutron_frames())),
+        DecodingCase("bendlabs", "a line of three sensors", _serial("bendlabs", _bend_lines())),
+        DecodingCase("bno08x_rvc", "a frame of 19 bytes", _serial("bno08x_rvc", _rvc_frames())),
     ]
 
 
-def load(case: Case, readings: int) -> dict[str, Cell]:
+def load(case: DecodingCase, readings: int) -> dict[str, Cell]:
     """Make so many readings and tell their cost in time and memory.
 
     Args:
@@ -129,7 +129,7 @@ def _passes() -> Callable[[int], None]:
 
     async def run(count: int) -> None:
         for number in itertools.islice(numbers, count):
-            await session.run_pass(Tick(number, 0, 0))
+            await session.run_pass(PollTick(number, 0, 0))
 
     def produce(count: int) -> None:
         before = bank.health.frames
@@ -141,7 +141,7 @@ def _passes() -> Callable[[int], None]:
 
 def _packets() -> Callable[[int], None]:
     parser = PacketParser()
-    stream: Stream[Any] = Stream("qtm", "bench", 1.0, health=Health())
+    stream: ReadingStream[Any] = ReadingStream("qtm", "bench", 1.0, health=Health())
     packets = _numbered_packets()
 
     def produce(count: int) -> None:

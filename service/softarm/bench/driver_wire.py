@@ -29,7 +29,7 @@ POLL_S = 0.002
 
 
 @dataclass(frozen=True)
-class Subject:
+class DeviceUnderTest:
     """One device of the bench.
 
     Attributes:
@@ -52,20 +52,20 @@ class Subject:
 
 CHAMBERS = [3, 2, 1, 0, 4, 5]
 SUBJECTS = (
-    Subject(
+    DeviceUnderTest(
         "valves",
         {"kind": "festo_mpa", "valve_map": CHAMBERS},
         {"kind": "festo_mpa", "chambers": CHAMBERS, "maximum_pa": 50e3},
         "node_down",
     ),
-    Subject("qtm", {"kind": "qualisys"}, {"kind": "qualisys"}, "shutdown"),
-    Subject("gauge", {"kind": "lutron"}, {"kind": "lutron"}, "unplug"),
-    Subject("bend", {"kind": "bendlabs"}, {"kind": "bendlabs"}, "unplug"),
-    Subject("imu", {"kind": "bno08x_rvc", "section": "tip"}, {"kind": "bno08x_rvc"}, "unplug"),
+    DeviceUnderTest("qtm", {"kind": "qualisys"}, {"kind": "qualisys"}, "shutdown"),
+    DeviceUnderTest("gauge", {"kind": "lutron"}, {"kind": "lutron"}, "unplug"),
+    DeviceUnderTest("bend", {"kind": "bendlabs"}, {"kind": "bendlabs"}, "unplug"),
+    DeviceUnderTest("imu", {"kind": "bno08x_rvc", "section": "tip"}, {"kind": "bno08x_rvc"}, "unplug"),
 )
 
 
-def subjects() -> list[Subject]:
+def subjects() -> list[DeviceUnderTest]:
     """Give the devices for which there is a driver."""
     return [subject for subject in SUBJECTS if subject.driver["kind"] in KINDS]
 
@@ -78,7 +78,7 @@ class FakesProcess:
         devices: What it plays.
     """
 
-    def __init__(self, folder: Path, devices: Sequence[Subject]) -> None:
+    def __init__(self, folder: Path, devices: Sequence[DeviceUnderTest]) -> None:
         self.folder = folder
         self.ports = {subject.name: free_port() for subject in devices if subject.on_tcp}
         self._control = free_port()
@@ -86,7 +86,7 @@ class FakesProcess:
         self._scenario = folder / "scenario.toml"
         self._scenario.write_text(tomli_w.dumps(self._describe(devices)))
 
-    def _describe(self, devices: Sequence[Subject]) -> dict[str, Any]:
+    def _describe(self, devices: Sequence[DeviceUnderTest]) -> dict[str, Any]:
         parts = []
         for subject in devices:
             address = {"port": self.ports[subject.name]} if subject.on_tcp else {}
@@ -99,7 +99,7 @@ class FakesProcess:
             "device": parts,
         }
 
-    def driver_table(self, subject: Subject, **changes: Any) -> dict[str, Any]:
+    def driver_table(self, subject: DeviceUnderTest, **changes: Any) -> dict[str, Any]:
         """Give the configuration of the driver of one of its devices."""
         table = {"name": subject.name, "simulated": True, **subject.driver, **changes}
         if subject.on_tcp:
@@ -203,7 +203,7 @@ class Bench:
 
 
 @contextlib.asynccontextmanager
-async def connected(folder: Path, chosen: Sequence[Subject], **changes: Any) -> AsyncIterator[Bench]:
+async def connected(folder: Path, chosen: Sequence[DeviceUnderTest], **changes: Any) -> AsyncIterator[Bench]:
     """Run fakes and their drivers for the length of a block.
 
     Args:
@@ -263,7 +263,7 @@ def _rate_row(name: str, bench: Bench, seconds: float) -> dict[str, Cell]:
     }
 
 
-async def outages(bench: Bench, chosen: Sequence[Subject]) -> list[dict[str, Cell]]:
+async def outages(bench: Bench, chosen: Sequence[DeviceUnderTest]) -> list[dict[str, Cell]]:
     """Take each device away for a while, then all of them at once, and time their return."""
     back_s = {}
     for subject in chosen:

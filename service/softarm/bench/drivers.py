@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from softarm.bench import driver_decoding, driver_wire
-from softarm.bench.driver_wire import Subject
+from softarm.bench.driver_wire import DeviceUnderTest
 from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.common.tables import Cell, Table
 
@@ -74,7 +74,7 @@ async def on_the_wire(seconds: float) -> tuple[Table, ...]:
     )
 
 
-async def _fastest(valves: list[Subject], seconds: float) -> list[dict[str, Cell]]:
+async def _fastest(valves: list[DeviceUnderTest], seconds: float) -> list[dict[str, Cell]]:
     with tempfile.TemporaryDirectory(prefix="softarm-bench-") as folder:
         async with driver_wire.connected(Path(folder), valves, rate_hz=FASTEST_HZ) as bench:
             await asyncio.sleep(0.5)

@@ -51,7 +51,7 @@ PERIOD_S = 4.0
 
 
 @dataclass(frozen=True)
-class Case:
+class LatencyCase:
     """One row of the table.
 
     Args:
@@ -87,7 +87,7 @@ class Measured:
 
 
 CASES = tuple(
-    Case(model, rate, busy)
+    LatencyCase(model, rate, busy)
     for model, rate in (("fem", 100.0), ("rod", 100.0), ("rod", 1000.0))
     for busy in (False, True)
 )
@@ -139,7 +139,7 @@ def _refusal() -> str | None:
     return None
 
 
-def row_of(case: Case, found: Measured) -> dict[str, Cell]:
+def row_of(case: LatencyCase, found: Measured) -> dict[str, Cell]:
     """Write a measurement as a row; a busy machine has no limit."""
     median = float(np.median(found.latencies_ms)) if len(found.latencies_ms) else math.nan
     limit = None if case.busy else LIMITS_MS[case.model]
@@ -159,7 +159,7 @@ def row_of(case: Case, found: Measured) -> dict[str, Cell]:
     }
 
 
-def measure(case: Case, seconds: float) -> Measured:
+def measure(case: LatencyCase, seconds: float) -> Measured:
     """Start a rig and a service and listen to its estimates."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="softarm-latency-")))

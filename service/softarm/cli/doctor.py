@@ -19,7 +19,7 @@ from softarm.drivers.device import Device
 from softarm.drivers.errors import DeviceError, DeviceErrors
 from softarm.drivers.reading import Reading
 from softarm.drivers.registry import load_devices
-from softarm.drivers.supervisor import ALIVE, State
+from softarm.drivers.supervisor import ALIVE, ConnectionState
 from softarm.estimator.errors import InputError
 
 REMARKS = {
@@ -66,7 +66,7 @@ class Tally:
 
 
 @dataclass(frozen=True)
-class Finding:
+class DeviceNote:
     """One thing that is wrong, or worth a look.
 
     Attributes:
@@ -93,7 +93,7 @@ class Examination:
     """
 
     row: dict[str, Cell]
-    findings: tuple[Finding, ...]
+    findings: tuple[DeviceNote, ...]
     facts: dict[str, str]
 
 
@@ -215,37 +215,37 @@ def describe(config: DriverConfig, device: Device, tally: Tally) -> Examination:
     return Examination(row, tuple(_findings(config.name, device, tally)), dict(health.facts))
 
 
-def _standing(device: Device) -> State:
+def _standing(device: Device) -> ConnectionState:
     """Tell the state; between two attempts in vain that is a fault."""
-    return device.state if device.state in ALIVE or not device.health.failures else State.FAULT
+    return device.state if device.state in ALIVE or not device.health.failures else ConnectionState.FAULT
 
 
-def _findings(name: str, device: Device, tally: Tally) -> list[Finding]:
+def _findings(name: str, device: Device, tally: Tally) -> list[DeviceNote]:
     health = device.health
     found = []
     if device.state not in ALIVE:
         found.append(_of_error(name, health.last_error))
     elif not tally.readings:
-        found.append(Finding(name, True, "answers, but sends no reading", "start its measurement"))
+        found.append(DeviceNote(name, True, "answers, but sends no reading", "start its measurement"))
     for alarm in health.alarms.standing:
         quantity = "" if alarm.value is None else f" ({alarm.value} {alarm.unit}".rstrip() + ")"
-        found.append(Finding(name, True, f"{alarm.what}{quantity}", alarm.cure))
+        found.append(DeviceNote(name, True, f"{alarm.what}{quantity}", alarm.cure))
     if tally.invalid:
         told = ", ".join(sorted(tally.flags)) or "no reason given"
         found.append(
-            Finding(name, False, f"{tally.invalid} invalid readings: {told}", "see the device's page")
+            DeviceNote(name, False, f"{tally.invalid} invalid readings: {told}", "see the device's page")
         )
     for counter, (what, cure) in REMARKS.items():
         if count := getattr(health, counter):
-            found.append(Finding(name, False, f"{count} {what}", cure))
+            found.append(DeviceNote(name, False, f"{count} {what}", cure))
     return found
 
 
-def _of_error(name: str, error: DeviceError | None) -> Finding:
+def _of_error(name: str, error: DeviceError | None) -> DeviceNote:
     if error is None:
-        return Finding(name, True, "does not answer", "check cable, address and power")
+        return DeviceNote(name, True, "does not answer", "check cable, address and power")
     told = str(error).removeprefix(f"{error.device}: ").removesuffix(f"; {error.cure}")
-    return Finding(name, True, told, error.cure)
+    return DeviceNote(name, True, told, error.cure)
 
 
 def tables(examinations: Sequence[Examination]) -> list[Table]:

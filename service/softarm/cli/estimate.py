@@ -19,7 +19,7 @@ from softarm.common.tables import Table
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from softarm.analysis.offline.surface import Surface
+    from softarm.analysis.offline.surface import BodySurface
     from softarm.analysis.offline.track import Track
     from softarm.estimator.calibration import Run
     from softarm.estimator.specimen import Specimen
@@ -129,7 +129,7 @@ def _chosen(robot: "Specimen") -> str:
     return "fem" if robot.physics or known_trusted_rod(robot) is None else "rod"
 
 
-def _on_mesh(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any], Surface]]":
+def _on_mesh(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any], BodySurface]]":
     """Estimate on the finite elements, begun at the rod's answers where it is known."""
     from dataclasses import replace
 
@@ -147,7 +147,7 @@ def _on_mesh(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any]
     return found, lambda state: outer_surface(model, state)
 
 
-def _on_rod(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any], Surface]]":
+def _on_rod(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any], BodySurface]]":
     """Estimate on the calibrated rod."""
     from softarm.analysis.offline.surface import skin_surface
     from softarm.analysis.offline.track import track

@@ -10,7 +10,7 @@ from softarm.cli.output import force_option, json_option, progress, say, show
 from softarm.common.tables import as_markdown
 
 if TYPE_CHECKING:
-    from softarm.experiments.live import BenchSettings
+    from softarm.experiments.live import LiveRigSettings
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -140,9 +140,9 @@ def _run(
     if scenario is not None and (recorded or not fake):
         raise click.UsageError("--scenario goes with --fake, live")
     if not recorded:
-        from softarm.experiments.live import BenchSettings
+        from softarm.experiments.live import LiveRigSettings
 
-        bench = BenchSettings(out, arm=arm, endpoint=endpoint, specimen=specimen, scenario=scenario)
+        bench = LiveRigSettings(out, arm=arm, endpoint=endpoint, specimen=specimen, scenario=scenario)
         return _live(name, bench, as_json=as_json)
     return _recorded(
         name,
@@ -201,7 +201,7 @@ def _recorded(
     return int(bool(failed))
 
 
-def _live(name: str, settings: "BenchSettings", *, as_json: bool) -> int:
+def _live(name: str, settings: "LiveRigSettings", *, as_json: bool) -> int:
     from softarm.estimator.calibration import CalibrationRefusedError
     from softarm.experiments.live_tables import run_live
 

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.client.client import SoftarmClient
-from softarm.experiments.bench import Collector, FakeControl, Observation, laboratory_of
 from softarm.experiments.paper import FORCE_N, Published
 from softarm.experiments.recovery import arm_again, lead
+from softarm.experiments.rig_control import Collector, FakeControl, MeanEstimate, laboratory_of
 
 Floats = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class ForceSample:
         return self.estimate_n - self.gauge_n
 
 
-def sample(condition: str, seen: Observation, hook: Floats | None, direction: Floats) -> ForceSample:
+def sample(condition: str, seen: MeanEstimate, hook: Floats | None, direction: Floats) -> ForceSample:
     """Compare estimate and gauge in the lateral direction of the cord.
 
     Two lateral forces are estimated at a section; the cord pulls in its own direction u, so that the gauge's

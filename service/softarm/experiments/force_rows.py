@@ -25,7 +25,7 @@ from softarm.experiments.paper import Published
 from softarm.experiments.pulls import (
     TAUT_N,
     ForceErrors,
-    Pull,
+    GaugePull,
     at_looks,
     force_errors,
     look_windows,
@@ -57,7 +57,7 @@ class PullTrack:
 
     condition: str
     sensors: str
-    pull: Pull
+    pull: GaugePull
     track: Track[Any]
     errors: ForceErrors
     tied: Flags

@@ -16,11 +16,11 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Specimen, load_specimen
-from softarm.experiments.bench import FakeControl, laboratory_of, ramp_pressures
 from softarm.experiments.excitation import specimen_of_arm
-from softarm.experiments.operator import FakeOperator, Operator, Person
+from softarm.experiments.operator import ExperimentOperator, FakeOperator, Person
 from softarm.experiments.recovery import arm_again, lead
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
+from softarm.experiments.rig_control import FakeControl, laboratory_of, ramp_pressures
 from softarm.experiments.session import connect, recorded, wait_ready
 from softarm.recordings import load_recording
 
@@ -37,7 +37,7 @@ AGAIN_S = 1.0
 
 
 @dataclass
-class LiveBench:
+class LiveRig:
     """A running arm and who moves what the service cannot.
 
     Args:
@@ -51,7 +51,7 @@ class LiveBench:
     """
 
     client: SoftarmClient
-    operator: Operator
+    operator: ExperimentOperator
     specimen: Specimen
     advance: Callable[[], None] = lambda: None
     forgiving: bool = False
@@ -193,7 +193,7 @@ def base_to_laboratory(recording: Recording) -> Callable[[Floats], Floats]:
 
 
 @dataclass(frozen=True)
-class BenchSettings:
+class LiveRigSettings:
     """Where an experiment runs.
 
     Args:
@@ -213,9 +213,9 @@ class BenchSettings:
 
 
 @contextmanager
-def live_bench(
-    settings: BenchSettings, ask: Callable[[str], None], sensors: tuple[str, ...] = ("orientation",)
-) -> Iterator[LiveBench]:
+def live_rig(
+    settings: LiveRigSettings, ask: Callable[[str], None], sensors: tuple[str, ...] = ("orientation",)
+) -> Iterator[LiveRig]:
     """Connect to an arm, or start fakes and a service on them.
 
     Args:
@@ -227,7 +227,7 @@ def live_bench(
     with ExitStack() as stack:
         if arm is not None:
             client = stack.enter_context(SoftarmClient(arm, endpoint or DEFAULT_ENDPOINT, name="experiment"))
-            operator: Operator = Person(ask)
+            operator: ExperimentOperator = Person(ask)
         else:
             chosen = specimen or str(EXAMPLES / "specimens" / "fake_arm.toml")
             started = RigSettings(
@@ -244,4 +244,4 @@ def live_bench(
         wait_ready(client)
         known = load_specimen(specimen) if specimen else specimen_of_arm(client)
         stack.enter_context(client.lease())
-        yield LiveBench(client, operator, known, forgiving=arm is None)
+        yield LiveRig(client, operator, known, forgiving=arm is None)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from softarm.client.client import CommandRefusedError
 from softarm.common.errors import WorkFailedError
 from softarm.estimator.recording import Recording
-from softarm.experiments.live import LiveBench
+from softarm.experiments.live import LiveRig
 from softarm.experiments.recovery import ATTEMPTS
 
 Floats = NDArray[np.float64]
@@ -44,7 +44,7 @@ def random_levels(rng: np.random.Generator, count: int, highest: float = HIGHEST
     return levels
 
 
-def validate_live(bench: LiveBench, seed: int, poses: int = 12) -> Recording:
+def validate_live(bench: LiveRig, seed: int, poses: int = 12) -> Recording:
     """Go to random poses and hold each."""
     levels = random_levels(np.random.default_rng(seed), poses)
     with bench.recording("validate") as paths:
@@ -56,7 +56,7 @@ def validate_live(bench: LiveBench, seed: int, poses: int = 12) -> Recording:
     return bench.load(paths[0])
 
 
-def calibrate_live(bench: LiveBench, seed: int, poses: int = 8) -> tuple[Recording, Recording, Recording]:
+def calibrate_live(bench: LiveRig, seed: int, poses: int = 8) -> tuple[Recording, Recording, Recording]:
     """Fill each chamber alone, go to random poses; pull in three directions, vented and under pressure."""
     with bench.recording("calibrate") as paths:
         bench.arm()
@@ -81,7 +81,7 @@ def calibrate_live(bench: LiveBench, seed: int, poses: int = 8) -> tuple[Recordi
 
 
 def pull_steps(
-    bench: LiveBench, section: str, turns: tuple[float, ...], steps: int, travel: float, rest_s: float
+    bench: LiveRig, section: str, turns: tuple[float, ...], steps: int, travel: float, rest_s: float
 ) -> None:
     """Move the gauge away in small steps from where the cord is just taut.
 
@@ -104,7 +104,7 @@ def pull_steps(
         bench.wait(1.5)
 
 
-def against_the_cord(bench: LiveBench, chamber: int, levels: int, ramp_s: float, hold_s: float) -> None:
+def against_the_cord(bench: LiveRig, chamber: int, levels: int, ramp_s: float, hold_s: float) -> None:
     """Tie the tip on a chamber's side, fill that chamber in steps, which bends the arm away, and vent it.
 
     Args:
@@ -129,7 +129,7 @@ def against_the_cord(bench: LiveBench, chamber: int, levels: int, ramp_s: float,
     bench.advance()
 
 
-def force_live(bench: LiveBench, steps: int = 10) -> tuple[Recording, Recording]:
+def force_live(bench: LiveRig, steps: int = 10) -> tuple[Recording, Recording]:
     """Pull the vented arm in small steps; then ramp pressures against the cord."""
     with bench.recording("force_not_pressurised") as paths:
         bench.wait(2.0)
@@ -142,7 +142,7 @@ def force_live(bench: LiveBench, steps: int = 10) -> tuple[Recording, Recording]
     return still, bench.load(paths[0])
 
 
-def teach_live(bench: LiveBench, seed: int, poses: int = 15, reach: float = 0.05) -> TaughtLive:
+def teach_live(bench: LiveRig, seed: int, poses: int = 15, reach: float = 0.05) -> TaughtLive:
     """Show poses by hand, let the service hold each, and look."""
     rng = np.random.default_rng(seed)
     shown, held, reachable = [], [], []
@@ -159,7 +159,7 @@ def teach_live(bench: LiveBench, seed: int, poses: int = 15, reach: float = 0.05
     return TaughtLive(bench.load(paths[0]), tuple(shown), tuple(held), tuple(reachable))
 
 
-def _again(bench: LiveBench, rest: Floats, goal: Floats) -> tuple[float, float, bool]:
+def _again(bench: LiveRig, rest: Floats, goal: Floats) -> tuple[float, float, bool]:
     """Show a pose and hold it; where faults are forgiven, begin it anew after one."""
     for left in reversed(range(ATTEMPTS if bench.forgiving else 1)):
         try:
@@ -171,7 +171,7 @@ def _again(bench: LiveBench, rest: Floats, goal: Floats) -> tuple[float, float, 
     raise AssertionError
 
 
-def _show_and_hold(bench: LiveBench, rest: Floats, goal: Floats) -> tuple[float, float, bool]:
+def _show_and_hold(bench: LiveRig, rest: Floats, goal: Floats) -> tuple[float, float, bool]:
     """Show one pose, let the service hold it, and let go.
 
     Returns:

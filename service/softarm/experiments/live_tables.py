@@ -24,7 +24,7 @@ from softarm.estimator.specimen import Specimen, save_specimen
 from softarm.experiments.campaign import tables_of, write_json
 from softarm.experiments.force_rows import PullCase, along_cord_row, follow_pull
 from softarm.experiments.holds import hold_windows, means
-from softarm.experiments.live import BenchSettings, LiveBench, live_bench
+from softarm.experiments.live import LiveRig, LiveRigSettings, live_rig
 from softarm.experiments.live_runs import calibrate_live, force_live, teach_live, validate_live
 from softarm.experiments.models import known_force_solver
 from softarm.experiments.paper import FORCE_N
@@ -45,7 +45,7 @@ WAY = "Live over zenoh; figures are of the service's recording, by the service's
 
 def run_live(
     name: str,
-    settings: BenchSettings,
+    settings: LiveRigSettings,
     *,
     seed: int,
     ask: Callable[[str], None],
@@ -64,7 +64,7 @@ def run_live(
     """
     sensors = ("pose",) if name == "teach" else ("orientation",)
     out = settings.out
-    with live_bench(settings, ask, sensors) as bench:
+    with live_rig(settings, ask, sensors) as bench:
         bench.advance = advance
         for lost in bench.lost():
             tell(lost)
@@ -159,7 +159,7 @@ def _pose_before(run: Run, end: float) -> Floats:
     return seen[0] if len(seen) else np.full(run.readings.shape[1], np.nan)
 
 
-def _teach(bench: LiveBench, seed: int) -> tuple[Recording, ...]:
+def _teach(bench: LiveRig, seed: int) -> tuple[Recording, ...]:
     taught = teach_live(bench, seed)
     told = {
         "looks": [list(taught.shown), list(taught.held)],
@@ -168,7 +168,7 @@ def _teach(bench: LiveBench, seed: int) -> tuple[Recording, ...]:
     return (replace(taught.recording, info={**taught.recording.info, **told}),)
 
 
-_RUNS: Mapping[str, Callable[[LiveBench, int], tuple[Recording, ...]]] = {
+_RUNS: Mapping[str, Callable[[LiveRig, int], tuple[Recording, ...]]] = {
     "calibrate": calibrate_live,
     "validate": lambda bench, seed: (validate_live(bench, seed),),
     "force": lambda bench, seed: force_live(bench),  # noqa: ARG005

@@ -28,7 +28,7 @@ def known_force_solver(specimen: Specimen, advance: Advance = lambda _: None) ->
 
 
 @dataclass
-class Answers:
+class SharedSolutions:
     """Answers of models of one arm, at which others of the same arm begin at nearly the same inputs.
 
     Args:
@@ -55,7 +55,7 @@ class WarmSolver:
     """
 
     solver: Solver
-    answers: Answers
+    answers: SharedSolutions
 
     @property
     def sections(self) -> tuple[str, ...]:

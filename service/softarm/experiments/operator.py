@@ -7,12 +7,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.experiments.bench import FakeControl
+from softarm.experiments.rig_control import FakeControl
 
 Floats = NDArray[np.float64]
 
 
-class Operator(Protocol):
+class ExperimentOperator(Protocol):
     """Moves what the service cannot move."""
 
     def tie(self, section: str, hook: Floats, length: float) -> None:
@@ -43,15 +43,15 @@ class FakeOperator:
     stiffness: float = 150.0
 
     def tie(self, section: str, hook: Floats, length: float) -> None:
-        """See ``Operator.tie``."""
+        """See ``ExperimentOperator.tie``."""
         self.control.ask("cord", section=section, hook_m=self.to_laboratory(hook).tolist(), length_m=length)
 
     def untie(self) -> None:
-        """See ``Operator.untie``."""
+        """See ``ExperimentOperator.untie``."""
         self.control.ask("cord")
 
     def lead(self, section: str, place: Floats) -> None:
-        """See ``Operator.lead``."""
+        """See ``ExperimentOperator.lead``."""
         self.control.ask(
             "hand",
             section=section,
@@ -60,7 +60,7 @@ class FakeOperator:
         )
 
     def let_go(self) -> None:
-        """See ``Operator.let_go``."""
+        """See ``ExperimentOperator.let_go``."""
         self.control.ask("hand")
 
 
@@ -76,7 +76,7 @@ class Person:
     tied: list[str] = field(default_factory=list)
 
     def tie(self, section: str, hook: Floats, length: float) -> None:
-        """See ``Operator.tie``."""
+        """See ``ExperimentOperator.tie``."""
         place = ", ".join(f"{1e3 * value:.0f}" for value in hook)
         what = (
             "Move the gauge"
@@ -87,15 +87,15 @@ class Person:
         self.ask(f"{what} so that its hook is at ({place}) mm in the base frame.")
 
     def untie(self) -> None:
-        """See ``Operator.untie``."""
+        """See ``ExperimentOperator.untie``."""
         self.tied.clear()
         self.ask("Take the cord off and let the arm hang free.")
 
     def lead(self, section: str, place: Floats) -> None:
-        """See ``Operator.lead``."""
+        """See ``ExperimentOperator.lead``."""
         where = ", ".join(f"{1e3 * value:.0f}" for value in place)
         self.ask(f"Lead the {section} by hand to about ({where}) mm in the base frame and keep it there.")
 
     def let_go(self) -> None:
-        """See ``Operator.let_go``."""
+        """See ``ExperimentOperator.let_go``."""
         self.ask("Let go of the arm.")

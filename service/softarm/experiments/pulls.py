@@ -25,7 +25,7 @@ LEAVE_S = 0.2
 
 
 @dataclass(frozen=True)
-class Pull:
+class GaugePull:
     """What the gauge says over the times of an estimate.
 
     Args:
@@ -52,7 +52,7 @@ class Pull:
         return np.where(size > 0.1, across / np.maximum(size, 1e-9), 0.0)
 
 
-def pull_of(recording: Recording, specimen: Specimen, run: Run) -> Pull:
+def pull_of(recording: Recording, specimen: Specimen, run: Run) -> GaugePull:
     """Find the pull in a recording.
 
     Args:
@@ -87,7 +87,7 @@ def pull_of(recording: Recording, specimen: Specimen, run: Run) -> Pull:
         )
     loads = run.loads.reshape(len(run.time), -1, 3)[:, sections[::3].index(section)]
     nearest = np.clip(np.searchsorted(recording.time, run.time), 0, len(recording.time) - 1)
-    return Pull(section, loads, direction[nearest])
+    return GaugePull(section, loads, direction[nearest])
 
 
 def rested(recording: Recording, times: Floats) -> Flags:
@@ -165,7 +165,7 @@ class ForceErrors:
         return ForceErrors(self.time[flags], self.gauge[flags], self.estimate[flags], self.std[flags])
 
 
-def force_errors(track: Track[State], pull: Pull, free: Flags | None = None) -> ForceErrors:
+def force_errors(track: Track[State], pull: GaugePull, free: Flags | None = None) -> ForceErrors:
     """Compare estimates with the gauge.
 
     Args:

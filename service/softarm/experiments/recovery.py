@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from softarm.client.client import CommandRefusedError, SoftarmClient
-from softarm.experiments.bench import ramp_pressures
+from softarm.experiments.rig_control import ramp_pressures
 
 PATIENCE_S = 20.0
 PAUSE_S = 0.2

@@ -35,7 +35,7 @@ from softarm.experiments.force_rows import (
 )
 from softarm.experiments.holds import hold_windows, means
 from softarm.experiments.leave_one_out import leave_one_out_errors
-from softarm.experiments.models import Answers, WarmSolver, known_force_solver
+from softarm.experiments.models import SharedSolutions, WarmSolver, known_force_solver
 from softarm.experiments.paper import FORCE_N
 from softarm.experiments.recorded import FakeRun, perform
 from softarm.experiments.subsets import SUBSETS
@@ -127,7 +127,7 @@ class SeedBench:
     def __init__(self, plan: SeedPlan) -> None:
         self.plan = plan
         self.nominal = load_specimen(plan.specimen)
-        self._answers = Answers()
+        self._answers = SharedSolutions()
 
     def solver(self, specimen: Specimen) -> Solver:
         """Give a model of the arm that begins at what others have answered."""

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from softarm.api.messages import Estimate, State
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.estimator.errors import InputError
-from softarm.experiments.bench import FakeControl
 from softarm.experiments.force import ForceSample, ForceSettings, run_fake
 from softarm.experiments.rig import FakeRig
+from softarm.experiments.rig_control import FakeControl
 
 READY_S = 90.0
 

@@ -52,7 +52,7 @@ FOREIGN_UNITS = {
 
 
 @dataclass(frozen=True)
-class Place:
+class ColumnPlace:
     """Where a column's values travel in a stream.
 
     Args:
@@ -64,17 +64,17 @@ class Place:
     field: str
 
 
-def place(column: str) -> Place | None:
+def place(column: str) -> ColumnPlace | None:
     """Find the stream and the field of a canonical column; ``None`` for any other name."""
     if match := PRESSURE.fullmatch(column):
-        return Place("pressures_cmd" if match[1] else "pressures", f"chamber_{match[2]}_pa")
+        return ColumnPlace("pressures_cmd" if match[1] else "pressures", f"chamber_{match[2]}_pa")
     if match := GROUPED.fullmatch(column):
         kind = next(kind for kind in GROUPS if match[kind])
-        return Place(f"{kind}/{match[f'{kind}_name']}", match[f"{kind}_field"])
+        return ColumnPlace(f"{kind}/{match[f'{kind}_name']}", match[f"{kind}_field"])
     if match := GAUGE.fullmatch(column):
-        return Place(f"gauge/{match[1]}", "force_n")
+        return ColumnPlace(f"gauge/{match[1]}", "force_n")
     if match := ESTIMATE.fullmatch(column):
-        return Place("estimate", match[1])
+        return ColumnPlace("estimate", match[1])
     return None
 
 
@@ -86,7 +86,7 @@ def column_name(topic: str, field: str) -> str | None:
         column = f"gauge_{topic.removeprefix('gauge/')}_n"
     else:
         column = f"{topic.replace('/', '_', 1)}_{field}"
-    return column if place(column) == Place(topic, field) else None
+    return column if place(column) == ColumnPlace(topic, field) else None
 
 
 def check_names(source: str, columns: Sequence[str]) -> None:

@@ -24,18 +24,18 @@ from softarm.fakes.parts import (
     XbusPart,
 )
 from softarm.fakes.plant.state import Plant
-from softarm.fakes.qtm.measurement import Body, Cameras, Measurement, measurement_faults
+from softarm.fakes.qtm.measurement import Cameras, MarkerBody, MotionMeasurement, measurement_faults
 from softarm.fakes.qtm.server import SERVER_FAULTS
 from softarm.fakes.serial.attitude import Mounting
 from softarm.fakes.serial.bend import BendBoard, bend_faults
 from softarm.fakes.serial.bno import BNO_FAULTS, BnoRvc
 from softarm.fakes.serial.instrument import Instrument
 from softarm.fakes.serial.line_gauge import LINE_GAUGE_FAULTS, LineGauge
-from softarm.fakes.serial.load_cell import Cell
+from softarm.fakes.serial.load_cell import LoadCellFigures
 from softarm.fakes.serial.lutron import LUTRON_FAULTS, LutronGauge
-from softarm.fakes.serial.mark10 import MARK10_FAULTS, Mark10Gauge
+from softarm.fakes.serial.mark10 import MARK10_FAULTS, FakeMark10
 from softarm.fakes.serial.quaternion_line import QUATERNION_LINE_FAULTS, QuaternionLine
-from softarm.fakes.serial.sauter import SAUTER_FAULTS, SauterGauge
+from softarm.fakes.serial.sauter import SAUTER_FAULTS, FakeSauter
 from softarm.fakes.serial.witmotion import WITMOTION_FAULTS, WitMotion
 from softarm.fakes.serial.xbus import XBUS_FAULTS, XbusModule
 from softarm.fakes.signals import See, by_valve, plainly
@@ -113,7 +113,7 @@ def build_node(part: ValvesPart, around: Surroundings, faults: FaultBoard) -> Cp
     return CpxNode(bank, faults, part.watchdog_ms)
 
 
-def build_measurement(part: QtmPart, around: Surroundings, faults: FaultBoard) -> Measurement:
+def build_measurement(part: QtmPart, around: Surroundings, faults: FaultBoard) -> MotionMeasurement:
     """Build the measurement of a motion capture.
 
     Raises:
@@ -122,9 +122,9 @@ def build_measurement(part: QtmPart, around: Surroundings, faults: FaultBoard) -
     sections, bodies = around.plant.sections, []
     for body in part.bodies:
         _index(part, body.section, sections)
-        bodies.append(Body(body.name, body.section, body.offset_m, body.rotation_rad))
+        bodies.append(MarkerBody(body.name, body.section, body.offset_m, body.rotation_rad))
     cameras = Cameras(part.rate_hz, part.position_noise_m, part.angle_noise_rad, part.clock_ppm)
-    return Measurement(bodies, sections, cameras, faults, seed_of(around.seed, part.name), around.see)
+    return MotionMeasurement(bodies, sections, cameras, faults, seed_of(around.seed, part.name), around.see)
 
 
 def build_instrument(part: SerialPart, around: Surroundings, faults: FaultBoard) -> Instrument:
@@ -148,13 +148,13 @@ def build_instrument(part: SerialPart, around: Surroundings, faults: FaultBoard)
 
 
 def _build_gauge(part: GaugePart, faults: FaultBoard, seed: int, see: See) -> Instrument:
-    cell = Cell(part.full_scale_n, part.noise_n, part.drift_n_per_s, see)
+    cell = LoadCellFigures(part.full_scale_n, part.noise_n, part.drift_n_per_s, see)
     if isinstance(part, LutronPart):
         return LutronGauge(faults, cell, part.rate_hz, part.unit, part.baud, seed)
     if isinstance(part, Mark10Part):
-        return Mark10Gauge(faults, cell, part.unit, part.baud, seed)
+        return FakeMark10(faults, cell, part.unit, part.baud, seed)
     if isinstance(part, SauterPart):
-        return SauterGauge(faults, cell, part.baud, seed)
+        return FakeSauter(faults, cell, part.baud, seed)
     assert isinstance(part, LineGaugePart)
     return LineGauge(
         faults, cell, part.rate_hz, part.unit, part.decimals,

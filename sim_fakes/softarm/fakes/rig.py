@@ -28,9 +28,9 @@ from softarm.fakes.qtm.discovery import Discovery
 from softarm.fakes.qtm.server import QtmServer
 from softarm.fakes.scenario import FaultPart, Scenario
 from softarm.fakes.serial.port import SerialPort
-from softarm.fakes.signals import Signals
+from softarm.fakes.signals import ConcealedSignals
 from softarm.fakes.valves.server import ModbusPort
-from softarm.fakes.world import World, run_world
+from softarm.fakes.world import FakeArmWorld, run_world
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Rig:
         self.clock = clock
         self.boards = {part.name: FaultBoard(part.name, catalogue(part)) for part in scenario.device}
         self.plant: Plant = build_plant(scenario.plant)
-        self.signals = Signals()
+        self.signals = ConcealedSignals()
         self.valve_ports: dict[str, ModbusPort] = {}
         self.qtm_servers: dict[str, QtmServer] = {}
         self.serial_ports: dict[str, SerialPort] = {}
@@ -80,7 +80,7 @@ class Rig:
         self._discoveries: dict[str, asyncio.DatagramTransport] = {}
         self._tasks: asyncio.TaskGroup | None = None
         self._ends: dict[tuple[str, str], float] = {}
-        self.world = World(self.plant, None, (), scenario.step_s)
+        self.world = FakeArmWorld(self.plant, None, (), scenario.step_s)
         around = Surroundings(self.plant, scenario.seed, self.signals.see)
         for part in scenario.device:
             self._build(part, around)
@@ -174,7 +174,7 @@ class Rig:
         board, scenario = self.boards[part.name], self.scenario
         if isinstance(part, ValvesPart):
             node = build_node(part, around, board)
-            self.world = World(self.plant, node, part.valve_map, scenario.step_s)
+            self.world = FakeArmWorld(self.plant, node, part.valve_map, scenario.step_s)
             self.valve_ports[part.name] = ModbusPort(
                 node, board, self.clock, scenario.host, part.port, part.max_clients
             )

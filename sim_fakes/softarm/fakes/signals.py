@@ -17,7 +17,7 @@ def plainly(signal: str, sensor: str | None, time: float, value: Floats) -> Floa
     return value
 
 
-class Signals:
+class ConcealedSignals:
     """The concealed effects that are on, and the filters they make.
 
     Signals: ``valve`` and ``pressure`` [Pa] in chamber order, ``pose`` (position [m] and quaternion) of

@@ -22,7 +22,7 @@ class Actuator(Protocol):
         """Give the gauge pressures at the outlets [Pa], shape (valves,)."""
 
 
-class World:
+class FakeArmWorld:
     """Steps the valves and the arm together at a fixed rate.
 
     Args:
@@ -89,7 +89,7 @@ class World:
         self.plant.advance(self.time, PlantInputs(pressures, self.cord, self.hand))
 
 
-async def run_world(world: World, clock: Clock, tick: float = 2e-3) -> None:
+async def run_world(world: FakeArmWorld, clock: Clock, tick: float = 2e-3) -> None:
     """Keep a world at the time of a clock, forever; the loop gets its turn at least every 50 steps."""
     while True:
         reached = world.advance(clock.now())

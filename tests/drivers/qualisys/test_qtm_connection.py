@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from softarm.drivers.errors import ConnectionLost
-from softarm.drivers.qualisys.connection import Connection, Refused
+from softarm.drivers.qualisys.connection import Connection, QtmError
 from softarm.drivers.qualisys.packets import PacketKind
 from tests.drivers.qualisys.qtm_peer import Peer, event, frame, text
 
@@ -52,7 +52,7 @@ def test_the_answer_of_a_request_that_was_given_up_reaches_nobody_else(virtual: 
         await asyncio.sleep(0)
         peer.send(text(1, "late") + text(0, "Version NOT supported") + text(1, "Byte order is little endian"))
         assert b"little endian" in await wanted
-        with pytest.raises(Refused, match="Version NOT supported"):
+        with pytest.raises(QtmError, match="Version NOT supported"):
             await refused
 
     virtual.run(main)

@@ -8,7 +8,7 @@ import pytest
 
 from softarm.drivers.errors import ConfigurationError, ConnectionLost, ProtocolError
 from softarm.drivers.qualisys.device import QualisysConfig
-from softarm.drivers.supervisor import State
+from softarm.drivers.supervisor import ConnectionState
 from tests.drivers.qualisys.qtm_peer import Peer, Rig, event, frame, refused, run, settings, text
 
 
@@ -63,7 +63,7 @@ def test_a_version_too_old_is_a_configuration_error(virtual: Any) -> None:
     async def main(rig: Rig) -> None:
         rig.peer.newest = "1.18"
         await refused(rig, ConfigurationError, "none of the protocol versions 1.19 to 1.25; update QTM")
-        assert rig.device.state is State.FAULT
+        assert rig.device.state is ConnectionState.FAULT
 
     run(virtual, main)
 
@@ -89,7 +89,7 @@ def test_wrong_ports_wrong_peers_and_the_eleventh_client(
         rig.peer.greeting = greeting
         await refused(rig, kind, match)
         rig.peer.greeting = Peer().greeting
-        await rig.device.supervisor.wait_for(State.STREAMING)
+        await rig.device.supervisor.wait_for(ConnectionState.STREAMING)
 
     run(virtual, main)
 
@@ -230,7 +230,7 @@ def test_a_picture_that_stands_still_gets_old(virtual: Any) -> None:
         assert rig.readings[-1].flags == ("frozen",)
         last = rig.readings[-1]
         assert last.age_ns(last.host_monotonic_ns) == pytest.approx(990_000_000, rel=0.01)
-        assert rig.device.state is State.DEGRADED
+        assert rig.device.state is ConnectionState.DEGRADED
         assert "stale" in rig.device.health.alarms
 
     run(virtual, main)
@@ -245,9 +245,9 @@ def test_a_lost_body_has_an_age_and_after_a_while_an_alarm(virtual: Any) -> None
         assert last.value.poses["base"] is not None
         assert last.value.lost_for_s["tip"] == pytest.approx(0.9)
         assert "lost:tip" in rig.device.health.alarms
-        assert rig.device.state is State.DEGRADED
+        assert rig.device.state is ConnectionState.DEGRADED
         await rig.say(frame(101, 1.0, 2.0))
-        assert rig.device.state is State.STREAMING
+        assert rig.device.state is ConnectionState.STREAMING
 
     run(virtual, main)
 
@@ -269,7 +269,7 @@ def test_closing_ends_everything(virtual: Any) -> None:
         await rig.device.close()
         connection.data_received(frame(1, 1.0, 2.0) + event(12))
         assert rig.readings == []
-        assert rig.device.state is State.DISCONNECTED
+        assert rig.device.state is ConnectionState.DISCONNECTED
 
     run(virtual, main)
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from softarm.drivers.errors import ConfigurationError
-from softarm.drivers.supervisor import State
+from softarm.drivers.supervisor import ConnectionState
 from tests.drivers.qualisys.qtm_peer import Rig, event, frame, packet, refused, run, text
 
 
@@ -17,7 +17,7 @@ def test_no_more_data_waits_and_a_capture_starts_the_stream_again(virtual: Any) 
         await rig.say(frame(5, 1.0, 2.0))
         rig.peer.running = False
         await rig.say(packet(4), event(4))
-        assert rig.device.state is State.DEGRADED
+        assert rig.device.state is ConnectionState.DEGRADED
         assert "waiting" in rig.device.health.alarms
         asked = rig.peer.count("StreamFrames")
         rig.peer.running = True
@@ -25,7 +25,7 @@ def test_no_more_data_waits_and_a_capture_starts_the_stream_again(virtual: Any) 
         assert rig.peer.count("StreamFrames") == asked + 1
         await asyncio.sleep(0.1)
         await rig.say(frame(1, 1.0, 2.0))
-        assert rig.device.state is State.STREAMING
+        assert rig.device.state is ConnectionState.STREAMING
         assert rig.readings[-1].epoch == rig.readings[0].epoch + 1
         assert rig.device.health.connections == 1
 
@@ -38,14 +38,14 @@ def test_no_measurement_at_connect_waits_and_asks_again(virtual: Any) -> None:
         await rig.device.connect()
         await asyncio.sleep(5.5)
         assert "waiting" in rig.device.health.alarms
-        assert rig.device.state is State.DEGRADED
+        assert rig.device.state is ConnectionState.DEGRADED
         assert 5 <= rig.peer.count("StreamFrames") <= 7
         rig.peer.running = True
         await asyncio.sleep(1.1)
         await rig.say(frame(1, 1.0, 2.0))
         await asyncio.sleep(0.1)
         await rig.say(frame(2, 1.0, 2.0))
-        assert rig.device.state is State.STREAMING
+        assert rig.device.state is ConnectionState.STREAMING
 
     run(virtual, main)
 
@@ -54,9 +54,9 @@ def test_shutting_down_and_coming_back(virtual: Any) -> None:
     async def main(rig: Rig) -> None:
         await rig.device.connect()
         await rig.say(frame(500, 1.0, 2.0), event(12))
-        assert rig.device.state is State.FAULT
+        assert rig.device.state is ConnectionState.FAULT
         assert "QTM is shutting down; start QTM" in str(rig.device.health.last_error)
-        await rig.device.supervisor.wait_for(State.STREAMING)
+        await rig.device.supervisor.wait_for(ConnectionState.STREAMING)
         await rig.say(frame(1, 1.0, 2.0))
         assert rig.readings[-1].epoch > rig.readings[0].epoch
         assert rig.device.health.reconnects == 1
@@ -72,7 +72,7 @@ def test_silence_is_asked_about_and_no_answer_is_a_loss(virtual: Any) -> None:
         assert rig.device.health.failures == 0
         rig.peer.mute = True
         rig.peer.greeting = b""
-        await rig.device.supervisor.wait_for(State.FAULT)
+        await rig.device.supervisor.wait_for(ConnectionState.FAULT)
         assert "does not answer GetState (limit 1.0 s)" in str(rig.device.health.last_error)
         assert rig.device.health.timeouts == 1
 
@@ -102,7 +102,7 @@ def test_a_peer_that_dies_while_waiting_is_noticed(virtual: Any) -> None:
         await asyncio.sleep(3)
         rig.peer.mute = True
         async with asyncio.timeout(5):
-            await rig.device.supervisor.wait_for(State.FAULT)
+            await rig.device.supervisor.wait_for(ConnectionState.FAULT)
 
     run(virtual, main)
 
@@ -115,7 +115,7 @@ def test_a_hostile_header_drops_the_connection_and_is_counted(virtual: Any, head
         assert rig.peer.aborted == 1
         assert rig.device.health.malformed == 1
         assert "not in step, or not QTM" in str(rig.device.health.last_error)
-        await rig.device.supervisor.wait_for(State.STREAMING)
+        await rig.device.supervisor.wait_for(ConnectionState.STREAMING)
 
     run(virtual, main)
 
@@ -131,7 +131,7 @@ def test_unknown_packets_and_broken_components_are_counted_and_passed_over(virtu
         health = rig.device.health
         assert (health.events["unknown packets"], health.malformed, health.rejected) == (1, 1, 1)
         assert health.events["frames without bodies"] == 1
-        assert rig.device.state is State.STREAMING
+        assert rig.device.state is ConnectionState.STREAMING
 
     run(virtual, main)
 
@@ -140,7 +140,7 @@ def test_a_refused_stream_is_told(virtual: Any) -> None:
     async def main(rig: Rig) -> None:
         rig.peer.refuse_stream = True
         await rig.device.connect()
-        await rig.device.supervisor.wait_for(State.FAULT)
+        await rig.device.supervisor.wait_for(ConnectionState.FAULT)
         assert "refuses the stream: 'Parse Error'" in str(rig.device.health.last_error)
 
     run(virtual, main)

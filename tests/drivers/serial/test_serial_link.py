@@ -18,7 +18,7 @@ from softarm.drivers.gauges.device import LineGaugeConfig
 from softarm.drivers.gauges.force import Force
 from softarm.drivers.reading import Reading
 from softarm.drivers.serial_link import SerialLink, SerialSettings, open_serial
-from softarm.drivers.supervisor import State
+from softarm.drivers.supervisor import ConnectionState
 
 
 class Terminal:
@@ -183,7 +183,7 @@ class Rig:
 async def connect(rig: Rig, terminal: Terminal, lines: bytes) -> None:
     """Connect while the board prints."""
     connecting = asyncio.create_task(rig.device.connect())
-    await rig.device.supervisor.wait_for(State.IDENTIFY)
+    await rig.device.supervisor.wait_for(ConnectionState.IDENTIFY)
     terminal.say(lines)
     await connecting
 
@@ -196,14 +196,14 @@ async def test_a_gauge_that_is_unplugged_comes_back_in_a_new_epoch(terminal: Ter
     assert first.valid
     assert first.epoch == second.epoch
     terminal.unplug()
-    await rig.device.supervisor.wait_for(State.FAULT)
+    await rig.device.supervisor.wait_for(ConnectionState.FAULT)
     terminal.plug()
-    await rig.device.supervisor.wait_for(State.IDENTIFY)
+    await rig.device.supervisor.wait_for(ConnectionState.IDENTIFY)
     terminal.say(b"50\n3.50\n")
     third = await rig.next()
     assert third.value.force == 3.5
     assert third.epoch > second.epoch
-    await rig.device.supervisor.wait_for(State.STREAMING)
+    await rig.device.supervisor.wait_for(ConnectionState.STREAMING)
     assert rig.device.health.reconnects == 1
     await rig.device.close()
 
@@ -211,7 +211,7 @@ async def test_a_gauge_that_is_unplugged_comes_back_in_a_new_epoch(terminal: Ter
 async def test_garbage_names_the_speed_and_what_was_expected(terminal: Terminal) -> None:
     rig = Rig(terminal)
     connecting = asyncio.create_task(rig.device.connect())
-    await rig.device.supervisor.wait_for(State.IDENTIFY)
+    await rig.device.supervisor.wait_for(ConnectionState.IDENTIFY)
     terminal.say(b"\xf0\x0f" * 300)
     with pytest.raises(ExceptionGroup) as caught:
         await connecting
@@ -225,7 +225,7 @@ async def test_garbage_names_the_speed_and_what_was_expected(terminal: Terminal)
 async def test_a_few_wrong_bytes_and_nothing_more(terminal: Terminal) -> None:
     rig = Rig(terminal, identify_s=0.05)
     connecting = asyncio.create_task(rig.device.connect())
-    await rig.device.supervisor.wait_for(State.IDENTIFY)
+    await rig.device.supervisor.wait_for(ConnectionState.IDENTIFY)
     terminal.say(b"hello\nhello\n")
     with pytest.raises(ExceptionGroup, match="not connected") as caught:
         await connecting
@@ -247,5 +247,5 @@ async def test_closing_leaves_the_port_free(terminal: Terminal) -> None:
     rig = Rig(terminal)
     await connect(rig, terminal, b"\n1.00\n")
     await rig.device.close()
-    assert rig.device.state is State.DISCONNECTED
+    assert rig.device.state is ConnectionState.DISCONNECTED
     (await open_serial("gauge", settings(terminal))).close()

@@ -13,7 +13,7 @@ from softarm.estimator.model import Inputs, Load
 from softarm.estimator.recording import POSE_SUFFIXES, Recording
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.holds import hold_windows
-from softarm.experiments.live import LiveBench
+from softarm.experiments.live import LiveRig
 from softarm.experiments.live_tables import _validated
 from softarm.experiments.models import NEAR_N, NEAR_PA, Answers, WarmSolver
 from softarm.experiments.pulls import tare
@@ -97,7 +97,7 @@ def test_a_silent_gauge_is_named_before_anybody_pulls() -> None:
                 findings=[SimpleNamespace(code="stale_sensor", **lost), SimpleNamespace(code="other")]
             )
 
-    bench = LiveBench(cast(Any, Client()), cast(Any, None), cast(Any, None))
+    bench = LiveRig(cast(Any, Client()), cast(Any, None), cast(Any, None))
     with pytest.raises(InputError, match="sopra, gauge of tip: tells nothing; switch it on"):
         bench.require_gauge()
     assert bench.lost() == ["orientation_tip: no reading yet; check its cable"]

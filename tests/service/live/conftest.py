@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from softarm.experiments.bench import FakeControl
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
+from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
 from tests.service.live.helpers import cleared
 

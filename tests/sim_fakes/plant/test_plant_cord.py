@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from softarm.fakes.plant.loads import Line
+from softarm.fakes.plant.loads import TautLine
 from softarm.fakes.plant.parameters import GRAVITY
 from softarm.fakes.plant.state import Cord, PlantInputs
 from tests.sim_fakes.plant.driving import MakeArm, hold
@@ -11,7 +11,7 @@ KNOT = np.array([0.0, 0.0, 0.1])
 
 @pytest.mark.parametrize("span", np.linspace(0.05, 0.15, 11))
 def test_a_line_never_pushes(span: float) -> None:
-    line = Line(0.1, 1000.0, 5.0)
+    line = TautLine(0.1, 1000.0, 5.0)
     for speed in (-1.0, 0.0, 1.0):
         force, tension = line.pull(KNOT, np.array([speed, 0.0, 0.0]), KNOT + np.array([span, 0.0, 0.0]))
         assert tension >= 0.0

@@ -10,8 +10,8 @@ from softarm.estimator.errors import InputError
 from softarm.fakes.plant.__main__ import main, parse_effect
 from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, Concealed
 from softarm.fakes.plant.generate import Generated, Laboratory, generate
-from softarm.fakes.plant.instruments import Instruments, Streams
-from softarm.fakes.plant.manoeuvre import Manoeuvre, chain
+from softarm.fakes.plant.instruments import InstrumentQuality, Streams
+from softarm.fakes.plant.manoeuvre import PlantManoeuvre, chain
 from softarm.fakes.plant.manoeuvres import (
     LIBRARY,
     directions,
@@ -102,7 +102,7 @@ def test_the_noise_is_that_of_real_recordings(holds: Generated) -> None:
 
 
 def test_bodies_are_lost_in_short_gaps(laboratory: Laboratory) -> None:
-    often = replace(laboratory, instruments=Instruments(losses=1.0))
+    often = replace(laboratory, instruments=InstrumentQuality(losses=1.0))
     lost = np.isnan(generate(often, rest(20.0), seed=1).columns["frame_tip_x_m"])
     edges = np.flatnonzero(np.diff(lost.astype(int)))
     assert 0.02 < lost.mean() < 0.2
@@ -120,8 +120,8 @@ def test_the_same_seed_gives_the_same_recording(laboratory: Laboratory, holds: G
 
 
 def test_clocks_may_be_apart(laboratory: Laboratory) -> None:
-    swing = Manoeuvre("swing", 15e3 * (1.0 + np.sin(np.arange(400)[:, None] * 0.05)) * np.eye(6)[0])
-    quiet = Instruments(angle_noise=0.0, angle_wander=0.0, losses=0.0)
+    swing = PlantManoeuvre("swing", 15e3 * (1.0 + np.sin(np.arange(400)[:, None] * 0.05)) * np.eye(6)[0])
+    quiet = InstrumentQuality(angle_noise=0.0, angle_wander=0.0, losses=0.0)
     late = generate(replace(laboratory, instruments=replace(quiet, offset=0.05)), swing, seed=1)
     prompt = generate(replace(laboratory, instruments=quiet), swing, seed=1)
     now, then = prompt.columns["bend_intermediate_x_rad"], late.columns["bend_intermediate_x_rad"]

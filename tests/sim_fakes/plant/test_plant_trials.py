@@ -8,13 +8,13 @@ from softarm.estimator.effects.excitation import LONG, inventory, missing
 from softarm.fakes.plant.chain import gravity_in_base
 from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, effect
 from softarm.fakes.plant.manoeuvre import SAMPLE
-from softarm.fakes.plant.trials import Trial, draw
+from softarm.fakes.plant.trials import PlantTrial, draw
 
 LIMITS = np.full(6, 65e3)
 SEEDS = range(30)
 
 
-def excited(trial: Trial) -> frozenset:
+def excited(trial: PlantTrial) -> frozenset:
     """What the suspect runs of a trial excite together."""
     found, gravities, end = frozenset(), [], 0.0
     for run in trial.runs:

@@ -6,7 +6,7 @@ from typing import Annotated, Generic, Literal
 
 from pydantic import Field
 
-from softarm.drivers.clock import NANOSECONDS, Clock, Ticker, monotonic
+from softarm.drivers.clock import NANOSECONDS, Clock, PollTicker, monotonic
 from softarm.drivers.config import Seconds
 from softarm.drivers.framing import Codec
 from softarm.drivers.gauges import mark10, sauter
@@ -73,7 +73,7 @@ class PolledGauge(ForceGauge[FrameT], Generic[FrameT]):
 
     async def run(self, link: SerialLink) -> None:
         """Ask at the configured rate."""
-        ticker = Ticker(self._period_ns, self.clock)
+        ticker = PollTicker(self._period_ns, self.clock)
         while True:
             tick = await ticker.wait()
             self.health.overruns += tick.skipped

@@ -15,7 +15,7 @@ _SLACK: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class SequenceStep:
     """One sample against the one before.
 
     Args:
@@ -50,18 +50,18 @@ class IndexTracker:
         """Forget the last sample."""
         self._last = None
 
-    def step(self, index: int, arrival_ns: int) -> Step:
+    def step(self, index: int, arrival_ns: int) -> SequenceStep:
         """Take the number of a sample and its arrival."""
         last, self._last = self._last, (index, arrival_ns)
         if last is None:
             self._index = 0
-            return Step(0)
+            return SequenceStep(0)
         passed = (index - last[0]) % self.modulus
         if passed != 1 and not self._fits(passed, arrival_ns - last[1]):
             self._index = 0
-            return Step(0, restarted=True)
+            return SequenceStep(0, restarted=True)
         self._index += passed
-        return Step(self._index, lost=max(0, passed - 1))
+        return SequenceStep(self._index, lost=max(0, passed - 1))
 
     def _fits(self, passed: int, elapsed_ns: int) -> bool:
         """Tell whether so many samples fit the time."""

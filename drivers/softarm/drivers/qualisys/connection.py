@@ -20,7 +20,7 @@ from softarm.drivers.qualisys.packets import (
 PORT_CURE = "use the little-endian port of QTM, 22223 by default"
 
 
-class Refused(ProtocolError):  # noqa: N818
+class QtmError(ProtocolError):
     """QTM answered a command with an error packet."""
 
 
@@ -175,7 +175,9 @@ class Connection(asyncio.Protocol):
         if self._requests:
             answer = self._requests.popleft().answer
             if not answer.done():
-                answer.set_exception(Refused(self.device, f"QTM answers {text!r}", "see the messages in QTM"))
+                answer.set_exception(
+                    QtmError(self.device, f"QTM answers {text!r}", "see the messages in QTM")
+                )
                 answer.exception()
         elif self.listener is not None:
             self.listener.on_error(text)

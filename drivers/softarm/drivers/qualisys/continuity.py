@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class FrameStep:
     """One frame against the one before.
 
     Args:
@@ -32,13 +32,13 @@ class Continuity:
         self._stride = stride
         self._last: tuple[int, int] | None = None
 
-    def step(self, timestamp_us: int, frame: int) -> Step:
+    def step(self, timestamp_us: int, frame: int) -> FrameStep:
         """Take time stamp [us] and number of a frame."""
         last, self._last = self._last, (timestamp_us, frame)
         if last is None:
-            return Step()
+            return FrameStep()
         if timestamp_us < last[0] or frame < last[1]:
-            return Step(restarted=True)
+            return FrameStep(restarted=True)
         if timestamp_us == last[0]:
-            return Step(frozen=True)
-        return Step(lost=max(0, (frame - last[1]) // self._stride - 1))
+            return FrameStep(frozen=True)
+        return FrameStep(lost=max(0, (frame - last[1]) // self._stride - 1))

@@ -14,7 +14,7 @@ from softarm.drivers.qualisys.motion import MotionFrame
 from softarm.drivers.qualisys.publisher import MotionPublisher
 from softarm.drivers.qualisys.session import QtmSession, SessionOptions
 from softarm.drivers.reading import Sink, ignore
-from softarm.drivers.stream import Stream
+from softarm.drivers.stream import ReadingStream
 from softarm.drivers.supervisor import Timing
 
 
@@ -83,7 +83,7 @@ class MotionCapture(SupervisedDevice):
         super().__init__(config.name, config.source, timing=timing, clock=clock)
         self._address = (config.host, config.port)
         self._options = SessionOptions(config.component, config.divisor, config.answer_s, config.heartbeat_s)
-        self.stream: Stream[MotionFrame] = Stream(
+        self.stream: ReadingStream[MotionFrame] = ReadingStream(
             config.name,
             config.source,
             config.stale_after_s,

@@ -26,7 +26,7 @@ class PacketKind(IntEnum):
     NONE = 9
 
 
-class Event(IntEnum):
+class QtmEvent(IntEnum):
     """What an event packet says."""
 
     CONNECTED = 1
@@ -47,7 +47,7 @@ class Event(IntEnum):
 
 
 NEVER_A_STATE: Final = frozenset(
-    {Event.CAMERA_SETTINGS_CHANGED, Event.SHUTTING_DOWN, Event.CAPTURE_SAVED, Event.TRIGGER}
+    {QtmEvent.CAMERA_SETTINGS_CHANGED, QtmEvent.SHUTTING_DOWN, QtmEvent.CAPTURE_SAVED, QtmEvent.TRIGGER}
 )
 """Events that are never the answer to `GetState`."""
 

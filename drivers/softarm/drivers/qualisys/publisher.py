@@ -9,7 +9,7 @@ from softarm.drivers.qualisys.continuity import Continuity
 from softarm.drivers.qualisys.motion import MotionFrame
 from softarm.drivers.qualisys.parameters import Parameters
 from softarm.drivers.qualisys.poses import BodyPose, poses
-from softarm.drivers.stream import Stream
+from softarm.drivers.stream import ReadingStream
 
 BODIES = "bodies"
 SETTLE_NS = NANOSECONDS // 10
@@ -33,7 +33,7 @@ class MotionPublisher:
 
     def __init__(
         self,
-        stream: Stream[MotionFrame],
+        stream: ReadingStream[MotionFrame],
         health: Health,
         renamed: Mapping[str, str],
         stride: int,

@@ -9,8 +9,8 @@ from softarm.drivers.errors import ConfigurationError, ConnectionLost, ProtocolE
 from softarm.drivers.framing import FrameFault
 from softarm.drivers.health import Health
 from softarm.drivers.qualisys.bodies import decode_bodies
-from softarm.drivers.qualisys.connection import PORT_CURE, Connection, Refused
-from softarm.drivers.qualisys.packets import HEADER_LENGTH, Event, PacketKind, packet_text
+from softarm.drivers.qualisys.connection import PORT_CURE, Connection, QtmError
+from softarm.drivers.qualisys.packets import HEADER_LENGTH, PacketKind, QtmEvent, packet_text
 from softarm.drivers.qualisys.parameters import STANDARD_EULER, Parameters, parse_parameters
 from softarm.drivers.qualisys.publisher import MotionPublisher
 
@@ -23,9 +23,9 @@ GREETING: Final = "QTM RT Interface connected"
 WAITING = "waiting"
 NAMES = "names"
 _RENAMING: Final = frozenset(
-    {Event.CAPTURE_STARTED, Event.RT_FROM_FILE_STARTED, Event.CAMERA_SETTINGS_CHANGED}
+    {QtmEvent.CAPTURE_STARTED, QtmEvent.RT_FROM_FILE_STARTED, QtmEvent.CAMERA_SETTINGS_CHANGED}
 )
-_STARTING: Final = frozenset({Event.CAPTURE_STARTED, Event.RT_FROM_FILE_STARTED})
+_STARTING: Final = frozenset({QtmEvent.CAPTURE_STARTED, QtmEvent.RT_FROM_FILE_STARTED})
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +154,7 @@ class QtmSession:
             raise ConnectionLost(
                 self._device, "does not greet as QTM does", PORT_CURE, limit=limit, unit="s"
             ) from None
-        except Refused as refusal:
+        except QtmError as refusal:
             raise ConnectionLost(
                 self._device, f"takes no more clients: {refusal.what}", "close another client of QTM"
             ) from refusal
@@ -165,7 +165,7 @@ class QtmSession:
         for version in VERSIONS:
             try:
                 reply = packet_text(await self._ask(f"Version {version}", PacketKind.COMMAND))
-            except Refused:
+            except QtmError:
                 continue
             if reply.lower().startswith("version set to"):
                 return version
@@ -181,7 +181,7 @@ class QtmSession:
         self._asked_names_ns = self._clock()
         try:
             packet = await self._ask("GetParameters General 6D", PacketKind.XML)
-        except Refused as refusal:
+        except QtmError as refusal:
             self._no_names(refusal.what)
             return
         parameters = parse_parameters(packet_text(packet))
@@ -241,7 +241,7 @@ class QtmSession:
     def on_event(self, event: int) -> None:
         """Follow what QTM says of itself."""
         self._health.events[_event_name(event)] += 1
-        if event == Event.SHUTTING_DOWN:
+        if event == QtmEvent.SHUTTING_DOWN:
             self._connection.fail(ConnectionLost(self._device, "QTM is shutting down", "start QTM"))
             return
         if event in _RENAMING:
@@ -285,4 +285,4 @@ class QtmSession:
 
 
 def _event_name(event: int) -> str:
-    return Event(event).name.lower().replace("_", " ") if event in set(Event) else f"event {event}"
+    return QtmEvent(event).name.lower().replace("_", " ") if event in set(QtmEvent) else f"event {event}"

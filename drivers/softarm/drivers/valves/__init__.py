@@ -2,6 +2,6 @@
 
 from softarm.drivers.valves.bank import ValveBank
 from softarm.drivers.valves.config import MpaConfig, VtemConfig
-from softarm.drivers.valves.pressures import Applied, BankReading
+from softarm.drivers.valves.pressures import AppliedPressures, BankReading
 
-__all__ = ["Applied", "BankReading", "MpaConfig", "ValveBank", "VtemConfig"]
+__all__ = ["AppliedPressures", "BankReading", "MpaConfig", "ValveBank", "VtemConfig"]

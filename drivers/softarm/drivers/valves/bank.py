@@ -7,14 +7,14 @@ from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.device import SupervisedDevice
 from softarm.drivers.errors import InterlockError
 from softarm.drivers.reading import Reading, Sink, ignore
-from softarm.drivers.stream import Stream
-from softarm.drivers.supervisor import ALIVE, State, Timing
+from softarm.drivers.stream import ReadingStream
+from softarm.drivers.supervisor import ALIVE, ConnectionState, Timing
 from softarm.drivers.valves.alarms import BLOCKING, reports_fault
 from softarm.drivers.valves.limits import PressureLimits
 from softarm.drivers.valves.link import RegisterLink
 from softarm.drivers.valves.outputs import Outputs
-from softarm.drivers.valves.pressures import Applied, BankReading, ChamberMap
-from softarm.drivers.valves.registers import Layout
+from softarm.drivers.valves.pressures import AppliedPressures, BankReading, ChamberMap
+from softarm.drivers.valves.registers import RegisterLayout
 from softarm.drivers.valves.session import BankSession, CycleSettings
 from softarm.drivers.valves.terminal import Terminal
 from softarm.drivers.valves.vtem import ACKNOWLEDGE_S
@@ -49,7 +49,7 @@ class ValveBank(SupervisedDevice):
         source: str,
         open_link: OpenLink,
         *,
-        layout: Layout,
+        layout: RegisterLayout,
         chambers: ChamberMap,
         limits: PressureLimits,
         settings: CycleSettings,
@@ -61,7 +61,7 @@ class ValveBank(SupervisedDevice):
         super().__init__(name, source, timing=timing, clock=clock, random=random)
         self.limits = limits
         self.chambers = chambers
-        self.stream: Stream[BankReading] = Stream(
+        self.stream: ReadingStream[BankReading] = ReadingStream(
             name,
             source,
             timing.stale_after_s,
@@ -136,7 +136,7 @@ class ValveBank(SupervisedDevice):
         """
         self._outputs.command(setpoint, lifetime_s)
 
-    async def set_pressures(self, setpoint: Sequence[float], lifetime_s: float) -> Applied:
+    async def set_pressures(self, setpoint: Sequence[float], lifetime_s: float) -> AppliedPressures:
         """Put a set-point in force and wait until the terminal has taken it.
 
         Args:
@@ -169,8 +169,10 @@ class ValveBank(SupervisedDevice):
             self.clock,
         )
 
-    def on_state(self, before: State, after: State) -> None:
+    def on_state(self, before: ConnectionState, after: ConnectionState) -> None:
         """Drop the set-point with the connection: coming back brings data, never motion."""
         if before in ALIVE and after not in ALIVE:
-            self._outputs.vent("the connection was lost" if after is State.FAULT else "it was closed")
+            self._outputs.vent(
+                "the connection was lost" if after is ConnectionState.FAULT else "it was closed"
+            )
             self.stream.start_epoch("connection ended")

@@ -13,7 +13,7 @@ from softarm.drivers.valves.limits import PressureLimits
 from softarm.drivers.valves.link import RegisterLink
 from softarm.drivers.valves.modbus import ModbusTcpLink
 from softarm.drivers.valves.pressures import ChamberMap
-from softarm.drivers.valves.registers import MPA_VALVES, VTEM_SLOTS, Layout, MpaLayout, VtemLayout
+from softarm.drivers.valves.registers import MPA_VALVES, VTEM_SLOTS, MpaLayout, RegisterLayout, VtemLayout
 from softarm.drivers.valves.session import CycleSettings
 
 COUNT_LIMIT = 0x7FFF
@@ -72,7 +72,7 @@ class ValveConfig(DriverConfig):
     pascal_per_count: Positive = 100.0
     stale_after_s: Seconds = 0.15
 
-    def layout(self) -> Layout:
+    def layout(self) -> RegisterLayout:
         """Where the terminal keeps its valves."""
         raise NotImplementedError
 
@@ -173,7 +173,7 @@ class MpaConfig(ValveConfig):
     kind: Literal["festo_mpa"]
     valves: Annotated[int, Field(ge=1, le=41)] = MPA_VALVES
 
-    def layout(self) -> Layout:
+    def layout(self) -> RegisterLayout:
         """Where the terminal keeps its valves."""
         return MpaLayout(self.valves)
 
@@ -188,6 +188,6 @@ class VtemConfig(ValveConfig):
     kind: Literal["festo_vtem"]
     slots: Annotated[int, Field(ge=1, le=VTEM_SLOTS)] = VTEM_SLOTS
 
-    def layout(self) -> Layout:
+    def layout(self) -> RegisterLayout:
         """Where the terminal keeps its valves."""
         return VtemLayout(self.slots)

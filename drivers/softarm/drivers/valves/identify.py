@@ -3,7 +3,7 @@
 from softarm.drivers.clock import Clock
 from softarm.drivers.errors import ConfigurationError
 from softarm.drivers.health import Health
-from softarm.drivers.valves.link import Refused
+from softarm.drivers.valves.link import ModbusExceptionError
 from softarm.drivers.valves.registers import (
     MODULES_FAULTY,
     MODULES_PRESENT,
@@ -30,7 +30,7 @@ async def look(terminal: Terminal, device: str, health: Health) -> tuple[int, ..
     """
     try:
         await terminal.probe_echo()
-    except Refused as refusal:
+    except ModbusExceptionError as refusal:
         if refusal.busy:
             raise
         what = f"has no {terminal.layout.valves} valves where its kind has them: {refusal.what}"
@@ -77,7 +77,7 @@ async def _modules(terminal: Terminal) -> str:
         present = _bits(await terminal.link.read(MODULES_PRESENT, MODULE_WORDS))
         faulty = _bits(await terminal.link.read(MODULES_FAULTY, MODULE_WORDS))
         (status,) = await terminal.link.read(TERMINAL_STATUS, 1)
-    except Refused:
+    except ModbusExceptionError:
         return "not told"
     told = f"{len(present)} present, with error: {', '.join(map(str, faulty)) or 'none'}"
     if status & STATUS_FORCE_ACTIVE:

@@ -23,7 +23,7 @@ class NoAnswer(ConnectionLost):
     """A request without an answer in time; a write may or may not have been carried out."""
 
 
-class Refused(DeviceError):  # noqa: N818
+class ModbusExceptionError(DeviceError):
     """A Modbus exception reply.
 
     Args:

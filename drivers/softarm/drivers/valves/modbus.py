@@ -11,7 +11,7 @@ from pymodbus.pdu import ModbusPDU
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.errors import ConnectionLost, ProtocolError
 from softarm.drivers.health import Health
-from softarm.drivers.valves.link import NoAnswer, Refused
+from softarm.drivers.valves.link import ModbusExceptionError, NoAnswer
 
 READ = 3
 WRITE_ONE = 6
@@ -143,7 +143,7 @@ class ModbusTcpLink:
             self._pending = False
         self._health.round_trip.add(self._clock() - began_ns)
         if answer.isError():
-            raise Refused(self._device, function, answer.exception_code, address)
+            raise ModbusExceptionError(self._device, function, answer.exception_code, address)
         if answer.function_code != function:
             raise self._misfit(f"answers function {answer.function_code} to function {function}")
         return answer

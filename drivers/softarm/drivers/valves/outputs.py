@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from softarm.drivers.clock import NANOSECONDS, Clock, monotonic
 from softarm.drivers.errors import DeviceError, InterlockError
 from softarm.drivers.valves.limits import PressureLimits, limit_lifetime, limit_step
-from softarm.drivers.valves.pressures import Applied, ChamberMap, Pressures
+from softarm.drivers.valves.pressures import AppliedPressures, ChamberMap, Pressures
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class OutputWrite:
     """One write.
 
     Attributes:
@@ -54,7 +54,7 @@ class Outputs:
         self._deadline_ns = 0
         self._acknowledge_until_ns = clock()
         self._level: Pressures = (0.0,) * len(limits.maximum)
-        self._waiting: list[asyncio.Future[Applied]] = []
+        self._waiting: list[asyncio.Future[AppliedPressures]] = []
 
     def arm(self) -> None:
         """Accept set-points from now on; the chambers stay vented until one comes."""
@@ -100,13 +100,13 @@ class Outputs:
         self._setpoint = tuple(float(pressure) for pressure in setpoint)
         self._deadline_ns = self._clock() + round(lifetime_s * NANOSECONDS)
 
-    def written(self) -> asyncio.Future[Applied]:
+    def written(self) -> asyncio.Future[AppliedPressures]:
         """Give the outcome of the next write of the set-point in force."""
-        future: asyncio.Future[Applied] = asyncio.get_running_loop().create_future()
+        future: asyncio.Future[AppliedPressures] = asyncio.get_running_loop().create_future()
         self._waiting.append(future)
         return future
 
-    def plan(self, seconds: float) -> Plan:
+    def plan(self, seconds: float) -> OutputWrite:
         """Decide what to write now.
 
         Args:
@@ -120,13 +120,13 @@ class Outputs:
         counts = self.chambers.to_counts(self._level, self.limits.maximum)
         applied = self.chambers.to_pressures(counts)
         acknowledge = not self.armed and self._clock() < self._acknowledge_until_ns
-        return Plan(self._setpoint, applied, counts, self._slewing(), expired, acknowledge)
+        return OutputWrite(self._setpoint, applied, counts, self._slewing(), expired, acknowledge)
 
-    def confirm(self, plan: Plan) -> None:
+    def confirm(self, plan: OutputWrite) -> None:
         """Tell those who wait that this plan was written."""
         if plan.setpoint is None:
             return
-        answer = Applied(plan.setpoint, plan.applied, self._clock(), plan.slewing)
+        answer = AppliedPressures(plan.setpoint, plan.applied, self._clock(), plan.slewing)
         for future in self._take_waiting():
             future.set_result(answer)
 
@@ -149,6 +149,6 @@ class Outputs:
         self._level = (0.0,) * len(self._level)
         self.fail(error)
 
-    def _take_waiting(self) -> list[asyncio.Future[Applied]]:
+    def _take_waiting(self) -> list[asyncio.Future[AppliedPressures]]:
         waiting, self._waiting = self._waiting, []
         return [future for future in waiting if not future.done()]

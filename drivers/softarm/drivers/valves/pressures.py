@@ -27,7 +27,7 @@ class BankReading:
 
 
 @dataclass(frozen=True, slots=True)
-class Applied:
+class AppliedPressures:
     """Answer to a command: what the valves were told.
 
     Attributes:

@@ -46,7 +46,7 @@ class TerminalInputs:
     diagnosis: tuple[int, ...]
 
 
-class Layout(Protocol):
+class RegisterLayout(Protocol):
     """Where a terminal keeps its valves."""
 
     @property

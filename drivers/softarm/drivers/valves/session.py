@@ -3,18 +3,18 @@
 import asyncio
 from dataclasses import dataclass
 
-from softarm.drivers.clock import NANOSECONDS, Clock, Tick, Ticker
+from softarm.drivers.clock import NANOSECONDS, Clock, PollTick, PollTicker
 from softarm.drivers.errors import ConfigurationError, ConnectionLost, DeviceError, ProtocolError
 from softarm.drivers.health import Health
-from softarm.drivers.stream import Stream
+from softarm.drivers.stream import ReadingStream
 from softarm.drivers.valves.alarms import ValveAlarms
 from softarm.drivers.valves.echo import EchoMonitor, Verdict
 from softarm.drivers.valves.identify import guard, look, look_at_watchdog
-from softarm.drivers.valves.link import NoAnswer, Refused
+from softarm.drivers.valves.link import ModbusExceptionError, NoAnswer
 from softarm.drivers.valves.outputs import Outputs
 from softarm.drivers.valves.pressures import BankReading, Pressures
 from softarm.drivers.valves.registers import OUTPUTS, VtemLayout
-from softarm.drivers.valves.terminal import Sample, Terminal
+from softarm.drivers.valves.terminal import Terminal, TimedInputs
 from softarm.drivers.valves.tracking import TrackingMonitor
 from softarm.drivers.valves.vtem import deactivate
 from softarm.drivers.valves.watchdog import WatchdogState
@@ -70,7 +70,7 @@ class BankSession:
         device: str,
         terminal: Terminal,
         outputs: Outputs,
-        stream: Stream[BankReading],
+        stream: ReadingStream[BankReading],
         health: Health,
         settings: CycleSettings,
         clock: Clock,
@@ -118,7 +118,7 @@ class BankSession:
 
     async def stream(self) -> None:
         """Run passes at a fixed rate until the connection is lost."""
-        ticker = Ticker(round(self._settings.period_s * NANOSECONDS), self._clock)
+        ticker = PollTicker(round(self._settings.period_s * NANOSECONDS), self._clock)
         self._answered_ns = self._clock()
         while True:
             tick = await ticker.wait()
@@ -134,14 +134,14 @@ class BankSession:
         finally:
             self._terminal.link.close()
 
-    async def run_pass(self, tick: Tick) -> None:
+    async def run_pass(self, tick: PollTick) -> None:
         """Run one pass: look, write, look again, and pass on what was measured."""
         self._verdict = Verdict.OURS
         try:
             sample = await self._read() if self._must_read(tick) else None
             if not self._settings.observe:
                 sample = await self._write() or sample
-        except Refused as refusal:
+        except ModbusExceptionError as refusal:
             if not refusal.busy:
                 raise ConfigurationError(self._device, refusal.what, refusal.cure) from refusal
             self._health.events["terminal busy"] += 1
@@ -154,21 +154,21 @@ class BankSession:
         if sample is not None:
             self._publish(sample)
 
-    def _must_read(self, tick: Tick) -> bool:
+    def _must_read(self, tick: PollTick) -> bool:
         """Decide whether to read before writing: to see what happened, not what this pass will make of it."""
         if not self._terminal.exchanges or self._unknown or tick.index % self._settings.verify_every == 0:
             return True
         quiet_ns = self._watchdog.milliseconds * 500_000 if self._watchdog.milliseconds else QUIET_NS
         return self._clock() - self._answered_ns > quiet_ns
 
-    async def _read(self) -> Sample:
+    async def _read(self) -> TimedInputs:
         sample = await self._terminal.read()
         self._judge(sample)
         self._unknown = False
         self._alarms.outputs(unknown=False)
         return sample
 
-    async def _write(self) -> Sample | None:
+    async def _write(self) -> TimedInputs | None:
         plan = self._outputs.plan(self._settings.period_s)
         self._alarms.expired(plan.expired, plan.setpoint is not None)
         self._health.events["set-point expired"] += plan.expired
@@ -176,7 +176,7 @@ class BankSession:
         self._unknown = True
         try:
             sample = await self._terminal.write(plan.counts, plan.acknowledge)
-        except Refused:
+        except ModbusExceptionError:
             self._unknown = False
             raise
         self._unknown = False
@@ -186,7 +186,7 @@ class BankSession:
             self._judge(sample)
         return sample
 
-    def _judge(self, sample: Sample) -> None:
+    def _judge(self, sample: TimedInputs) -> None:
         if self._settings.observe or sample.inputs.echo is None:
             return
         verdict = self._echo.judge(sample.inputs.echo, sample.arrival_ns)
@@ -211,7 +211,7 @@ class BankSession:
             what = f"left {self._misses} requests in a row without a usable answer, the last: {error.what}"
             raise ConnectionLost(self._device, what, error.cure) from error
 
-    def _publish(self, sample: Sample) -> None:
+    def _publish(self, sample: TimedInputs) -> None:
         chambers = self._outputs.chambers
         inputs = sample.inputs
         readback = chambers.to_pressures(inputs.actual)
@@ -237,7 +237,7 @@ class BankSession:
             try:
                 await terminal.link.write(OUTPUTS, terminal.layout.encode(self._zeros))
                 echo = (await terminal.read()).inputs.echo
-            except (NoAnswer, ProtocolError, Refused):
+            except (NoAnswer, ProtocolError, ModbusExceptionError):
                 continue
             if echo is None or not any(echo):
                 break

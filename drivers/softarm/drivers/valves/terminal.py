@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 from softarm.drivers.clock import Clock
-from softarm.drivers.valves.link import Refused, RegisterLink
-from softarm.drivers.valves.registers import INPUTS, OUTPUTS, Layout, TerminalInputs
+from softarm.drivers.valves.link import ModbusExceptionError, RegisterLink
+from softarm.drivers.valves.registers import INPUTS, OUTPUTS, RegisterLayout, TerminalInputs
 
 ILLEGAL_FUNCTION = 1
 ILLEGAL_ADDRESS = 2
@@ -12,7 +12,7 @@ UNSUPPORTED = (ILLEGAL_FUNCTION, ILLEGAL_ADDRESS)
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class TimedInputs:
     """Inputs and when they were taken.
 
     Attributes:
@@ -35,7 +35,7 @@ class Terminal:
         clock: Host monotonic time.
     """
 
-    def __init__(self, link: RegisterLink, layout: Layout, clock: Clock) -> None:
+    def __init__(self, link: RegisterLink, layout: RegisterLayout, clock: Clock) -> None:
         self.link = link
         self.layout = layout
         self.exchanges = False
@@ -43,7 +43,7 @@ class Terminal:
         self._clock = clock
         self._diagnosis: tuple[int, ...] = (0,) * layout.valves
 
-    async def read(self) -> Sample:
+    async def read(self) -> TimedInputs:
         """Read the inputs; where they hold no echo, the output block is read back for it."""
         began_ns = self._clock()
         words = await self.link.read(INPUTS, self.layout.read_count)
@@ -53,7 +53,7 @@ class Terminal:
         outputs = await self.link.read(OUTPUTS, self.layout.write_count)
         return replace(sample, inputs=replace(sample.inputs, echo=self.layout.echo_of_outputs(outputs)))
 
-    async def write(self, counts: tuple[int, ...], acknowledge: bool = False) -> Sample | None:
+    async def write(self, counts: tuple[int, ...], acknowledge: bool = False) -> TimedInputs | None:
         """Write the set-points; gives the inputs too where one request does both.
 
         Args:
@@ -74,7 +74,7 @@ class Terminal:
         self.exchanges = True
         try:
             await self.write(counts)
-        except Refused as refusal:
+        except ModbusExceptionError as refusal:
             if refusal.code not in UNSUPPORTED:
                 raise
             self.exchanges = False
@@ -84,14 +84,14 @@ class Terminal:
         """Find out whether the set-points can be read back."""
         try:
             await self.read()
-        except Refused as refusal:
+        except ModbusExceptionError as refusal:
             if refusal.code not in UNSUPPORTED:
                 raise
             self.echoes = False
             await self.read()
 
-    def _sample(self, words: tuple[int, ...], began_ns: int) -> Sample:
+    def _sample(self, words: tuple[int, ...], began_ns: int) -> TimedInputs:
         arrival_ns = self._clock()
         inputs = self.layout.decode(words)
         self._diagnosis = inputs.diagnosis
-        return Sample(inputs, (began_ns + arrival_ns) // 2, arrival_ns)
+        return TimedInputs(inputs, (began_ns + arrival_ns) // 2, arrival_ns)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from softarm.drivers.errors import ConfigurationError
-from softarm.drivers.valves.link import Refused, RegisterLink
+from softarm.drivers.valves.link import ModbusExceptionError, RegisterLink
 from softarm.drivers.valves.registers import WATCHDOG
 
 
@@ -29,7 +29,7 @@ async def read_watchdog(link: RegisterLink) -> WatchdogState:
     """Ask for the time-out; a terminal without the register has none."""
     try:
         (milliseconds,) = await link.read(WATCHDOG, 1)
-    except Refused as refusal:
+    except ModbusExceptionError as refusal:
         if refusal.busy:
             raise
         return WatchdogState(None, f"host side only: the terminal has no register {WATCHDOG}")
@@ -56,7 +56,7 @@ async def set_watchdog(link: RegisterLink, device: str, wanted_ms: int) -> Watch
     try:
         if before.milliseconds != wanted_ms:
             await link.write_one(WATCHDOG, wanted_ms)
-    except Refused as refusal:
+    except ModbusExceptionError as refusal:
         if refusal.busy:
             raise
         return WatchdogState(None, f"host side only: the terminal refuses to set register {WATCHDOG}")

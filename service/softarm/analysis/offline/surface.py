@@ -14,7 +14,7 @@ CORNERS = {"tri3": 3, "tri6": 3, "quad4": 4, "quad8": 4}
 
 
 @dataclass(frozen=True)
-class Surface:
+class BodySurface:
     """The body's surface.
 
     Args:
@@ -26,14 +26,14 @@ class Surface:
     facets: NDArray[np.int64]
 
 
-def outer_surface(model: FiniteElementModel, state: FiniteElementState) -> Surface:
+def outer_surface(model: FiniteElementModel, state: FiniteElementState) -> BodySurface:
     """Give the deformed outer surface; that of all chambers where the mesh names none."""
-    return Surface(model.body.points + state.displacement, _facets(model.mesh))
+    return BodySurface(model.body.points + state.displacement, _facets(model.mesh))
 
 
-def skin_surface(mesh: Mesh, rod: CalibratedRod, strain: Floats) -> Surface:
+def skin_surface(mesh: Mesh, rod: CalibratedRod, strain: Floats) -> BodySurface:
     """Give the surface around a rod, the cross-sections as they are at rest."""
-    return Surface(skin(mesh.points, rod.chain, strain), _facets(mesh))
+    return BodySurface(skin(mesh.points, rod.chain, strain), _facets(mesh))
 
 
 def _facets(mesh: Mesh) -> NDArray[np.int64]:

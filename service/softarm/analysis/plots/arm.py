@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from softarm.analysis.offline.surface import Surface
+from softarm.analysis.offline.surface import BodySurface
 from softarm.analysis.offline.track import State, Track
 from softarm.analysis.plots.figures import blank
 from softarm.estimator.recording import Floats
@@ -16,7 +16,7 @@ FORCE_LENGTH = 0.25  # of the arm's length, for the largest force shown
 VIEW = (12.0, -60.0)
 
 
-def draw_arms(track: Track[State], title: str, surface: Callable[[State], Surface] | None) -> Figure:
+def draw_arms(track: Track[State], title: str, surface: Callable[[State], BodySurface] | None) -> Figure:
     """Draw the arm at the samples whose state was kept, hanging with gravity downwards on the page."""
     count = max(len(track.shown), 1)
     columns = min(count, 3)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from softarm.analysis.offline.surface import Surface
+from softarm.analysis.offline.surface import BodySurface
 from softarm.analysis.offline.track import State, Track
 from softarm.analysis.plots.arm import draw_arms
 from softarm.analysis.plots.figures import label, save, stacked
@@ -15,7 +15,7 @@ MILLI = 1e3
 
 
 def plot_track(
-    track: Track[State], title: str, folder: Path, surface: Callable[[State], Surface] | None
+    track: Track[State], title: str, folder: Path, surface: Callable[[State], BodySurface] | None
 ) -> tuple[Path, ...]:
     """Draw all plots of some estimates.
 

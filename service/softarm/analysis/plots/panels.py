@@ -13,7 +13,7 @@ MILLI = 1e3
 
 
 @dataclass(frozen=True)
-class Line:
+class PlotLine:
     """One curve.
 
     Args:
@@ -28,7 +28,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Panel:
+class PlotPanel:
     """One set of axes.
 
     Args:
@@ -40,11 +40,11 @@ class Panel:
 
     title: str
     unit: str
-    lines: tuple[Line, ...]
+    lines: tuple[PlotLine, ...]
     moves: bool = True
 
 
-def panels(recording: Recording) -> tuple[Panel, ...]:
+def panels(recording: Recording) -> tuple[PlotPanel, ...]:
     """Arrange all streams of a recording in panels."""
     return tuple(
         panel
@@ -60,7 +60,7 @@ def panels(recording: Recording) -> tuple[Panel, ...]:
     )
 
 
-def _pressures(recording: Recording) -> Iterator[Panel]:
+def _pressures(recording: Recording) -> Iterator[PlotPanel]:
     lines = []
     for chamber in recording.chambers:
         for name, label, dashed in (
@@ -68,23 +68,25 @@ def _pressures(recording: Recording) -> Iterator[Panel]:
             (f"pressure_cmd_{chamber}_pa", f"chamber {chamber} commanded", True),
         ):
             if name in recording.columns:
-                lines.append(Line(label, recording.columns[name] * KILO, dashed))
-    yield Panel("Pressure, gauge", "kPa", tuple(lines), moves=False)
+                lines.append(PlotLine(label, recording.columns[name] * KILO, dashed))
+    yield PlotPanel("Pressure, gauge", "kPa", tuple(lines), moves=False)
 
 
-def _bends(recording: Recording) -> Iterator[Panel]:
+def _bends(recording: Recording) -> Iterator[PlotPanel]:
     for section in recording.bends:
         angles = np.degrees(recording.bend(section))
-        yield Panel(f"Bend of {section}", "degrees", (Line("x", angles[:, 0]), Line("y", angles[:, 1])))
+        yield PlotPanel(
+            f"Bend of {section}", "degrees", (PlotLine("x", angles[:, 0]), PlotLine("y", angles[:, 1]))
+        )
 
 
-def _poses(recording: Recording) -> Iterator[Panel]:
+def _poses(recording: Recording) -> Iterator[PlotPanel]:
     for section in recording.frames:
         pose = recording.pose(section)
         moved = (pose[:, :3] - _first(pose[:, :3])) * MILLI
         turned = _turned(pose[:, 3:])
-        yield Panel(f"Position of {section}, from the first sample", "mm", _axes(moved))
-        yield Panel(f"Rotation of {section}, from the first sample", "degrees", _axes(turned))
+        yield PlotPanel(f"Position of {section}, from the first sample", "mm", _axes(moved))
+        yield PlotPanel(f"Rotation of {section}, from the first sample", "degrees", _axes(turned))
 
 
 def _turned(quaternions: Floats) -> Floats:
@@ -97,28 +99,28 @@ def _turned(quaternions: Floats) -> Floats:
     return turned
 
 
-def _markers(recording: Recording) -> Iterator[Panel]:
+def _markers(recording: Recording) -> Iterator[PlotPanel]:
     for axis, letter in enumerate("xyz"):
         lines = []
         for name in recording.markers:
             positions = recording.marker(name)
-            lines.append(Line(name, (positions[:, axis] - _first(positions)[axis]) * MILLI))
-        yield Panel(f"Markers along {letter}, from the first sample", "mm", tuple(lines))
+            lines.append(PlotLine(name, (positions[:, axis] - _first(positions)[axis]) * MILLI))
+        yield PlotPanel(f"Markers along {letter}, from the first sample", "mm", tuple(lines))
 
 
-def _gauges(recording: Recording) -> Iterator[Panel]:
-    lines = tuple(Line(name, recording.gauge(name)) for name in recording.gauges)
-    yield Panel("Force gauges, pull positive", "N", lines, moves=False)
+def _gauges(recording: Recording) -> Iterator[PlotPanel]:
+    lines = tuple(PlotLine(name, recording.gauge(name)) for name in recording.gauges)
+    yield PlotPanel("Force gauges, pull positive", "N", lines, moves=False)
 
 
-def _estimates(recording: Recording) -> Iterator[Panel]:
+def _estimates(recording: Recording) -> Iterator[PlotPanel]:
     forces = recording.members(r"estimate_force_(.+?)(?<!_std)_n")
-    lines = tuple(Line(name, recording.columns[f"estimate_force_{name}_n"]) for name in forces)
-    yield Panel("Estimated forces", "N", lines, moves=False)
+    lines = tuple(PlotLine(name, recording.columns[f"estimate_force_{name}_n"]) for name in forces)
+    yield PlotPanel("Estimated forces", "N", lines, moves=False)
 
 
-def _axes(values: Floats) -> tuple[Line, ...]:
-    return tuple(Line(letter, values[:, axis]) for axis, letter in enumerate("xyz"))
+def _axes(values: Floats) -> tuple[PlotLine, ...]:
+    return tuple(PlotLine(letter, values[:, axis]) for axis, letter in enumerate("xyz"))
 
 
 def _first(values: Floats) -> Floats:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from scipy.signal import welch
 
 from softarm.analysis.plots.figures import blank, label, save, stacked
-from softarm.analysis.plots.panels import Panel, panels
+from softarm.analysis.plots.panels import PlotPanel, panels
 from softarm.estimator.recording import Floats, Recording
 
 SHORTEST_SPECTRUM = 64  # samples
@@ -59,7 +59,7 @@ def draw_streams(recording: Recording) -> Figure:
     return figure
 
 
-def _paired(panel: Panel) -> bool:
+def _paired(panel: PlotPanel) -> bool:
     """Tell whether each reading is followed by its wish, so that both take one colour."""
     return len(panel.lines) > 1 and [line.dashed for line in panel.lines[:2]] == [False, True]
 

@@ -12,7 +12,7 @@ import polars as pl
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, Concealed, effect
 from softarm.fakes.plant.generate import Laboratory, generate
-from softarm.fakes.plant.manoeuvre import Manoeuvre, chain
+from softarm.fakes.plant.manoeuvre import PlantManoeuvre, chain
 from softarm.fakes.plant.manoeuvres import CHAMBERS, LIBRARY, path
 from softarm.fakes.plant.mounts import MOUNTS
 from softarm.fakes.plant.trials import KINDS, draw
@@ -119,7 +119,7 @@ def parse_effect(text: str) -> Concealed:
     return Concealed(name, where, numbers)
 
 
-def _followed(table: Path) -> Manoeuvre:
+def _followed(table: Path) -> PlantManoeuvre:
     """Read a manoeuvre from a table of commanded pressures, linear in between.
 
     Raises:

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.errors import InputError
-from softarm.fakes.plant.chain import Chain, build
+from softarm.fakes.plant.chain import PlantChain, build
 from softarm.fakes.plant.effects import Concealed, apply
-from softarm.fakes.plant.loads import Line, contact, grasp, strength
+from softarm.fakes.plant.loads import TautLine, contact, grasp, strength
 from softarm.fakes.plant.material import FibreMemory, fresh_memory, joint_forces, tabulate
 from softarm.fakes.plant.parameters import CHAMBERS_PER_SEGMENT, ArmParameters, sopra
 from softarm.fakes.plant.pneumatics import lines, muscles
@@ -144,7 +144,7 @@ class FakeArm:
         self._damping = self._chain.model.dof_damping.copy()
         mujoco.mj_step1(self._chain.model, self._data)
 
-    def _take_over(self, chain: Chain, data: mujoco.MjData, memory: FibreMemory) -> None:
+    def _take_over(self, chain: PlantChain, data: mujoco.MjData, memory: FibreMemory) -> None:
         """Go on from the motion and the memory of the arm before a switch."""
         first_position, first_speed = self._chain.slide_positions[0], self._chain.slides[0]
         self._data.qpos[first_position:] = data.qpos[chain.slide_positions[0] :]
@@ -213,7 +213,7 @@ class FakeArm:
         if inputs.cord is not None:
             index = self._section(inputs.cord.section)
             own = self._parameters
-            line = Line(inputs.cord.length, own.cord_stiffness, own.cord_damping)
+            line = TautLine(inputs.cord.length, own.cord_stiffness, own.cord_damping)
             end = self._to_base(np.array(inputs.cord.hook))
             force, self._tension = line.pull(
                 data.site_xpos[self._chain.sections[index]], self._velocity(index), end
@@ -231,7 +231,7 @@ class FakeArm:
         for tether in loads.tethers:
             index = self._section(tether.section)
             knot = data.site_xpos[self._chain.sections[index]]
-            line = Line(tether.length, tether.stiffness, 0.2)
+            line = TautLine(tether.length, tether.stiffness, 0.2)
             self._push_section(index, line.pull(knot, self._velocity(index), np.array(tether.anchor))[0])
         if loads.obstacles:
             self._touch()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.cross_section import CrossSection, lobed
-from softarm.fakes.plant.parameters import GRAVITY, ArmParameters, Segment
+from softarm.fakes.plant.parameters import GRAVITY, ArmParameters, PlantSegment
 from softarm.fakes.plant.rotations import rotation_matrix, vector_quaternion
 
 Floats = NDArray[np.float64]
@@ -42,7 +42,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Chain:
+class PlantChain:
     """The compiled model and where its parts are.
 
     Args:
@@ -68,7 +68,7 @@ class Chain:
     link_sections: Integers
 
 
-def build(parameters: ArmParameters) -> Chain:
+def build(parameters: ArmParameters) -> PlantChain:
     """Build the chain of an arm.
 
     Raises:
@@ -176,7 +176,7 @@ def _link(
     return body
 
 
-def rest_stiffness(segment: Segment, joint: Joint) -> tuple[float, float, float]:
+def rest_stiffness(segment: PlantSegment, joint: Joint) -> tuple[float, float, float]:
     """Give the axial [N/m], bending and torsional [N m/rad] stiffness of a joint at rest."""
     section = joint.section
     per_length = segment.modulus / joint.length
@@ -203,11 +203,11 @@ def _attach_sections(
             weight.inertia = payload.mass * np.full(3, 0.4 * 0.008**2)
 
 
-def _locate(model: mujoco.MjModel, joints: tuple[Joint, ...], parameters: ArmParameters) -> Chain:
+def _locate(model: mujoco.MjModel, joints: tuple[Joint, ...], parameters: ArmParameters) -> PlantChain:
     """Find the addresses of the chain's parts."""
     slides = [model.joint(f"slide_{k}") for k in range(len(joints))]
     sites = [model.site(name) for name in parameters.sections]
-    return Chain(
+    return PlantChain(
         model=model,
         joints=joints,
         slides=np.array([slide.dofadr[0] for slide in slides], dtype=np.int64),

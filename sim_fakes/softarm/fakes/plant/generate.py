@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from softarm.fakes.plant.arm import FakeArm
 from softarm.fakes.plant.chain import gravity_in_base
 from softarm.fakes.plant.effects import Concealed, arm_effects, effect, filters
-from softarm.fakes.plant.instruments import Instruments, Streams, observe
-from softarm.fakes.plant.manoeuvre import SAMPLE, Manoeuvre
+from softarm.fakes.plant.instruments import InstrumentQuality, Streams, observe
+from softarm.fakes.plant.manoeuvre import SAMPLE, PlantManoeuvre
 from softarm.fakes.plant.parameters import ArmParameters, Mount, sopra
 from softarm.fakes.plant.run import Truth, perform
-from softarm.fakes.plant.valve import Valve, draw_valve, outlet
+from softarm.fakes.plant.valve import ValveConstants, draw_valve, outlet
 
 Floats = NDArray[np.float64]
 
@@ -35,9 +35,9 @@ class Laboratory:
 
     arm: ArmParameters = field(default_factory=sopra)
     concealed: tuple[Concealed, ...] = ()
-    instruments: Instruments = field(default_factory=Instruments)
+    instruments: InstrumentQuality = field(default_factory=InstrumentQuality)
     streams: Streams = field(default_factory=Streams)
-    valve: Valve | None = None
+    valve: ValveConstants | None = None
     session_start: float = 0.0
 
     def mounted(self, mount: Mount) -> "Laboratory":
@@ -64,7 +64,7 @@ class Generated:
     run: Truth
 
 
-def generate(laboratory: Laboratory, manoeuvre: Manoeuvre, seed: int) -> Generated:
+def generate(laboratory: Laboratory, manoeuvre: PlantManoeuvre, seed: int) -> Generated:
     """Run a manoeuvre on a rested arm and record it.
 
     Args:
@@ -89,7 +89,7 @@ def generate(laboratory: Laboratory, manoeuvre: Manoeuvre, seed: int) -> Generat
     )
 
 
-def _info(laboratory: Laboratory, manoeuvre: Manoeuvre) -> dict[str, Any]:
+def _info(laboratory: Laboratory, manoeuvre: PlantManoeuvre) -> dict[str, Any]:
     """Say what a user knows of the run."""
     mount = laboratory.arm.mount
     pulled = sorted({pull.section for pull in manoeuvre.pulls})

@@ -29,7 +29,7 @@ MARKERS = {
 
 
 @dataclass(frozen=True)
-class Instruments:
+class InstrumentQuality:
     """How well the laboratory measures.
 
     Args:
@@ -91,7 +91,7 @@ def observe(
     commands: Floats,
     sections: tuple[str, ...],
     concealed: tuple[Concealed, ...],
-    instruments: Instruments,
+    instruments: InstrumentQuality,
     streams: Streams,
     rng: Random,
 ) -> dict[str, Floats]:
@@ -132,7 +132,7 @@ def bends_of(quaternions: Floats) -> Floats:
 
 
 def _measured(
-    truth: Truth, concealed: tuple[Concealed, ...], instruments: Instruments, rng: Random
+    truth: Truth, concealed: tuple[Concealed, ...], instruments: InstrumentQuality, rng: Random
 ) -> Floats:
     """Give the pressures as the terminal, or sensors in the chambers, tell them [Pa]."""
     if instruments.pressure_tap == "chamber":
@@ -146,7 +146,7 @@ def _seen_poses(
     truth: Truth,
     sections: tuple[str, ...],
     concealed: tuple[Concealed, ...],
-    instruments: Instruments,
+    instruments: InstrumentQuality,
     rng: Random,
 ) -> Floats:
     """Give the poses as the motion capture saw them, shape (samples, sections, 7)."""
@@ -200,7 +200,7 @@ def _wander(rng: Random, count: int, width: int, size: float, time: float) -> Fl
     return out
 
 
-def _lost(rng: Random, count: int, instruments: Instruments) -> NDArray[np.bool_]:
+def _lost(rng: Random, count: int, instruments: InstrumentQuality) -> NDArray[np.bool_]:
     """Draw the samples at which a body was lost."""
     lost = np.zeros(count, dtype=bool)
     for start in np.flatnonzero(rng.random(count) < instruments.losses * SAMPLE):
@@ -224,7 +224,7 @@ def _frame(section: str, poses: Floats) -> dict[str, Floats]:
     return {f"frame_{section}_{name}": column for name, column in zip(names, poses.T, strict=True)}
 
 
-def _markers(section: str, poses: Floats, instruments: Instruments, rng: Random) -> dict[str, Floats]:
+def _markers(section: str, poses: Floats, instruments: InstrumentQuality, rng: Random) -> dict[str, Floats]:
     """Place the markers of a section in the laboratory."""
     matrices = quaternion_matrices(poses[:, 3:])
     columns: dict[str, Floats] = {}
@@ -241,7 +241,7 @@ def _bends(
     seen: Floats,
     sections: tuple[str, ...],
     concealed: tuple[Concealed, ...],
-    instruments: Instruments,
+    instruments: InstrumentQuality,
     streams: Streams,
     rng: Random,
 ) -> dict[str, Floats]:
@@ -271,7 +271,7 @@ def _repeated(values: Floats, zone: float) -> Floats:
 
 
 def _gauge(
-    truth: Truth, concealed: tuple[Concealed, ...], instruments: Instruments, rng: Random
+    truth: Truth, concealed: tuple[Concealed, ...], instruments: InstrumentQuality, rng: Random
 ) -> dict[str, Floats]:
     """Give the readings of the gauge, in whole grams at its own rate, and its hook as a marker."""
     pull = truth.cord_force + rng.normal(0.0, instruments.gauge_noise, len(truth.cord_force))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.fakes.plant.parameters import Force, Obstacle
+from softarm.fakes.plant.parameters import ForceLoad, Obstacle
 
 Floats = NDArray[np.float64]
 
@@ -15,7 +15,7 @@ CONTACT_TIME = 0.01
 
 
 @dataclass(frozen=True)
-class Line:
+class TautLine:
     """A line that pulls and never pushes.
 
     Args:
@@ -52,7 +52,7 @@ def grasp(force: Floats, target: Floats, stiffness: float, position: Floats, vel
     return np.asarray(force + stiffness * (target - position) - damping * velocity)
 
 
-def strength(force: Force, time: float) -> float:
+def strength(force: ForceLoad, time: float) -> float:
     """Give the share of its amplitude that a force has at a time [s]."""
     if time < force.start:
         return 0.0

@@ -11,7 +11,7 @@ SAMPLE = 0.01
 
 
 @dataclass(frozen=True)
-class Pull:
+class CordPull:
     """The gauge on its stage draws a section by the cord.
 
     When the pull begins, the stage stands where the cord is ``slack`` short of taut in the direction given;
@@ -62,7 +62,7 @@ class Grip:
 
 
 @dataclass(frozen=True)
-class Manoeuvre:
+class PlantManoeuvre:
     """Commands at 100 Hz, and pulls and grips on top.
 
     Args:
@@ -74,7 +74,7 @@ class Manoeuvre:
 
     name: str
     commands: Floats
-    pulls: tuple[Pull, ...] = ()
+    pulls: tuple[CordPull, ...] = ()
     grips: tuple[Grip, ...] = ()
 
     @property
@@ -88,11 +88,11 @@ def samples(seconds: float) -> int:
     return max(1, round(seconds / SAMPLE))
 
 
-def chain(name: str, *parts: Manoeuvre) -> Manoeuvre:
+def chain(name: str, *parts: PlantManoeuvre) -> PlantManoeuvre:
     """Run manoeuvres one after another."""
     starts = np.cumsum([0, *(len(part.commands) for part in parts)])
     moved = list(zip(starts, parts, strict=False))
-    return Manoeuvre(
+    return PlantManoeuvre(
         name,
         np.concatenate([part.commands for part in parts]),
         tuple(replace(pull, start=pull.start + int(at)) for at, part in moved for pull in part.pulls),

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.fakes.plant.manoeuvre import SAMPLE, Grip, Manoeuvre, Pull, chain, samples
+from softarm.fakes.plant.manoeuvre import SAMPLE, CordPull, Grip, PlantManoeuvre, chain, samples
 
 Floats = NDArray[np.float64]
 Random = np.random.Generator
@@ -19,15 +19,15 @@ HIGHEST = 50e3
 STAGE_SPEED = 0.02
 
 
-def rest(seconds: float = 20.0) -> Manoeuvre:
+def rest(seconds: float = 20.0) -> PlantManoeuvre:
     """Leave the arm vented."""
-    return Manoeuvre("rest", np.zeros((samples(seconds), CHAMBERS)))
+    return PlantManoeuvre("rest", np.zeros((samples(seconds), CHAMBERS)))
 
 
-def path(name: str, points: Floats, times: Floats) -> Manoeuvre:
+def path(name: str, points: Floats, times: Floats) -> PlantManoeuvre:
     """Go through pressures, linear in between: points of shape (points, chambers) at rising times from 0."""
     clock = np.arange(samples(float(times[-1]))) * SAMPLE
-    return Manoeuvre(name, np.column_stack([np.interp(clock, times, column) for column in points.T]))
+    return PlantManoeuvre(name, np.column_stack([np.interp(clock, times, column) for column in points.T]))
 
 
 def random_pressures(rng: Random, highest: float = HIGHEST) -> Floats:
@@ -45,7 +45,7 @@ def one_of_each(rng: Random) -> tuple[int, int]:
 
 def random_holds(
     rng: Random, seconds: float = 60.0, hold: float = 5.0, ramp: float = 0.4, highest: float = HIGHEST
-) -> Manoeuvre:
+) -> PlantManoeuvre:
     """Go from one random pose to another and hold each."""
     count = max(1, round(seconds / hold))
     levels = np.array([random_pressures(rng, highest) for _ in range(count)])
@@ -58,7 +58,7 @@ def random_holds(
 
 def ramps(
     rng: Random, durations: tuple[float, ...] = (4.0, 10.0, 30.0), highest: float = HIGHEST
-) -> Manoeuvre:
+) -> PlantManoeuvre:
     """Go to one random pose and back, at several rates."""
     level = random_pressures(rng, highest)
     points, times = [np.zeros(CHAMBERS)], [0.0]
@@ -70,7 +70,7 @@ def ramps(
 
 def triangles(
     chambers: tuple[int, ...] = (0, 4), rates: tuple[float, ...] = (5e3, 20e3), highest: float = HIGHEST
-) -> Manoeuvre:
+) -> PlantManoeuvre:
     """Cycle chambers between zero and two amplitudes at two rates [Pa/s], with reversal curves inside."""
     points, times = [np.zeros(CHAMBERS)], [0.0]
     mask = np.isin(np.arange(CHAMBERS), chambers).astype(float)
@@ -81,7 +81,7 @@ def triangles(
     return path("triangles", np.array(points), np.array(times))
 
 
-def long_holds(rng: Random, hold: float = 40.0, count: int = 2, highest: float = HIGHEST) -> Manoeuvre:
+def long_holds(rng: Random, hold: float = 40.0, count: int = 2, highest: float = HIGHEST) -> PlantManoeuvre:
     """Hold random poses for long, vented as long after each."""
     points, times = [np.zeros(CHAMBERS)], [0.0]
     for _ in range(count):
@@ -93,7 +93,7 @@ def long_holds(rng: Random, hold: float = 40.0, count: int = 2, highest: float =
 
 def growing_cycles(
     chambers: tuple[int, ...] = (0, 3), cycle: float = 8.0, levels: tuple[float, ...] = (0.25, 0.5, 0.75, 1.0)
-) -> Manoeuvre:
+) -> PlantManoeuvre:
     """Cycle a rested arm twice at each amplitude, growing; the first passage is seen once only."""
     mask = np.isin(np.arange(CHAMBERS), chambers).astype(float) * HIGHEST
     points, times = [np.zeros(CHAMBERS)], [0.0]
@@ -103,7 +103,7 @@ def growing_cycles(
     return path("growing_cycles", np.array(points), np.array(times))
 
 
-def each_alone(ramp: float = 4.0, hold: float = 2.0, highest: float = HIGHEST) -> Manoeuvre:
+def each_alone(ramp: float = 4.0, hold: float = 2.0, highest: float = HIGHEST) -> PlantManoeuvre:
     """Fill and vent each chamber alone."""
     points, times = [np.zeros(CHAMBERS)], [0.0]
     for chamber in range(CHAMBERS):
@@ -113,7 +113,7 @@ def each_alone(ramp: float = 4.0, hold: float = 2.0, highest: float = HIGHEST) -
     return path("each_alone", np.array(points), np.array(times))
 
 
-def co_contraction(ramp: float = 6.0, hold: float = 3.0, highest: float = 40e3) -> Manoeuvre:
+def co_contraction(ramp: float = 6.0, hold: float = 3.0, highest: float = 40e3) -> PlantManoeuvre:
     """Fill all chambers of a segment together, then of both; then bend on top of a common level."""
     upper, lower = np.repeat([1.0, 0.0], 3), np.repeat([0.0, 1.0], 3)
     bent = 0.5 * (upper + lower) + 0.5 * np.eye(CHAMBERS)[1] + 0.5 * np.eye(CHAMBERS)[5]
@@ -124,23 +124,23 @@ def co_contraction(ramp: float = 6.0, hold: float = 3.0, highest: float = 40e3) 
     return path("co_contraction", np.array(points), np.array(times))
 
 
-def steps(rng: Random, count: int = 6, hold: float = 4.0, highest: float = HIGHEST) -> Manoeuvre:
+def steps(rng: Random, count: int = 6, hold: float = 4.0, highest: float = HIGHEST) -> PlantManoeuvre:
     """Jump to random poses and let go, so that the arm rings."""
     commands = []
     for _ in range(count):
         commands += [np.tile(random_pressures(rng, highest), (samples(hold), 1))]
         commands += [np.zeros((samples(hold), CHAMBERS))]
-    return Manoeuvre("steps", np.concatenate(commands))
+    return PlantManoeuvre("steps", np.concatenate(commands))
 
 
-def staircase(rise: float = 1e3, hold: float = 1.5, top: float = 8e3) -> Manoeuvre:
+def staircase(rise: float = 1e3, hold: float = 1.5, top: float = 8e3) -> PlantManoeuvre:
     """Raise each chamber in small steps from zero: what a valve's dead band hides."""
     levels = np.arange(0.0, top + rise, rise)
     commands = [
         np.repeat(np.outer(levels, np.eye(CHAMBERS)[chamber]), samples(hold), axis=0)
         for chamber in range(CHAMBERS)
     ]
-    return Manoeuvre("staircase", np.concatenate(commands))
+    return PlantManoeuvre("staircase", np.concatenate(commands))
 
 
 def directions(count: int, rise: float = 0.0, turn: float = 0.0) -> tuple[tuple[float, float, float], ...]:
@@ -156,7 +156,7 @@ def pulled_steps(
     hold: float = 2.0,
     ways: tuple[tuple[float, float, float], ...] = directions(3),
     pressures: Floats | None = None,
-) -> Manoeuvre:
+) -> PlantManoeuvre:
     """Draw a section away in small steps of the gauge's stage, through slack, in several directions."""
     points = travel * np.repeat([*range(count), 0], 2)
     moves = np.abs(np.diff(points[::2])) / STAGE_SPEED
@@ -165,7 +165,7 @@ def pulled_steps(
     return _pulls("pulled_steps", section, stage, ways, pressures)
 
 
-def pulled_small_steps(rng: Random, section: str = "tip", travel: float = 0.0065) -> Manoeuvre:
+def pulled_small_steps(rng: Random, section: str = "tip", travel: float = 0.0065) -> PlantManoeuvre:
     """Draw a section away in a dozen small steps, in three random directions."""
     ways = directions(3, turn=float(rng.uniform(0.0, 2.0 * np.pi)))
     return pulled_steps(section, count=12, travel=travel, hold=1.5, ways=ways)
@@ -177,7 +177,7 @@ def pulled_ramps(
     seconds: float = 10.0,
     ways: tuple[tuple[float, float, float], ...] = directions(3),
     pressures: Floats | None = None,
-) -> Manoeuvre:
+) -> PlantManoeuvre:
     """Draw a section away and back evenly by the gauge's stage, in several directions."""
     there = np.linspace(0.0, reach, samples(seconds))
     return _pulls("pulled_ramps", section, np.concatenate([there, there[::-1]]), ways, pressures)
@@ -189,34 +189,36 @@ def _pulls(
     stage: Floats,
     ways: tuple[tuple[float, float, float], ...],
     pressures: Floats | None,
-) -> Manoeuvre:
+) -> PlantManoeuvre:
     """Repeat one travel of the stage in several directions, two seconds free between."""
     level = np.zeros(CHAMBERS) if pressures is None else np.asarray(pressures)
     lead, free = samples(4.0), samples(2.0)
     length = len(stage) + free
     pulls = tuple(
-        Pull(section, lead + number * length, direction, stage) for number, direction in enumerate(ways)
+        CordPull(section, lead + number * length, direction, stage) for number, direction in enumerate(ways)
     )
     commands = np.tile(level, (lead + len(ways) * length, 1))
     commands[:lead] *= np.minimum(1.0, np.arange(lead) / samples(2.0))[:, None]
-    return Manoeuvre(name, commands, pulls)
+    return PlantManoeuvre(name, commands, pulls)
 
 
 def against_the_cord(
     rng: Random, section: str = "tip", count: int = 3, seconds: float = 8.0, highest: float = HIGHEST
-) -> Manoeuvre:
+) -> PlantManoeuvre:
     """Ramp the pressures up and down while the cord holds the arm back on one side."""
     parts = []
     for direction in directions(count):
         level = random_pressures(rng, highest)
         there = np.linspace(0.0, 1.0, samples(seconds))
         ramp = np.concatenate([there, there[::-1], np.zeros(samples(2.0))])
-        pull = Pull(section, 0, direction, np.zeros(2 * samples(seconds)), slack=0.01)
-        parts.append(Manoeuvre("", np.outer(ramp, level), (pull,)))
+        pull = CordPull(section, 0, direction, np.zeros(2 * samples(seconds)), slack=0.01)
+        parts.append(PlantManoeuvre("", np.outer(ramp, level), (pull,)))
     return chain("against_the_cord", *parts)
 
 
-def pulled_taut(rng: Random, section: str = "tip", seconds: float = 8.0, highest: float = 45e3) -> Manoeuvre:
+def pulled_taut(
+    rng: Random, section: str = "tip", seconds: float = 8.0, highest: float = 45e3
+) -> PlantManoeuvre:
     """Ramp up and down the chambers that bend the arm away from the gauge, from each chamber's side in turn.
 
     A second chamber of each segment is filled a little, so that the arm also moves across the cord.
@@ -231,14 +233,14 @@ def pulled_taut(rng: Random, section: str = "tip", seconds: float = 8.0, highest
         level[[beside, 3 + beside]] = 0.35 * highest * rng.uniform(0.0, 1.0, 2)
         side = -2.0 * np.pi * chamber / 3.0  # the hanging mount turns the base frame about x
         direction = (float(np.cos(side)), float(np.sin(side)), 0.0)
-        pull = Pull(section, 0, direction, np.zeros(2 * samples(seconds)), slack=0.002)
-        parts.append(Manoeuvre("", np.outer(ramp, level), (pull,)))
+        pull = CordPull(section, 0, direction, np.zeros(2 * samples(seconds)), slack=0.002)
+        parts.append(PlantManoeuvre("", np.outer(ramp, level), (pull,)))
     return chain("pulled_taut", *parts)
 
 
 def pulled_taut_steps(
     rng: Random, section: str = "tip", levels: int = 4, hold: float = 2.0, highest: float = 45e3
-) -> Manoeuvre:
+) -> PlantManoeuvre:
     """Fill the chambers that bend the arm away from the gauge in steps, each held, from each side in turn."""
     parts = []
     stairs = np.repeat(np.linspace(0.0, 1.0, levels + 1)[1:], samples(hold))
@@ -248,8 +250,8 @@ def pulled_taut_steps(
         level[[chamber, 3 + chamber]] = highest * rng.uniform(0.8, 1.0, 2)
         side = -2.0 * np.pi * chamber / 3.0  # the hanging mount turns the base frame about x
         direction = (float(np.cos(side)), float(np.sin(side)), 0.0)
-        pull = Pull(section, 0, direction, np.zeros(samples(1.0) + len(stairs)), slack=0.002)
-        parts.append(Manoeuvre("", np.outer(ramp, level), (pull,)))
+        pull = CordPull(section, 0, direction, np.zeros(samples(1.0) + len(stairs)), slack=0.002)
+        parts.append(PlantManoeuvre("", np.outer(ramp, level), (pull,)))
     return chain("pulled_taut_steps", *parts)
 
 
@@ -260,7 +262,7 @@ def taught(
     hold: float = 4.0,
     section: str = "tip",
     drawn: tuple[float, float] = (-0.018, 0.018),
-) -> Manoeuvre:
+) -> PlantManoeuvre:
     """Lead a section by hand to random poses and hold each.
 
     Args:
@@ -281,10 +283,10 @@ def taught(
         last = point
     trail = np.concatenate(way)
     grip = Grip(section, samples(1.0), trail)
-    return Manoeuvre("taught", np.zeros((samples(2.0) + len(trail), CHAMBERS)), grips=(grip,))
+    return PlantManoeuvre("taught", np.zeros((samples(2.0) + len(trail), CHAMBERS)), grips=(grip,))
 
 
-LIBRARY: dict[str, Callable[[Random], Manoeuvre]] = {
+LIBRARY: dict[str, Callable[[Random], PlantManoeuvre]] = {
     "rest": lambda rng: rest(),  # noqa: ARG005
     "random_holds": random_holds,
     "ramps": ramps,

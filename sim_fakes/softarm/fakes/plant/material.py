@@ -19,7 +19,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from softarm.fakes.plant.chain import Joint, rest_stiffness
-from softarm.fakes.plant.parameters import ArmParameters, Segment
+from softarm.fakes.plant.parameters import ArmParameters, PlantSegment
 
 Floats = NDArray[np.float64]
 
@@ -107,7 +107,7 @@ def fresh_memory(table: FibreTable) -> FibreMemory:
     )
 
 
-def _moduli(segment: Segment, joint: Joint) -> Floats:
+def _moduli(segment: PlantSegment, joint: Joint) -> Floats:
     """Give the modulus of each fibre of a joint [Pa], defects included."""
     azimuth = np.arctan2(joint.section.fibres[:, 1], joint.section.fibres[:, 0])
     moduli = np.full(len(azimuth), segment.modulus)
@@ -118,7 +118,7 @@ def _moduli(segment: Segment, joint: Joint) -> Floats:
     return moduli
 
 
-def _law(segment: Segment, joint: Joint) -> list[float]:
+def _law(segment: PlantSegment, joint: Joint) -> list[float]:
     """Give the row of ``FibreTable.law`` of a joint."""
     _, bending, torsion = rest_stiffness(segment, joint)
     return [

@@ -57,7 +57,7 @@ class Defect:
 
 
 @dataclass(frozen=True)
-class Segment:
+class PlantSegment:
     """One soft segment.
 
     Args:
@@ -157,7 +157,7 @@ class Payload:
 
 
 @dataclass(frozen=True)
-class Force:
+class ForceLoad:
     """A force on a section.
 
     Args:
@@ -229,7 +229,7 @@ class Loads:
     """What the world does to the arm beyond the cord and the hand."""
 
     payloads: tuple[Payload, ...] = ()
-    forces: tuple[Force, ...] = ()
+    forces: tuple[ForceLoad, ...] = ()
     tethers: tuple[Tether, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
 
@@ -274,7 +274,7 @@ class ArmParameters:
         step: Time step [s].
     """
 
-    segments: tuple[Segment, ...]
+    segments: tuple[PlantSegment, ...]
     frame_heights: tuple[float, ...] = (0.0, 0.1405, 0.276)
     rigid_masses: tuple[float, ...] = (0.020, 0.023)
     rigid_lengths: tuple[float, ...] = (0.021, 0.005)
@@ -307,6 +307,10 @@ class ArmParameters:
 
 def sopra() -> ArmParameters:
     """Describe the two-segment SoPrA arm (masses, lengths and radii of the owners' parameter files)."""
-    upper = Segment("upper", start=0.010, length=0.120, radii=(0.0175, 0.0140), mass=0.160, modulus=390e3)
-    lower = Segment("lower", start=0.151, length=0.120, radii=(0.0140, 0.0099), mass=0.082, modulus=490e3)
+    upper = PlantSegment(
+        "upper", start=0.010, length=0.120, radii=(0.0175, 0.0140), mass=0.160, modulus=390e3
+    )
+    lower = PlantSegment(
+        "lower", start=0.151, length=0.120, radii=(0.0140, 0.0099), mass=0.082, modulus=490e3
+    )
     return ArmParameters(segments=(upper, lower))

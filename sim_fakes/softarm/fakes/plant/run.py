@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.fakes.plant.arm import FakeArm
-from softarm.fakes.plant.manoeuvre import SAMPLE, Grip, Manoeuvre, Pull
+from softarm.fakes.plant.manoeuvre import SAMPLE, CordPull, Grip, PlantManoeuvre
 from softarm.fakes.plant.state import Cord, Hand, PlantInputs, PlantState
 
 Floats = NDArray[np.float64]
@@ -37,7 +37,7 @@ class Truth:
     forces: Floats
 
 
-Event = TypeVar("Event", Pull, Grip)
+Event = TypeVar("Event", CordPull, Grip)
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class _Track(Generic[Event]):
         return None
 
 
-def perform(arm: FakeArm, manoeuvre: Manoeuvre, outlets: Floats) -> Truth:
+def perform(arm: FakeArm, manoeuvre: PlantManoeuvre, outlets: Floats) -> Truth:
     """Run a manoeuvre.
 
     Args:
@@ -91,7 +91,7 @@ def perform(arm: FakeArm, manoeuvre: Manoeuvre, outlets: Floats) -> Truth:
     )
 
 
-def _cord(pulls: _Track[Pull], sample: int, state: PlantState) -> Cord | None:
+def _cord(pulls: _Track[CordPull], sample: int, state: PlantState) -> Cord | None:
     """Tie the cord that a sample asks for."""
     found = pulls.at(sample, state)
     if found is None:

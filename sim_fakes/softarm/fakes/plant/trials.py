@@ -11,12 +11,12 @@ from softarm.fakes.plant.effects import (
     FOREIGN_EFFECTS,
     INSTRUMENT_EFFECTS,
     Concealed,
-    Effect,
-    Quantity,
+    ConcealedEffect,
+    EffectParameter,
     effect,
 )
 from softarm.fakes.plant.generate import Laboratory
-from softarm.fakes.plant.manoeuvre import Manoeuvre
+from softarm.fakes.plant.manoeuvre import PlantManoeuvre
 from softarm.fakes.plant.manoeuvres import (
     co_contraction,
     directions,
@@ -62,7 +62,7 @@ RUNS = (
     ("each_alone", "sideways"),
     ("random_holds", "hanging"),
 )
-SHORT: dict[str, Callable[[Random], Manoeuvre]] = {
+SHORT: dict[str, Callable[[Random], PlantManoeuvre]] = {
     "growing_cycles": lambda rng: growing_cycles(one_of_each(rng), cycle=5.0),
     "random_holds": lambda rng: random_holds(rng, seconds=40.0),
     "ramps": lambda rng: ramps(rng, durations=(4.0, 12.0)),
@@ -79,7 +79,7 @@ SHORT: dict[str, Callable[[Random], Manoeuvre]] = {
 
 
 @dataclass(frozen=True)
-class Run:
+class TrialRun:
     """One recording of a trial.
 
     Args:
@@ -91,12 +91,12 @@ class Run:
 
     name: str
     laboratory: Laboratory
-    manoeuvre: Manoeuvre
+    manoeuvre: PlantManoeuvre
     seed: int
 
 
 @dataclass(frozen=True)
-class Trial:
+class PlantTrial:
     """A sealed trial.
 
     Args:
@@ -109,10 +109,10 @@ class Trial:
     seed: int
     kind: str
     concealed: tuple[Concealed, ...]
-    runs: tuple[Run, ...]
+    runs: tuple[TrialRun, ...]
 
 
-def draw(seed: int, kind: str, background: float = 1.0, only: tuple[str, ...] = ()) -> Trial:
+def draw(seed: int, kind: str, background: float = 1.0, only: tuple[str, ...] = ()) -> PlantTrial:
     """Draw a trial.
 
     Args:
@@ -134,10 +134,10 @@ def draw(seed: int, kind: str, background: float = 1.0, only: tuple[str, ...] = 
     plain = Laboratory(arm=drawn.arm, instruments=drawn.instruments)
     suspect = Laboratory(arm=drawn.arm, instruments=drawn.instruments, concealed=concealed)
     runs = (*_runs("nominal", plain, NOMINAL_RUNS, seed), *_runs("run", suspect, RUNS, seed))
-    return Trial(seed, kind, concealed, runs)
+    return PlantTrial(seed, kind, concealed, runs)
 
 
-def draw_effect(rng: Random, known: Effect) -> Concealed:
+def draw_effect(rng: Random, known: ConcealedEffect) -> Concealed:
     """Draw the place and the size of one effect; sizes of one sign are even on a logarithmic scale."""
     where = {place: _choose(rng, DRAWN[place]) for place in known.places if place in DRAWN}
     if "sensor" in known.places:
@@ -161,7 +161,7 @@ def _choose(rng: Random, choices: tuple[str | int, ...]) -> str | int:
     return choices[int(rng.integers(len(choices)))]
 
 
-def _size(rng: Random, quantity: Quantity) -> float:
+def _size(rng: Random, quantity: EffectParameter) -> float:
     """Draw a parameter; one that may be negative is at least a quarter of its range's end away from zero."""
     low, high = quantity.low, quantity.high
     if low == high or low * high < 0.0:
@@ -174,14 +174,14 @@ def _size(rng: Random, quantity: Quantity) -> float:
 
 def _runs(
     prefix: str, laboratory: Laboratory, plan: tuple[tuple[str, str], ...], seed: int
-) -> tuple[Run, ...]:
+) -> tuple[TrialRun, ...]:
     """Lay out the runs of an arm, one session with pauses."""
     runs, clock = [], 0.0
     for number, (name, mount) in enumerate(plan):
         own = [seed, number, len(plan)]
         manoeuvre = SHORT[name](np.random.default_rng(own))
         runs.append(
-            Run(
+            TrialRun(
                 f"{prefix}_{number:02d}_{name}_{mount}",
                 replace(laboratory.mounted(MOUNTS[mount]), session_start=clock),
                 manoeuvre,

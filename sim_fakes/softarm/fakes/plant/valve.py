@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Valve:
+class ValveConstants:
     """Constants of the valves.
 
     Args:
@@ -36,12 +36,12 @@ class Valve:
     error: Floats | float = 0.0
 
 
-def draw_valve(rng: np.random.Generator, chambers: int) -> Valve:
+def draw_valve(rng: np.random.Generator, chambers: int) -> ValveConstants:
     """Draw the valves of one terminal."""
-    return Valve(rng.uniform(0.04, 0.06, chambers), error=-rng.uniform(0.4e3, 0.9e3, chambers))
+    return ValveConstants(rng.uniform(0.04, 0.06, chambers), error=-rng.uniform(0.4e3, 0.9e3, chambers))
 
 
-def outlet(valve: Valve, commands: Floats, filters: tuple[Filter, ...]) -> Floats:
+def outlet(valve: ValveConstants, commands: Floats, filters: tuple[Filter, ...]) -> Floats:
     """Give the pressures at the outlets [Pa] for commands at 100 Hz, both of shape (samples, chambers).
 
     Args:

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from softarm.fakes.plant.instruments import Instruments
-from softarm.fakes.plant.parameters import Actuation, ArmParameters, Memory, Segment, sopra
+from softarm.fakes.plant.instruments import InstrumentQuality
+from softarm.fakes.plant.parameters import Actuation, ArmParameters, Memory, PlantSegment, sopra
 
 Random = np.random.Generator
 
@@ -20,7 +20,7 @@ class Variant:
     """
 
     arm: ArmParameters
-    instruments: Instruments
+    instruments: InstrumentQuality
 
 
 def variant(seed: int, spread: float = 1.0, background: float = 1.0) -> Variant:
@@ -45,7 +45,7 @@ def variant(seed: int, spread: float = 1.0, background: float = 1.0) -> Variant:
         cord_stiffness=plain.cord_stiffness * _about(rng, 0.2, spread),
         damping_rise=spread * float(rng.choice([0.0, rng.uniform(0.5, 2.0)])),
     )
-    instruments = Instruments(
+    instruments = InstrumentQuality(
         alignments=spread * rng.normal(0.0, np.radians([0.6, 0.6, 1.5]), (3, 3)),
         offset=spread * float(rng.uniform(-0.02, 0.02)),
     )
@@ -62,7 +62,7 @@ def _triple(values: np.ndarray) -> tuple[float, ...]:
     return tuple(float(value) for value in values)
 
 
-def _segment(rng: Random, segment: Segment, spread: float, background: float) -> Segment:
+def _segment(rng: Random, segment: PlantSegment, spread: float, background: float) -> PlantSegment:
     """Draw a segment: another batch of rubber in a mould of some tolerance."""
     radii = tuple(radius * _about(rng, 0.004, spread) for radius in segment.radii)
     return replace(

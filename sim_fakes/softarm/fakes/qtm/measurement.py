@@ -7,7 +7,7 @@ import numpy as np
 
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
-from softarm.fakes.qtm.packets import BodyPose, Frame
+from softarm.fakes.qtm.packets import MeasuredFrame, PacketBody
 from softarm.fakes.rotation import Quaternion, Vector, matrix, multiply, rotate, turn
 from softarm.fakes.signals import See, plainly
 
@@ -16,7 +16,7 @@ QUIET_NAN = float("nan")
 
 
 @dataclass(frozen=True)
-class Body:
+class MarkerBody:
     """A rigid body of markers.
 
     Args:
@@ -86,7 +86,7 @@ def measurement_faults(bodies: Sequence[str]) -> tuple[Fault, ...]:
     )
 
 
-class Measurement:
+class MotionMeasurement:
     """Turns snapshots of the arm into frames.
 
     Args:
@@ -100,7 +100,7 @@ class Measurement:
 
     def __init__(
         self,
-        bodies: Sequence[Body],
+        bodies: Sequence[MarkerBody],
         sections: Sequence[str],
         cameras: Cameras,
         faults: FaultBoard,
@@ -127,7 +127,7 @@ class Measurement:
             self.cameras.rate * (1 + 1e-6 * self.cameras.clock_ppm)
         )
 
-    def capture(self, state: PlantState) -> Frame | None:
+    def capture(self, state: PlantState) -> MeasuredFrame | None:
         """Take the next frame of a snapshot; None when it is the first of a gap."""
         if gap := self._faults.hit("frame_gap"):
             self._number += int(gap["frames"])
@@ -147,7 +147,7 @@ class Measurement:
             None if body.name in lost else _nothing() if body.name in empty else self._pose(body, state)
             for body in self.bodies
         ]
-        return Frame(time_us, number, poses, drop_rate)
+        return MeasuredFrame(time_us, number, poses, drop_rate)
 
     def skip_to(self, time: float) -> None:
         """Leave out the frames whose exposure is more than a second past, as QTM does when late."""
@@ -165,7 +165,7 @@ class Measurement:
             self._faults.hit(fault)
         return struck
 
-    def _pose(self, body: Body, state: PlantState) -> BodyPose:
+    def _pose(self, body: MarkerBody, state: PlantState) -> PacketBody:
         index = self._sections.index(body.section)
         true = np.concatenate([state.positions[index], state.quaternions[index]])
         seen = self._see("pose", f"frame_{body.section}", state.time, true)
@@ -178,8 +178,8 @@ class Measurement:
         rows = matrix(multiply(multiply(section, turn(body.rotation)), wobble))
         by_columns = tuple(rows[row][column] for column in range(3) for row in range(3))
         residual = abs(float(noise[6])) * self.cameras.position_noise * MILLIMETRES
-        return BodyPose((float(origin[0]), float(origin[1]), float(origin[2])), by_columns, residual)
+        return PacketBody((float(origin[0]), float(origin[1]), float(origin[2])), by_columns, residual)
 
 
-def _nothing() -> BodyPose:
-    return BodyPose((QUIET_NAN,) * 3, (QUIET_NAN,) * 9, QUIET_NAN)
+def _nothing() -> PacketBody:
+    return PacketBody((QUIET_NAN,) * 3, (QUIET_NAN,) * 9, QUIET_NAN)

@@ -15,7 +15,7 @@ Matrix = tuple[float, ...]
 
 
 @dataclass(frozen=True)
-class BodyPose:
+class PacketBody:
     """One body of a frame.
 
     Args:
@@ -30,7 +30,7 @@ class BodyPose:
 
 
 @dataclass(frozen=True)
-class Frame:
+class MeasuredFrame:
     """One frame of a measurement.
 
     Args:
@@ -43,7 +43,7 @@ class Frame:
 
     time_us: int
     number: int
-    bodies: Sequence[BodyPose | None]
+    bodies: Sequence[PacketBody | None]
     drop_rate: int = 0
     out_of_sync: int = 0
 
@@ -63,23 +63,23 @@ def event(number: int) -> bytes:
     return packet(EVENT, bytes([number]))
 
 
-def _pose_6d(body: BodyPose) -> tuple[float, ...]:
+def _pose_6d(body: PacketBody) -> tuple[float, ...]:
     return (*body.position, *body.rotation)
 
 
-def _pose_6d_residual(body: BodyPose) -> tuple[float, ...]:
+def _pose_6d_residual(body: PacketBody) -> tuple[float, ...]:
     return (*body.position, *body.rotation, body.residual)
 
 
-def _pose_euler(body: BodyPose) -> tuple[float, ...]:
+def _pose_euler(body: PacketBody) -> tuple[float, ...]:
     return (*body.position, *euler_angles(body.rotation))
 
 
-def _pose_euler_residual(body: BodyPose) -> tuple[float, ...]:
+def _pose_euler_residual(body: PacketBody) -> tuple[float, ...]:
     return (*body.position, *euler_angles(body.rotation), body.residual)
 
 
-COMPONENTS: dict[str, tuple[int, int, Callable[[BodyPose], tuple[float, ...]]]] = {
+COMPONENTS: dict[str, tuple[int, int, Callable[[PacketBody], tuple[float, ...]]]] = {
     "6d": (5, 12, _pose_6d),
     "6deuler": (6, 6, _pose_euler),
     "6dres": (11, 13, _pose_6d_residual),
@@ -89,7 +89,7 @@ TIMECODE = "timecode"
 TIMECODE_TYPE = 17
 
 
-def data_packet(frame: Frame, components: Sequence[str]) -> bytes:
+def data_packet(frame: MeasuredFrame, components: Sequence[str]) -> bytes:
     """Make a data packet.
 
     Args:
@@ -100,7 +100,7 @@ def data_packet(frame: Frame, components: Sequence[str]) -> bytes:
     return packet(DATA, FRAME_HEADER.pack(frame.time_us, frame.number, len(parts)) + b"".join(parts))
 
 
-def _component(frame: Frame, name: str) -> bytes:
+def _component(frame: MeasuredFrame, name: str) -> bytes:
     kind, floats, fields = COMPONENTS[name]
     layout = struct.Struct(f"<{floats}f")
     lost = b"\xff" * layout.size
@@ -111,7 +111,7 @@ def _component(frame: Frame, name: str) -> bytes:
     return head + bodies
 
 
-def _timecode(frame: Frame) -> bytes:
+def _timecode(frame: MeasuredFrame) -> bytes:
     """Make a camera-time code: type 2, high and low word in 100 ns ticks."""
     ticks = frame.time_us * 10
     return struct.pack("<IIIIII", 24, TIMECODE_TYPE, 1, 2, ticks >> 32, ticks & 0xFFFFFFFF)

@@ -9,9 +9,9 @@ from softarm.fakes.clock import Clock
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.qtm import packets
-from softarm.fakes.qtm.measurement import Measurement
-from softarm.fakes.qtm.packets import HEADER, Frame
-from softarm.fakes.qtm.session import WELCOME, Session, Stream
+from softarm.fakes.qtm.measurement import MotionMeasurement
+from softarm.fakes.qtm.packets import HEADER, MeasuredFrame
+from softarm.fakes.qtm.session import WELCOME, ClientSession, FrameStream
 from softarm.fakes.qtm.settings import Version
 
 MOST_CLIENTS = 10
@@ -63,7 +63,7 @@ class QtmServer:
 
     def __init__(
         self,
-        measurement: Measurement,
+        measurement: MotionMeasurement,
         state: Callable[[], PlantState],
         faults: FaultBoard,
         clock: Clock,
@@ -79,9 +79,9 @@ class QtmServer:
         self.newest_version = newest_version
         self.password = password
         self.clients: set[_Client] = set()
-        self.master: Session | None = None
+        self.master: ClientSession | None = None
         self.last_event = CAPTURE_STARTED
-        self.last_frame: Frame | None = None
+        self.last_frame: MeasuredFrame | None = None
         self.dropped_frames = 0
         self._state = state
         self._clock = clock
@@ -142,7 +142,7 @@ class QtmServer:
         """Start a measurement."""
         self._running = True
         self.measurement.start(self._clock.now())
-        self.last_frame = Frame(0, 0, [None for _ in self.measurement.bodies])
+        self.last_frame = MeasuredFrame(0, 0, [None for _ in self.measurement.bodies])
         self.announce(CAPTURE_STARTED)
 
     def end(self) -> None:
@@ -169,7 +169,7 @@ class QtmServer:
         for client in self.clients:
             client.send(packets.event(event))
 
-    def send_datagram(self, data: bytes, stream: Stream, peer: str) -> None:
+    def send_datagram(self, data: bytes, stream: FrameStream, peer: str) -> None:
         """Send a frame by UDP."""
         self._datagram_count += 1
         if stream.udp is None or self._datagrams is None:
@@ -182,7 +182,7 @@ class QtmServer:
         late = self.faults.hit("latency")
         return self._latency + (float(late["seconds"]) if late else 0.0)
 
-    def _send_frame(self, frame: Frame) -> None:
+    def _send_frame(self, frame: MeasuredFrame) -> None:
         encoded: dict[tuple[str, ...], bytes] = {}
         for client in list(self.clients):
             stream = client.session.stream
@@ -193,7 +193,7 @@ class QtmServer:
                 encoded[stream.components] = spoil(data, self.faults)
             client.send_frame(encoded[stream.components], stream)
 
-    def _after(self, delay: float, call: Callable[[Frame], None], frame: Frame) -> None:
+    def _after(self, delay: float, call: Callable[[MeasuredFrame], None], frame: MeasuredFrame) -> None:
         asyncio.get_running_loop().call_later(delay, call, frame)
 
     def _close(self) -> None:
@@ -260,7 +260,7 @@ class _Client(asyncio.Protocol):
         self._held_packets = 0
         self._releasing = False
         self._transport: asyncio.Transport | None = None
-        self.session = Session(server, "unknown")
+        self.session = ClientSession(server, "unknown")
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
@@ -294,7 +294,7 @@ class _Client(asyncio.Protocol):
             if kind == packets.COMMAND and not self._server.faults.hit("silence"):
                 self.send(self.session.answer(words.decode(errors="replace")))
 
-    def send_frame(self, data: bytes, stream: Stream) -> None:
+    def send_frame(self, data: bytes, stream: FrameStream) -> None:
         """Send a frame the way the client has asked for."""
         if self._server.faults.hit("silence"):
             return

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from softarm.fakes.qtm import packets
-from softarm.fakes.qtm.packets import COMMAND, COMPONENTS, ERROR, TIMECODE, XML, Frame
+from softarm.fakes.qtm.packets import COMMAND, COMPONENTS, ERROR, TIMECODE, XML, MeasuredFrame
 from softarm.fakes.qtm.settings import Version, parameters
 
 WELCOME = "QTM RT Interface connected"
@@ -16,7 +16,7 @@ UDP_PORTS = range(1023, 65536)
 
 
 @dataclass
-class Stream:
+class FrameStream:
     """A stream of frames to one client.
 
     Args:
@@ -64,14 +64,14 @@ class Software(Protocol):
         """The event that tells its state."""
 
     @property
-    def last_frame(self) -> Frame | None:
+    def last_frame(self) -> MeasuredFrame | None:
         """The latest frame of a running measurement."""
 
     @property
     def body_names(self) -> Sequence[str]:
         """Names of the bodies in the order of the frames."""
 
-    master: "Session | None"
+    master: "ClientSession | None"
 
     def begin(self) -> None:
         """Start a measurement."""
@@ -80,7 +80,7 @@ class Software(Protocol):
         """Stop the measurement."""
 
 
-class Session:
+class ClientSession:
     """The dialogue with one client: one command in, reply bytes out.
 
     Args:
@@ -90,7 +90,7 @@ class Session:
 
     def __init__(self, software: Software, peer: str) -> None:
         self.version: Version = DEFAULT_VERSION
-        self.stream: Stream | None = None
+        self.stream: FrameStream | None = None
         self.peer = peer
         self._software = software
 
@@ -186,7 +186,7 @@ class Session:
         return packets.text(COMMAND, "Stopping measurement")
 
 
-def parse_stream(rest: str, rate: float) -> Stream | None:
+def parse_stream(rest: str, rate: float) -> FrameStream | None:
     """Read ``[FrequencyDivisor:n | Frequency:n | AllFrames] [UDP[:address]:port] components``.
 
     Args:
@@ -206,7 +206,7 @@ def parse_stream(rest: str, rate: float) -> Stream | None:
             return None
         udp = (match[1], int(match[2]))
     components = _components(words)
-    return Stream(components, share, udp) if components else None
+    return FrameStream(components, share, udp) if components else None
 
 
 def _share(word: str, rate: float) -> float | None:

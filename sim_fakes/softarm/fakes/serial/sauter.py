@@ -5,7 +5,7 @@ import math
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.instrument import PORT_FAULTS
-from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, Cell, LoadCell
+from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell, LoadCellFigures
 
 SAUTER_FAULTS = (
     *PORT_FAULTS,
@@ -22,7 +22,7 @@ def sauter_reply(value: float) -> bytes:
     return b"%b%b" % (b"0" if value < 0 else b"1", f"{magnitude:06.2f}".encode())
 
 
-class SauterGauge:
+class FakeSauter:
     """A gauge that answers ``9`` with its reading and takes ``2`` for zero.
 
     Args:
@@ -35,7 +35,7 @@ class SauterGauge:
     checks_baud = True
     resets_on_open = False
 
-    def __init__(self, faults: FaultBoard, cell: Cell, baud: int = 9600, seed: int = 0) -> None:
+    def __init__(self, faults: FaultBoard, cell: LoadCellFigures, baud: int = 9600, seed: int = 0) -> None:
         self.faults = faults
         self.baud = baud
         self._cell = LoadCell(faults, cell, seed)

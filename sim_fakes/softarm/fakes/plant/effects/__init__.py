@@ -6,10 +6,10 @@ Those of ``arm`` and ``instrument`` are the diagnosis's vocabulary, those of ``f
 from softarm.fakes.plant.effects.effect import (
     ArmEffect,
     Concealed,
-    Effect,
+    ConcealedEffect,
+    EffectParameter,
     Filter,
     InstrumentEffect,
-    Quantity,
 )
 from softarm.fakes.plant.effects.registry import (
     ARM_EFFECTS,
@@ -27,10 +27,10 @@ __all__ = [
     "INSTRUMENT_EFFECTS",
     "ArmEffect",
     "Concealed",
-    "Effect",
+    "ConcealedEffect",
+    "EffectParameter",
     "Filter",
     "InstrumentEffect",
-    "Quantity",
     "apply",
     "arm_effects",
     "effect",

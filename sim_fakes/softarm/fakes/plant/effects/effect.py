@@ -17,7 +17,7 @@ Numbers = Mapping[str, float]
 
 
 @dataclass(frozen=True)
-class Quantity:
+class EffectParameter:
     """One parameter of an effect.
 
     Args:
@@ -61,7 +61,7 @@ class Filter(Protocol):
 
 
 @dataclass(frozen=True)
-class Effect:
+class ConcealedEffect:
     """What every effect states of itself.
 
     Args:
@@ -73,7 +73,7 @@ class Effect:
 
     name: str
     principal: str
-    quantities: Mapping[str, Quantity]
+    quantities: Mapping[str, EffectParameter]
     places: tuple[str, ...] = ()
 
     def numbers(self, concealed: Concealed) -> dict[str, float]:
@@ -100,14 +100,14 @@ class Effect:
 
 
 @dataclass(frozen=True)
-class ArmEffect(Effect):
+class ArmEffect(ConcealedEffect):
     """An effect inside the arm: a change of its parameters, none at zero strength."""
 
     change: Callable[[ArmParameters, Where, Numbers], ArmParameters] = field(kw_only=True)
 
 
 @dataclass(frozen=True)
-class InstrumentEffect(Effect):
+class InstrumentEffect(ConcealedEffect):
     """An effect of the valves or of a sensor: a filter of its signal, the identity at zero strength.
 
     Args:

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.effects.effect import Where
-from softarm.fakes.plant.parameters import ArmParameters, Memory, Segment
+from softarm.fakes.plant.parameters import ArmParameters, Memory, PlantSegment
 
 
-def change_segments(arm: ArmParameters, where: Where, change: Callable[[Segment], Segment]) -> ArmParameters:
+def change_segments(
+    arm: ArmParameters, where: Where, change: Callable[[PlantSegment], PlantSegment]
+) -> ArmParameters:
     """Change the segment that is named, or all of them when none is."""
     names = [segment.name for segment in arm.segments]
     chosen = where.get("segment")

@@ -24,7 +24,7 @@ from softarm.fakes.plant.effects.arm import (
     tip_payload,
     viscoelastic_creep,
 )
-from softarm.fakes.plant.effects.effect import ArmEffect, Concealed, Effect, Filter, InstrumentEffect
+from softarm.fakes.plant.effects.effect import ArmEffect, Concealed, ConcealedEffect, Filter, InstrumentEffect
 from softarm.fakes.plant.effects.foreign import (
     curvature_area,
     curvature_locking,
@@ -99,7 +99,7 @@ INSTRUMENT_EFFECTS: dict[str, InstrumentEffect] = {
 }
 
 
-def effect(name: str) -> Effect:
+def effect(name: str) -> ConcealedEffect:
     """Find an effect by its name.
 
     Raises:

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.parameters import ArmParameters
 
 
@@ -16,6 +16,6 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 EFFECT = ArmEffect(
     "base_compliance",
     "compliance",
-    {"compliance": Quantity("rad/(N m)", 0.3, 0.1, 1.0)},
+    {"compliance": EffectParameter("rad/(N m)", 0.3, 0.1, 1.0)},
     change=change,
 )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import azimuth
 from softarm.fakes.plant.parameters import ArmParameters
 
@@ -20,5 +20,5 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 
 
 EFFECT = ArmEffect(
-    "base_tilt", "angle", {"angle": Quantity("rad", 0.05, 0.02, 0.1)}, ("axis",), change=change
+    "base_tilt", "angle", {"angle": EffectParameter("rad", 0.05, 0.02, 0.1)}, ("axis",), change=change
 )

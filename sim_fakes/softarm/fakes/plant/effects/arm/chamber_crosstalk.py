@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import chosen_chambers
 from softarm.fakes.plant.parameters import CHAMBERS_PER_SEGMENT, ArmParameters
 
@@ -26,5 +26,5 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 
 
 EFFECT = ArmEffect(
-    "chamber_crosstalk", "share", {"share": Quantity("", 0.08, 0.03, 0.2)}, ("chamber",), change=change
+    "chamber_crosstalk", "share", {"share": EffectParameter("", 0.08, 0.03, 0.2)}, ("chamber",), change=change
 )

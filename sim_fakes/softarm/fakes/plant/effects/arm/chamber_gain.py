@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import chosen_chambers
 from softarm.fakes.plant.parameters import ArmParameters
 
@@ -16,5 +16,5 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 
 
 EFFECT = ArmEffect(
-    "chamber_gain", "change", {"change": Quantity("", -0.12, -0.3, 0.2)}, ("chamber",), change=change
+    "chamber_gain", "change", {"change": EffectParameter("", -0.12, -0.3, 0.2)}, ("chamber",), change=change
 )

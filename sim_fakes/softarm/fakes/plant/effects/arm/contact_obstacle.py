@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import azimuth
 from softarm.fakes.plant.parameters import ArmParameters, Obstacle
 
@@ -28,7 +28,10 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 EFFECT = ArmEffect(
     "contact_obstacle",
     "stiffness",
-    {"stiffness": Quantity("N/m", 300.0, 100.0, 800.0), "distance": Quantity("m", 0.06, 0.04, 0.08)},
+    {
+        "stiffness": EffectParameter("N/m", 300.0, 100.0, 800.0),
+        "distance": EffectParameter("m", 0.06, 0.04, 0.08),
+    },
     ("axis",),
     change=change,
 )

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.parameters import ArmParameters
 
 
@@ -11,4 +11,6 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
     return replace(arm, density_factor=arm.density_factor * (1.0 + numbers["change"]))
 
 
-EFFECT = ArmEffect("distributed_mass", "change", {"change": Quantity("", 0.15, -0.2, 0.3)}, change=change)
+EFFECT = ArmEffect(
+    "distributed_mass", "change", {"change": EffectParameter("", 0.15, -0.2, 0.3)}, change=change
+)

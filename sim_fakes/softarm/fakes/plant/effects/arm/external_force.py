@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import chosen_section
-from softarm.fakes.plant.parameters import ArmParameters, Force
+from softarm.fakes.plant.parameters import ArmParameters, ForceLoad
 
 
 def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
@@ -16,7 +16,7 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
         numbers["force"] * direction[1] / size,
         numbers["force"] * direction[2] / size,
     )
-    force = Force(chosen_section(arm, where), amplitude, start=numbers["start"])
+    force = ForceLoad(chosen_section(arm, where), amplitude, start=numbers["start"])
     return replace(arm, loads=replace(arm.loads, forces=(*arm.loads.forces, force)))
 
 
@@ -24,11 +24,11 @@ EFFECT = ArmEffect(
     "external_force",
     "force",
     {
-        "force": Quantity("N", 0.1, 0.02, 0.3),
-        "x": Quantity("", 1.0, -1.0, 1.0),
-        "y": Quantity("", 0.0, -1.0, 1.0),
-        "z": Quantity("", 0.0, -0.5, 0.5),
-        "start": Quantity("s", 0.0, 0.0, 0.0),
+        "force": EffectParameter("N", 0.1, 0.02, 0.3),
+        "x": EffectParameter("", 1.0, -1.0, 1.0),
+        "y": EffectParameter("", 0.0, -1.0, 1.0),
+        "z": EffectParameter("", 0.0, -0.5, 0.5),
+        "start": EffectParameter("s", 0.0, 0.0, 0.0),
     },
     ("section",),
     change=change,

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.parameters import ArmParameters
 
 
@@ -11,4 +11,4 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
     return replace(arm, actuation=replace(arm.actuation, twist=arm.actuation.twist + numbers["arm"]))
 
 
-EFFECT = ArmEffect("fibre_twist", "arm", {"arm": Quantity("m", 5e-4, 1.5e-4, 1.5e-3)}, change=change)
+EFFECT = ArmEffect("fibre_twist", "arm", {"arm": EffectParameter("m", 5e-4, 1.5e-4, 1.5e-3)}, change=change)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import change_memory
 from softarm.fakes.plant.parameters import ArmParameters, Memory
 
@@ -32,9 +32,9 @@ EFFECT = ArmEffect(
     "hysteresis",
     "strength",
     {
-        "strength": Quantity("", 0.30, 0.06, 0.60),
-        "width": Quantity("", 0.03, 0.015, 0.05),
-        "sharpness": Quantity("", 30.0, 2.0, 30.0),
+        "strength": EffectParameter("", 0.30, 0.06, 0.60),
+        "width": EffectParameter("", 0.03, 0.015, 0.05),
+        "sharpness": EffectParameter("", 30.0, 2.0, 30.0),
     },
     ("segment",),
     change=change,

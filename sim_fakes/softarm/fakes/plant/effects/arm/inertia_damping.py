@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import change_segments
 from softarm.fakes.plant.parameters import ArmParameters
 
@@ -15,5 +15,5 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 
 
 EFFECT = ArmEffect(
-    "inertia_damping", "time", {"time": Quantity("s", 0.1, 0.015, 0.3)}, ("segment",), change=change
+    "inertia_damping", "time", {"time": EffectParameter("s", 0.1, 0.015, 0.3)}, ("segment",), change=change
 )

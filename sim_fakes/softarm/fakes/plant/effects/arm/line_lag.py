@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import chosen_chambers
 from softarm.fakes.plant.parameters import ArmParameters
 
@@ -15,4 +15,6 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
     return replace(arm, actuation=replace(arm.actuation, lags=tuple(lags)))
 
 
-EFFECT = ArmEffect("line_lag", "time", {"time": Quantity("s", 0.3, 0.03, 0.8)}, ("chamber",), change=change)
+EFFECT = ArmEffect(
+    "line_lag", "time", {"time": EffectParameter("s", 0.3, 0.03, 0.8)}, ("chamber",), change=change
+)

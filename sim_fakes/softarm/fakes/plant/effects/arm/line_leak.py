@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import chosen_chambers
 from softarm.fakes.plant.parameters import ArmParameters
 
@@ -16,5 +16,5 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 
 
 EFFECT = ArmEffect(
-    "line_leak", "rate", {"rate": Quantity("1/s", 8.0, 3.0, 25.0)}, ("chamber",), change=change
+    "line_leak", "rate", {"rate": EffectParameter("1/s", 8.0, 3.0, 25.0)}, ("chamber",), change=change
 )

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import azimuth, change_segments
 from softarm.fakes.plant.parameters import ArmParameters, Defect
 
@@ -22,10 +22,10 @@ EFFECT = ArmEffect(
     "local_stiffness_defect",
     "change",
     {
-        "change": Quantity("", -0.4, -0.6, 0.8),
-        "width": Quantity("rad", 2.0, 1.2, 2.4),
-        "start": Quantity("", 0.0, 0.0, 0.0),
-        "end": Quantity("", 1.0, 1.0, 1.0),
+        "change": EffectParameter("", -0.4, -0.6, 0.8),
+        "width": EffectParameter("rad", 2.0, 1.2, 2.4),
+        "start": EffectParameter("", 0.0, 0.0, 0.0),
+        "end": EffectParameter("", 1.0, 1.0, 1.0),
     },
     ("segment", "axis"),
     change=change,

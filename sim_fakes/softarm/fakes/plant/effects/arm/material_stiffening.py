@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import change_segments
 from softarm.fakes.plant.parameters import ArmParameters
 
@@ -17,7 +17,7 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 EFFECT = ArmEffect(
     "material_stiffening",
     "strength",
-    {"strength": Quantity("", 0.4, 0.15, 1.0)},
+    {"strength": EffectParameter("", 0.4, 0.15, 1.0)},
     ("segment",),
     change=change,
 )

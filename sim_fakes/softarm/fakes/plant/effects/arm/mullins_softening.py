@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import change_memory
 from softarm.fakes.plant.parameters import ArmParameters
 
@@ -21,7 +21,7 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 EFFECT = ArmEffect(
     "mullins_softening",
     "strength",
-    {"strength": Quantity("", 0.15, 0.06, 0.30), "strain": Quantity("", 0.04, 0.02, 0.08)},
+    {"strength": EffectParameter("", 0.15, 0.06, 0.30), "strain": EffectParameter("", 0.04, 0.02, 0.08)},
     ("segment",),
     change=change,
 )

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import change_segments
 from softarm.fakes.plant.parameters import ArmParameters
 
@@ -15,5 +15,9 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 
 
 EFFECT = ArmEffect(
-    "segment_stiffness", "change", {"change": Quantity("", 0.2, -0.3, 0.4)}, ("segment",), change=change
+    "segment_stiffness",
+    "change",
+    {"change": EffectParameter("", 0.2, -0.3, 0.4)},
+    ("segment",),
+    change=change,
 )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import azimuth, chosen_section
 from softarm.fakes.plant.parameters import ArmParameters, Tether
 
@@ -24,9 +24,9 @@ EFFECT = ArmEffect(
     "tether_stiffness",
     "stiffness",
     {
-        "stiffness": Quantity("N/m", 4.0, 1.0, 15.0),
-        "reach": Quantity("m", 0.3, 0.3, 0.3),
-        "slack": Quantity("m", 0.02, 0.0, 0.04),
+        "stiffness": EffectParameter("N/m", 4.0, 1.0, 15.0),
+        "reach": EffectParameter("m", 0.3, 0.3, 0.3),
+        "slack": EffectParameter("m", 0.02, 0.0, 0.04),
     },
     ("section", "axis"),
     change=change,

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.parameters import ArmParameters, Warming
 
 
@@ -14,6 +14,6 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 EFFECT = ArmEffect(
     "thermal_drift",
     "change",
-    {"change": Quantity("", 0.2, -0.3, 0.4), "time": Quantity("s", 400.0, 200.0, 800.0)},
+    {"change": EffectParameter("", 0.2, -0.3, 0.4), "time": EffectParameter("s", 400.0, 200.0, 800.0)},
     change=change,
 )

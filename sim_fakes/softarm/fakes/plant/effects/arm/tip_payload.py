@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import chosen_section
 from softarm.fakes.plant.parameters import ArmParameters, Payload
 
@@ -18,7 +18,7 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 EFFECT = ArmEffect(
     "tip_payload",
     "mass",
-    {"mass": Quantity("kg", 0.02, 0.003, 0.05), "below": Quantity("m", 0.005, 0.0, 0.02)},
+    {"mass": EffectParameter("kg", 0.02, 0.003, 0.05), "below": EffectParameter("m", 0.005, 0.0, 0.02)},
     ("section",),
     change=change,
 )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import change_memory
 from softarm.fakes.plant.parameters import ArmParameters, Memory
 
@@ -26,9 +26,9 @@ EFFECT = ArmEffect(
     "viscoelastic_creep",
     "strength",
     {
-        "strength": Quantity("", 0.15, 0.03, 0.30),
-        "time": Quantity("s", 8.0, 3.0, 20.0),
-        "decades": Quantity("", 0.0, 0.0, 2.0),
+        "strength": EffectParameter("", 0.15, 0.03, 0.30),
+        "time": EffectParameter("s", 8.0, 3.0, 20.0),
+        "decades": EffectParameter("", 0.0, 0.0, 2.0),
     },
     ("segment",),
     change=change,

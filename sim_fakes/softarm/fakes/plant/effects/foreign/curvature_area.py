@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.parameters import ArmParameters
 
 
@@ -13,4 +13,4 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
     return replace(arm, actuation=actuation)
 
 
-EFFECT = ArmEffect("curvature_area", "loss", {"loss": Quantity("", 12.0, 5.0, 25.0)}, change=change)
+EFFECT = ArmEffect("curvature_area", "loss", {"loss": EffectParameter("", 12.0, 5.0, 25.0)}, change=change)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.effects.places import change_segments
 from softarm.fakes.plant.parameters import ArmParameters
 
@@ -23,7 +23,7 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 EFFECT = ArmEffect(
     "curvature_locking",
     "stiffness",
-    {"stiffness": Quantity("", 1.0, 0.4, 3.0), "curvature": Quantity("1/m", 2.5, 1.5, 3.5)},
+    {"stiffness": EffectParameter("", 1.0, 0.4, 3.0), "curvature": EffectParameter("1/m", 2.5, 1.5, 3.5)},
     ("segment",),
     change=change,
 )

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.parameters import ArmParameters
 
 
@@ -12,4 +12,6 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
     return replace(arm, actuation=actuation)
 
 
-EFFECT = ArmEffect("product_coupling", "share", {"share": Quantity("", 0.15, 0.08, 0.35)}, change=change)
+EFFECT = ArmEffect(
+    "product_coupling", "share", {"share": EffectParameter("", 0.15, 0.08, 0.35)}, change=change
+)

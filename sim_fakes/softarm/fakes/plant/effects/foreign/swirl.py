@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.parameters import CHAMBERS_PER_SEGMENT, ArmParameters
 
 
@@ -17,4 +17,4 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
     return replace(arm, actuation=replace(arm.actuation, crosstalk=crosstalk))
 
 
-EFFECT = ArmEffect("swirl", "share", {"share": Quantity("", 0.06, 0.03, 0.12)}, change=change)
+EFFECT = ArmEffect("swirl", "share", {"share": EffectParameter("", 0.06, 0.03, 0.12)}, change=change)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from softarm.fakes.plant.effects.effect import ArmEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
 from softarm.fakes.plant.parameters import ArmParameters
 
 
@@ -17,6 +17,6 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
 EFFECT = ArmEffect(
     "wall_buckling",
     "growth",
-    {"growth": Quantity("", 0.2, 0.1, 0.4), "pressure": Quantity("Pa", 32e3, 25e3, 40e3)},
+    {"growth": EffectParameter("", 0.2, 0.1, 0.4), "pressure": EffectParameter("Pa", 32e3, 25e3, 40e3)},
     change=change,
 )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.fakes.plant.effects.effect import Filter, InstrumentEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import EffectParameter, Filter, InstrumentEffect, Numbers, Where
 from softarm.fakes.plant.rotations import product, vector_quaternion
 
 Floats = NDArray[np.float64]
@@ -35,7 +35,7 @@ def make(signal: str, where: Where, numbers: Numbers) -> Filter:  # noqa: ARG001
 EFFECT = InstrumentEffect(
     "frame_misalignment",
     "yaw",
-    {"yaw": Quantity("rad", 0.1, 0.04, 0.25)},
+    {"yaw": EffectParameter("rad", 0.1, 0.04, 0.25)},
     ("sensor",),
     signals=("pose", "bend"),
     make=make,

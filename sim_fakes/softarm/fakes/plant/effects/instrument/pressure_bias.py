@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.fakes.plant.effects.effect import Filter, InstrumentEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import EffectParameter, Filter, InstrumentEffect, Numbers, Where
 from softarm.fakes.plant.effects.instrument.masks import chamber_mask
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Bias:
+class PressureOffset:
     """Give more or less than asked, except when vented; the valve's own sensor does not see it."""
 
     bias: float
@@ -27,13 +27,13 @@ class Bias:
 def make(signal: str, where: Where, numbers: Numbers) -> Filter:
     """Make the filter of the valves, or of what they say of the pressure they give."""
     bias = numbers["bias"] if signal == "valve" else -numbers["bias"]
-    return Bias(bias, chamber_mask(where))
+    return PressureOffset(bias, chamber_mask(where))
 
 
 EFFECT = InstrumentEffect(
     "pressure_bias",
     "bias",
-    {"bias": Quantity("Pa", 2e3, 0.7e3, 5e3)},
+    {"bias": EffectParameter("Pa", 2e3, 0.7e3, 5e3)},
     ("chamber",),
     signals=("valve", "pressure"),
     make=make,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.fakes.plant.effects.effect import Filter, InstrumentEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import EffectParameter, Filter, InstrumentEffect, Numbers, Where
 from softarm.fakes.plant.effects.instrument.attitude import turned
 from softarm.fakes.plant.effects.places import azimuth
 
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Bias:
+class ReadingOffset:
     """Add a constant: a rotation to an orientation, newtons to a gauge, pascals to a pressure."""
 
     signal: str
@@ -31,13 +31,13 @@ def make(signal: str, where: Where, numbers: Numbers) -> Filter:
     """Make the filter: an orientation is off by ``angle`` about ``axis``, a gauge by ``offset``."""
     direction = azimuth(where)
     vector = numbers["angle"] * np.array([np.cos(direction), np.sin(direction), 0.0])
-    return Bias(signal, vector, numbers["offset"] if numbers["angle"] != 0.0 else 0.0)
+    return ReadingOffset(signal, vector, numbers["offset"] if numbers["angle"] != 0.0 else 0.0)
 
 
 EFFECT = InstrumentEffect(
     "sensor_bias",
     "angle",
-    {"angle": Quantity("rad", 0.03, 0.012, 0.1), "offset": Quantity("N", 0.05, 0.02, 0.2)},
+    {"angle": EffectParameter("rad", 0.03, 0.012, 0.1), "offset": EffectParameter("N", 0.05, 0.02, 0.2)},
     ("sensor", "axis"),
     signals=("pose", "bend", "gauge"),
     make=make,

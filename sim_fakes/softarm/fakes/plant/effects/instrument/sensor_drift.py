@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.fakes.plant.effects.effect import Filter, InstrumentEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import EffectParameter, Filter, InstrumentEffect, Numbers, Where
 from softarm.fakes.plant.effects.instrument.attitude import turned
 from softarm.fakes.plant.effects.places import azimuth
 
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Drift:
+class GrowingOffset:
     """Add what has grown since time 0."""
 
     signal: str
@@ -31,13 +31,13 @@ def make(signal: str, where: Where, numbers: Numbers) -> Filter:
     """Make the filter: an orientation turns at ``rate`` about ``axis``, a gauge goes off by ``offset``."""
     direction = azimuth(where)
     vector = numbers["rate"] * np.array([np.cos(direction), np.sin(direction), 0.0])
-    return Drift(signal, vector, numbers["offset"] if numbers["rate"] != 0.0 else 0.0)
+    return GrowingOffset(signal, vector, numbers["offset"] if numbers["rate"] != 0.0 else 0.0)
 
 
 EFFECT = InstrumentEffect(
     "sensor_drift",
     "rate",
-    {"rate": Quantity("rad/s", 1e-4, 4e-5, 4e-4), "offset": Quantity("N/s", 2e-4, 5e-5, 5e-4)},
+    {"rate": EffectParameter("rad/s", 1e-4, 4e-5, 4e-4), "offset": EffectParameter("N/s", 2e-4, 5e-5, 5e-4)},
     ("sensor", "axis"),
     signals=("pose", "bend", "gauge"),
     make=make,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.fakes.plant.effects.effect import Filter, InstrumentEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import EffectParameter, Filter, InstrumentEffect, Numbers, Where
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def make(signal: str, where: Where, numbers: Numbers) -> Filter:  # noqa: ARG001
 EFFECT = InstrumentEffect(
     "sensor_latency",
     "delay",
-    {"delay": Quantity("s", 0.1, 0.04, 0.25)},
+    {"delay": EffectParameter("s", 0.1, 0.04, 0.25)},
     ("sensor",),
     signals=("pose", "bend", "gauge"),
     make=make,

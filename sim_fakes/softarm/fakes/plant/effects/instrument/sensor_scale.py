@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.fakes.plant.effects.effect import Filter, InstrumentEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import EffectParameter, Filter, InstrumentEffect, Numbers, Where
 from softarm.fakes.plant.rotations import inverse, product, quaternion_vector, vector_quaternion
 
 Floats = NDArray[np.float64]
@@ -39,7 +39,7 @@ def make(signal: str, where: Where, numbers: Numbers) -> Filter:  # noqa: ARG001
 EFFECT = InstrumentEffect(
     "sensor_scale",
     "change",
-    {"change": Quantity("", 0.05, 0.02, 0.15)},
+    {"change": EffectParameter("", 0.05, 0.02, 0.15)},
     ("sensor",),
     signals=("pose", "bend", "gauge"),
     make=make,

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.fakes.plant.effects.effect import Filter, InstrumentEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import EffectParameter, Filter, InstrumentEffect, Numbers, Where
 
 Floats = NDArray[np.float64]
 
 
 @dataclass
-class Stuck:
+class HeldReading:
     """Hold the reading at the start of the fault until its end, counted from the first reading."""
 
     start: float
@@ -31,13 +31,13 @@ class Stuck:
 
 def make(signal: str, where: Where, numbers: Numbers) -> Filter:  # noqa: ARG001
     """Make the filter of one sensor: stuck for ``length`` from ``start``."""
-    return Stuck(numbers["start"], numbers["start"] + numbers["length"])
+    return HeldReading(numbers["start"], numbers["start"] + numbers["length"])
 
 
 EFFECT = InstrumentEffect(
     "sensor_stuck",
     "length",
-    {"length": Quantity("s", 20.0, 5.0, 60.0), "start": Quantity("s", 20.0, 10.0, 60.0)},
+    {"length": EffectParameter("s", 20.0, 5.0, 60.0), "start": EffectParameter("s", 20.0, 10.0, 60.0)},
     ("sensor",),
     signals=("pose", "bend", "gauge"),
     make=make,

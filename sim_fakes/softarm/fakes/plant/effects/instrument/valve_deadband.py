@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.fakes.plant.effects.effect import Filter, InstrumentEffect, Numbers, Quantity, Where
+from softarm.fakes.plant.effects.effect import EffectParameter, Filter, InstrumentEffect, Numbers, Where
 from softarm.fakes.plant.effects.instrument.masks import chamber_mask
 
 Floats = NDArray[np.float64]
@@ -31,7 +31,7 @@ def make(signal: str, where: Where, numbers: Numbers) -> Filter:  # noqa: ARG001
 EFFECT = InstrumentEffect(
     "valve_deadband",
     "width",
-    {"width": Quantity("Pa", 3e3, 1e3, 6e3)},
+    {"width": EffectParameter("Pa", 3e3, 1e3, 6e3)},
     ("chamber",),
     signals=("valve",),
     make=make,

@@ -73,7 +73,7 @@ def laboratory_of(control: FakeControl) -> Callable[[Floats], Floats]:
 
 
 @dataclass(frozen=True)
-class Observation:
+class MeanEstimate:
     """Means over a stretch of time.
 
     Args:
@@ -117,7 +117,7 @@ class Collector:
             elif isinstance(message, Estimate):
                 self._estimates.append(message)
 
-    def observe(self, duration_s: float) -> Observation:
+    def observe(self, duration_s: float) -> MeanEstimate:
         """Average the streams over a duration.
 
         Raises:
@@ -135,7 +135,7 @@ class Collector:
         gauges = [state.gauges_n.get(self._section) for state in self._states]
         pulls = [pull for pull in gauges if pull is not None]
         pressures = [state.measured_pa for state in self._states]
-        return Observation(
+        return MeanEstimate(
             duration_s,
             float(np.mean(pulls)) if pulls else float("nan"),
             np.mean([load.force_n for load in loads], axis=0),
