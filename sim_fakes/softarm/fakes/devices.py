@@ -31,7 +31,7 @@ from softarm.fakes.serial.bend import BendBoard, bend_faults
 from softarm.fakes.serial.bno import BNO_FAULTS, BnoRvc
 from softarm.fakes.serial.instrument import Instrument
 from softarm.fakes.serial.line_gauge import LINE_GAUGE_FAULTS, LineGauge
-from softarm.fakes.serial.load_cell import LoadCellFigures
+from softarm.fakes.serial.load_cell import CellFigures
 from softarm.fakes.serial.lutron import LUTRON_FAULTS, LutronGauge
 from softarm.fakes.serial.mark10 import MARK10_FAULTS, FakeMark10
 from softarm.fakes.serial.quaternion_line import QUATERNION_LINE_FAULTS, QuaternionLine
@@ -148,7 +148,7 @@ def build_instrument(part: SerialPart, around: Surroundings, faults: FaultBoard)
 
 
 def _build_gauge(part: GaugePart, faults: FaultBoard, seed: int, see: See) -> Instrument:
-    cell = LoadCellFigures(part.full_scale_n, part.noise_n, part.drift_n_per_s, see)
+    cell = CellFigures(part.full_scale_n, part.noise_n, part.drift_n_per_s, see)
     if isinstance(part, LutronPart):
         return LutronGauge(faults, cell, part.rate_hz, part.unit, part.baud, seed)
     if isinstance(part, Mark10Part):

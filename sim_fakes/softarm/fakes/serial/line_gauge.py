@@ -6,7 +6,7 @@ from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.beat import Beat
 from softarm.fakes.serial.instrument import PORT_FAULTS
-from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell, LoadCellFigures
+from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell, CellFigures
 
 MALFORMED = {"nan": b"nan", "inf": b"inf", "text": b"HX711 not found", "long": b"1" * 400, "empty": b""}
 
@@ -36,7 +36,7 @@ class LineGauge:
     resets_on_open = False
 
     def __init__(
-        self, faults: FaultBoard, cell: LoadCellFigures, rate: float = 80.0, unit: str = "g", decimals: int = 1,
+        self, faults: FaultBoard, cell: CellFigures, rate: float = 80.0, unit: str = "g", decimals: int = 1,
         *, prints_unit: bool = True, baud: int = 115200, seed: int = 0,
     ) -> None:  # fmt: skip
         self.faults = faults

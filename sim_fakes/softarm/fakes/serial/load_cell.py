@@ -28,7 +28,7 @@ GAUGE_FAULTS = (
 
 
 @dataclass(frozen=True)
-class LoadCellFigures:
+class CellFigures:
     """Figures of a load cell.
 
     Args:
@@ -53,7 +53,7 @@ class LoadCell:
         seed: Seed of the noise.
     """
 
-    def __init__(self, faults: FaultBoard, cell: LoadCellFigures, seed: int) -> None:
+    def __init__(self, faults: FaultBoard, cell: CellFigures, seed: int) -> None:
         self._see = cell.see
         self._faults = faults
         self._cell = cell

@@ -6,7 +6,7 @@ from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.beat import Beat
 from softarm.fakes.serial.instrument import PORT_FAULTS
-from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell, LoadCellFigures
+from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell, CellFigures
 
 UNITS = {"kg": (b"55", 3), "lb": (b"56", 3), "g": (b"57", 0), "oz": (b"58", 2), "N": (b"59", 2)}
 
@@ -52,7 +52,7 @@ class LutronGauge:
     def __init__(
         self,
         faults: FaultBoard,
-        cell: LoadCellFigures,
+        cell: CellFigures,
         rate: float = 20.0,
         unit: str = "g",
         baud: int = 9600,

@@ -7,7 +7,7 @@ from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.beat import Beat
 from softarm.fakes.serial.instrument import PORT_FAULTS
-from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell, LoadCellFigures
+from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell, CellFigures
 
 UNITS = {
     "N": ("N", 3, "N"), "KN": ("kN", 6, "kN"), "MN": ("mN", 0, "mN"), "LB": ("lbF", 4, "lb"),
@@ -43,7 +43,7 @@ class FakeMark10:
     resets_on_open = False
 
     def __init__(
-        self, faults: FaultBoard, cell: LoadCellFigures, unit: str = "N", baud: int = 115200, seed: int = 0
+        self, faults: FaultBoard, cell: CellFigures, unit: str = "N", baud: int = 115200, seed: int = 0
     ) -> None:
         self.faults = faults
         self.baud = baud

@@ -5,7 +5,7 @@ import math
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.instrument import PORT_FAULTS
-from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell, LoadCellFigures
+from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell, CellFigures
 
 SAUTER_FAULTS = (
     *PORT_FAULTS,
@@ -35,7 +35,7 @@ class FakeSauter:
     checks_baud = True
     resets_on_open = False
 
-    def __init__(self, faults: FaultBoard, cell: LoadCellFigures, baud: int = 9600, seed: int = 0) -> None:
+    def __init__(self, faults: FaultBoard, cell: CellFigures, baud: int = 9600, seed: int = 0) -> None:
         self.faults = faults
         self.baud = baud
         self._cell = LoadCell(faults, cell, seed)
