@@ -15,7 +15,7 @@ from softarm.estimator.specimen import load_specimen
 from softarm.experiments.holds import hold_windows
 from softarm.experiments.live import LiveRig
 from softarm.experiments.live_tables import _validated
-from softarm.experiments.models import NEAR_N, NEAR_PA, Answers, WarmSolver
+from softarm.experiments.models import NEAR_N, NEAR_PA, SharedSolutions, WarmSolver
 from softarm.experiments.pulls import tare
 from softarm.experiments.seed import SeedResult
 
@@ -54,7 +54,7 @@ class Recorder:
 
 def test_a_solver_begins_at_the_newest_answer_to_nearly_the_same_nodes() -> None:
     inner = Recorder()
-    solver = WarmSolver(cast(Any, inner), Answers())
+    solver = WarmSolver(cast(Any, inner), SharedSolutions())
     pressures, loads = np.full((2, 6), 2e4), np.zeros((2, 3))
     first = solver.respond({}, pressures, loads, np.zeros(3), None)
     second = solver.respond({}, pressures + 0.5 * NEAR_PA, loads, np.zeros(3), None)
