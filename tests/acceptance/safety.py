@@ -15,8 +15,8 @@ from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.common.tables import Cell, Table
 
 NOTES = (
-    "Real fakes, drivers, guard, controller and commands in one process and accelerated time; the estimator "
-    "is stood in for. Vented: the terminal holds zeros for every valve.",
+    "Real fakes, drivers, control loop and estimator in one process and accelerated time, in the modes in "
+    "which the chambers hold pressure. Vented: the terminal holds zeros for every valve.",
     f"Aim: within {FAST_S:g} s of the fault; a pressure that is not reached counts after 1.7 s. "
     "Nothing arms by itself, and every device is well again afterwards.",
     "A slot of festo_vtem keeps an error until the operator's clear acknowledges it.",

@@ -1,48 +1,45 @@
-"""An arm in one process and accelerated time: real fakes, drivers, guard, controller and commands.
+"""An arm in one process and accelerated time: real fakes, drivers, control loop and estimator.
 
-Only the estimator is stood in for: it answers whenever a sensor speaks, as its process does, with pressures
-that hold the pose.
+The estimator's solver runs in this process and answers after a virtual time, as its process does.
 """
 
 import asyncio
 import contextlib
 import dataclasses
 import json
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from softarm.api.commands import VERBS, Applied, Refused
+from softarm.api.messages import Message
 from softarm.cli import fakes
 from softarm.daemon.config import ServiceConfig, Setup
-from softarm.daemon.control.controller import Controller
-from softarm.daemon.control.guard import Guard, Watched
+from softarm.daemon.control.channels import samples
 from softarm.daemon.control.instruments import LiveInstruments
-from softarm.daemon.control.knowledge import Knowledge
-from softarm.daemon.control.poses import PoseStore
-from softarm.daemon.control.readings import Readings
-from softarm.daemon.control.recorder import Recorder
-from softarm.daemon.control.verbs import Context, Verbs
-from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
-from softarm.daemon.safety.checks import ALL_CHECKS
-from softarm.daemon.safety.findings import FindingBook
-from softarm.daemon.safety.modes import PRESSURISED, Event, Mode
-from softarm.daemon.safety.observation import Estimator
+from softarm.daemon.control.readings import Readings, channel
+from softarm.daemon.control.surroundings import Clocks, Surroundings
+from softarm.daemon.control.tick import TickSchedule
+from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult
+from softarm.daemon.estimation.solver import Solver, SolverSettings
+from softarm.daemon.estimation.worker import WorkerState
+from softarm.daemon.loop import ControlLoop
+from softarm.daemon.safety.modes import PRESSURISED, Mode
+from softarm.drivers.reading import Reading
 from softarm.drivers.registry import load_devices
 from softarm.drivers.valves.alarms import reports_fault
-from softarm.estimator.arm import default_loads
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.rig import RigSettings, service_config
 
 VALVE_MAP = (3, 2, 1, 0, 4, 5)
 TICK_S = 0.01
 LEASE_EVERY = 20
-HELD_PA = 20e3
 PLAYED_PA = 15e3
 NANOSECONDS = 1e9
 WELL_S = 30.0
+SOLVE_S = 0.04
+"""Virtual time of one estimate: that of a machine on which another program computes."""
+UNIX_NS = 10**18
 
 
 def clock_ns() -> int:
@@ -50,8 +47,80 @@ def clock_ns() -> int:
     return round(asyncio.get_running_loop().time() * NANOSECONDS)
 
 
+class InlineEstimator:
+    """The service's solver with the mailbox of its process, in this process and in virtual time.
+
+    Args:
+        settings: What the solver is built from.
+        on_result: Takes each result.
+    """
+
+    state = WorkerState(running=True, restarts=0, gave_up=False)
+
+    def __init__(self, settings: SolverSettings, on_result: Callable[[EstimationResult], None]) -> None:
+        self._solver = Solver(settings)
+        self._on_result = on_result
+        self._busy = False
+        self._waiting: EstimationRequest | None = None
+
+    def submit(self, request: EstimationRequest) -> None:
+        """Solve a request; one that comes meanwhile waits, and is replaced by a newer one."""
+        if self._busy:
+            self._waiting = request
+            return
+        self._busy, self._waiting = True, None
+        asyncio.get_running_loop().call_later(SOLVE_S, self._answer, self._solver(request))
+
+    def _answer(self, result: EstimationResult) -> None:
+        self._busy = False
+        self._on_result(result)
+        if self._waiting is not None:
+            self.submit(self._waiting)
+
+
+class Silence:
+    """An outlet that nobody listens to."""
+
+    shape_wanted = False
+
+    def publish(self, stream: str, message: Message) -> None:
+        """Drop the message."""
+
+    def publish_shape(self, nodes: bytes) -> None:
+        """Drop the shape."""
+
+
+class PoseGaps:
+    """Measures how long poses were away, from the drivers' readings and not from the service's flags.
+
+    Args:
+        channels: Channels of the poses that the modes need.
+    """
+
+    def __init__(self, channels: Sequence[str]) -> None:
+        self._last_ns = dict.fromkeys(channels, 0)
+        self._longest_ns = 0
+
+    def take(self, reading: Reading[Any]) -> None:
+        """Take a reading of any device."""
+        for name, sample in samples(reading):
+            if name in self._last_ns:
+                self._longest_ns = max(self._longest_ns, sample.arrival_ns - self._last_ns[name])
+                self._last_ns[name] = sample.measured_ns
+
+    def begin(self) -> None:
+        """Forget the gaps so far."""
+        self._longest_ns = 0
+
+    @property
+    def longest_s(self) -> float:
+        """Greatest age that the newest pose of a channel has reached since ``begin`` [s]."""
+        ages = [clock_ns() - last_ns for last_ns in self._last_ns.values()]
+        return max([self._longest_ns, *ages]) / NANOSECONDS
+
+
 class SafetyArm:
-    """The control side of a service on a running bench of fakes.
+    """The control loop of a service on a running bench of fakes.
 
     Args:
         rig: The bench.
@@ -59,49 +128,43 @@ class SafetyArm:
     """
 
     def __init__(self, rig: Any, folder: Path) -> None:
-        setup = _setup(rig)
-        config, specimen = setup.config, setup.specimen
         self.rig = rig
-        self.readings = Readings(config.sensors, config.base_body, config.safety, lambda _name, _sample: None)
-        self.instruments = LiveInstruments(setup, self.readings.take, clock_ns)
-        self.limits = np.array(specimen.pressure_limits)
-        self.controller = Controller(self.instruments.valves, self.limits, config.control, config.safety)
-        names = tuple(section.name for section in specimen.sections)
-        self.knowledge = Knowledge(names, default_loads(specimen), self.readings.rest)
-        recorder = Recorder(folder / "recordings")
-        self.guard = Guard(
-            Watched(
-                self.instruments,
-                self.readings,
-                self.controller,
-                self.knowledge,
-                FindingBook(ALL_CHECKS),
+        self._setup = _setup(rig, folder)
+        config = self._setup.config
+        self.deadline_s = config.safety.sensor_deadline_s
+        self.gaps = PoseGaps([channel(sensor) for sensor in config.sensors if sensor.needed])
+        self.loop = ControlLoop(
+            self._setup,
+            Surroundings(
+                self._instruments,
                 self._estimator,
-                recorder.health,
-                config.safety.valve_deadline_s,
-                lambda _finding, _new: None,
-            )
+                Silence(),
+                config.base_body,
+                lambda: None,
+                Clocks(clock_ns, lambda: UNIX_NS),
+            ),
         )
-        poses = PoseStore(folder / "poses.json")
-        blocking = lambda mode: self.guard.blocking(mode, clock_ns())  # noqa: E731
-        self.verbs = Verbs(
-            Context(self.controller, self.knowledge, recorder, poses, {}, blocking, clock_ns, lambda: 10**18)
-        )
-        self.estimator_runs = True
-        self.estimates_since_ns = 0
         self.chamber_pa = PLAYED_PA
-        self._estimator_deadline_s = config.safety.estimator_deadline_s
-        self._sections = len(names)
-        self._loads = len(default_loads(specimen))
-        self.blind = False
-        self._estimated_ns: int | None = None
         self._lease = ""
         self._sequence = 0
+
+    def _instruments(self, readings: Readings) -> LiveInstruments:
+        def take(reading: Reading[Any]) -> None:
+            self.gaps.take(reading)
+            readings.take(reading)
+
+        self.instruments = LiveInstruments(self._setup, take, clock_ns)
+        return self.instruments
+
+    def _estimator(self, on_result: Callable[[EstimationResult], None]) -> InlineEstimator:
+        config = self._setup.config
+        sensors = tuple(sensor for sensor in config.sensors if sensor.kind != "gauge")
+        return InlineEstimator(SolverSettings(self._setup.specimen, sensors, config.control), on_result)
 
     @property
     def mode(self) -> Mode:
         """The present mode."""
-        return self.controller.modes.mode
+        return self.loop.mode
 
     @property
     def setpoints(self) -> list[int]:
@@ -109,61 +172,27 @@ class SafetyArm:
         (port,) = self.rig.valve_ports.values()
         return [port.node.setpoint(valve) for valve in VALVE_MAP]
 
-    def _estimator(self, now_ns: int) -> Estimator:
-        age_s = None if self._estimated_ns is None else (now_ns - self._estimated_ns) / NANOSECONDS
-        return Estimator(self.estimator_runs, age_s, self._estimator_deadline_s)
-
-    def _estimate(self, now_ns: int) -> None:
-        snapshot = self.readings.snapshot(now_ns)
-        if not self.estimator_runs or not snapshot.used:
-            return
-        self._estimated_ns = now_ns
-        request = EstimationRequest(
-            snapshot.time_s, snapshot.newest_arrival_ns, snapshot.readings, self.limits, np.zeros(3)
-        )
-        self.knowledge.take(
-            EstimationResult(
-                request,
-                converged=True,
-                loads=np.zeros(self._loads),
-                load_covariance=np.eye(self._loads),
-                positions=np.zeros((self._sections, 3)),
-                quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (self._sections, 1)),
-                frame_std=np.zeros((self._sections, 6)),
-                innovation_squared=1.0,
-                degrees_of_freedom=1.0,
-                hold=HoldAnswer(np.full(len(self.limits), HELD_PA), reachable=True, note=""),
-            ),
-            now_ns,
-        )
-
     async def send(self, verb: str, **fields: object) -> Applied | Refused:
         """Send a command as a client would, past the network."""
         self._sequence += 1
-        request = {"deadline_unix_ns": 10**18 + 1, "sequence": self._sequence, "client": "bench"}
+        request = {"deadline_unix_ns": UNIX_NS + 1, "sequence": self._sequence, "client": "bench"}
         if "lease" in VERBS[verb].model_fields and self._lease:
             request["lease"] = self._lease
-        answer = await self.verbs.answer(verb, json.dumps(request | fields).encode())
+        answer = await self.loop.answer(verb, json.dumps(request | fields).encode())
         if verb == "lease/acquire" and isinstance(answer, Applied):
             self._lease = str(answer.applied["lease"])
         return answer
 
     async def run(self) -> None:
-        """Tick, renew the lease and the set-point, for ever."""
-        ticks = 0
+        """Step the loop, renew the lease and the set-point, for ever."""
+        interval_ns = round(TICK_S * NANOSECONDS)
+        schedule = TickSchedule(clock_ns() + interval_ns, interval_ns)
         while True:
-            now_ns = clock_ns()
-            if ticks % LEASE_EVERY == 0:
+            await asyncio.sleep(max(0.0, (schedule.next_deadline_ns - clock_ns()) / NANOSECONDS))
+            tick = schedule.take(clock_ns())
+            if tick.index % LEASE_EVERY == 0:
                 await self._renew()
-            self.guard.advance(now_ns, TICK_S)
-            self._estimate(now_ns)
-            self.guard.check(now_ns, now_ns)
-            self.blind = self.blind or self._misses_a_pose(now_ns)
-            ticks += 1
-            await asyncio.sleep(TICK_S)
-
-    def _misses_a_pose(self, now_ns: int) -> bool:
-        return any(entry.needed and entry.stale for entry in self.readings.inputs(now_ns, {}))
+            self.loop.step(tick)
 
     async def _renew(self) -> None:
         answer = await self.send("lease/acquire")
@@ -173,31 +202,43 @@ class SafetyArm:
             await self.send("set_pressures", pressures_pa=self._played(), lifetime_s=1.0)
 
     def _played(self) -> list[float]:
-        return [self.chamber_pa] * len(self.limits)
+        return [self.chamber_pa] * len(self._setup.specimen.chambers)
 
     async def enter(self, mode: Mode) -> None:
-        """Lead the arm from wherever it is into a mode, with pressure where the mode allows it.
+        """Lead the arm from where it is into a pressurised mode, with pressure in its chambers.
 
         Raises:
-            AssertionError: A command on the way was refused.
+            AssertionError: A command on the way was refused, or the chambers hold no pressure.
         """
         await self._renew()
-        if self.mode is Mode.STARTING and mode is not Mode.STARTING:
-            self.controller.fire(Event.READY, "bench")
-        elif self.mode is Mode.FAULTED and mode is not Mode.FAULTED:
+        if self.mode is Mode.FAULTED:
             await self.demand("clear")
         elif self.mode in PRESSURISED:
             await self.demand("disarm")
-        if mode is Mode.STOPPING and self.mode is not Mode.STOPPING:
-            self.controller.fire(Event.SHUT_DOWN, "bench")
-        played = {"pressures_pa": self._played(), "lifetime_s": 1.0}
-        fields: Mapping[str, Mapping[str, object]] = {
-            "set_pressures": played,
-            "teach/hold": {"ramp_s": RAMP_S},
-        }
         for verb in ENTER[mode]:
-            await self.demand(verb, **fields.get(verb, {}))
-        await asyncio.sleep(ENTER_S if mode in PRESSURISED else 0.1)
+            await self._before(verb)
+            await self.demand(verb, **self._fields(verb))
+        await asyncio.sleep(ENTER_S)
+        assert self.mode is mode, self.loop.controller.modes.fault_cause
+        assert any(self.setpoints), f"no pressure in {mode}"
+
+    async def _before(self, verb: str) -> None:
+        """Wait for what a command needs: the pressures of a hold come with an estimate under pressure."""
+        if verb != "teach/hold":
+            return
+        await asyncio.sleep(ENTER_S)
+        deadline = asyncio.get_running_loop().time() + WELL_S
+        while self.loop.knowledge.held is None:
+            assert asyncio.get_running_loop().time() < deadline, "no pressures would hold the pose"
+            await asyncio.sleep(TICK_S)
+
+    def _fields(self, verb: str) -> Mapping[str, object]:
+        match verb:
+            case "set_pressures":
+                return {"pressures_pa": self._played(), "lifetime_s": 1.0}
+            case "teach/hold":
+                return {"ramp_s": RAMP_S}
+        return {}
 
     async def demand(self, verb: str, **fields: object) -> None:
         """Send a command that must be accepted."""
@@ -207,7 +248,7 @@ class SafetyArm:
     async def until_well(self) -> bool:
         """Wait until nothing keeps the arm from any mode; tell whether that came to be."""
         deadline = asyncio.get_running_loop().time() + WELL_S
-        while self.guard.blocking(Mode.HOLDING, clock_ns()) or not self._can_arm():
+        while self.loop.guard.blocking(Mode.HOLDING, clock_ns()) or not self._can_arm():
             if asyncio.get_running_loop().time() > deadline:
                 return False
             await asyncio.sleep(0.05)
@@ -224,7 +265,7 @@ class SafetyArm:
         if self.mode in (Mode.IDLE, Mode.FAULTED):
             await self.demand("clear")
         else:
-            self.controller.acknowledge()
+            self.loop.controller.acknowledge()
 
     def _can_arm(self) -> bool:
         return not self.instruments.valve_alarms()[0] and not self.instruments.valve_alarms()[1]
@@ -233,23 +274,20 @@ class SafetyArm:
 ENTER_S = 0.6
 RAMP_S = 0.3
 ENTER: Mapping[Mode, Sequence[str]] = {
-    Mode.STARTING: (),
-    Mode.STOPPING: (),
-    Mode.IDLE: (),
-    Mode.FAULTED: ("stop",),
     Mode.ARMED: ("arm", "set_pressures"),
     Mode.TEACH: ("arm", "set_pressures", "teach/start"),
     Mode.HOLDING: ("arm", "set_pressures", "teach/start", "teach/hold"),
     Mode.EXPERIMENT: ("arm", "experiment/begin", "set_pressures"),
 }
-"""Commands that lead from IDLE into a mode; the service itself begins and ends."""
+"""Commands that lead from IDLE into each mode in which the chambers hold pressure."""
 
 
-def _setup(rig: Any) -> Setup:
+def _setup(rig: Any, folder: Path) -> Setup:
     announced = [dataclasses.asdict(endpoint) for endpoint in rig.endpoints()]
-    settings = RigSettings(Path("-"), sensors=("orientation", "bend", "imu"))
+    settings = RigSettings(Path("-"), sensors=("orientation", "bend"))
     table = service_config(settings, announced)
-    config = ServiceConfig.model_validate(table)
+    folders = {"state_directory": folder, "recording_directory": folder / "recordings"}
+    config = ServiceConfig.model_validate(table | folders)
     return Setup(Path("-"), "", config, load_specimen("sopra"), load_devices(table["devices"]))
 
 

@@ -141,6 +141,7 @@ class Occurrence(Message):
     kind: Literal["mode", "contact_begin", "contact_end", "finding", "finding_cleared"]
     where: str = Field(description="The arm, a device, stream or process.")
     text: str = Field(description="What happened, in words.")
+    by: str = Field(default="service", description="Client that asked for it, or service where nobody did.")
 
 
 STREAMS: dict[str, type[Message]] = {

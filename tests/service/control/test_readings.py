@@ -24,9 +24,9 @@ def test_the_needed_device_leads() -> None:
 
 
 def test_a_packet_is_complete_with_its_last_body() -> None:
-    done: list[tuple[str, bool]] = []
+    done: list[str] = []
     readings = Readings(
-        SENSORS, "", SafetySettings(), lambda name, _: done.append((name, readings.completes(name)))
+        SENSORS, "", SafetySettings(), lambda name, _: done.append(name), lambda: done.append("packet")
     )
     for name, arrival in (
         ("qtm/intermediate", 1),
@@ -38,12 +38,14 @@ def test_a_packet_is_complete_with_its_last_body() -> None:
     ):
         readings.put(name, sample(arrival))
     assert done == [
-        ("qtm/intermediate", False),
-        ("qtm/base", False),
-        ("qtm/tip", True),
-        ("bend/1", False),
-        ("qtm/tip", False),
-        ("qtm/intermediate", True),
+        "qtm/intermediate",
+        "qtm/base",
+        "packet",
+        "qtm/tip",
+        "bend/1",
+        "qtm/tip",
+        "packet",
+        "qtm/intermediate",
     ]
 
 

@@ -1,31 +1,36 @@
-"""A service without devices or estimator for a real page: commands act on the real controller and modes."""
+"""The control loop on stand-ins of devices and estimator, for a real page."""
 
 import asyncio
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from softarm.client.session import NetworkSettings, listening_endpoint
-from softarm.daemon.config import ControlSettings, SafetySettings
-from softarm.daemon.control.controller import Controller
-from softarm.daemon.control.knowledge import Knowledge
-from softarm.daemon.control.poses import PoseStore
-from softarm.daemon.control.publishing import Publisher
-from softarm.daemon.control.recorder import Recorder
-from softarm.daemon.control.verbs import Context, Verbs
-from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
+from softarm.daemon.config import ServiceConfig, Setup
+from softarm.daemon.control.channels import Sample
+from softarm.daemon.control.surroundings import Surroundings
+from softarm.daemon.control.tick import Ticker
+from softarm.daemon.estimation.messages import EstimationResult, HoldAnswer
+from softarm.daemon.estimation.worker import WorkerState
+from softarm.daemon.loop import ControlLoop
 from softarm.daemon.network.bus import Bus
-from softarm.daemon.safety.checks import ALL_CHECKS
-from softarm.daemon.safety.findings import FindingBook
-from softarm.daemon.safety.modes import Event
 from softarm.estimator.arm import default_loads
 from softarm.estimator.specimen import load_specimen
 
 TICK_S = 0.02
 SPECIMEN = load_specimen("sopra")
 LOADS = default_loads(SPECIMEN)
+
+
+CONFIG = {
+    "arm": "page",
+    "specimen": "sopra",
+    "sensors": [{"kind": "orientation", "section": "tip", "device": "qtm", "channel": "tip", "needed": True}],
+    "devices": [{"name": "valves", "kind": "festo_mpa"}],
+}
 
 
 class Valves:
@@ -42,6 +47,35 @@ class Valves:
 
     def command(self, setpoint, lifetime_s):
         assert self.armed
+
+
+class Instruments:
+    """Valves that do as they are asked and a pose that does not move, fresh at every tick."""
+
+    source, bank = "fake", "valves"
+
+    def __init__(self, readings):
+        self.valves = Valves()
+        self.applied = np.zeros(6)
+        self._readings = readings
+
+    def valve_alarms(self):
+        return (), ()
+
+    def troubles(self):
+        return {}
+
+    def read(self):
+        now = time.monotonic_ns()
+        self._readings.put("valves", Sample((0.0,) * 6, now, now, now, 0, "fake"))
+        self._readings.put("qtm/tip", Sample((0.0, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0), now, now, now, 0, "fake"))
+
+
+class Estimator:
+    state = WorkerState(running=True, restarts=0, gave_up=False)
+
+    def __init__(self, on_result):
+        self.submit = lambda request: on_result(result(request))
 
 
 class PageService:
@@ -65,7 +99,7 @@ class PageService:
 
     @property
     def mode(self):
-        return self.controller.modes.mode
+        return self.control.mode
 
     def until(self, mode, within=20.0):
         deadline = time.monotonic() + within
@@ -76,46 +110,40 @@ class PageService:
 
     async def _serve(self):
         self._loop, self._stop, self._stepped = asyncio.get_running_loop(), asyncio.Event(), threading.Event()
-        safety = SafetySettings()
-        self.controller = Controller(Valves(), np.full(6, 65e3), ControlSettings(), safety)
-        self.controller.fire(Event.READY, "test")
-        self.knowledge = Knowledge(tuple(s.name for s in SPECIMEN.sections), LOADS, lambda _: ())
-        self.knowledge.take(result(), 0)
-        self.publisher = Publisher("fake", self.controller, self.knowledge, FindingBook(ALL_CHECKS), "fem")
-        recorder, poses = Recorder(self._folder), PoseStore(self._folder / "poses.json")
-        verbs = Verbs(Context(self.controller, self.knowledge, recorder, poses, {}, lambda _: ()))
+        folders = {"state_directory": self._folder, "recording_directory": self._folder}
+        config = ServiceConfig.model_validate(CONFIG | folders)
         with Bus(NetworkSettings(listen=("tcp/127.0.0.1:0",)), "page", self._loop) as bus:
+            surroundings = Surroundings(Instruments, Estimator, bus, "", lambda: None)
+            self.control = ControlLoop(Setup(Path("-"), "", config, SPECIMEN, ()), surroundings)
             specimen = SPECIMEN.model_dump_json(by_alias=True).encode()
             bus.open({"specimen": lambda: specimen})
             self.endpoint = await asyncio.to_thread(listening_endpoint, bus.session)
-            ticking = asyncio.create_task(self._tick(bus))
-            answering = asyncio.create_task(self._answer(bus, verbs))
+            stepping = asyncio.create_task(self._step())
+            answering = asyncio.create_task(self._answer(bus))
             self._ready.set()
             await self._stop.wait()
-            for task in (ticking, answering):
+            for task in (stepping, answering):
                 task.cancel()
-            await asyncio.wait((ticking, answering))
+            await asyncio.wait((stepping, answering))
 
-    async def _answer(self, bus, verbs):
+    async def _answer(self, bus):
         while True:
             call = await bus.next_call()
-            call.answer(await verbs.answer(call.verb, call.payload))
+            call.answer(await self.control.answer(call.verb, call.payload))
             self.verbs_seen.append(call.verb)
 
-    async def _tick(self, bus):
-        while True:
-            self.controller.tick(time.monotonic_ns(), TICK_S, self.knowledge.hold)
-            asked = self.controller.asked
-            bus.publish("state", self.publisher.state(asked, asked, {}, {}, 0, 0, None))
-            bus.publish("estimate", self.publisher.estimate(result()))
-            self._stepped.set()
-            await asyncio.sleep(TICK_S)
+    async def _step(self):
+        with Ticker(TICK_S) as ticker:
+            async for tick in ticker.ticks():
+                self.control.instruments.read()
+                self.control.step(tick)
+                self._stepped.set()
 
 
-def result():
+def result(request):
     heights = np.array([section.frame_origin_m[2] for section in SPECIMEN.sections])
     return EstimationResult(
-        EstimationRequest(0.0, time.monotonic_ns(), np.zeros(0), np.zeros(6), np.zeros(3)),
+        request,
         converged=True,
         loads=np.array([0.0, 0.0, 0.4, 0.1]),
         load_covariance=1e-3 * np.eye(4),

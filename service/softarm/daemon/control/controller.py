@@ -1,6 +1,6 @@
 """The arm under control: mode, lease, set-points and holds, advanced by ticks and commands."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,7 +11,7 @@ from softarm.daemon.config import ControlSettings, SafetySettings
 from softarm.daemon.control.hold import Hold, HoldGoal, HoldLimits, advance_hold, begin_hold
 from softarm.daemon.estimation.messages import HoldAnswer
 from softarm.daemon.safety.lease import LeaseDesk
-from softarm.daemon.safety.modes import PRESSURISED, Event, Mode, ModeMachine, Transition
+from softarm.daemon.safety.modes import PRESSURISED, SERVICE, Event, Mode, ModeMachine, Transition
 
 Floats = NDArray[np.float64]
 
@@ -57,12 +57,18 @@ class Controller:
         limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
         control: Gains of the hold.
         safety: Lifetimes.
+        observer: Called after every change of mode.
     """
 
     def __init__(
-        self, valves: ValveOutputs, limits: Floats, control: ControlSettings, safety: SafetySettings
+        self,
+        valves: ValveOutputs,
+        limits: Floats,
+        control: ControlSettings,
+        safety: SafetySettings,
+        observer: Callable[[Transition], None] = lambda _: None,
     ) -> None:
-        self.modes = ModeMachine()
+        self.modes = ModeMachine(observer)
         self.lease = LeaseDesk(safety.lease_s)
         self._valves = valves
         self._limits = limits
@@ -82,21 +88,26 @@ class Controller:
         """The hold in progress."""
         return self._hold
 
-    def fire(self, event: Event, cause: str) -> Transition:
+    def fire(self, event: Event, cause: str, by: str = SERVICE) -> Transition:
         """Change the mode; leaving the pressurised modes vents before anything else.
+
+        Args:
+            event: What happened.
+            cause: Why, in words.
+            by: The client that asked for it, or ``service``.
 
         Raises:
             TransitionRefusedError: The present mode does not allow it.
             InterlockError: The valve bank does not let itself be armed; the mode stays.
         """
-        if event is Event.ARM and self.modes.allows(event):
+        after = self.modes.target(event)
+        if event is Event.ARM:
             self._valves.arm()
-        transition = self.modes.fire(event, cause)
-        if transition.after not in PRESSURISED:
-            self._vent(f"{transition.after}: {cause}")
-        if transition.after is not Mode.HOLDING:
+        if after not in PRESSURISED:
+            self._vent(f"{after}: {cause}")
+        if after is not Mode.HOLDING:
             self._hold = None
-        return transition
+        return self.modes.fire(event, cause, by)
 
     def _vent(self, reason: str) -> None:
         self._wanted, self._hold = None, None
@@ -126,9 +137,11 @@ class Controller:
         self._asked = pressures
         return pressures
 
-    def begin_hold(self, goal: HoldGoal, ramp_s: float, now_ns: int, cause: str) -> Transition:
+    def begin_hold(
+        self, goal: HoldGoal, ramp_s: float, now_ns: int, cause: str, by: str = SERVICE
+    ) -> Transition:
         """Ramp from what is asked now to a goal and hold it."""
-        transition = self.fire(Event.HOLD, cause)
+        transition = self.fire(Event.HOLD, cause, by)
         self._hold = begin_hold(goal, self._asked, now_ns, ramp_s)
         return transition
 

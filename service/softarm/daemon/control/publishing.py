@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -29,6 +30,29 @@ Floats = NDArray[np.float64]
 Status = Literal["converged", "not_converged", "degraded", "no_data"]
 Kind = Literal["mode", "contact_begin", "contact_end", "finding", "finding_cleared"]
 ADVICE = "record the mismatch and run: softarm diagnose RECORDING --specimen SPECIMEN"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What the state says besides mode, lease and estimate.
+
+    Args:
+        applied: Gauge pressures last written [Pa], shape (chambers,).
+        measured: Gauge pressures measured [Pa], shape (chambers,); ``None`` when lost.
+        gauges_n: Pull on each force gauge by its section [N]; ``None`` when lost.
+        ages_s: Age of the last valid reading of every input [s].
+        ticks: Control ticks since the start.
+        overruns: Ticks skipped.
+        recording: File being recorded, ``None`` when none.
+    """
+
+    applied: Floats
+    measured: Floats | None
+    gauges_n: Mapping[str, float | None]
+    ages_s: Mapping[str, float | None]
+    ticks: int
+    overruns: int
+    recording: str | None
 
 
 class Publisher:
@@ -70,17 +94,8 @@ class Publisher:
             source=self._source,
         )
 
-    def state(
-        self,
-        applied: Floats,
-        measured: Floats,
-        gauges_n: Mapping[str, float | None],
-        ages_s: Mapping[str, float | None],
-        ticks: int,
-        overruns: int,
-        recording: str | None,
-    ) -> State:
-        """Picture the arm."""
+    def state(self, picture: Picture) -> State:
+        """Build the state of the arm."""
         controller, answer = self._controller, self._knowledge.hold_answer
         now_ns = self._clock_ns()
         told = answer if controller.modes.mode in (Mode.TEACH, Mode.HOLDING) else None
@@ -90,21 +105,25 @@ class Publisher:
             fault_cause=controller.modes.fault_cause,
             findings=tuple(self._findings()),
             asked_pa=tuple(controller.asked.tolist()),
-            applied_pa=tuple(applied.tolist()),
-            measured_pa=tuple(None if np.isnan(p) else float(p) for p in measured),
+            applied_pa=tuple(picture.applied.tolist()),
+            measured_pa=self._measured(picture.measured),
             sections=self._knowledge.sections,
-            gauges_n=dict(gauges_n),
-            ages_s=dict(ages_s),
+            gauges_n=dict(picture.gauges_n),
+            ages_s=dict(picture.ages_s),
             lease=LeaseState(
                 holder=controller.lease.holder(now_ns), remaining_s=controller.lease.remaining_s(now_ns)
             ),
-            ticks=ticks,
-            overruns=overruns,
-            recording=recording,
+            ticks=picture.ticks,
+            overruns=picture.overruns,
+            recording=picture.recording,
             teach_pressures_pa=tuple(told.pressures.tolist()) if told and told.known else None,
             teach_reachable=told.reachable if told else None,
             teach_note=told.note if told else None,
         )
+
+    def _measured(self, measured: Floats | None) -> tuple[float | None, ...]:
+        lost = (None,) * len(self._controller.asked)
+        return lost if measured is None else tuple(float(pressure) for pressure in measured)
 
     def _findings(self) -> list[HealthFinding]:
         return [
@@ -159,6 +178,6 @@ class Publisher:
             advice="nothing to do" if test.consistent else ADVICE,
         )
 
-    def occurrence(self, kind: Kind, where: str, text: str) -> Occurrence:
-        """Tell what happened."""
-        return Occurrence(stamp=self._stamp("event"), kind=kind, where=where, text=text)
+    def occurrence(self, kind: Kind, where: str, text: str, by: str) -> Occurrence:
+        """Build the message of something that happened, and who asked for it."""
+        return Occurrence(stamp=self._stamp("event"), kind=kind, where=where, text=text, by=by)

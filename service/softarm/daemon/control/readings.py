@@ -43,7 +43,9 @@ class Readings:
         sensors: Sensors in the order of the estimator's readings; gauges are ignored.
         base_body: Channel of the motion-capture body on the base, empty for none.
         safety: Deadlines.
-        forward: Takes every sample as it comes, for the recorder.
+        on_sample: Takes every sample as it comes.
+        on_packet: Called when a packet of the leading device is complete: an estimate is best started then,
+            for whatever waits for the next tick is older by then.
     """
 
     def __init__(
@@ -51,13 +53,15 @@ class Readings:
         sensors: tuple[SensorSettings, ...],
         base_body: str,
         safety: SafetySettings,
-        forward: Callable[[str, Sample], None],
+        on_sample: Callable[[str, Sample], None] = lambda _name, _sample: None,
+        on_packet: Callable[[], None] = lambda: None,
     ) -> None:
         self._sensors = tuple(sensor for sensor in sensors if sensor.kind != "gauge")
         self._base_body = base_body
         self._deadline_ns = round(safety.sensor_deadline_s * 1e9)
         self._deadline_s = safety.sensor_deadline_s
-        self._forward = forward
+        self._on_sample = on_sample
+        self._on_packet = on_packet
         self._leading = leading_channels(self._sensors)
         self._latest: dict[str, Sample] = {}
         self._references: dict[str, Floats] = {}
@@ -70,13 +74,11 @@ class Readings:
     def put(self, name: str, sample: Sample) -> None:
         """Take a sample of a channel."""
         self._latest[name] = sample
-        self._forward(name, sample)
+        if self._completes_packet(name):
+            self._on_packet()
+        self._on_sample(name, sample)
 
-    def completes(self, name: str) -> bool:
-        """Tell whether a sample is the last one of a packet of the leading device.
-
-        That is when an estimate is best begun: whatever waits for the next tick is older by then.
-        """
+    def _completes_packet(self, name: str) -> bool:
         if name not in self._leading:
             return False
         arrivals = {self._latest[n].arrival_ns if n in self._latest else None for n in self._leading}

@@ -177,15 +177,15 @@ class Verbs:
 
     def _arm(self, request: MovingRequest) -> Answer:
         self._refuse_blocked(Mode.ARMED)
-        self._context.controller.fire(Event.ARM, f"{request.client} armed")
+        self._context.controller.fire(Event.ARM, f"{request.client} armed", request.client)
         return {"asked_pa": self._context.controller.asked.tolist()}
 
     def _disarm(self, request: MovingRequest) -> Answer:
-        self._context.controller.fire(Event.DISARM, f"{request.client} disarmed")
+        self._context.controller.fire(Event.DISARM, f"{request.client} disarmed", request.client)
         return {"asked_pa": self._context.controller.asked.tolist()}
 
     def _stop(self, request: Request) -> Answer:
-        self._context.controller.fire(Event.FAULT, f"stopped by {request.client}")
+        self._context.controller.fire(Event.FAULT, f"stopped by {request.client}", request.client)
         return {"asked_pa": self._context.controller.asked.tolist()}
 
     def _clear(self, request: Request) -> Answer:
@@ -195,7 +195,7 @@ class Verbs:
         acknowledged = controller.modes.allows(Event.CLEAR) and controller.acknowledge()
         if controller.modes.mode is Mode.FAULTED and not acknowledged:
             self._refuse_blocked(Mode.ARMED)
-        controller.fire(Event.CLEAR, f"cleared by {request.client}")
+        controller.fire(Event.CLEAR, f"cleared by {request.client}", request.client)
         return {"cleared": cause, "acknowledged": acknowledged}
 
     def _set_pressures(self, request: SetPressures) -> Answer:
@@ -208,14 +208,14 @@ class Verbs:
 
     def _teach_start(self, request: MovingRequest) -> Answer:
         self._refuse_blocked(Mode.TEACH)
-        self._context.controller.fire(Event.TEACH, f"{request.client} teaches")
+        self._context.controller.fire(Event.TEACH, f"{request.client} teaches", request.client)
         return {"asked_pa": self._context.controller.asked.tolist()}
 
     def _teach_hold(self, request: TeachHold) -> Answer:
         self._refuse_blocked(Mode.HOLDING)
         hold, pose = self._known_hold()
         goal = HoldGoal(hold.pressures, pose)
-        self._begin_hold(goal, request.ramp_s, f"{request.client} holds")
+        self._begin_hold(goal, request, f"{request.client} holds")
         return {
             "pressures_pa": hold.pressures.tolist(),
             "ramp_s": request.ramp_s,
@@ -233,8 +233,9 @@ class Verbs:
             raise RefusalError("not_available", knowledge.hold_answer.note, hint)
         raise RefusalError("not_available", "no pressures for this pose yet", "wait for an estimate")
 
-    def _begin_hold(self, goal: HoldGoal, ramp_s: float, cause: str) -> None:
-        self._context.controller.begin_hold(goal, ramp_s, self._context.clock_ns(), cause)
+    def _begin_hold(self, goal: HoldGoal, request: TeachHold | TeachGoto, cause: str) -> None:
+        now_ns = self._context.clock_ns()
+        self._context.controller.begin_hold(goal, request.ramp_s, now_ns, cause, request.client)
 
     def _teach_save(self, request: TeachSave) -> Answer:
         hold, sections = self._known_hold()[0], self._context.knowledge.sections
@@ -263,7 +264,7 @@ class Verbs:
             raise RefusalError("not_available", f"no pose {request.name!r}", f"saved poses: {known}")
         self._refuse_blocked(Mode.HOLDING)
         goal = HoldGoal(np.array(pose.pressures_pa), pose.target)
-        self._begin_hold(goal, request.ramp_s, f"{request.client} goes to {request.name}")
+        self._begin_hold(goal, request, f"{request.client} goes to {request.name}")
         return {
             "name": request.name,
             "pressures_pa": list(pose.pressures_pa),
@@ -274,7 +275,7 @@ class Verbs:
 
     def _teach_release(self, request: MovingRequest) -> Answer:
         controller = self._context.controller
-        controller.fire(Event.RELEASE, f"{request.client} released")
+        controller.fire(Event.RELEASE, f"{request.client} released", request.client)
         controller.keep_asked(self._context.clock_ns(), RELEASE_LIFETIME_S)
         return {"asked_pa": controller.asked.tolist(), "lifetime_s": RELEASE_LIFETIME_S}
 
@@ -287,11 +288,11 @@ class Verbs:
 
     def _experiment_begin(self, request: MovingRequest) -> Answer:
         self._refuse_blocked(Mode.EXPERIMENT)
-        self._context.controller.fire(Event.EXPERIMENT_BEGIN, f"{request.client} begins")
+        self._context.controller.fire(Event.EXPERIMENT_BEGIN, f"{request.client} begins", request.client)
         return {}
 
     def _experiment_end(self, request: MovingRequest) -> Answer:
-        self._context.controller.fire(Event.EXPERIMENT_END, f"{request.client} ends")
+        self._context.controller.fire(Event.EXPERIMENT_END, f"{request.client} ends", request.client)
         return {}
 
     def _rest(self, request: Request) -> Answer:
@@ -322,6 +323,6 @@ class Verbs:
     def _lease_release(self, request: MovingRequest) -> Answer:
         controller = self._context.controller
         if controller.modes.allows(Event.LEASE_LOST):
-            controller.fire(Event.LEASE_LOST, f"{request.client} released the lease")
+            controller.fire(Event.LEASE_LOST, f"{request.client} released the lease", request.client)
         controller.lease.release(request.lease, self._context.clock_ns())
         return {}

@@ -1,10 +1,16 @@
 """The modes of the service and the one table of transitions between them."""
 
+import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
 from softarm.api.modes import Mode as Mode
+
+logger = logging.getLogger(__name__)
+SERVICE = "service"
+"""Who changes the mode where no client asked for it."""
 
 
 class Event(StrEnum):
@@ -75,18 +81,25 @@ class Transition:
         after: The mode that was entered.
         event: What caused it.
         cause: The reason in words.
+        by: The client that asked for it, or ``service``.
     """
 
     before: Mode
     after: Mode
     event: Event
     cause: str
+    by: str = SERVICE
 
 
 class ModeMachine:
-    """The mode, its one writer, and the latched cause of a fault."""
+    """The mode, its one writer, and the latched cause of a fault.
 
-    def __init__(self) -> None:
+    Args:
+        observer: Called after every transition, whoever asked for it.
+    """
+
+    def __init__(self, observer: Callable[[Transition], None] = lambda _: None) -> None:
+        self._observer = observer
         self._mode = Mode.STARTING
         self._fault_cause: str | None = None
 
@@ -104,12 +117,24 @@ class ModeMachine:
         """Tell whether an event would be accepted now."""
         return (self._mode, event) in TRANSITIONS
 
-    def fire(self, event: Event, cause: str) -> Transition:
-        """Apply an event.
+    def target(self, event: Event) -> Mode:
+        """Return the mode that an event leads to.
+
+        Raises:
+            TransitionRefusedError: The present mode does not allow the event.
+        """
+        after = TRANSITIONS.get((self._mode, event))
+        if after is None:
+            raise TransitionRefusedError(self._mode, event)
+        return after
+
+    def fire(self, event: Event, cause: str, by: str = SERVICE) -> Transition:
+        """Apply an event and report the change to the observer.
 
         Args:
             event: What happened.
             cause: Why, in words; the first cause of a fault is latched.
+            by: The client that asked for it, or ``service``.
 
         Returns:
             The change of mode.
@@ -117,13 +142,15 @@ class ModeMachine:
         Raises:
             TransitionRefusedError: The present mode does not allow the event.
         """
-        before = self._mode
-        after = TRANSITIONS.get((before, event))
-        if after is None:
-            raise TransitionRefusedError(before, event)
+        before, after = self._mode, self.target(event)
         if event is Event.FAULT and before is not Mode.FAULTED:
             self._fault_cause = cause
         elif event is Event.CLEAR:
             self._fault_cause = None
         self._mode = after
-        return Transition(before, after, event, cause)
+        transition = Transition(before, after, event, cause, by)
+        try:
+            self._observer(transition)
+        except Exception:  # a report that fails must neither undo the change nor end the caller
+            logger.exception("%s -> %s could not be reported", before, after)
+        return transition

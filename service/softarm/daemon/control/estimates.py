@@ -1,0 +1,134 @@
+"""When an estimate is started, and what its result changes."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.daemon.config import Setup
+from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.instruments import Instruments
+from softarm.daemon.control.knowledge import Knowledge
+from softarm.daemon.control.mismatch import MismatchTest
+from softarm.daemon.control.readings import Readings
+from softarm.daemon.control.reporting import Reporter
+from softarm.daemon.control.surroundings import Surroundings
+from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult
+from softarm.daemon.safety.modes import Mode
+from softarm.daemon.safety.observation import Estimator
+
+SHAPE_RATE_HZ = 10.0
+CONTACT_EVERY_NS = 2_000_000_000
+"""Placing a push takes the estimator a few solves more, so it is asked for no more often."""
+
+
+class Estimates:
+    """Starts estimates from the newest readings, one tick apart at least, and takes their results.
+
+    Args:
+        setup: Rate, deadlines and gravity.
+        surroundings: Builds the estimator's process; clocks.
+        readings: The newest sample of every channel.
+        instruments: Name of the valve bank.
+        controller: Mode and hold.
+        knowledge: Keeps the newest result.
+        reporter: Publishes and records.
+    """
+
+    def __init__(
+        self,
+        setup: Setup,
+        surroundings: Surroundings,
+        readings: Readings,
+        instruments: Instruments,
+        controller: Controller,
+        knowledge: Knowledge,
+        reporter: Reporter,
+    ) -> None:
+        self.process = surroundings.estimator(self.take)
+        self.test = MismatchTest()
+        self._readings = readings
+        self._instruments = instruments
+        self._controller = controller
+        self._knowledge = knowledge
+        self._reporter = reporter
+        self._clocks = surroundings.clocks
+        self._rate_hz = setup.config.control.rate_hz
+        self._deadline_s = setup.config.safety.estimator_deadline_s
+        self._chambers = len(setup.specimen.chambers)
+        self._gravity = np.array(setup.specimen.gravity_m_s2)
+        self._submitted_ns = self._placed_ns = self._drawn_ns = 0
+        self._last_result_ns: int | None = None
+
+    def submit(self, now_ns: int, after_ticks: float) -> None:
+        """Start an estimate of the newest readings, unless one was started less than some ticks ago.
+
+        Args:
+            now_ns: Monotonic time.
+            after_ticks: Least distance from the last one, in ticks of the loop.
+        """
+        if (now_ns - self._submitted_ns) * 1e-9 < after_ticks / self._rate_hz:
+            return
+        snapshot = self._readings.snapshot(now_ns)
+        if not snapshot.used:
+            return
+        self._submitted_ns = now_ns
+        controller = self._controller
+        self.process.submit(
+            EstimationRequest(
+                snapshot.time_s,
+                snapshot.newest_arrival_ns,
+                snapshot.readings,
+                self._pressures(now_ns),
+                self._gravity,
+                snapshot.used,
+                snapshot.lost,
+                want_hold=controller.modes.mode in (Mode.TEACH, Mode.HOLDING),
+                target=None if controller.hold is None else controller.hold.goal.target,
+                want_contact=self._contact_due(now_ns),
+                tare=self._knowledge.tare,
+                want_mesh=self._shape_due(now_ns),
+            )
+        )
+
+    def _pressures(self, now_ns: int) -> NDArray[np.float64]:
+        """Return the measured pressures [Pa], NaN when they are stale, shape (chambers,)."""
+        valves = self._readings.fresh(self._instruments.bank, now_ns)
+        return np.full(self._chambers, np.nan) if valves is None else np.array(valves.values)
+
+    def _contact_due(self, now_ns: int) -> bool:
+        rested = now_ns - self._placed_ns > CONTACT_EVERY_NS
+        return self._knowledge.contact_since_unix_ns is not None and rested
+
+    def _shape_due(self, now_ns: int) -> bool:
+        due = (now_ns - self._drawn_ns) * 1e-9 * SHAPE_RATE_HZ >= 1.0 and self._reporter.shape_wanted
+        if due:
+            self._drawn_ns = now_ns
+        return due
+
+    def take(self, result: EstimationResult) -> None:
+        """Take a result of the estimator: publish it, follow contacts and the test of the model."""
+        self._last_result_ns = self._clocks.monotonic_ns()
+        unix_ns = self._clocks.unix_ns()
+        before = self._knowledge.contact_since_unix_ns
+        self._knowledge.take(result, unix_ns)
+        self._reporter.estimate(result)
+        since = self._knowledge.contact_since_unix_ns
+        if (before is None) is not (since is None):
+            self._reporter.contact(began=since is not None)
+        if result.request.want_contact:
+            self._placed_ns = self._last_result_ns
+        if result.converged:
+            self.test = self.test.update(
+                result.request.time_s,
+                result.innovation_squared,
+                result.degrees_of_freedom,
+                result.sensor_innovations,
+                unix_ns,
+            )
+
+    def observe(self, now_ns: int) -> Estimator:
+        """Return the state of the estimator for the health checks."""
+        age_s = None if self._last_result_ns is None else (now_ns - self._last_result_ns) * 1e-9
+        result = self._knowledge.result
+        off = None if result is None or result.rod_off_rad is None else float(np.degrees(result.rod_off_rad))
+        running = self.process.state.running
+        return Estimator(running, age_s, self._deadline_s, self._knowledge.failures, off)

@@ -1,0 +1,93 @@
+"""What the loop reports: streams to the network, documents to the recording, changes to the journal."""
+
+import logging
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.api.messages import Estimate
+from softarm.daemon.control.mismatch import MismatchTest
+from softarm.daemon.control.publishing import Kind, Picture, Publisher
+from softarm.daemon.control.streams import RecordedStreams
+from softarm.daemon.control.surroundings import Outlet
+from softarm.daemon.estimation.messages import EstimationResult
+from softarm.daemon.safety.findings import Finding
+from softarm.daemon.safety.modes import SERVICE, Event, Transition
+
+logger = logging.getLogger(__name__)
+Floats = NDArray[np.float64]
+
+
+class Reporter:
+    """Reports what happens to the network, the recording and the journal.
+
+    Args:
+        arm: The arm's name.
+        publisher: Builds the messages.
+        outlet: Takes them.
+        streams: Takes what is recorded.
+    """
+
+    def __init__(self, arm: str, publisher: Publisher, outlet: Outlet, streams: RecordedStreams) -> None:
+        self._arm = arm
+        self._publisher = publisher
+        self._outlet = outlet
+        self._streams = streams
+
+    @property
+    def shape_wanted(self) -> bool:
+        """Whether anybody listens to the shape."""
+        return self._outlet.shape_wanted
+
+    def state(self, picture: Picture, test: MismatchTest) -> None:
+        """Publish the state of the arm and of the test of its model."""
+        self._outlet.publish("state", self._publisher.state(picture))
+        self._outlet.publish("mismatch", self._publisher.mismatch(test, picture.recording))
+
+    def estimate(self, result: EstimationResult) -> None:
+        """Publish and record an estimate."""
+        estimate = self._publisher.estimate(result)
+        self._outlet.publish("estimate", estimate)  # before all that can wait
+        if result.nodes is not None:
+            self._outlet.publish_shape(result.nodes.astype("<f4").tobytes())
+        self._streams.estimated(_columns(estimate), result.request.time_s)
+
+    def transition(self, transition: Transition) -> None:
+        """Report a change of mode, and who asked for it."""
+        before, after, cause = transition.before, transition.after, transition.cause
+        level = logging.WARNING if transition.event in (Event.FAULT, Event.LEASE_LOST) else logging.INFO
+        logger.log(level, "%s -> %s: %s (asked for by %s)", before, after, cause, transition.by)
+        by = transition.by
+        self._streams.document("mode", {"before": before, "after": after, "cause": cause, "by": by})
+        self._happened("mode", self._arm, f"{before} -> {after}: {cause}", by)
+
+    def finding(self, finding: Finding, new: bool) -> None:
+        """Report a finding that is new or has cleared itself."""
+        if new:
+            logger.warning("%s: %s; %s", finding.where, finding.message, finding.hint)
+        else:
+            logger.info("%s: no longer: %s", finding.where, finding.message)
+        self._happened("finding" if new else "finding_cleared", finding.where, finding.message)
+
+    def contact(self, began: bool) -> None:
+        """Report that a contact began or ended."""
+        kind: Kind = "contact_begin" if began else "contact_end"
+        words = "an external force stands out" if began else "the external force is back in the noise"
+        self._happened(kind, self._arm, words)
+
+    def command(self, answer: Mapping[str, object]) -> None:
+        """Record the answer to a command."""
+        self._streams.document("command", answer)
+
+    def _happened(self, kind: Kind, where: str, text: str, by: str = SERVICE) -> None:
+        self._streams.document("event", {"kind": kind, "where": where, "text": text, "by": by})
+        self._outlet.publish("event", self._publisher.occurrence(kind, where, text, by))
+
+
+def _columns(estimate: Estimate) -> dict[str, float]:
+    return {
+        f"force_{load.section}_{axis}_n": load.force_n[index]
+        for load in estimate.loads
+        for index, axis in enumerate("xyz")
+    }

@@ -1,0 +1,71 @@
+"""Where the control loop meets the outside: instruments, the estimator's process, the network, the clocks."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from softarm.api.messages import Message
+from softarm.daemon.control.instruments import Instruments
+from softarm.daemon.control.readings import Readings
+from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult
+from softarm.daemon.estimation.worker import WorkerState
+
+
+class EstimatorProcess(Protocol):
+    """What the loop needs of the process that estimates."""
+
+    @property
+    def state(self) -> WorkerState:
+        """What became of the process."""
+
+    def submit(self, request: EstimationRequest) -> None:
+        """Hand over a request; one that still waits is replaced by the newer one."""
+
+
+class Outlet(Protocol):
+    """Takes what the loop publishes; it never blocks."""
+
+    def publish(self, stream: str, message: Message) -> None:
+        """Publish a message on a stream."""
+
+    @property
+    def shape_wanted(self) -> bool:
+        """Whether anybody listens to the shape."""
+
+    def publish_shape(self, nodes: bytes) -> None:
+        """Publish x, y, z [m] and stress [Pa] of every node, little-endian float32."""
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """The clocks of the loop.
+
+    Args:
+        monotonic_ns: Monotonic clock.
+        unix_ns: Wall clock.
+    """
+
+    monotonic_ns: Callable[[], int] = time.monotonic_ns
+    unix_ns: Callable[[], int] = time.time_ns
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a control loop runs on.
+
+    Args:
+        instruments: Builds the instruments, which feed their samples into the readings.
+        estimator: Builds the estimator's process, which passes each result to the function it is given.
+        outlet: Takes the streams.
+        base_body: Channel of the pose of the base, empty for none.
+        ready: Called once, as soon as the estimator has started or has given up.
+        clocks: The clocks.
+    """
+
+    instruments: Callable[[Readings], Instruments]
+    estimator: Callable[[Callable[[EstimationResult], None]], EstimatorProcess]
+    outlet: Outlet
+    base_body: str
+    ready: Callable[[], None]
+    clocks: Clocks = Clocks()

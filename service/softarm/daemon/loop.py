@@ -1,0 +1,210 @@
+"""The control loop: each step renews the set-point, starts an estimate, judges health and publishes."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import tomli_w
+
+from softarm.api.commands import Applied, Refused
+from softarm.daemon.config import Setup
+from softarm.daemon.control.channels import Sample
+from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.estimates import Estimates
+from softarm.daemon.control.guard import Guard, Watched
+from softarm.daemon.control.knowledge import Knowledge
+from softarm.daemon.control.poses import PoseStore
+from softarm.daemon.control.publishing import Picture, Publisher
+from softarm.daemon.control.readings import Readings, channel
+from softarm.daemon.control.recorder import Recorder
+from softarm.daemon.control.reporting import Reporter
+from softarm.daemon.control.streams import RecordedStreams
+from softarm.daemon.control.surroundings import Surroundings
+from softarm.daemon.control.tick import Tick
+from softarm.daemon.control.verbs import Context, Verbs
+from softarm.daemon.safety.checks import ALL_CHECKS
+from softarm.daemon.safety.findings import FindingBook
+from softarm.daemon.safety.modes import Event, Mode, Transition
+from softarm.estimator.arm import default_loads
+from softarm.estimator.specimen import specimen_table
+
+STATE_EVERY_NS = 50_000_000
+
+
+class ControlLoop:
+    """The control side of one arm; the daemon, the safety benchmark and tests run this same loop.
+
+    Building it starts nothing. Who owns it calls ``step`` at each tick, ``answer`` for each command, and
+    ``shut_down`` on every way out.
+
+    Args:
+        setup: The checked configuration.
+        surroundings: Instruments, estimator, network and clocks.
+    """
+
+    def __init__(self, setup: Setup, surroundings: Surroundings) -> None:
+        config, specimen = setup.config, setup.specimen
+        self._setup = setup
+        self._surroundings = surroundings
+        self._clocks = surroundings.clocks
+        self.recorder = Recorder(config.recording_directory)
+        self.readings = Readings(
+            config.sensors, surroundings.base_body, config.safety, self._on_sample, self._on_packet
+        )
+        self.instruments = surroundings.instruments(self.readings)
+        self._streams = RecordedStreams(
+            self.recorder,
+            config.sensors,
+            self.instruments.bank,
+            surroundings.base_body,
+            len(specimen.chambers),
+            self._clocks.monotonic_ns,
+        )
+        limits = np.array(specimen.pressure_limits)
+        self.controller = Controller(
+            self.instruments.valves, limits, config.control, config.safety, self._on_transition
+        )
+        self.knowledge = Knowledge(
+            tuple(section.name for section in specimen.sections),
+            default_loads(specimen, config.control.forces_on),
+            self.readings.rest,
+        )
+        book = FindingBook(ALL_CHECKS)
+        publisher = Publisher(
+            self.instruments.source,
+            self.controller,
+            self.knowledge,
+            book,
+            config.control.model,
+            self._clocks.monotonic_ns,
+            self._clocks.unix_ns,
+        )
+        self._reporter = Reporter(config.arm, publisher, surroundings.outlet, self._streams)
+        self.estimates = Estimates(
+            setup,
+            surroundings,
+            self.readings,
+            self.instruments,
+            self.controller,
+            self.knowledge,
+            self._reporter,
+        )
+        self.guard = Guard(
+            Watched(
+                self.instruments,
+                self.readings,
+                self.controller,
+                self.knowledge,
+                book,
+                self.estimates.observe,
+                self.recorder.health,
+                config.safety.valve_deadline_s,
+                self._reporter.finding,
+            )
+        )
+        self._verbs = self._make_verbs()
+        self._ticks = 0
+        self._published_ns = 0
+        self._ready = False
+
+    def _make_verbs(self) -> Verbs:
+        config, clocks = self._setup.config, self._clocks
+        return Verbs(
+            Context(
+                self.controller,
+                self.knowledge,
+                self.recorder,
+                PoseStore(config.state_directory / f"poses-{config.arm}.json"),
+                _attachments(self._setup),
+                lambda mode: self.guard.blocking(mode, clocks.monotonic_ns()),
+                clocks.monotonic_ns,
+                clocks.unix_ns,
+            )
+        )
+
+    @property
+    def mode(self) -> Mode:
+        """The present mode."""
+        return self.controller.modes.mode
+
+    def step(self, tick: Tick) -> None:
+        """Run one pass.
+
+        Args:
+            tick: When the pass was due, how late it came, and how many were skipped before it.
+        """
+        now_ns = tick.deadline_ns + tick.drift_ns
+        self._ticks += 1
+        self.guard.overran(tick.missed, now_ns)
+        self._announce_ready()
+        self.guard.advance(now_ns, (1 + tick.missed) / self._setup.config.control.rate_hz)
+        self.estimates.submit(now_ns, after_ticks=1.5)
+        self.guard.check(now_ns, self._clocks.unix_ns())
+        self._streams.commanded(self.controller.asked.tolist(), now_ns)
+        if now_ns - self._published_ns >= STATE_EVERY_NS:
+            self._publish_state(now_ns)
+
+    def _announce_ready(self) -> None:
+        """Report once that the estimator has started, whatever mode commands have led to meanwhile."""
+        if self._ready or self.estimates.process.state.starting:
+            return
+        self._ready = True
+        if self.mode is Mode.STARTING:
+            self.controller.fire(Event.READY, "the estimator is ready")
+        self._surroundings.ready()
+
+    async def answer(self, verb: str, payload: bytes) -> Applied | Refused:
+        """Carry out one command and record its answer."""
+        answer = await self._verbs.answer(verb, payload)
+        self._reporter.command(answer.model_dump(mode="json"))
+        return answer
+
+    def shut_down(self) -> None:
+        """Vent the arm for good."""
+        self.controller.fire(Event.SHUT_DOWN, "the service ends")
+
+    def _on_sample(self, name: str, sample: Sample) -> None:
+        self._streams.take(name, sample)
+
+    def _on_packet(self) -> None:
+        """Start an estimate as soon as a packet of the leading device is complete."""
+        self.estimates.submit(self._clocks.monotonic_ns(), after_ticks=0.5)
+
+    def _on_transition(self, transition: Transition) -> None:
+        self._reporter.transition(transition)
+        self._publish_state(self._clocks.monotonic_ns())
+
+    def _publish_state(self, now_ns: int) -> None:
+        self._published_ns = now_ns
+        self._reporter.state(self._picture(now_ns), self.estimates.test)
+
+    def _picture(self, now_ns: int) -> Picture:
+        bank, sensors = self.instruments.bank, self._setup.config.sensors
+        measured = self.readings.fresh(bank, now_ns)
+        ages = {
+            f"{sensor.kind}_{sensor.section}": self.readings.age_s(channel(sensor), now_ns)
+            for sensor in sensors
+        }
+        recording = self.recorder.path
+        return Picture(
+            applied=self.instruments.applied,
+            measured=None if measured is None else np.array(measured.values),
+            gauges_n=self._gauges(now_ns),
+            ages_s=ages | {bank: self.readings.age_s(bank, now_ns)},
+            ticks=self._ticks,
+            overruns=self.guard.overruns,
+            recording=None if recording is None else str(recording),
+        )
+
+    def _gauges(self, now_ns: int) -> dict[str, float | None]:
+        samples = {
+            sensor.section: self.readings.fresh(channel(sensor), now_ns)
+            for sensor in self._setup.config.sensors
+            if sensor.kind == "gauge"
+        }
+        return {name: None if sample is None else sample.values[0] for name, sample in samples.items()}
+
+
+def _attachments(setup: Setup) -> Mapping[str, bytes]:
+    """Return the files that every recording keeps."""
+    specimen = tomli_w.dumps(specimen_table(setup.specimen, setup.path.parent))
+    return {"service.toml": setup.text.encode(), "specimen.toml": specimen.encode()}
