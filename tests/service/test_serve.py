@@ -48,20 +48,36 @@ def free_port():
         return probe.getsockname()[1]
 
 
+CRASH = """
+from softarm import cli
+from softarm.daemon.loop import ControlLoop
+
+def fail(self, tick):
+    raise ZeroDivisionError("the tick that fails")
+
+ControlLoop.step = fail
+cli.main()
+"""
+
+
 class Daemon:
     """``softarm serve`` as systemd runs it: a process with a notify socket."""
 
-    def __init__(self, folder: Path, *arguments):
+    def __init__(self, folder: Path, *arguments, code=None):
         self.port = free_port()
         config = folder / "service.toml"
         config.write_text(CONFIG.format(port=self.port, nobody=free_port()))
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self.socket.bind(str(folder / "notify"))
         self.socket.settimeout(100.0)
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "softarm", "serve", "--config", config, *arguments],
-            env=os.environ | {"NOTIFY_SOCKET": str(folder / "notify")},
-        )
+        command = ["-m", "softarm"] if code is None else ["-c", code]
+        self.log = folder / "service.log"
+        with self.log.open("w") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, *command, "serve", "--config", config, *arguments],
+                stderr=log,
+                env=os.environ | {"NOTIFY_SOCKET": str(folder / "notify")},
+            )
 
     def wait_for(self, word):
         while word not in (told := self.socket.recv(256).decode()):
@@ -82,8 +98,8 @@ class Daemon:
 def daemon(tmp_path):
     running = []
 
-    def start(*arguments):
-        running.append(Daemon(tmp_path, *arguments))
+    def start(*arguments, code=None):
+        running.append(Daemon(tmp_path, *arguments, code=code))
         return running[-1]
 
     yield start
@@ -102,6 +118,15 @@ def test_service_tells_systemd_and_refuses_to_arm_without_valves(daemon):
             client.command("arm")
         assert client.state().mode == "IDLE"
     assert service.end() == 0
+
+
+def test_an_internal_error_leaves_a_traceback_in_the_log(daemon, monkeypatch):
+    service = daemon(code=CRASH)
+    assert service.process.wait(100) == 1
+    log = service.log.read_text()
+    assert "Traceback" in log
+    assert "the tick that fails" in log
+    assert "STOPPING=1" in service.wait_for("STOPPING=1")
 
 
 def test_replay_is_marked_alarms_nothing_and_moves_nothing(daemon, tmp_path):

@@ -11,7 +11,7 @@ from softarm.drivers.backoff import Backoff
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.errors import DeviceError, DeviceErrors
 from softarm.drivers.health import Health
-from softarm.drivers.supervisor import ConnectionState, DeviceSession, Supervisor, Timing
+from softarm.drivers.supervisor import ALIVE, ConnectionState, DeviceSession, Supervisor, Timing
 
 
 class Device(Protocol):
@@ -32,6 +32,14 @@ class Device(Protocol):
     @property
     def health(self) -> Health:
         """Counters and alarms."""
+
+    @property
+    def failure(self) -> DeviceError | None:
+        """Why it is not connected, ``None`` while it is or was not tried yet."""
+
+    @property
+    def gave_up(self) -> bool:
+        """Whether it is not connected and no further attempt is made."""
 
     async def connect(self) -> None:
         """Open, identify and start streaming.
@@ -93,6 +101,16 @@ class SupervisedDevice(ABC):
     def state(self) -> ConnectionState:
         """Where the device stands."""
         return self.supervisor.state
+
+    @property
+    def failure(self) -> DeviceError | None:
+        """Why it is not connected, ``None`` while it is or was not tried yet."""
+        return None if self.state in ALIVE else self.supervisor.error
+
+    @property
+    def gave_up(self) -> bool:
+        """Whether it is not connected and no further attempt is made."""
+        return self.failure is not None and not self.failure.retried
 
     async def connect(self) -> None:
         """Open, identify and start streaming.

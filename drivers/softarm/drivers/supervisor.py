@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import logging
+import re
 from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
@@ -308,7 +309,7 @@ class Supervisor:
             return raised
         if isinstance(raised, OSError):
             cure = "check cable, address and power"
-            return ConnectionLost(self.device, f"cannot be reached: {raised}", cure)
+            return ConnectionLost(self.device, f"cannot be reached: {_reason(raised)}", cure)
         logger.error("%s: the driver failed", self.device, exc_info=raised)
         return ProtocolError(self.device, f"driver failed with {raised!r}", "report this with the log")
 
@@ -327,3 +328,8 @@ class Supervisor:
         self._waiting = [entry for entry in self._waiting if not entry[1].done()]
         if self._observer is not None:
             self._observer(before, state)
+
+
+def _reason(error: OSError) -> str:
+    """Return what the system reports, without its number, which only programs read."""
+    return re.sub(r"\[Errno -?\d+\] ", "", str(error)) or type(error).__name__

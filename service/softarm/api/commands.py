@@ -74,6 +74,12 @@ class RecordStart(Request):
     name: str = Field(default="recording", min_length=1, max_length=60, pattern=r"^[A-Za-z0-9_.-]+$")
 
 
+class DeviceReconnect(Request):
+    """``device/reconnect``: close a device and connect it again, also where its driver has given up."""
+
+    device: str = Field(min_length=1, max_length=60, description="Its name in the configuration.")
+
+
 class LeaseAcquire(Request):
     """``lease/acquire``: get the lease, or renew it with its token."""
 
@@ -98,6 +104,7 @@ VERBS: dict[str, type[Request]] = {
     "calibrate/rest": Request,
     "record/start": RecordStart,
     "record/stop": Request,
+    "device/reconnect": DeviceReconnect,
     "lease/acquire": LeaseAcquire,
     "lease/release": MovingRequest,
 }

@@ -71,6 +71,10 @@ class State(Message):
     lease: LeaseState
     ticks: int = Field(ge=0, description="Control ticks since the start.")
     overruns: int = Field(ge=0, description="Ticks skipped because one came late.")
+    drift_median_s: float | None = Field(
+        default=None, description="How late the ticks of the last five seconds came, median."
+    )
+    drift_p99_s: float | None = Field(default=None, description="The same, 99th percentile.")
     recording: str | None = Field(description="File being recorded, null when none.")
     teach_pressures_pa: tuple[float, ...] | None = Field(
         default=None, description="Pressures that would hold the present pose; null outside TEACH."
@@ -85,8 +89,10 @@ class LoadEstimate(Message):
     """One external force."""
 
     section: str = Field(description="Rigid section on which it acts.")
-    force_n: Vector = Field(description="Force in the base frame.")
-    covariance_n2: tuple[tuple[float, ...], ...] = Field(description="Its covariance, 3 x 3.")
+    force_n: Vector = Field(description="Force in the base frame; 0 along an axis that is not estimated.")
+    covariance_n2: tuple[tuple[float | None, ...], ...] = Field(
+        description="Its covariance, 3 x 3; null along an axis that is not estimated."
+    )
 
 
 class Contact(Message):

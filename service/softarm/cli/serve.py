@@ -9,11 +9,15 @@ from pathlib import Path
 import click
 
 from softarm.cli.output import progress
+from softarm.common.errors import WorkFailedError
 from softarm.common.rods import trusted_rod
 from softarm.daemon.app import Replay, Service
 from softarm.daemon.config import load_config
 from softarm.daemon.notify import Notifier
+from softarm.estimator.errors import InputError
 from softarm.recordings import load_recording
+
+logger = logging.getLogger(__name__)
 
 
 @click.command()
@@ -24,19 +28,23 @@ from softarm.recordings import load_recording
     "--replay", type=click.Path(path_type=Path), help="Play this recording instead of the instruments."
 )
 @click.option("--speed", default=1.0, show_default=True, help="Factor on the recorded time.")
-@click.option("--verbose", is_flag=True, help="Log every change and every command.")
+@click.option("--verbose", is_flag=True, help="Log every command and every attempt to connect as well.")
 def command(path: Path, replay: Path | None, speed: float, verbose: bool) -> None:
     """Serve one arm: acquisition, estimation, safety and teach mode over zenoh.
 
     Example: softarm serve --config /etc/softarm/sopra.toml
     """
     at = "" if "JOURNAL_STREAM" in os.environ else "%(asctime)s "  # the journal has its own time
-    logging.basicConfig(
-        level=logging.INFO if verbose else logging.WARNING,
-        format=f"{at}%(levelname)s %(name)s: %(message)s",
-    )
+    logging.basicConfig(level=logging.WARNING, format=f"{at}%(levelname)s %(name)s: %(message)s")
+    logging.getLogger("softarm").setLevel(logging.DEBUG if verbose else logging.INFO)
     _prepare(path)
-    asyncio.run(_serve(path, None if replay is None else Replay(load_recording(replay), speed)))
+    try:
+        asyncio.run(_serve(path, None if replay is None else Replay(load_recording(replay), speed)))
+    except (InputError, WorkFailedError):
+        raise
+    except Exception:
+        logger.exception("the service ended by an internal error")
+        raise
 
 
 def _prepare(path: Path) -> None:

@@ -1,7 +1,6 @@
 """The composition root: builds every part of the service, starts and stops them in order."""
 
 import asyncio
-import contextlib
 import gc
 import json
 import logging
@@ -11,7 +10,9 @@ from dataclasses import dataclass
 from softarm.api.commands import Refused
 from softarm.api.page import schemas
 from softarm.daemon.config import Setup
+from softarm.daemon.control.host_watch import HostWatch
 from softarm.daemon.control.instruments import Instruments, LiveInstruments
+from softarm.daemon.control.off_loop import off_loop
 from softarm.daemon.control.readings import Readings
 from softarm.daemon.control.recorder import RecorderError
 from softarm.daemon.control.replay import ReplayedInstruments
@@ -27,6 +28,8 @@ from softarm.daemon.notify import Notifier
 from softarm.estimator.recording import Recording
 
 logger = logging.getLogger(__name__)
+CLOSE_RECORDING_S = 5.0
+"""At the end the service waits so long for the disk; what was written stays in the ``.part``."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,7 @@ class Service:
         self._replay = replay
         config = setup.config
         self._stopping = asyncio.Event()
+        self._host = HostWatch(config.recording_directory)
         self._bus = Bus(config.network, config.arm, asyncio.get_running_loop())
         self._loop = ControlLoop(
             setup,
@@ -71,6 +75,7 @@ class Service:
                 self._bus,
                 config.base_body if replay is None else replay.base,
                 lambda: notifier.ready(f"serving {config.arm}"),
+                host=lambda: self._host.newest,
             ),
         )
 
@@ -100,7 +105,7 @@ class Service:
 
     async def run(self) -> None:
         """Serve until a signal or ``stop``; the arm is vented on every way out."""
-        with self._bus:
+        with self._host, self._bus:
             self._bus.open(self._slow_values())
             try:
                 async with self._worker, asyncio.TaskGroup() as tasks:
@@ -123,14 +128,18 @@ class Service:
         self._loop.shut_down()
         await self._loop.instruments.close()
         if self._loop.recorder.path is not None:
-            with contextlib.suppress(RecorderError):
-                await asyncio.to_thread(self._loop.recorder.stop)
+            try:
+                await asyncio.wait_for(off_loop(self._loop.recorder.stop), CLOSE_RECORDING_S)
+            except (RecorderError, TimeoutError) as error:
+                logger.warning("the recording was not closed: %s", error or "the disk does not answer")
 
     async def _serve(self, call: Call) -> None:
         """Carry out one command and answer it; ``stop`` must not wait for a slow disk."""
         answer = await self._loop.answer(call.verb, call.payload)
         if isinstance(answer, Refused):
             logger.warning("%s refused (%s): %s", call.verb, answer.code, answer.message)
+        else:
+            logger.debug("%s applied in %s: %s", call.verb, answer.mode, answer.applied)
         call.answer(answer)
 
     async def _control(self) -> None:

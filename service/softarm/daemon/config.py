@@ -73,6 +73,9 @@ class SensorSettings(Table):
     """Body, unit or place in the chain, where the device has several."""
     needed: bool = False
     """Whether modes that follow the pose cannot do without it."""
+    deadline_s: Positive | None = None
+    """Without a valid reading for so long it is stale; by default `safety.sensor_deadline_s`, or three
+    periods of a slower device."""
 
 
 class ServiceConfig(Table):

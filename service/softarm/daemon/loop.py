@@ -9,9 +9,11 @@ from softarm.api.commands import Applied, Refused
 from softarm.daemon.config import Setup
 from softarm.daemon.control.channels import Sample
 from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.deadlines import deadlines_s
 from softarm.daemon.control.estimates import Estimates
 from softarm.daemon.control.guard import Guard, Watched
 from softarm.daemon.control.knowledge import Knowledge
+from softarm.daemon.control.lateness import Lateness
 from softarm.daemon.control.poses import PoseStore
 from softarm.daemon.control.publishing import Picture, Publisher
 from softarm.daemon.control.readings import Readings, channel
@@ -46,9 +48,17 @@ class ControlLoop:
         self._setup = setup
         self._surroundings = surroundings
         self._clocks = surroundings.clocks
-        self.recorder = Recorder(config.recording_directory)
+        self.recorder = Recorder(
+            config.recording_directory, free_bytes=lambda: surroundings.host().free_bytes
+        )
+        self._lateness = Lateness()
         self.readings = Readings(
-            config.sensors, surroundings.base_body, config.safety, self._on_sample, self._on_packet
+            config.sensors,
+            surroundings.base_body,
+            config.safety,
+            self._on_sample,
+            self._on_packet,
+            deadlines_s(setup),
         )
         self.instruments = surroundings.instruments(self.readings)
         self._streams = RecordedStreams(
@@ -70,6 +80,7 @@ class ControlLoop:
         )
         book = FindingBook(ALL_CHECKS)
         publisher = Publisher(
+            config.specimen,
             self.instruments.source,
             self.controller,
             self.knowledge,
@@ -99,6 +110,7 @@ class ControlLoop:
                 self.recorder.health,
                 config.safety.valve_deadline_s,
                 self._reporter.finding,
+                self._lateness.busy,
             )
         )
         self._verbs = self._make_verbs()
@@ -115,6 +127,7 @@ class ControlLoop:
                 self.recorder,
                 PoseStore(config.state_directory / f"poses-{config.arm}.json"),
                 _attachments(self._setup),
+                self.instruments.reconnect,
                 lambda mode: self.guard.blocking(mode, clocks.monotonic_ns()),
                 clocks.monotonic_ns,
                 clocks.unix_ns,
@@ -135,6 +148,9 @@ class ControlLoop:
         now_ns = tick.deadline_ns + tick.drift_ns
         self._ticks += 1
         self.guard.overran(tick.missed, now_ns)
+        self._lateness.add(now_ns, tick.drift_ns)
+        self._lateness.starved_percent = self._surroundings.host().starved_percent
+        self.estimates.process.watch()
         self._announce_ready()
         self.guard.advance(now_ns, (1 + tick.missed) / self._setup.config.control.rate_hz)
         self.estimates.submit(now_ns, after_ticks=1.5)
@@ -192,6 +208,7 @@ class ControlLoop:
             ages_s=ages | {bank: self.readings.age_s(bank, now_ns)},
             ticks=self._ticks,
             overruns=self.guard.overruns,
+            drift=self._lateness.drift,
             recording=None if recording is None else str(recording),
         )
 

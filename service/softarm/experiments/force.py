@@ -86,7 +86,8 @@ def sample(condition: str, seen: MeanEstimate, hook: Floats | None, direction: F
     unit = reach / np.linalg.norm(reach)
     share = float(np.linalg.norm(unit[:2]))
     lateral: Floats = np.array([unit[0], unit[1], 0.0]) / share
-    variance = float(lateral @ seen.covariance_n2 @ lateral)
+    covariance = np.nan_to_num(seen.covariance_n2)  # unknown along the arm only, where `lateral` is 0
+    variance = float(lateral @ covariance @ lateral)
     std = float(np.sqrt(max(variance, 0.0)))
     return ForceSample(condition, seen.gauge_n * share, float(seen.force_n @ lateral), std, seen.measured_pa)
 

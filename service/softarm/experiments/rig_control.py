@@ -139,7 +139,7 @@ class Collector:
             duration_s,
             float(np.mean(pulls)) if pulls else float("nan"),
             np.mean([load.force_n for load in loads], axis=0),
-            np.array(loads[-1].covariance_n2),
+            np.array(loads[-1].covariance_n2, dtype=float),
             _position(self._states[-1], self._section),
             np.nanmean(np.array(pressures, dtype=float), axis=0),
             len(self._estimates),

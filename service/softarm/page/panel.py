@@ -141,7 +141,7 @@ class Panel:
         place = estimate.contact
         lines = [
             f"{load.section}: {np.linalg.norm(load.force_n):.3f} N "
-            f"+- {np.sqrt(max(np.trace(load.covariance_n2), 0.0)):.3f}"
+            f"+- {np.sqrt(sum(row[k] or 0.0 for k, row in enumerate(load.covariance_n2))):.3f}"
             for load in estimate.loads
         ]
         contact = "contact" if estimate.in_contact else "no contact"

@@ -78,7 +78,7 @@ class Scene:
                 continue
             start = place @ HANGING.T
             reach = METRES_PER_NEWTON * np.array(load.force_n) @ HANGING.T
-            deviation = float(np.sqrt(max(np.trace(np.array(load.covariance_n2)) / 3.0, 0.0)))
+            deviation = _deviation(load)
             self._server.scene.add_arrows(
                 f"/force/{load.section}",
                 np.array([[start, start + reach]], dtype=np.float32),
@@ -94,3 +94,10 @@ class Scene:
                 opacity=0.3,
                 position=tuple(start + reach),
             )
+
+
+def _deviation(load: LoadEstimate) -> float:
+    """Return the standard deviation of a force, the mean over the axes along which it is estimated [N]."""
+    variances = [row[axis] for axis, row in enumerate(load.covariance_n2)]
+    known = [variance for variance in variances if variance is not None]
+    return float(np.sqrt(max(sum(known) / len(known), 0.0))) if known else 0.0

@@ -102,12 +102,14 @@ class Bench:
             Recorder(tmp_path / "recordings"),
             PoseStore(tmp_path / "poses.json"),
             {},
+            self.reconnect,
             lambda _: self.faults,
             lambda: self.now_ns,
             lambda: self.unix_ns,
         )
         self.verbs = Verbs(context)
         self.sequence = 0
+        self.reconnected = []
         self.token = ""
         self.controller.fire(Event.READY, "test")
 
@@ -121,6 +123,11 @@ class Bench:
         if "lease" in VERBS[verb].model_fields and self.token:
             request["lease"] = self.token
         return await self.verbs.answer(verb, json.dumps(request | fields).encode())
+
+    async def reconnect(self, name):
+        self.reconnected.append(name)
+        if name == "unknown":
+            raise KeyError(name)
 
     async def acquire(self):
         self.token = (await self.send("lease/acquire")).applied["lease"]

@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from softarm.daemon.estimation.worker import RESTARTS_ALLOWED, STUCK_S, Worker
+from softarm.daemon.estimation.worker import STUCK_S, RestartPolicy, Worker
 
 
 def double():
@@ -23,6 +23,10 @@ def gated(path):
 
 def dying():
     raise SystemExit(3)
+
+
+def never_built():
+    signal.pause()
 
 
 class Results:
@@ -81,11 +85,38 @@ async def test_killed_process_is_started_again():
     assert results.values == [2]
 
 
-async def test_gives_up_on_a_process_that_keeps_dying():
-    async with Worker(dying, lambda _: None) as worker:
+async def test_gives_up_on_a_process_that_keeps_dying_and_logs_each_death(caplog):
+    policy = RestartPolicy(deaths=3, pause_s=0.01)
+    async with Worker(dying, lambda _: None, policy=policy) as worker:
         await worker.until(lambda state: state.gave_up)
-        assert worker.state.restarts == RESTARTS_ALLOWED + 1
+        assert worker.state.restarts == worker.state.deaths == 3
         assert not worker.state.running
+    assert caplog.text.count("it starts again in") == 2
+    assert "it is not started again" in caplog.text
+
+
+async def test_deaths_long_ago_no_longer_count():
+    now = [0.0]
+    policy = RestartPolicy(deaths=2, pause_s=0.01, window_s=60.0)
+    async with Worker(double, Results().take, lambda: now[0], policy=policy) as worker:
+        for restarts in range(1, 4):
+            await worker.until(lambda state: state.running)
+            now[0] += 100.0
+            os.kill(worker.pid, signal.SIGKILL)
+            await worker.until(lambda state, restarts=restarts: state.running and state.restarts == restarts)
+        assert worker.state.deaths == 1
+        assert not worker.state.gave_up
+
+
+async def test_process_that_is_stuck_while_it_is_built_is_killed():
+    now = [0.0]
+    policy = RestartPolicy(deaths=1, start_s=10.0)
+    async with Worker(never_built, Results().take, lambda: now[0], policy=policy) as worker:
+        worker.watch()
+        assert worker.state.starting
+        now[0] += 11.0
+        worker.watch()
+        await worker.until(lambda state: state.gave_up)
 
 
 async def test_process_that_is_stuck_is_started_anew(tmp_path):
@@ -97,5 +128,5 @@ async def test_process_that_is_stuck_is_started_anew(tmp_path):
         worker.submit("never answered")
         worker.submit("waits")
         now[0] += STUCK_S + 1.0
-        worker.submit("waits as well")
+        worker.watch()
         await worker.until(lambda state: state.restarts == 1 and state.running)

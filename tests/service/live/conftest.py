@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from softarm.api.messages import Occurrence as Event
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
@@ -37,14 +38,37 @@ def fakes(rig):
         yield control
 
 
+@pytest.fixture
+def provokes_a_fault():
+    """A test that asks for this ends a pressurised mode once, and on purpose."""
+
+
+@pytest.fixture(scope="package")
+def faults(client):
+    """Every change of mode to FAULTED, in the words of the service."""
+    found = []
+
+    def on_event(event):
+        if isinstance(event, Event) and event.kind == "mode" and "-> FAULTED" in event.text:
+            found.append(event.text)
+
+    with client.subscribe("event", on_event):
+        yield found
+
+
 @pytest.fixture(autouse=True)
 def _idle(request):
-    """Begin each test with a cleared arm and no fault at the fakes."""
+    """Begin with a cleared arm and no fault at the fakes; a fault that the test did not provoke fails it."""
     if "client" not in request.fixturenames:
+        yield
         return
     client, fakes = request.getfixturevalue("client"), request.getfixturevalue("fakes")
+    faults = request.getfixturevalue("faults")
     for ask in ("clear", "hand", "cord"):
         fakes.ask(ask)
     if wait_ready(client).mode != "IDLE":
         client.command("stop")
         cleared(client)
+    faults.clear()
+    yield
+    assert len(faults) == ("provokes_a_fault" in request.fixturenames), faults

@@ -1,19 +1,16 @@
 """What the live tests share: looking at the fakes, and an arm under pressure."""
 
 import contextlib
-import threading
 import time
 
 import numpy as np
 
 from softarm.api.messages import State
-from softarm.client.client import CommandRefusedError
-from softarm.experiments.recovery import arm_again
 
 PATIENCE_S = 20.0
 """For what is waited for, not timed."""
-ATTEMPTS = 10
 VENTED_MBAR = [0] * 6
+STILL_M = 3e-4
 VENTED_S = 0.3
 """The fakes' own clock holds 0.2 s in test_faults; asking them takes its time on a busy machine."""
 
@@ -47,47 +44,54 @@ def collecting(client, stream):
 
 @contextlib.contextmanager
 def pressurised(client, mode="ARMED", pressure=20e3):
-    """The arm under pressure in a mode; afterwards IDLE. What a busy machine makes it vent for is cleared."""
+    """The arm under pressure in a mode; afterwards IDLE. A fault on the way there fails the test."""
     with client.lease():
-        for _ in range(ATTEMPTS):
-            with contextlib.suppress(CommandRefusedError):
-                if _brought_to(client, mode, pressure):
-                    break
-            threading.Event().wait(0.5)
-        else:
-            raise AssertionError(f"never in {mode}: {client.state()}")
+        _bring_to(client, mode, pressure)
         yield
         if client.state().mode not in ("IDLE", "FAULTED"):
             client.command("disarm")
 
 
-def _brought_to(client, mode, pressure):
-    """Whether the arm came to be in the mode and under pressure before anything made it vent."""
-
-    def until(accept):
-        state = client.wait_for("state", State, lambda s: s.mode == "FAULTED" or accept(s), PATIENCE_S)
-        return state.mode != "FAULTED"
-
-    arm_again(client)
+def _bring_to(client, mode, pressure):
+    client.command("arm")
     client.command("set_pressures", pressures_pa=[pressure, *[0.0] * 5], lifetime_s=10.0)
     if mode in ("TEACH", "HOLDING"):
         client.command("teach/start")
-        if not until(lambda s: s.teach_pressures_pa is not None):
-            return False
+        _until(client, lambda s: s.teach_pressures_pa is not None)
     if mode == "HOLDING":
         client.command("teach/hold", ramp_s=0.2)
-    return until(lambda s: s.mode == mode and max(p or 0.0 for p in s.measured_pa) > 0.5 * pressure)
+    _until(client, lambda s: s.mode == mode and max(p or 0.0 for p in s.measured_pa) > 0.5 * pressure)
+
+
+def _until(client, accept):
+    state = client.wait_for("state", State, lambda s: s.mode == "FAULTED" or accept(s), PATIENCE_S)
+    assert state.mode != "FAULTED", f"a fault that nothing provoked: {state.fault_cause}"
 
 
 def cleared(client, timeout=PATIENCE_S):
-    """Clear the latched fault as soon as its cause is gone; nothing comes back by itself."""
-    deadline = time.monotonic() + timeout
+    """Clear the latched fault, once, when no finding of the valves stands any more."""
+    client.wait_for(
+        "state", State, lambda s: not any(f.code.startswith("valve") for f in s.findings), timeout
+    )
+    client.command("clear")
+    return wait_for_mode(client, "IDLE")
+
+
+def later(client, seconds):
+    """Wait until the service has published a state so much later; its loop runs all the while."""
+    since = client.state().stamp.monotonic_ns
+    return client.wait_for(
+        "state", State, lambda s: (s.stamp.monotonic_ns - since) * 1e-9 > seconds, seconds + PATIENCE_S
+    )
+
+
+def still(client, fakes):
+    """Return the true pose of the arm once it no longer moves."""
+    deadline, before = time.monotonic() + PATIENCE_S, pose(fakes)
     while True:
-        try:
-            client.command("clear")
-            return wait_for_mode(client, "IDLE")
-        except CommandRefusedError:
-            assert time.monotonic() < deadline
-            threading.Event().wait(0.05)
-            if client.state().mode == "IDLE":
-                return client.state()
+        later(client, 0.4)
+        now = pose(fakes)
+        if np.abs(now[0] - before[0]).max() < STILL_M:
+            return now
+        assert time.monotonic() < deadline, "the arm does not come to rest"
+        before = now

@@ -4,7 +4,6 @@ import json
 import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 from acceptance.safety_processes import other_client
-from examples.teach_client import teach
+from examples.teach_client import free, learn, replay
 from softarm.api.messages import Estimate, Occurrence, State
 from softarm.client.session import client_settings, open_session
 from softarm.recordings import load_recording
@@ -22,37 +21,51 @@ from tests.service.live.helpers import (
     VENTED_S,
     cleared,
     collecting,
-    pose,
+    later,
     pressurised,
     seconds_until_vented,
     setpoints,
+    still,
     wait_for_mode,
 )
 
 pytestmark = pytest.mark.timeout(240)  # the estimator compiles its kernels in a fresh checkout
 
 
+HANDS = {"a": [0.25, 0.1, 0.0], "b": [-0.1, 0.2, 0.0]}
+NEAR_M = 0.008
+"""The mean over poses and arms is half of this (docs/experiments.md)."""
+
+
 def test_poses_taught_by_hand_are_held_saved_and_found_again(client, fakes):
-    held, asked = {}, []
-
-    def place(name):
-        force = {"a": [0.25, 0.1, 0.0], "b": [-0.1, 0.2, 0.0]}[name]
-        fakes.ask("hand", section="tip", force_n=force)
-        threading.Event().wait(2.5)  # the arm swings
-        held[name] = pose(fakes)
-
-    with collecting(client, "state") as states:
-        teach(client, ["a", "b"], place, lambda: fakes.ask("hand"))
+    taught, held, found = {}, {}, {}
+    with client.lease(), collecting(client, "state") as states:
+        hanging = still(client, fakes)
+        for name, force in HANDS.items():
+            free(client)
+            fakes.ask("hand", section="tip", force_n=force)
+            taught[name] = still(client, fakes)
+            learn(client, name, lambda: fakes.ask("hand"))
+            held[name] = still(client, fakes)
+        for name in HANDS:
+            replay(client, [name])
+            found[name] = still(client, fakes)
+        client.command("teach/release")
+        client.command("disarm")
         asked = np.array([state.asked_pa for state in states if state.mode == "HOLDING"])
     assert asked.max() > 5e3
     assert np.abs(np.diff(asked, axis=0)).max() < 8e3  # ramps, no jump, at twenty states a second
-    known = client.command("teach/list").applied
-    assert set(known) >= {"a", "b"}
-    for name, (positions, _) in held.items():
-        reached = {s["section"]: np.array(s["position_m"]) for s in known[name]["sections"]}
-        assert np.linalg.norm(reached["tip"] - reached["base"]) > 0.2
-        assert positions.shape == (3, 3)
+    assert set(client.command("teach/list").applied) >= set(HANDS)
+    for name in HANDS:
+        assert from_tip(taught[name], hanging) > 3 * NEAR_M, name
+        assert from_tip(held[name], taught[name]) < NEAR_M, name
+        assert from_tip(found[name], taught[name]) < NEAR_M, name
     assert wait_for_mode(client, "IDLE").asked_pa == (0.0,) * 6
+
+
+def from_tip(one, other):
+    """Distance of the tips of two true poses [m]."""
+    return np.linalg.norm(one[0][-1] - other[0][-1])
 
 
 def test_recording_from_the_command_line(rig):
@@ -103,7 +116,7 @@ def test_without_motion_capture_the_bend_sensors_carry_on(client, fakes):
 
 
 def spread(estimate):
-    return sum(np.trace(load.covariance_n2) for load in estimate.loads)
+    return sum(np.nansum(np.diag(np.array(load.covariance_n2, dtype=float))) for load in estimate.loads)
 
 
 BAD = {
@@ -170,7 +183,7 @@ def test_second_service_for_the_arm_refuses_to_start(rig):
 def test_stalled_subscriber_holds_up_nobody(rig, client):
     with other_client(rig.settings, "listen") as process, collecting(client, "state") as states:
         process.send_signal(signal.SIGSTOP)
-        threading.Event().wait(2.0)
+        later(client, 2.0)
         assert len(states) > 25
         gaps = np.diff([state.stamp.monotonic_ns for state in states]) * 1e-9
         assert gaps.max() < 0.5
@@ -195,18 +208,19 @@ def test_killed_holder_of_the_lease_leaves_the_arm_vented(rig, client, fakes):
         ("qtm", "body_lost", "TEACH"),
     ],
 )
-def test_device_faults_vent_in_time_and_nothing_arms_again(client, fakes, device, fault, mode):
+def test_device_faults_vent_in_time_and_nothing_arms_again(
+    client, fakes, provokes_a_fault, device, fault, mode
+):
     with pressurised(client, mode):
         fakes.ask("fault", device=device, fault=fault, for_s=0.6)
         assert seconds_until_vented(fakes) < VENTED_S
         wait_for_mode(client, "FAULTED")
-        threading.Event().wait(0.8)
-        assert client.state().mode == "FAULTED"
+        assert later(client, 0.8).mode == "FAULTED"
         assert setpoints(fakes) == VENTED_MBAR
         cleared(client)
 
 
-def test_frozen_loop_vents_by_the_terminal_and_is_said(rig, client, fakes):
+def test_frozen_loop_vents_by_the_terminal_and_is_said(rig, client, fakes, provokes_a_fault):
     with pressurised(client):
         process = rig.service.process
         process.send_signal(signal.SIGSTOP)

@@ -3,19 +3,18 @@
 import os
 import signal
 import subprocess
-import threading
 import time
 from pathlib import Path
 
 import pytest
 
 from softarm.client.client import SoftarmClient
-from softarm.experiments.recovery import arm_again
 from softarm.recordings import load_recording
 from tests.service.live.helpers import (
     VENTED_MBAR,
     VENTED_S,
     cleared,
+    later,
     pressurised,
     seconds_until_vented,
     setpoints,
@@ -25,7 +24,7 @@ from tests.service.live.helpers import (
 pytestmark = pytest.mark.timeout(240)
 
 
-def test_killed_estimator_vents_a_held_pose(rig, client, fakes):
+def test_killed_estimator_vents_a_held_pose(rig, client, fakes, provokes_a_fault):
     (estimator,) = children(rig.service.process.pid, "spawn_main")
     with pressurised(client, "HOLDING"):
         os.kill(estimator, signal.SIGKILL)
@@ -45,8 +44,8 @@ def test_killed_service_leaves_the_arm_vented_and_its_recording_readable(rig, cl
         cleared(client)
     with SoftarmClient(rig.settings.arm, rig.settings.endpoint, name="last") as last, last.lease():
         path = Path(str(last.command("record/start", name="torn").applied["path"]))
-        threading.Event().wait(2.5)  # the file is flushed every second
-        arm_again(last)
+        later(last, 2.5)  # the file is flushed every second
+        last.command("arm")
         last.command("set_pressures", pressures_pa=[2e4] * 6, lifetime_s=10.0)
         begin = time.monotonic()
         while setpoints(fakes) == VENTED_MBAR:

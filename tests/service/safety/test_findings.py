@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -7,7 +8,15 @@ from softarm.daemon.safety.checks import ALL_CHECKS
 from softarm.daemon.safety.checks.inputs import FOLLOWING_THE_POSE
 from softarm.daemon.safety.findings import FindingBook
 from softarm.daemon.safety.modes import PRESSURISED, Mode
-from softarm.daemon.safety.observation import Estimator, Input, Observation, Recorder, Valves
+from softarm.daemon.safety.observation import (
+    SETTLING_S,
+    Device,
+    Estimator,
+    Input,
+    Observation,
+    Recorder,
+    Valves,
+)
 
 HEALTHY = Observation(
     mode=Mode.ARMED,
@@ -67,12 +76,106 @@ def test_spare_sensor_disk_and_overruns_never_fault(mode):
 
 
 def test_finding_keeps_its_beginning_and_clears_itself():
-    book = FindingBook(ALL_CHECKS)
+    book = FindingBook(ALL_CHECKS, clear_after_ns=100)
     lost = replace(HEALTHY, valves=LOST_VALVES)
-    new, cleared = book.update(lost, unix_ns=5)
+    new, cleared = book.update(lost, now_ns=0, unix_ns=5)
     assert [f.code for f in new] == ["valves_lost"]
     assert cleared == ()
-    assert book.update(replace(lost, valves=replace(LOST_VALVES, age_s=2.0)), unix_ns=6) == ((), ())
+    older = replace(lost, valves=replace(LOST_VALVES, age_s=2.0))
+    assert book.update(older, now_ns=10, unix_ns=6) == ((), ())
     assert [s.since_unix_ns for s in book.standing] == [5]
-    new, cleared = book.update(HEALTHY, unix_ns=7)
+    assert book.update(HEALTHY, now_ns=20, unix_ns=7) == ((), ())
+    new, cleared = book.update(HEALTHY, now_ns=111, unix_ns=8)
     assert (new, [f.code for f in cleared], book.standing) == ((), ["valves_lost"], ())
+
+
+@given(st.lists(st.booleans(), min_size=100, max_size=300))
+def test_finding_that_flaps_is_reported_at_most_once_in_two_seconds(lost):
+    book, reported = FindingBook(ALL_CHECKS), 0
+    for tick, gone in enumerate(lost):  # a tick each 10 ms
+        observation = replace(HEALTHY, inputs=STALE_TIP) if gone else HEALTHY
+        new, cleared = book.update(observation, tick * 10_000_000, unix_ns=tick)
+        reported += len(new) + len(cleared)
+        # What acts on the arm neither waits nor lingers.
+        assert bool(book.present_faults) is False
+    assert reported <= 2 * (1 + len(lost) // 200)
+
+
+def test_fault_acts_at_once_and_does_not_linger():
+    book = FindingBook(ALL_CHECKS)
+    book.update(replace(HEALTHY, mode=Mode.TEACH, inputs=STALE_TIP), 0, 0)
+    assert [f.code for f in book.present_faults] == ["stale_sensor"]
+    book.update(replace(HEALTHY, mode=Mode.TEACH), 10_000_000, 1)
+    assert book.present_faults == ()
+    assert [s.finding.code for s in book.standing] == ["stale_sensor"]
+
+
+NOTHING_YET = replace(
+    HEALTHY,
+    mode=Mode.STARTING,
+    valves=replace(HEALTHY.valves, age_s=None),
+    inputs=tuple(replace(entry, age_s=None) for entry in HEALTHY.inputs),
+    estimator=Estimator(running=False, age_s=None, deadline_s=0.2, starting=True),
+    devices=(Device("gauge", connected=False),),
+    uptime_s=0.1,
+)
+
+
+def test_normal_start_has_no_finding_and_still_cannot_be_armed():
+    assert FindingBook(ALL_CHECKS).evaluate(NOTHING_YET) == ()
+    assert faults(replace(NOTHING_YET, mode=Mode.ARMED)) == {"valves_lost"}
+    assert faults(replace(NOTHING_YET, mode=Mode.TEACH)) == {
+        "valves_lost",
+        "stale_sensor",
+        "estimator_failed",
+    }
+
+
+def test_what_has_not_answered_after_a_while_is_found():
+    found = FindingBook(ALL_CHECKS).evaluate(replace(NOTHING_YET, uptime_s=SETTLING_S))
+    assert {f.code for f in found} == {"valves_lost", "stale_sensor", "device_lost"}
+
+
+GAUGE = Device("gauge", connected=True, age_s=0.01)
+
+
+@pytest.mark.parametrize(
+    ("device", "code", "hint"),
+    [
+        (
+            replace(GAUGE, connected=False, error="cannot be reached", cure="plug it in"),
+            "device_lost",
+            "plug it in",
+        ),
+        (
+            replace(GAUGE, connected=False, error="no gauge", gave_up=True),
+            "device_gave_up",
+            "device/reconnect",
+        ),
+        (replace(GAUGE, measured=False, age_s=2.0), "device_silent", "measures"),
+        (replace(GAUGE, measured=False, age_s=None), "device_silent", "measures"),
+        (replace(GAUGE, sink_errors=3), "sink_failed", "log"),
+    ],
+)
+@given(mode=st.sampled_from(Mode))
+def test_every_configured_device_is_judged_in_every_mode(device, code, hint, mode):
+    (finding,) = FindingBook(ALL_CHECKS).evaluate(replace(HEALTHY, mode=mode, devices=(GAUGE, device)))
+    assert (finding.code, finding.where, finding.severity) == (code, "gauge", "warning")
+    assert hint in finding.hint
+
+
+def test_silence_on_a_late_processor_is_reported_as_such():
+    busy = "the control loop came 80 ms late"
+    stale = replace(HEALTHY, mode=Mode.TEACH, inputs=STALE_TIP, valves=LOST_VALVES, busy=busy)
+    for finding in FindingBook(ALL_CHECKS).evaluate(stale):
+        assert finding.severity == "fault"
+        assert busy in finding.message
+        assert "processor" in finding.hint
+        assert "cable" not in finding.hint
+
+
+def test_estimator_that_is_not_started_again_is_said_to_be_so():
+    gone = replace(HEALTHY.estimator, running=False, gave_up=True)
+    (finding,) = FindingBook(ALL_CHECKS).evaluate(replace(HEALTHY, estimator=gone))
+    assert "not started again" in finding.message
+    assert "restart the service" in finding.hint

@@ -62,13 +62,13 @@ class ValveAlarms:
         self._alarms.clear(WATCHDOG_FIRED)
         self._alarms.clear(FOREIGN_WRITER)
 
-    def expired(self, now: bool, asked: bool) -> None:
-        """A set-point ran out; the next one ends the alarm."""
+    def expired(self, now: bool, over: bool) -> None:
+        """A set-point ran out; the next one ends the alarm, and so does disarming."""
         if now:
             self._alarms.set(
                 EXPIRED, "the set-point was not renewed, the chambers vent", "renew it within its lifetime"
             )
-        elif asked:
+        elif over:
             self._alarms.clear(EXPIRED)
 
     def diagnosis(self, words: tuple[int, ...]) -> None:

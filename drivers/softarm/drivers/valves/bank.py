@@ -25,9 +25,11 @@ OpenLink = Callable[["ValveBank"], Awaitable[RegisterLink]]
 class ValveBank(SupervisedDevice):
     """Proportional valves that fill the chambers of an arm.
 
-    A set-point lives for a stated time; without renewal the chambers vent. They also vent when the terminal
-    cleared its outputs, when another master writes, when the connection breaks, and on `close`. After
-    each of these only `arm` makes the bank take set-points again: nothing moves by itself.
+    A set-point lives for a stated time; without renewal the chambers vent, and the bank stays armed: the next
+    set-point fills them again from zero, at the rate of the slew limit. Who cannot have that, as the service
+    that holds a pose, looks at the event ``set-point expired`` and disarms. The chambers also vent when the
+    terminal cleared its outputs, when another master writes, when the connection breaks, and on `close`.
+    After each of these only `arm` makes the bank take set-points again: nothing moves by itself.
 
     Args:
         name: What readings, errors and logs call the device.
@@ -94,10 +96,13 @@ class ValveBank(SupervisedDevice):
         if self.settings.observe:
             raise InterlockError(self.name, "only observes", "open it for control")
         if self.state not in ALIVE:
-            raise InterlockError(self.name, f"is {self.state}", "connect it first")
-        for key in BLOCKING:
-            if key in self.health.alarms:
-                raise InterlockError(self.name, f"cannot be armed: {key}", "clear the cause first")
+            error = self.failure
+            what = "is not connected" if error is None else f"is not connected: {error.what}"
+            cure = "wait until it answers" if error is None else error.cure
+            raise InterlockError(self.name, what, cure)
+        for alarm in self.health.alarms.standing:
+            if alarm.key in BLOCKING:
+                raise InterlockError(self.name, f"cannot be armed: {alarm.what}", alarm.cure)
         self._outputs.arm()
 
     def vent(self, reason: str = "asked for") -> None:

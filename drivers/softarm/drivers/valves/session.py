@@ -170,7 +170,7 @@ class BankSession:
 
     async def _write(self) -> TimedInputs | None:
         plan = self._outputs.plan(self._settings.period_s)
-        self._alarms.expired(plan.expired, plan.setpoint is not None)
+        self._alarms.expired(plan.expired, plan.setpoint is not None or not self._outputs.armed)
         self._health.events["set-point expired"] += plan.expired
         self._echo.attempted(plan.counts, self._clock())
         self._unknown = True

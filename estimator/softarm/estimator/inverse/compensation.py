@@ -196,9 +196,21 @@ def _misses(slices: Mapping[str, Any], left: Floats, sigma: Floats) -> list[str]
     for name, rows in slices.items():
         ratio = float(np.max(np.abs(left[rows]) / sigma[rows], initial=0.0))
         if ratio > TOLERANCE:
-            size = float(np.linalg.norm(left[rows]))
-            found.append(f"{name} misses by {size:.2g} ({ratio:.0f} standard deviations)")
+            found.append(f"{name} misses by {_size(name, left[rows])} ({ratio:.0f} standard deviations)")
     return found
+
+
+def _size(name: str, residual: Floats) -> str:
+    """Write the size of a residual with its unit, which the kind of sensor decides."""
+    if name.startswith("pose"):
+        return f"{1e3 * np.linalg.norm(residual[:3]):.2g} mm and {_degrees(residual[3:])}"
+    if name.startswith(("orientation", "bend")):
+        return _degrees(residual)
+    return f"{np.linalg.norm(residual):.2g} in SI units"
+
+
+def _degrees(rotation: Floats) -> str:
+    return f"{np.degrees(np.linalg.norm(rotation)):.2g} degrees"
 
 
 def _statement(misses: list[str], bounds: list[str]) -> str:

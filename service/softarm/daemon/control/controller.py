@@ -84,6 +84,11 @@ class Controller:
         return self._asked
 
     @property
+    def commanding(self) -> bool:
+        """Whether a set-point is in force that each tick renews."""
+        return self._wanted is not None or self._hold is not None
+
+    @property
     def hold(self) -> Hold | None:
         """The hold in progress."""
         return self._hold
@@ -160,7 +165,7 @@ class Controller:
         if gone is not None and self.modes.allows(Event.LEASE_LOST):
             return self.fire(Event.LEASE_LOST, f"{gone.holder} did not renew the lease")
         self._asked = self._target(now_ns, interval_s, measured)
-        if self.modes.mode in PRESSURISED and (self._wanted is not None or self._hold is not None):
+        if self.modes.mode in PRESSURISED and self.commanding:
             self._valves.command(tuple(float(p) for p in self._asked), self._lifetime_s)
         return None
 

@@ -130,5 +130,13 @@ class Estimates:
         age_s = None if self._last_result_ns is None else (now_ns - self._last_result_ns) * 1e-9
         result = self._knowledge.result
         off = None if result is None or result.rod_off_rad is None else float(np.degrees(result.rod_off_rad))
-        running = self.process.state.running
-        return Estimator(running, age_s, self._deadline_s, self._knowledge.failures, off)
+        state = self.process.state
+        return Estimator(
+            state.running,
+            age_s,
+            self._deadline_s,
+            self._knowledge.failures,
+            off,
+            state.starting,
+            state.gave_up,
+        )

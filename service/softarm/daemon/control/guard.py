@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from softarm.daemon.control.controller import Controller
 from softarm.daemon.control.instruments import Instruments
@@ -30,6 +30,7 @@ class Watched:
         recorder: Pictures the recorder.
         valve_deadline_s: A valve bank that does not answer for so long is lost.
         told: Takes a finding and whether it is new (or has cleared itself).
+        busy: Describes how the processor keeps the service waiting, empty when it does not.
     """
 
     instruments: Instruments
@@ -41,6 +42,7 @@ class Watched:
     recorder: Callable[[], Recorder]
     valve_deadline_s: float
     told: Callable[[Finding, bool], None]
+    busy: Callable[[int], str] = lambda _: ""
 
 
 class Guard:
@@ -54,6 +56,8 @@ class Guard:
         self.overruns = 0
         self._watched = watched
         self._late: deque[int] = deque(maxlen=1000)
+        self._began_ns: int | None = None
+        self._expiries = 0
 
     def overran(self, missed: int, now_ns: int) -> None:
         """Count ticks that were skipped.
@@ -76,10 +80,24 @@ class Guard:
             The change of mode, if there was one.
         """
         controller = self._watched.controller
+        if self._ran_out():
+            cause = "a set-point ran out before it was renewed, and the chambers vented"
+            return controller.fire(Event.FAULT, f"{self._watched.instruments.bank}: {cause}")
         try:
             return controller.tick(now_ns, elapsed_s, self._watched.knowledge.hold)
         except DeviceError as error:
             return controller.fire(Event.FAULT, f"{error.device}: {error.what}")
+
+    def _ran_out(self) -> bool:
+        """Whether a pose that is taught or held lost its pressures since the last tick.
+
+        In ARMED and EXPERIMENT the client's next set-point fills the chambers again from zero, at the rate
+        of the slew limit; a pose would be led there by nobody.
+        """
+        before, self._expiries = self._expiries, self._watched.instruments.expiries
+        controller = self._watched.controller
+        following = controller.modes.mode in (Mode.TEACH, Mode.HOLDING) and controller.commanding
+        return following and self._expiries > before
 
     def check(self, now_ns: int, unix_ns: int) -> Transition | None:
         """Judge the health of everything; a fault vents.
@@ -94,7 +112,7 @@ class Guard:
         if self._watched.instruments.source == "replay":
             return None  # stored readings raise no live alarm
         controller = self._watched.controller
-        new, cleared = self._watched.book.update(self.observe(now_ns, controller.modes.mode), unix_ns)
+        new, cleared = self._watched.book.update(self.observe(now_ns, controller.modes.mode), now_ns, unix_ns)
         for finding in (*new, *cleared):
             self._watched.told(finding, finding in new)
         if controller.modes.mode not in PRESSURISED:
@@ -104,9 +122,8 @@ class Guard:
 
     def _cause(self) -> str | None:
         """Say what forbids that the chambers hold pressure."""
-        for standing in self._watched.book.standing:
-            if standing.finding.severity == "fault":
-                return f"{standing.finding.where}: {standing.finding.message}"
+        for finding in self._watched.book.present_faults:
+            return f"{finding.where}: {finding.message}"
         if not self._watched.instruments.valves.armed:
             return f"{self._watched.instruments.bank}: the valve bank has vented by itself"
         return None
@@ -123,7 +140,9 @@ class Guard:
             mode: The mode whose demands are to be checked.
         """
         watched = self._watched
-        instruments = watched.instruments
+        instruments, readings = watched.instruments, watched.readings
+        if self._began_ns is None:
+            self._began_ns = now_ns
         fatal, others = instruments.valve_alarms()
         return Observation(
             mode=mode,
@@ -138,4 +157,10 @@ class Guard:
             estimator=watched.estimator(now_ns),
             recorder=watched.recorder(),
             overruns=sum(1 for late_ns in self._late if now_ns - late_ns < SECOND_NS),
+            devices=tuple(
+                replace(device, age_s=readings.device_age_s(device.name, now_ns))
+                for device in instruments.devices()
+            ),
+            uptime_s=(now_ns - self._began_ns) * 1e-9,
+            busy=watched.busy(now_ns),
         )

@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from softarm.daemon.config import Setup
 from softarm.daemon.control.controller import ValveOutputs
+from softarm.daemon.safety.observation import Device as DeviceStatus
 from softarm.drivers.clock import Clock, monotonic
-from softarm.drivers.device import close_all, connect_all
+from softarm.drivers.device import Device, close_all, connect_all
 from softarm.drivers.errors import DeviceErrors
 from softarm.drivers.reading import Sink
+from softarm.drivers.supervisor import ALIVE
 from softarm.drivers.valves import ValveBank
 from softarm.drivers.valves.alarms import DIAGNOSIS, FOREIGN_WRITER, WATCHDOG_FIRED
 from softarm.estimator.errors import InputError
@@ -44,11 +46,26 @@ class Instruments(Protocol):
     def valve_alarms(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Tell what ends every pressurised mode, and what a person should know of the valves."""
 
+    @property
+    def expiries(self) -> int:
+        """How often the valves vented because a set-point was not renewed in time."""
+
+    def devices(self) -> tuple[DeviceStatus, ...]:
+        """Return the status of each device other than the valve bank."""
+
     def troubles(self) -> Mapping[str, str]:
-        """Tell what each device, or channel of one, says is wrong."""
+        """Return what each device, or channel of one, reports as wrong."""
 
     async def connect(self) -> None:
         """Connect; what does not answer is logged and tried again by itself."""
+
+    async def reconnect(self, name: str) -> None:
+        """Close a device and connect it again.
+
+        Raises:
+            KeyError: There is no such device.
+            DeviceErrors: The first attempt failed.
+        """
 
     async def close(self) -> None:
         """Leave every device safe."""
@@ -75,6 +92,8 @@ class LiveInstruments:
         self._bank = banks[0]
         self._simulated = any(device.simulated for device in setup.devices)
         self._chambers = len(setup.specimen.chambers)
+        self._stale_after_s = {device.name: device.stale_after_s for device in setup.devices}
+        self._measured = {sensor.device for sensor in setup.config.sensors}
 
     @property
     def source(self) -> Source:
@@ -105,6 +124,43 @@ class LiveInstruments:
             tuple(text for fatal, text in told if fatal),
             tuple(text for fatal, text in told if not fatal),
         )
+
+    @property
+    def expiries(self) -> int:
+        """How often the valves vented because a set-point was not renewed in time."""
+        return self._bank.health.events["set-point expired"]
+
+    def devices(self) -> tuple[DeviceStatus, ...]:
+        """Return the status of each device, the bank's too where its driver has ended for good."""
+        return tuple(
+            self._status(device)
+            for device in self._devices
+            if device is not self._bank or device.gave_up or device.health.sink_errors
+        )
+
+    def _status(self, device: Device) -> DeviceStatus:
+        error = device.failure
+        return DeviceStatus(
+            name=device.name,
+            connected=device.state in ALIVE,
+            gave_up=device.gave_up,
+            error="" if error is None else error.what,
+            cure="" if error is None else error.cure,
+            deadline_s=self._stale_after_s[device.name],
+            measured=device.name in self._measured,
+            sink_errors=device.health.sink_errors,
+        )
+
+    async def reconnect(self, name: str) -> None:
+        """Close a device and connect it again.
+
+        Raises:
+            KeyError: There is no such device.
+            DeviceErrors: The first attempt failed.
+        """
+        device = {device.name: device for device in self._devices}[name]
+        await device.close()
+        await device.connect()
 
     def troubles(self) -> dict[str, str]:
         """Tell the newest alarm of each device, and of each channel that one is about."""

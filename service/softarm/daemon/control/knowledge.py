@@ -17,6 +17,8 @@ CONTACT_ENDS = 2.5
 """Normalised force (Mahalanobis distance) at which a contact begins and ends."""
 CONTACT_FLOOR_N = 0.02
 """Added to the estimate's own deviation: rubber that creeps and remembers seems pushed by so much."""
+SPANNED = 1e-6
+"""An axis is estimated when the loads' directions span it up to this."""
 RECENT_S = 0.5
 """A command may use what was known of the pose so long before: one search that fails says nothing of it."""
 
@@ -42,6 +44,23 @@ class LoadMap:
         rows = tuple(sections.index(load.section or load.name) for load in loads)
         return cls(sections, rows, np.array([load.direction for load in loads]))
 
+    @property
+    def not_estimated(self) -> tuple[str, ...]:
+        """Name the axes along which no force is estimated: there the model has no load."""
+        return tuple(
+            f"force on {section} along {axis}: it is not estimated"
+            for section in self.sections
+            for axis, known in zip("xyz", self._known(section), strict=True)
+            if not known
+        )
+
+    def _known(self, section: str) -> tuple[bool, ...]:
+        """Whether the loads of a section span each axis of the base frame."""
+        index = self.sections.index(section)
+        directions = self.directions[[row for row, place in enumerate(self.rows) if place == index]]
+        projection = np.linalg.pinv(directions) @ directions
+        return tuple(bool(entry > 1.0 - SPANNED) for entry in np.diag(projection))
+
     def forces(self, amplitudes: Floats, covariance: Floats) -> tuple[LoadEstimate, ...]:
         """Turn load amplitudes into one force and covariance a section."""
         found = []
@@ -50,11 +69,18 @@ class LoadMap:
             directions = self.directions[members]
             force = amplitudes[members] @ directions
             spread = directions.T @ covariance[np.ix_(members, members)] @ directions
+            known = self._known(section)
             found.append(
                 LoadEstimate(
                     section=section,
                     force_n=_vector(force),
-                    covariance_n2=tuple(_vector(row) for row in spread),
+                    covariance_n2=tuple(
+                        tuple(
+                            float(spread[row, column]) if known[row] and known[column] else None
+                            for column in range(3)
+                        )
+                        for row in range(3)
+                    ),
                 )
             )
         return tuple(found)

@@ -22,6 +22,7 @@ from softarm.api.modes import Mode
 from softarm.daemon.control.controller import Controller
 from softarm.daemon.control.instruments import Source
 from softarm.daemon.control.knowledge import Knowledge
+from softarm.daemon.control.lateness import Drift
 from softarm.daemon.control.mismatch import MismatchTest
 from softarm.daemon.estimation.messages import EstimationResult
 from softarm.daemon.safety.findings import FindingBook
@@ -29,7 +30,6 @@ from softarm.daemon.safety.findings import FindingBook
 Floats = NDArray[np.float64]
 Status = Literal["converged", "not_converged", "degraded", "no_data"]
 Kind = Literal["mode", "contact_begin", "contact_end", "finding", "finding_cleared"]
-ADVICE = "record the mismatch and run: softarm diagnose RECORDING --specimen SPECIMEN"
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,7 @@ class Picture:
         ages_s: Age of the last valid reading of every input [s].
         ticks: Control ticks since the start.
         overruns: Ticks skipped.
+        drift: How late the ticks of the last seconds came; ``None`` before the first.
         recording: File being recorded, ``None`` when none.
     """
 
@@ -52,6 +53,7 @@ class Picture:
     ages_s: Mapping[str, float | None]
     ticks: int
     overruns: int
+    drift: Drift | None
     recording: str | None
 
 
@@ -59,6 +61,7 @@ class Publisher:
     """Makes messages; each stream counts its own.
 
     Args:
+        specimen: Name or path of the specimen.
         source: Where the readings come from.
         controller: Mode, lease and set-points.
         knowledge: The newest estimate.
@@ -68,6 +71,7 @@ class Publisher:
 
     def __init__(
         self,
+        specimen: str,
         source: Source,
         controller: Controller,
         knowledge: Knowledge,
@@ -76,6 +80,7 @@ class Publisher:
         clock_ns: Callable[[], int] = time.monotonic_ns,
         unix_ns: Callable[[], int] = time.time_ns,
     ) -> None:
+        self._specimen = specimen
         self._source = source
         self._controller = controller
         self._knowledge = knowledge
@@ -115,6 +120,8 @@ class Publisher:
             ),
             ticks=picture.ticks,
             overruns=picture.overruns,
+            drift_median_s=None if picture.drift is None else picture.drift.median_s,
+            drift_p99_s=None if picture.drift is None else picture.drift.p99_s,
             recording=picture.recording,
             teach_pressures_pa=tuple(told.pressures.tolist()) if told and told.known else None,
             teach_reachable=told.reachable if told else None,
@@ -159,7 +166,7 @@ class Publisher:
             tare_n=tuple(load.force_n for load in tare),
             normalised_residual=ratio,
             degrees_of_freedom=round(dof),
-            unobservable=result.unobservable,
+            unobservable=(*result.unobservable, *self._knowledge.load_map.not_estimated),
             sensors_used=request.used,
             sensors_lost=request.lost,
             latency_s=(self._clock_ns() - request.newest_arrival_ns) * 1e-9,
@@ -175,8 +182,14 @@ class Publisher:
             where=test.suspects,
             normalised_innovation_squared=test.ratio,
             recording=recording,
-            advice="nothing to do" if test.consistent else ADVICE,
+            advice="nothing to do" if test.consistent else self._advice(recording),
         )
+
+    def _advice(self, recording: str | None) -> str:
+        diagnose = f"softarm diagnose {recording or 'RECORDING'} --specimen {self._specimen}"
+        if recording is None:
+            return f"record the mismatch with record/start and record/stop, then run: {diagnose}"
+        return f"end the recording with record/stop, then run: {diagnose}"
 
     def occurrence(self, kind: Kind, where: str, text: str, by: str) -> Occurrence:
         """Build the message of something that happened, and who asked for it."""

@@ -42,10 +42,11 @@ class Readings:
     Args:
         sensors: Sensors in the order of the estimator's readings; gauges are ignored.
         base_body: Channel of the motion-capture body on the base, empty for none.
-        safety: Deadlines.
+        safety: Deadline of what has none of its own.
         on_sample: Takes every sample as it comes.
         on_packet: Called when a packet of the leading device is complete: an estimate is best started then,
             for whatever waits for the next tick is older by then.
+        deadlines_s: Deadlines of channels that have their own [s].
     """
 
     def __init__(
@@ -55,15 +56,18 @@ class Readings:
         safety: SafetySettings,
         on_sample: Callable[[str, Sample], None] = lambda _name, _sample: None,
         on_packet: Callable[[], None] = lambda: None,
+        deadlines_s: Mapping[str, float] | None = None,
     ) -> None:
         self._sensors = tuple(sensor for sensor in sensors if sensor.kind != "gauge")
+        self._all = sensors
         self._base_body = base_body
-        self._deadline_ns = round(safety.sensor_deadline_s * 1e9)
         self._deadline_s = safety.sensor_deadline_s
+        self._deadlines_s = deadlines_s or {}
         self._on_sample = on_sample
         self._on_packet = on_packet
         self._leading = leading_channels(self._sensors)
         self._latest: dict[str, Sample] = {}
+        self._device_ns: dict[str, int] = {}
         self._references: dict[str, Floats] = {}
 
     def take(self, reading: Reading[Any]) -> None:
@@ -74,6 +78,7 @@ class Readings:
     def put(self, name: str, sample: Sample) -> None:
         """Take a sample of a channel."""
         self._latest[name] = sample
+        self._device_ns[name.split("/")[0]] = sample.arrival_ns
         if self._completes_packet(name):
             self._on_packet()
         self._on_sample(name, sample)
@@ -90,8 +95,17 @@ class Readings:
 
     def fresh(self, name: str, now_ns: int) -> Sample | None:
         """Give the newest sample of a channel unless it is stale."""
-        sample = self._latest.get(name)
-        return sample if sample is not None and now_ns - sample.measured_ns <= self._deadline_ns else None
+        age_s = self.age_s(name, now_ns)
+        return self._latest[name] if age_s is not None and age_s <= self.deadline_s(name) else None
+
+    def deadline_s(self, name: str) -> float:
+        """Return the age from which a channel's newest sample is stale [s]."""
+        return self._deadlines_s.get(name, self._deadline_s)
+
+    def device_age_s(self, device: str, now_ns: int) -> float | None:
+        """Return the time since a device's last valid sample of any channel [s]."""
+        last_ns = self._device_ns.get(device)
+        return None if last_ns is None else max(now_ns - last_ns, 0) * 1e-9
 
     def age_s(self, name: str, now_ns: int) -> float | None:
         """Tell the age of a channel's newest sample [s]."""
@@ -110,10 +124,10 @@ class Readings:
                 f"{sensor.kind}_{sensor.section}",
                 sensor.needed,
                 self.age_s(channel(sensor), now_ns),
-                self._deadline_s,
+                self.deadline_s(channel(sensor)),
                 troubles.get(channel(sensor), troubles.get(sensor.device, "")),
             )
-            for sensor in self._sensors
+            for sensor in self._all
         )
 
     def rest(self, orientations: Mapping[str, Floats]) -> tuple[str, ...]:

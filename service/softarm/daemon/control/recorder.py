@@ -1,10 +1,7 @@
 """The recorder: a writer thread behind a bounded queue, with a visible count of what it dropped."""
 
-import math
 import queue
-import shutil
 import threading
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +11,6 @@ from softarm.daemon.safety.observation import Recorder as RecorderHealth
 from softarm.recordings.mcap_writer import Stamp, Stream, StreamWriter
 
 QUEUE_LENGTH = 8192
-LOOK_EVERY_S = 1.0
-"""The disk's free space is looked up so often; the health checks ask at every tick."""
 PART_SUFFIX = ".part"
 
 
@@ -56,9 +51,15 @@ class Recorder:
     Args:
         directory: Where the files go; it is made when missing.
         create: Creates a file and opens it for writing.
+        free_bytes: Returns the space left at the last look, without looking; ``None`` when unknown.
     """
 
-    def __init__(self, directory: Path, create: Callable[[Path], IO[bytes]] = _create) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        create: Callable[[Path], IO[bytes]] = _create,
+        free_bytes: Callable[[], int | None] = lambda: None,
+    ) -> None:
         self._directory = directory
         self._create = create
         self._queue: queue.Queue[Item] = queue.Queue(QUEUE_LENGTH)
@@ -67,7 +68,7 @@ class Recorder:
         self._dropped = 0
         self._error = ""
         self.closing = False
-        self._looked_s, self._free_bytes = -math.inf, 0
+        self._free_bytes = free_bytes
 
     @property
     def path(self) -> Path | None:
@@ -76,11 +77,7 @@ class Recorder:
 
     def health(self) -> RecorderHealth:
         """Picture the recorder for the health checks."""
-        now_s = time.monotonic()
-        if now_s - self._looked_s > LOOK_EVERY_S:
-            existing = next(p for p in (self._directory, *self._directory.parents) if p.exists())
-            self._looked_s, self._free_bytes = now_s, shutil.disk_usage(existing).free
-        return RecorderHealth(self._thread is not None, self._dropped, self._error, self._free_bytes)
+        return RecorderHealth(self._thread is not None, self._dropped, self._error, self._free_bytes())
 
     def start(self, name: str, attachments: Mapping[str, bytes]) -> Path:
         """Open a file.

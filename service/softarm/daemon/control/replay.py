@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from softarm.daemon.config import SensorSettings
 from softarm.daemon.control.channels import Sample
 from softarm.daemon.control.readings import channel
+from softarm.daemon.safety.observation import Device
 from softarm.drivers.errors import InterlockError
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
@@ -94,6 +95,20 @@ class ReplayedInstruments:
     def valve_alarms(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """A recording raises no live alarm."""
         return (), ()
+
+    expiries = 0
+
+    def devices(self) -> tuple[Device, ...]:
+        """A recording has no devices."""
+        return ()
+
+    async def reconnect(self, name: str) -> None:
+        """Refuse: a recording has no devices.
+
+        Raises:
+            KeyError: Always.
+        """
+        raise KeyError(name)
 
     def troubles(self) -> dict[str, str]:
         """A recording raises no live alarm."""

@@ -65,7 +65,8 @@ class Reporter:
     def finding(self, finding: Finding, new: bool) -> None:
         """Report a finding that is new or has cleared itself."""
         if new:
-            logger.warning("%s: %s; %s", finding.where, finding.message, finding.hint)
+            level = logging.INFO if finding.severity == "info" else logging.WARNING
+            logger.log(level, "%s: %s; %s", finding.where, finding.message, finding.hint)
         else:
             logger.info("%s: no longer: %s", finding.where, finding.message)
         self._happened("finding" if new else "finding_cleared", finding.where, finding.message)

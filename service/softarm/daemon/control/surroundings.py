@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from softarm.api.messages import Message
+from softarm.daemon.control.host_watch import Host
 from softarm.daemon.control.instruments import Instruments
 from softarm.daemon.control.readings import Readings
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult
@@ -21,6 +22,9 @@ class EstimatorProcess(Protocol):
 
     def submit(self, request: EstimationRequest) -> None:
         """Hand over a request; one that still waits is replaced by the newer one."""
+
+    def watch(self) -> None:
+        """Kill a process that is stuck; called at every tick."""
 
 
 class Outlet(Protocol):
@@ -61,6 +65,7 @@ class Surroundings:
         base_body: Channel of the pose of the base, empty for none.
         ready: Called once, as soon as the estimator has started or has given up.
         clocks: The clocks.
+        host: Returns the newest look at the host.
     """
 
     instruments: Callable[[Readings], Instruments]
@@ -69,3 +74,4 @@ class Surroundings:
     base_body: str
     ready: Callable[[], None]
     clocks: Clocks = Clocks()
+    host: Callable[[], Host] = Host

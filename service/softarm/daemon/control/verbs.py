@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from softarm.api.commands import (
     VERBS,
     Applied,
+    DeviceReconnect,
     ErrorCode,
     LeaseAcquire,
     MovingRequest,
@@ -28,13 +29,14 @@ from softarm.api.commands import (
 from softarm.daemon.control.controller import Controller
 from softarm.daemon.control.hold import HoldGoal
 from softarm.daemon.control.knowledge import Knowledge
+from softarm.daemon.control.off_loop import off_loop
 from softarm.daemon.control.poses import PoseStore, SavedPose
 from softarm.daemon.control.recorder import Recorder, RecorderError
 from softarm.daemon.estimation.messages import HoldAnswer, PoseTarget
 from softarm.daemon.safety.findings import Finding
 from softarm.daemon.safety.lease import LeaseError
-from softarm.daemon.safety.modes import Event, Mode, TransitionRefusedError
-from softarm.drivers.errors import InterlockError, LimitError
+from softarm.daemon.safety.modes import PRESSURISED, Event, Mode, TransitionRefusedError
+from softarm.drivers.errors import DeviceErrors, InterlockError, LimitError
 from softarm.recordings.info import format_info
 from softarm.recordings.mcap_writer import INFO_FILE
 
@@ -60,6 +62,24 @@ class RefusalError(Exception):
         self.hint = hint
 
 
+WAY_OUT: Mapping[Mode, str] = {
+    Mode.STARTING: "wait until the service has started",
+    Mode.IDLE: "acquire the lease and arm first",
+    Mode.ARMED: "the arm is armed already: see the table of modes in docs/api.md",
+    Mode.TEACH: "hold the pose with teach/hold, or go back to ARMED with teach/release",
+    Mode.HOLDING: "go back to ARMED with teach/release",
+    Mode.EXPERIMENT: "end the experiment with experiment/end",
+    Mode.FAULTED: "clear the fault with clear, then arm",
+    Mode.STOPPING: "wait until the service has been started again",
+}
+"""What leads on from a mode in which a command is refused."""
+
+
+def way_out(mode: Mode) -> str:
+    """Return what leads on from a mode in which a command is refused."""
+    return WAY_OUT[mode]
+
+
 @dataclass(frozen=True)
 class Context:
     """What the commands act on.
@@ -70,6 +90,7 @@ class Context:
         recorder: The recorder.
         poses: Saved poses.
         attachments: Files kept in every recording.
+        reconnect: Closes a device and connects it again.
         blocking: What keeps the service out of a mode.
         clock_ns: Monotonic clock.
         unix_ns: Wall clock.
@@ -80,6 +101,7 @@ class Context:
     recorder: Recorder
     poses: PoseStore
     attachments: Mapping[str, bytes]
+    reconnect: Callable[[str], Awaitable[None]]
     blocking: Callable[[Mode], tuple[Finding, ...]]
     clock_ns: Callable[[], int] = time.monotonic_ns
     unix_ns: Callable[[], int] = time.time_ns
@@ -95,6 +117,7 @@ class Verbs:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._began_ns = context.clock_ns()
+        self._saving, self._opening = asyncio.Lock(), asyncio.Lock()
         self._handlers: dict[str, Callable[[Any], Answer | Awaitable[Answer]]] = {
             "arm": self._arm,
             "disarm": self._disarm,
@@ -113,6 +136,7 @@ class Verbs:
             "calibrate/rest": self._rest,
             "record/start": self._record_start,
             "record/stop": self._record_stop,
+            "device/reconnect": self._device_reconnect,
             "lease/acquire": self._lease_acquire,
             "lease/release": self._lease_release,
         }
@@ -130,15 +154,19 @@ class Verbs:
             code: ErrorCode = "lease_held" if refusal.code == "lease_held" else "no_lease"
             return Refused(verb=verb, code=code, message=str(refusal), hint=refusal.hint)
         except TransitionRefusedError as refusal:
-            hint = "see the table of modes in docs/api.md"
+            hint = way_out(refusal.mode)
             return Refused(verb=verb, code="wrong_mode", message=str(refusal), hint=hint)
         except LimitError as refusal:
             return Refused(verb=verb, code="out_of_limit", message=refusal.what, hint=refusal.cure)
         except InterlockError as refusal:
             return Refused(verb=verb, code="not_available", message=refusal.what, hint=refusal.cure)
-        except (RecorderError, OSError) as refusal:
+        except RecorderError as refusal:
             hint = "see the service's findings"
             return Refused(verb=verb, code="not_available", message=str(refusal), hint=hint)
+        except OSError as refusal:
+            message = f"{refusal.filename or 'the disk'}: {refusal.strerror or refusal}"
+            hint = "check that the folder is there and may be written, and that the disk has room"
+            return Refused(verb=verb, code="not_available", message=message, hint=hint)
         except Exception:  # one command must not end the service; nobody else would tell it
             logger.exception("%s failed", verb)
             hint = "report this with the service's log"
@@ -168,11 +196,11 @@ class Verbs:
             hint = "send it again with a later deadline; if this repeats, compare the clocks of both hosts"
             raise RefusalError("stale", f"the deadline passed {late_ns * 1e-9:.3f} s ago", hint)
 
-    def _refuse_blocked(self, mode: Mode) -> None:
+    def _refuse_blocked(self, mode: Mode, what: str = "") -> None:
         faults = self._context.blocking(mode)
         if faults:
             first = faults[0]
-            message = f"{mode} is not possible: {first.where}: {first.message}"
+            message = f"{what or f'{mode} is not possible'}: {first.where}: {first.message}"
             raise RefusalError("not_available", message, first.hint)
 
     def _arm(self, request: MovingRequest) -> Answer:
@@ -194,7 +222,7 @@ class Verbs:
         cause = controller.modes.fault_cause
         acknowledged = controller.modes.allows(Event.CLEAR) and controller.acknowledge()
         if controller.modes.mode is Mode.FAULTED and not acknowledged:
-            self._refuse_blocked(Mode.ARMED)
+            self._refuse_blocked(Mode.ARMED, "the cause of the fault is still there")
         controller.fire(Event.CLEAR, f"cleared by {request.client}", request.client)
         return {"cleared": cause, "acknowledged": acknowledged}
 
@@ -202,7 +230,7 @@ class Verbs:
         controller = self._context.controller
         if controller.modes.mode not in (Mode.ARMED, Mode.EXPERIMENT):
             message = f"set-points are not taken in {controller.modes.mode}"
-            raise RefusalError("wrong_mode", message, "arm first, or release the hold")
+            raise RefusalError("wrong_mode", message, way_out(controller.modes.mode))
         asked = controller.want(np.array(request.pressures_pa), request.lifetime_s, self._context.clock_ns())
         return {"asked_pa": asked.tolist(), "lifetime_s": request.lifetime_s}
 
@@ -237,7 +265,7 @@ class Verbs:
         now_ns = self._context.clock_ns()
         self._context.controller.begin_hold(goal, request.ramp_s, now_ns, cause, request.client)
 
-    def _teach_save(self, request: TeachSave) -> Answer:
+    async def _teach_save(self, request: TeachSave) -> Answer:
         hold, sections = self._known_hold()[0], self._context.knowledge.sections
         controller = self._context.controller
         held = controller.modes.mode is Mode.HOLDING
@@ -249,7 +277,8 @@ class Verbs:
             note=hold.note,
             saved_unix_ns=self._context.unix_ns(),
         )
-        self._context.poses.save(request.name, pose)
+        async with self._saving:  # one after the other: each writes the whole file
+            await off_loop(lambda: self._context.poses.save(request.name, pose))
         told = {"reachable": pose.reachable, "note": pose.note}
         return {"name": request.name, "pressures_pa": list(pose.pressures_pa), **told}
 
@@ -302,16 +331,34 @@ class Verbs:
         aligned = self._context.knowledge.align_at_rest()
         return {"aligned": list(aligned)}
 
-    def _record_start(self, request: RecordStart) -> Answer:
+    async def _record_start(self, request: RecordStart) -> Answer:
+        if self._opening.locked():
+            raise RefusalError("busy", "a recording is being opened", "wait for the answer to that command")
         since_s = (self._context.clock_ns() - self._began_ns) * 1e-9
         info = format_info({"session_start_s": round(since_s, 3)})
         attachments = {**self._context.attachments, INFO_FILE: info}
-        return {"path": str(self._context.recorder.start(request.name, attachments))}
+        async with self._opening:
+            path = await off_loop(lambda: self._context.recorder.start(request.name, attachments))
+        return {"path": str(path)}
 
     async def _record_stop(self, request: Request) -> Answer:
         del request
-        path, dropped = await asyncio.to_thread(self._context.recorder.stop)
+        path, dropped = await off_loop(self._context.recorder.stop)
         return {"path": str(path), "dropped": dropped}
+
+    async def _device_reconnect(self, request: DeviceReconnect) -> Answer:
+        mode = self._context.controller.modes.mode
+        if mode in PRESSURISED:
+            raise RefusalError("wrong_mode", f"no device is reconnected in {mode}", "disarm first")
+        try:
+            await self._context.reconnect(request.device)
+        except KeyError:
+            hint = "give the name of a device in the configuration"
+            raise RefusalError("malformed", f"no device {request.device!r}", hint) from None
+        except DeviceErrors as errors:
+            error = next(errors.leaves())
+            raise RefusalError("not_available", f"{error.device}: {error.what}", error.cure) from errors
+        return {"device": request.device}
 
     def _lease_acquire(self, request: LeaseAcquire) -> Answer:
         lease = self._context.controller.lease.acquire(

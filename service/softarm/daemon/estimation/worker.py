@@ -1,7 +1,8 @@
 """A process that solves one request after another, with a mailbox of one.
 
 Numerics in a thread hold the interpreter's lock for tens of milliseconds; in a process they cannot delay
-the control loop. Requests and results are small, so a pipe carries them.
+the control loop. Requests and results are small, so pipes carry them; a thread waits for results, and another
+for the end of a process, so that the loop waits for neither.
 """
 
 import asyncio
@@ -12,10 +13,13 @@ import logging
 import multiprocessing
 import os
 import signal
+import threading
 import time
+from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from typing import Any, Generic, TypeVar
 
 logger = logging.getLogger(__name__)
@@ -24,12 +28,30 @@ Result = TypeVar("Result")
 Solver = Callable[[Any], Any]
 SolverFactory = Callable[[], Solver]
 
-RESTARTS_ALLOWED = 5
+NICER = 5
+"""Numerics that fill a core give way to the control loop and the drivers."""
 KILL_AFTER_S = 2.0
 STUCK_S = 5.0
 """A request that takes longer is given up, and the process with it."""
-NICER = 5
-"""Numerics that fill a core give way to the control loop and the drivers."""
+
+
+@dataclass(frozen=True)
+class RestartPolicy:
+    """When a process that died is started again.
+
+    Args:
+        deaths: After so many deaths within the window it is not started again.
+        window_s: A death counts for so long.
+        pause_s: Wait before the first restart; each further death within the window doubles it.
+        longest_pause_s: Longest wait.
+        start_s: A process that is not ready after so long is stuck: compiling the kernels takes a minute.
+    """
+
+    deaths: int = 6
+    window_s: float = 600.0
+    pause_s: float = 0.1
+    longest_pause_s: float = 5.0
+    start_s: float = 300.0
 
 
 @dataclass(frozen=True)
@@ -37,14 +59,16 @@ class WorkerState:
     """What became of the process.
 
     Args:
-        running: Whether it lives and has said that it is ready.
+        running: Whether it lives and has reported that it is ready.
         restarts: How often it was started again.
         gave_up: Whether it died too often to be started again.
+        deaths: Its deaths that still count.
     """
 
     running: bool
     restarts: int
     gave_up: bool
+    deaths: int = 0
 
     @property
     def starting(self) -> bool:
@@ -52,7 +76,7 @@ class WorkerState:
         return not self.running and not self.gave_up and self.restarts == 0
 
 
-def _serve(pipe: Connection, factory: SolverFactory, nicer: int) -> None:
+def _serve(requests: Connection, results: Connection, factory: SolverFactory, nicer: int) -> None:
     """Run in the child: build the solver, then answer until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(PermissionError):  # a sandbox may forbid it
@@ -61,15 +85,32 @@ def _serve(pipe: Connection, factory: SolverFactory, nicer: int) -> None:
         solver = factory()
         gc.collect()
         gc.freeze()  # a collection of all that the solver is built of takes tens of milliseconds
-        pipe.send(None)
+        results.send(None)
         while True:
-            request = pipe.recv()
-            faulthandler.dump_traceback_later(0.9 * STUCK_S)  # says in the log where it is stuck
+            request = requests.recv()
+            faulthandler.dump_traceback_later(0.9 * STUCK_S)  # shows in the log where it is stuck
             result = solver(request)
             faulthandler.cancel_dump_traceback_later()
-            pipe.send(result)
+            results.send(result)
     except (EOFError, BrokenPipeError):
         return
+
+
+@dataclass(eq=False)
+class _Child:
+    """One process with its pipes.
+
+    Args:
+        process: The process.
+        requests: Our end of the pipe to it.
+        started_s: When it was started [s].
+        ready: Whether it has reported that it is ready.
+    """
+
+    process: BaseProcess
+    requests: Connection
+    started_s: float
+    ready: bool = field(default=False)
 
 
 class Worker(Generic[Request, Result]):
@@ -80,6 +121,7 @@ class Worker(Generic[Request, Result]):
         on_result: Takes each result, in the event loop.
         clock: Monotonic time [s].
         nicer: By how much the process gives way to this one.
+        policy: When it is started again.
     """
 
     def __init__(
@@ -88,34 +130,37 @@ class Worker(Generic[Request, Result]):
         on_result: Callable[[Result], None],
         clock: Callable[[], float] = time.monotonic,
         nicer: int = NICER,
+        policy: RestartPolicy | None = None,
     ) -> None:
         self._factory = factory
         self._on_result = on_result
-        self._context = multiprocessing.get_context("spawn")
-        self._loop = asyncio.get_running_loop()
-        self._process: multiprocessing.process.BaseProcess | None = None
-        self._pipe: Connection | None = None
-        self._ready = asyncio.Event()
-        self._waiting: Request | None = None
-        self._busy = True
         self._clock = clock
         self._nicer = nicer
+        self._policy = policy or RestartPolicy()
+        self._context = multiprocessing.get_context("spawn")
+        self._loop = asyncio.get_running_loop()
+        self._child: _Child | None = None
+        self._waiting: Request | None = None
+        self._busy = True
         self._sent_s = clock()
         self._restarts = 0
+        self._deaths: deque[float] = deque()
+        self._gave_up = False
         self._closing = False
+        self._pause: asyncio.TimerHandle | None = None
         self._changed = asyncio.Event()
         self.replaced = 0
 
     @property
     def state(self) -> WorkerState:
         """What became of the process."""
-        gave_up = self._process is None and self._restarts > RESTARTS_ALLOWED
-        return WorkerState(self._process is not None and self._ready.is_set(), self._restarts, gave_up)
+        running = self._child is not None and self._child.ready
+        return WorkerState(running, self._restarts, self._gave_up, len(self._deaths))
 
     @property
     def pid(self) -> int | None:
         """Process number, while there is one."""
-        return None if self._process is None else self._process.pid
+        return None if self._child is None else self._child.process.pid
 
     async def __aenter__(self) -> "Worker[Request, Result]":
         self._start()
@@ -123,10 +168,12 @@ class Worker(Generic[Request, Result]):
 
     async def __aexit__(self, *_: object) -> None:
         self._closing = True
-        process = self._process
-        self._detach()
-        if process is not None:
-            await asyncio.to_thread(_end, process)
+        if self._pause is not None:
+            self._pause.cancel()
+        child = self._child
+        if child is not None:
+            self._detach()
+            await asyncio.to_thread(_end, child.process)
 
     async def until(self, accept: Callable[[WorkerState], bool]) -> None:
         """Wait until the process is in an accepted state."""
@@ -136,79 +183,111 @@ class Worker(Generic[Request, Result]):
 
     def submit(self, request: Request) -> None:
         """Hand over a request; one that still waits is replaced by the newer one."""
-        if self._busy or self._pipe is None:
-            self._give_up_when_stuck()
+        if self._busy or self._child is None:
             self.replaced += self._waiting is not None
             self._waiting = request
             return
-        self._send(request)
+        self._send(request, self._child)
 
-    def _give_up_when_stuck(self) -> None:
-        """Kill a process that has been at one request for too long; its end starts a new one."""
-        stuck = self._ready.is_set() and self._clock() - self._sent_s > STUCK_S
-        if stuck and self._process is not None:
-            logger.warning("the estimator was at one request for %g s; it is started anew", STUCK_S)
-            self._sent_s = self._clock()
-            self._process.kill()
+    def watch(self) -> None:
+        """Kill a process that is stuck at a request or at its start; call it at every tick."""
+        child, now_s = self._child, self._clock()
+        if child is None:
+            return
+        since_s, allowed_s = (
+            (self._sent_s, STUCK_S) if child.ready else (child.started_s, self._policy.start_s)
+        )
+        if self._busy and now_s - since_s > allowed_s:
+            what = "at one request" if child.ready else "being built"
+            logger.warning("the estimator was %s for more than %g s; it is killed", what, allowed_s)
+            self._sent_s = child.started_s = now_s
+            child.process.kill()
 
-    def _send(self, request: Request) -> None:
-        assert self._pipe is not None
-        self._busy = True
-        self._sent_s = self._clock()
-        self._waiting = None
-        try:
-            self._pipe.send(request)
-        except (BrokenPipeError, OSError):
-            self._busy = True  # the watch on the process tells of its end
+    def _send(self, request: Request, child: _Child) -> None:
+        self._busy, self._waiting, self._sent_s = True, None, self._clock()
+        with contextlib.suppress(OSError):  # the thread that waits for results reports its end
+            child.requests.send(request)
 
     def _start(self) -> None:
-        ours, theirs = self._context.Pipe()
+        self._pause = None
+        theirs_in, ours_out = self._context.Pipe(duplex=False)
+        ours_in, theirs_out = self._context.Pipe(duplex=False)
         process = self._context.Process(
-            target=_serve, args=(theirs, self._factory, self._nicer), name="softarm-estimator", daemon=True
+            target=_serve,
+            args=(theirs_in, theirs_out, self._factory, self._nicer),
+            name="softarm-estimator",
+            daemon=True,
         )
         process.start()
-        theirs.close()
-        self._process, self._pipe, self._busy = process, ours, True
-        self._ready.clear()
-        self._loop.add_reader(ours.fileno(), self._on_readable)
+        theirs_in.close()
+        theirs_out.close()
+        self._child = child = _Child(process, ours_out, self._clock())
+        self._busy = True
+        threading.Thread(
+            target=self._receive, args=(child, ours_in), name="softarm-estimates", daemon=True
+        ).start()
 
-    def _on_readable(self) -> None:
-        assert self._pipe is not None
-        try:
-            message = self._pipe.recv()
-        except (EOFError, OSError):
-            self._on_death()
+    def _receive(self, child: _Child, results: Connection) -> None:
+        """Run in a thread: pass results to the loop until the process has closed its end."""
+        with results, contextlib.suppress(RuntimeError):  # the loop may be closed already
+            try:
+                while True:
+                    self._loop.call_soon_threadsafe(self._on_message, child, results.recv())
+            except (EOFError, OSError):
+                self._loop.call_soon_threadsafe(self._on_end, child)
+
+    def _on_message(self, child: _Child, message: Result) -> None:
+        if child is not self._child:
             return
         self._busy = False
-        if not self._ready.is_set():
-            self._ready.set()
-            self._changed.set()
-        else:
+        if child.ready:
             self._on_result(message)
-        if self._waiting is not None and self._pipe is not None:
-            self._send(self._waiting)
+        else:
+            child.ready = True
+            self._changed.set()
+        if self._waiting is not None and self._child is child and not self._busy:
+            self._send(self._waiting, child)
 
     def _detach(self) -> None:
-        if self._pipe is not None:
-            self._loop.remove_reader(self._pipe.fileno())
-            self._pipe.close()
-        self._pipe, self._process, self._busy = None, None, True
-        self._ready.clear()
+        if self._child is not None:
+            self._child.requests.close()
+        self._child, self._busy = None, True
 
-    def _on_death(self) -> None:
-        process = self._process
+    def _on_end(self, child: _Child) -> None:
+        if child is not self._child:
+            return
         self._detach()
-        if process is not None:
-            process.kill()
-            process.join()
+        child.process.kill()
+        threading.Thread(target=_end, args=(child.process,), name="softarm-reaper", daemon=True).start()
+        now_s = self._clock()
+        self._deaths.append(now_s)
+        while now_s - self._deaths[0] > self._policy.window_s:
+            self._deaths.popleft()
         self._restarts += 1
-        if not self._closing and self._restarts <= RESTARTS_ALLOWED:
-            self._start()
+        self._start_again()
         self._changed.set()
 
+    def _start_again(self) -> None:
+        deaths, policy = len(self._deaths), self._policy
+        if self._closing:
+            return
+        if deaths >= policy.deaths:
+            self._gave_up = True
+            logger.error("the estimator died %d times; it is not started again", deaths)
+            return
+        pause_s = min(policy.pause_s * 2.0 ** (deaths - 1), policy.longest_pause_s)
+        logger.warning(
+            "the estimator died (%d of %d within %g s); it starts again in %.1f s",
+            deaths,
+            policy.deaths,
+            policy.window_s,
+            pause_s,
+        )
+        self._pause = self._loop.call_later(pause_s, self._start)
 
-def _end(process: multiprocessing.process.BaseProcess) -> None:
+
+def _end(process: BaseProcess) -> None:
     process.join(KILL_AFTER_S)
     if process.is_alive():
         process.kill()
-        process.join()
+        process.join(KILL_AFTER_S)

@@ -1,4 +1,4 @@
-"""Health findings: made by the checks at every tick, gone when they no longer hold."""
+"""Health findings: made by the checks at every tick, published with hysteresis."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -7,6 +7,8 @@ from typing import Literal
 from softarm.daemon.safety.observation import Observation
 
 Severity = Literal["info", "warning", "fault"]
+CLEAR_AFTER_NS = 2_000_000_000
+"""A finding stands until it has been gone for so long: one that comes and goes is reported once."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +45,12 @@ class Standing:
     Args:
         finding: The newest form of it.
         since_unix_ns: Wall clock at which it was first seen.
+        seen_ns: Monotonic time at which it was last seen.
     """
 
     finding: Finding
     since_unix_ns: int
+    seen_ns: int
 
 
 class FindingBook:
@@ -54,16 +58,24 @@ class FindingBook:
 
     Args:
         checks: Each makes its findings from an observation.
+        clear_after_ns: How long a finding must be gone before it counts as cleared.
     """
 
-    def __init__(self, checks: Iterable[Check]) -> None:
+    def __init__(self, checks: Iterable[Check], clear_after_ns: int = CLEAR_AFTER_NS) -> None:
         self._checks = tuple(checks)
+        self._clear_after_ns = clear_after_ns
         self._standing: dict[tuple[str, str], Standing] = {}
+        self._present: tuple[Finding, ...] = ()
 
     @property
     def standing(self) -> tuple[Standing, ...]:
         """Every finding that stands, oldest first."""
         return tuple(self._standing.values())
+
+    @property
+    def present_faults(self) -> tuple[Finding, ...]:
+        """Faults of the newest observation: what acts on the arm does not wait and does not linger."""
+        return tuple(finding for finding in self._present if finding.severity == "fault")
 
     def evaluate(self, observation: Observation) -> tuple[Finding, ...]:
         """Run every check on an observation without remembering anything."""
@@ -74,21 +86,25 @@ class FindingBook:
         return tuple(f for f in self.evaluate(observation) if f.severity == "fault")
 
     def update(
-        self, observation: Observation, unix_ns: int
+        self, observation: Observation, now_ns: int, unix_ns: int
     ) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
         """Run every check and remember the outcome.
 
         Args:
             observation: The service at this tick.
+            now_ns: Monotonic time.
             unix_ns: Wall clock.
 
         Returns:
-            Findings that are new, and those that cleared themselves.
+            Findings that are new, and those that have been gone for long enough to count as cleared.
         """
-        before = self._standing
-        now = {finding.key: finding for finding in self.evaluate(observation)}
-        kept = {key: Standing(now[key], old.since_unix_ns) for key, old in before.items() if key in now}
-        new = tuple(finding for key, finding in now.items() if key not in before)
-        self._standing = kept | {finding.key: Standing(finding, unix_ns) for finding in new}
-        cleared = tuple(old.finding for key, old in before.items() if key not in now)
-        return new, cleared
+        self._present = self.evaluate(observation)
+        new = []
+        for finding in self._present:
+            before = self._standing.get(finding.key)
+            since_unix_ns = unix_ns if before is None else before.since_unix_ns
+            self._standing[finding.key] = Standing(finding, since_unix_ns, now_ns)
+            if before is None:
+                new.append(finding)
+        gone = [key for key, old in self._standing.items() if now_ns - old.seen_ns > self._clear_after_ns]
+        return tuple(new), tuple(self._standing.pop(key).finding for key in gone)

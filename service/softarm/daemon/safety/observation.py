@@ -4,6 +4,37 @@ from dataclasses import dataclass
 
 from softarm.api.modes import Mode
 
+NOT_BUSY = ""
+SETTLING_S = 5.0
+"""So long after its start the service does not report what has not answered yet."""
+
+
+@dataclass(frozen=True)
+class Device:
+    """A configured instrument other than the valve bank.
+
+    Args:
+        name: Its name in the configuration.
+        connected: Whether its connection stands.
+        gave_up: Whether the driver has ended for good: the configuration does not fit the device.
+        error: Why the last attempt failed, empty when none did.
+        cure: What to do about that.
+        age_s: Age of its last valid reading; ``None`` before the first.
+        deadline_s: Age from which it counts as silent.
+        measured: Whether an input of the estimator or a gauge reads it: then that input reports its silence.
+        sink_errors: Readings that the service failed to take.
+    """
+
+    name: str
+    connected: bool
+    gave_up: bool = False
+    error: str = ""
+    cure: str = ""
+    age_s: float | None = None
+    deadline_s: float = 0.5
+    measured: bool = True
+    sink_errors: int = 0
+
 
 @dataclass(frozen=True)
 class Input:
@@ -59,6 +90,8 @@ class Estimator:
 
     Args:
         running: Whether the process lives and has been warmed up.
+        starting: Whether it is being built for the first time.
+        gave_up: Whether it died too often to be started again.
         age_s: Age of its last result; ``None`` before the first.
         deadline_s: Age from which it counts as failed.
         failures: Results in a row that did not converge.
@@ -70,6 +103,8 @@ class Estimator:
     deadline_s: float
     failures: int = 0
     rod_off_degrees: float | None = None
+    starting: bool = False
+    gave_up: bool = False
 
 
 @dataclass(frozen=True)
@@ -80,13 +115,13 @@ class Recorder:
         active: Whether a file is open.
         dropped: Messages dropped since it was opened.
         error: Why writing failed, empty when it did not.
-        free_bytes: Space left where it writes.
+        free_bytes: Space left where it writes; ``None`` while that is not known.
     """
 
     active: bool
     dropped: int
     error: str
-    free_bytes: int
+    free_bytes: int | None
 
 
 @dataclass(frozen=True)
@@ -100,6 +135,9 @@ class Observation:
         estimator: The estimator's process.
         recorder: The recorder.
         overruns: Ticks skipped within the last second.
+        devices: The instruments.
+        uptime_s: Time since the loop began to run.
+        busy: How the processor keeps the service waiting, in words; empty when it does not.
     """
 
     mode: Mode
@@ -108,3 +146,11 @@ class Observation:
     estimator: Estimator
     recorder: Recorder
     overruns: int
+    devices: tuple[Device, ...] = ()
+    uptime_s: float = SETTLING_S
+    busy: str = NOT_BUSY
+
+    @property
+    def settling(self) -> bool:
+        """Whether the service has only just begun."""
+        return self.uptime_s < SETTLING_S

@@ -11,6 +11,6 @@ LOW_BYTES = 500_000_000
 def check_disk(observation: Observation) -> Iterator[Finding]:
     """Find too little space for a recording."""
     free = observation.recorder.free_bytes
-    if free < LOW_BYTES:
+    if free is not None and free < LOW_BYTES:
         message = f"{free / 1e6:.0f} MB are left for recordings"
         yield Finding("disk_full", "recorder", "warning", message, "move old recordings away")

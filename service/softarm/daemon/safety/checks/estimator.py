@@ -16,8 +16,17 @@ def check_estimator(observation: Observation) -> Iterator[Finding]:
     """Find an estimator on which the mode can no longer rely."""
     estimator = observation.estimator
     severity: Severity = "fault" if observation.mode in FOLLOWING_THE_POSE else "warning"
-    if not estimator.running:
+    if estimator.starting:
+        if severity == "warning":
+            return
+        message, hint = "the estimator is still being built", "wait until it is ready"
+    elif estimator.gave_up:
+        message = "the estimator's process died too often and is not started again"
+        hint = "see the log for what ended it, then restart the service"
+    elif not estimator.running:
         message, hint = "the estimator's process is not running", "it is started again by itself; see the log"
+    elif severity == "warning" and estimator.age_s is None and observation.settling:
+        return
     elif estimator.age_s is None or estimator.age_s > estimator.deadline_s:
         message, hint = "the estimator gives no results", "a sensor may be lost, or the machine overloaded"
     elif estimator.failures > FAILURES_ALLOWED:

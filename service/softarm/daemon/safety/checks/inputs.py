@@ -14,13 +14,18 @@ def check_inputs(observation: Observation) -> Iterator[Finding]:
     """Find stale streams; one that the mode needs is a fault."""
     blind = observation.mode in FOLLOWING_THE_POSE
     for entry in observation.inputs:
-        if entry.stale:
-            yield _stale(entry, "fault" if blind and entry.needed else "warning")
-        elif entry.trouble:
+        severity: Severity = "fault" if blind and entry.needed else "warning"
+        if entry.stale and not (severity == "warning" and entry.age_s is None and observation.settling):
+            yield _stale(entry, severity, observation.busy)
+        elif entry.trouble and not entry.stale:
             yield Finding("sensor_trouble", entry.name, "warning", entry.trouble, "see docs/drivers.md")
 
 
-def _stale(entry: Input, severity: Severity) -> Finding:
+def _stale(entry: Input, severity: Severity, busy: str) -> Finding:
     age = "no reading yet" if entry.age_s is None else f"no valid reading for {entry.age_s:.2f} s"
     consequence = "" if entry.needed else "; the others carry on and the covariance grows"
-    return Finding("stale_sensor", entry.name, severity, age + consequence, "check its cable and its program")
+    if busy:
+        hint = "the processor is late, perhaps not the sensor: end other programs, or give softarm a core"
+        return Finding("stale_sensor", entry.name, severity, f"{age}, while {busy}{consequence}", hint)
+    hint = entry.trouble or "check its cable, its power and its program"
+    return Finding("stale_sensor", entry.name, severity, age + consequence, hint)

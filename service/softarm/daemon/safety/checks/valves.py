@@ -11,10 +11,17 @@ def check_valves(observation: Observation) -> Iterator[Finding]:
     """Find a valve bank that does not answer, or whose outputs are not those commanded."""
     valves = observation.valves
     severity: Severity = "fault" if observation.mode in PRESSURISED else "warning"
-    if valves.lost:
+    quiet = severity == "warning" and valves.age_s is None and observation.settling
+    if valves.lost and not quiet:
         age = "never answered" if valves.age_s is None else f"has not answered for {valves.age_s:.2f} s"
-        hint = "check power, network and address; its own watchdog vents meanwhile"
-        yield Finding("valves_lost", valves.name, severity, f"the valve bank {age}", hint)
+        message, hint = (
+            f"the valve bank {age}",
+            "check power, network and address; its own watchdog vents meanwhile",
+        )
+        if observation.busy and valves.age_s is not None:
+            message = f"{message}, while {observation.busy}"
+            hint = "the processor is late, perhaps not the valves: end other programs, or give softarm a core"
+        yield Finding("valves_lost", valves.name, severity, message, hint)
     for fault in valves.faults:
         yield Finding(
             "valve_fault", valves.name, severity, fault, "see the valve bank's diagnosis, then clear"

@@ -1,0 +1,84 @@
+"""How late the control loop comes, and whether the processor is to blame for what seems silent."""
+
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+WINDOW_NS = 5_000_000_000
+RECENT_NS = 500_000_000
+LATE_NS = 20_000_000
+"""A tick that is later than this says that the processor kept the loop waiting."""
+STARVED_PERCENT = 20.0
+"""Above this share of time some program that could run had to wait for a processor."""
+PRESSURE = Path("/proc/pressure/cpu")
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How late the ticks of the last seconds came.
+
+    Args:
+        median_s: Median [s].
+        p99_s: 99th percentile [s].
+    """
+
+    median_s: float
+    p99_s: float
+
+
+class Lateness:
+    """Keeps the drift of the ticks of the last seconds."""
+
+    def __init__(self) -> None:
+        self._ticks: deque[tuple[int, int]] = deque()
+        self.starved_percent: float | None = None
+
+    def add(self, now_ns: int, drift_ns: int) -> None:
+        """Add a tick.
+
+        Args:
+            now_ns: Monotonic time at which it came.
+            drift_ns: How late it came.
+        """
+        self._ticks.append((now_ns, drift_ns))
+        while now_ns - self._ticks[0][0] > WINDOW_NS:
+            self._ticks.popleft()
+
+    @property
+    def drift(self) -> Drift | None:
+        """Median and 99th percentile over the last seconds; ``None`` before the first tick."""
+        if not self._ticks:
+            return None
+        drifts = np.array([drift_ns for _, drift_ns in self._ticks]) * 1e-9
+        median, p99 = np.percentile(drifts, [50.0, 99.0])
+        return Drift(float(median), float(p99))
+
+    def busy(self, now_ns: int) -> str:
+        """Describe how the processor keeps the service waiting; empty when it does not."""
+        worst_ns = 0
+        for at_ns, drift_ns in reversed(self._ticks):
+            if now_ns - at_ns > RECENT_NS:
+                break
+            worst_ns = max(worst_ns, drift_ns)
+        if worst_ns > LATE_NS:
+            return f"the control loop came {worst_ns * 1e-6:.0f} ms late"
+        if self.starved_percent is not None and self.starved_percent > STARVED_PERCENT:
+            return f"programs waited for the processor {self.starved_percent:.0f} % of the time"
+        return ""
+
+
+def read_pressure(path: Path = PRESSURE) -> float | None:
+    """Read the share of the last ten seconds in which a program waited for a processor [%].
+
+    Linux counts it (pressure stall information, line ``some``, field ``avg10``).
+
+    Returns:
+        The share, or ``None`` where the kernel does not count it.
+    """
+    try:
+        words = path.read_text().split()
+        return float(words[1].removeprefix("avg10="))
+    except (OSError, ValueError, IndexError):
+        return None

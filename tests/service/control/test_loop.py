@@ -1,0 +1,291 @@
+"""The control loop itself, in virtual time and on stand-ins of its surroundings."""
+
+import asyncio
+import json
+import logging
+import threading
+
+import numpy as np
+import pytest
+
+from softarm.api.commands import VERBS, Applied
+from softarm.daemon.control.host_watch import Host, HostWatch
+from softarm.daemon.control.poses import PoseStore
+from softarm.daemon.control.surroundings import Clocks, Surroundings
+from softarm.daemon.control.tick import Tick, Ticker
+from softarm.daemon.estimation.worker import WorkerState
+from softarm.daemon.loop import ControlLoop
+from softarm.daemon.safety.modes import Mode
+from softarm.daemon.safety.observation import Device
+from tests.service.standins import Estimator, Instruments, setup_in
+
+TICK_NS = 10_000_000
+UNIX_NS = 10**18
+
+
+class Outlet:
+    shape_wanted = False
+
+    def __init__(self):
+        self.messages = []
+
+    def publish(self, stream, message):
+        self.messages.append((stream, message))
+
+    def publish_shape(self, nodes):
+        pass
+
+    def of(self, stream):
+        return [message for name, message in self.messages if name == stream]
+
+
+class Arm:
+    """A control loop whose clock the test moves."""
+
+    def __init__(self, folder, clocks=None, host=Host):
+        self.now_ns, self.index, self.sequence, self.lease = 10**9, 0, 0, None
+        self.outlet, self.ready = Outlet(), []
+        clocks = clocks or Clocks(lambda: self.now_ns, lambda: UNIX_NS)
+        self.loop = ControlLoop(
+            setup_in(folder),
+            Surroundings(
+                lambda readings: Instruments(readings, clocks.monotonic_ns),
+                Estimator,
+                self.outlet,
+                "",
+                lambda: self.ready.append(self.loop.mode),
+                clocks,
+                host,
+            ),
+        )
+
+    @property
+    def instruments(self):
+        return self.loop.instruments
+
+    def step(self, count=1, drift_ns=0):
+        for _ in range(count):
+            self.index += 1
+            self.now_ns += TICK_NS
+            self.instruments.read()
+            self.loop.step(Tick(self.index, self.now_ns - drift_ns, drift_ns, 0))
+
+    async def send(self, verb, client="ann", **fields):
+        self.sequence += 1
+        request = {"deadline_unix_ns": UNIX_NS + 1, "sequence": self.sequence, "client": client, **fields}
+        if "lease" in VERBS[verb].model_fields and self.lease:
+            request["lease"] = self.lease
+        answer = await self.loop.answer(verb, json.dumps(request).encode())
+        if verb == "lease/acquire":
+            self.lease = answer.applied["lease"]
+        return answer
+
+    async def demand(self, *verbs):
+        for verb in verbs:
+            answer = await self.send(verb)
+            assert isinstance(answer, Applied), answer
+
+
+@pytest.fixture
+def arm(tmp_path):
+    return Arm(tmp_path)
+
+
+async def test_ready_is_sent_once_whatever_a_client_does_while_the_estimator_is_built(arm):
+    arm.loop.estimates.process.state = WorkerState(running=False, restarts=0, gave_up=False)
+    arm.step(3)
+    assert (arm.loop.mode, arm.ready) == (Mode.STARTING, [])
+    await arm.demand("stop", "clear")
+    arm.step()
+    assert (arm.loop.mode, arm.ready) == (Mode.IDLE, [])
+    arm.loop.estimates.process.state = WorkerState(running=True, restarts=0, gave_up=False)
+    arm.step(3)
+    assert arm.ready == [Mode.IDLE]
+
+
+async def test_every_change_of_mode_is_an_event_and_in_the_journal_with_who_asked(arm, caplog):
+    caplog.set_level(logging.INFO, "softarm")
+    arm.step()
+    await arm.demand("lease/acquire", "arm", "teach/start", "teach/hold", "teach/release", "disarm")
+    await arm.send("stop", client="bob")
+    await arm.demand("clear")
+    changes = [
+        (event.text.split(":")[0], event.by) for event in arm.outlet.of("event") if event.kind == "mode"
+    ]
+    assert changes == [
+        ("STARTING -> IDLE", "service"),
+        ("IDLE -> ARMED", "ann"),
+        ("ARMED -> TEACH", "ann"),
+        ("TEACH -> HOLDING", "ann"),
+        ("HOLDING -> ARMED", "ann"),
+        ("ARMED -> IDLE", "ann"),
+        ("IDLE -> FAULTED", "bob"),
+        ("FAULTED -> IDLE", "ann"),
+    ]
+    for change, by in changes:
+        assert any(change in line and by in line for line in caplog.messages), change
+
+
+async def test_a_report_that_fails_does_not_keep_the_arm_from_being_vented(arm, monkeypatch):
+    arm.step()
+    await arm.demand("lease/acquire", "arm")
+    monkeypatch.setattr(arm.outlet, "publish", lambda *_: 1 / 0)
+    await arm.demand("stop")
+    assert arm.loop.mode is Mode.FAULTED
+    assert not arm.instruments.valves.armed
+
+
+async def test_a_fault_publishes_no_more_states_than_any_other_mode(arm):
+    arm.step()
+    await arm.demand("stop")
+    before = len(arm.outlet.of("state"))
+    arm.step(100)
+    assert len(arm.outlet.of("state")) - before == 20
+
+
+async def test_a_complete_packet_starts_an_estimate_without_waiting_for_a_tick(arm):
+    arm.step()
+    before = len(arm.loop.estimates.process.requests)
+    arm.now_ns += TICK_NS
+    arm.instruments.read()
+    assert len(arm.loop.estimates.process.requests) == before + 1
+
+
+@pytest.mark.parametrize(
+    ("verbs", "mode"),
+    [
+        (("arm",), Mode.ARMED),
+        (("arm", "teach/start"), Mode.FAULTED),
+        (("arm", "teach/start", "teach/hold"), Mode.FAULTED),
+    ],
+)
+async def test_a_set_point_that_ran_out_ends_teaching_and_holding(arm, verbs, mode):
+    arm.step()
+    await arm.demand("lease/acquire", verbs[0])
+    await arm.send("set_pressures", pressures_pa=[1e4] * 6, lifetime_s=5.0)
+    await arm.demand(*verbs[1:])
+    arm.step(2)
+    arm.instruments.expiries += 1
+    arm.step(2)
+    assert arm.loop.mode is mode
+    if mode is Mode.FAULTED:
+        assert "ran out" in arm.loop.controller.modes.fault_cause
+        assert not arm.instruments.valves.armed
+
+
+async def test_a_force_that_is_not_estimated_is_not_said_to_be_known(arm):
+    arm.step()
+    estimate = arm.outlet.of("estimate")[-1]
+    for load in estimate.loads:
+        covariance = np.array(load.covariance_n2, dtype=float)
+        assert np.isfinite(covariance[:2, :2]).all()
+        assert np.isnan(covariance[2]).all()
+        assert np.isnan(covariance[:, 2]).all()
+        assert f"force on {load.section} along z: it is not estimated" in estimate.unobservable
+    json.loads(estimate.model_dump_json(), parse_constant=lambda word: pytest.fail(word))
+
+
+async def test_advice_names_the_recording_and_the_specimen(arm):
+    arm.step(2)
+    advice = arm.loop._reporter._publisher._advice
+    assert "record/start" in advice(None)
+    assert advice("run.mcap").endswith("softarm diagnose run.mcap --specimen sopra")
+
+
+async def test_a_slow_disk_keeps_neither_the_loop_nor_another_command_waiting(tmp_path, monkeypatch):
+    arm = Arm(tmp_path, Clocks())
+    free, begun, save = threading.Event(), threading.Event(), PoseStore.save
+
+    def slow(store, name, pose):
+        begun.set()
+        assert free.wait(30.0)
+        save(store, name, pose)
+
+    monkeypatch.setattr(PoseStore, "save", slow)
+    deadline = {"deadline_unix_ns": 2**62}
+    with Ticker(TICK_NS * 1e-9) as ticker:
+        saving, ticks = None, 0
+        async for tick in ticker.ticks():
+            arm.instruments.read()
+            arm.loop.step(tick)
+            if saving is None:
+                saving = asyncio.create_task(arm.send("teach/save", name="a", **deadline))
+            elif begun.is_set():
+                ticks += 1
+                assert isinstance(await arm.send("teach/list", **deadline), Applied)
+            if ticks == 100:
+                break
+        assert not saving.done()
+        free.set()
+        assert (await saving).applied["name"] == "a"
+    state = arm.outlet.of("state")[-1]
+    assert 0.0 <= state.drift_median_s <= state.drift_p99_s
+    # A save of 1 s in the loop would have skipped 99 of these ticks.
+    assert state.overruns < 50
+
+
+async def test_drift_of_the_ticks_is_published(arm):
+    arm.step(50)
+    arm.step(50, drift_ns=4_000_000)
+    state = arm.outlet.of("state")[-1]
+    assert state.drift_p99_s == pytest.approx(4e-3)
+
+
+async def test_silence_while_the_loop_was_late_is_laid_to_the_processor(arm):
+    arm.step(600)
+    arm.now_ns += 300_000_000
+    arm.loop.step(Tick(arm.index, arm.now_ns - 90_000_000, 90_000_000, 29))
+    stale = [f for f in arm.outlet.of("state")[-1].findings if f.code == "stale_sensor"]
+    assert stale
+    assert all("came 90 ms late" in f.message and "processor" in f.hint for f in stale)
+
+
+def test_a_disk_that_hangs_does_not_hang_the_look_at_it(tmp_path):
+    free = threading.Event()
+
+    def hanging(path):
+        free.wait(30.0)
+        return 5
+
+    with HostWatch(tmp_path, hanging) as watch:
+        assert watch.newest == Host()
+        free.set()
+
+
+async def test_a_device_that_is_unplugged_is_found_and_can_be_reconnected(arm):
+    arm.instruments.status = (Device("gauge", connected=False, error="cannot be reached", cure="plug it in"),)
+    arm.step(10)
+    (finding,) = [f for f in arm.outlet.of("state")[-1].findings if f.where == "gauge"]
+    assert (finding.code, finding.severity) == ("device_lost", "warning")
+    refused = await arm.send("device/reconnect", device="nobody")
+    assert (refused.code, "nobody" in refused.message) == ("malformed", True)
+    await arm.demand("lease/acquire", "arm")
+    refused = await arm.send("device/reconnect", device="gauge")
+    assert (refused.code, refused.hint) == ("wrong_mode", "disarm first")
+
+
+@pytest.mark.parametrize(
+    ("verb", "fields", "word"),
+    [
+        (
+            "set_pressures",
+            {"pressures_pa": [0.0] * 6, "lifetime_s": 1.0},
+            "clear the fault with clear, then arm",
+        ),
+        ("teach/start", {}, "clear the fault with clear, then arm"),
+        ("arm", {}, "clear the fault with clear, then arm"),
+    ],
+)
+async def test_hints_in_faulted_name_the_way_out(arm, verb, fields, word):
+    arm.step()
+    await arm.demand("lease/acquire", "stop")
+    assert (await arm.send(verb, **fields)).hint == "clear the fault with clear, then arm"
+
+
+async def test_a_folder_that_cannot_be_written_is_named_without_a_number(arm, tmp_path):
+    arm.step()
+    (tmp_path / "recordings").write_text("a file where a folder should be")
+    await arm.demand("lease/acquire")
+    refused = await arm.send("record/start", name="run")
+    assert "recordings" in refused.message
+    assert "Errno" not in refused.message

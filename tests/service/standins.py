@@ -1,0 +1,108 @@
+"""Surroundings of a control loop without devices, estimator or network: valves that do as they are asked."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from softarm.daemon.config import ServiceConfig, Setup
+from softarm.daemon.control.channels import Sample
+from softarm.daemon.estimation.messages import EstimationResult, HoldAnswer
+from softarm.daemon.estimation.worker import WorkerState
+from softarm.estimator.arm import default_loads
+from softarm.estimator.specimen import load_specimen
+
+SPECIMEN = load_specimen("sopra")
+LOADS = default_loads(SPECIMEN)
+CONFIG = {
+    "arm": "page",
+    "specimen": "sopra",
+    "sensors": [{"kind": "orientation", "section": "tip", "device": "qtm", "channel": "tip", "needed": True}],
+    "devices": [{"name": "valves", "kind": "festo_mpa"}],
+}
+STRAIGHT = (0.0, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0)
+
+
+def setup_in(folder):
+    folders = {"state_directory": folder, "recording_directory": folder / "recordings"}
+    config = ServiceConfig.model_validate(CONFIG | folders)
+    return Setup(Path("-"), "", config, SPECIMEN, ())
+
+
+class Valves:
+    armed = False
+
+    def arm(self):
+        self.armed = True
+
+    def vent(self, reason):
+        self.armed = False
+
+    def acknowledge(self):
+        return False
+
+    def command(self, setpoint, lifetime_s):
+        assert self.armed
+
+
+class Instruments:
+    """Valves that do as they are asked and a pose that does not move, fresh at every tick."""
+
+    source, bank = "fake", "valves"
+
+    def __init__(self, readings, clock_ns=time.monotonic_ns):
+        self.valves = Valves()
+        self.applied = np.zeros(6)
+        self.expiries = 0
+        self.status = ()
+        self._readings = readings
+        self._clock_ns = clock_ns
+
+    def valve_alarms(self):
+        return (), ()
+
+    async def reconnect(self, name):
+        raise KeyError(name)
+
+    def devices(self):
+        return self.status
+
+    def troubles(self):
+        return {}
+
+    def read(self):
+        now = self._clock_ns()
+        for name, values in (("valves", (0.0,) * 6), ("qtm/tip", STRAIGHT)):
+            self._readings.put(name, Sample(values, now, now, now, 0, "fake"))
+
+
+class Estimator:
+    """Answers every request at once with one pose."""
+
+    def __init__(self, on_result):
+        self.state = WorkerState(running=True, restarts=0, gave_up=False)
+        self.requests = []
+        self._on_result = on_result
+
+    def submit(self, request):
+        self.requests.append(request)
+        self._on_result(result(request))
+
+    def watch(self):
+        pass
+
+
+def result(request):
+    heights = np.array([section.frame_origin_m[2] for section in SPECIMEN.sections])
+    return EstimationResult(
+        request,
+        converged=True,
+        loads=np.array([0.0, 0.0, 0.4, 0.1]),
+        load_covariance=1e-3 * np.eye(4),
+        positions=np.outer(heights, [0.0, 0.0, 1.0]),
+        quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (len(heights), 1)),
+        frame_std=np.zeros((len(heights), 6)),
+        innovation_squared=1.0,
+        degrees_of_freedom=1.0,
+        hold=HoldAnswer(np.full(6, 20e3), reachable=True, note="The pose can be reached."),
+    )
