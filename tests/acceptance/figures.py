@@ -18,4 +18,15 @@ FIGURES = (
             "pressurised": ("Aims", {"quantity": "pressurised [% of range]"}, "mean"),
         },
     ),
+    Figure(
+        "Faults of devices under pressure: {cases} cases, {wrong} with a wrong outcome. In the "
+        "{vents} that must vent the arm, the slowest took {slowest} ms (aim: 200 ms).",
+        "safety",
+        {
+            "cases": ("Faults of every device", {"device": "all"}, "faults"),
+            "wrong": ("Faults of every device", {"device": "all"}, "not_as_stated"),
+            "vents": ("Faults of every device", {"device": "all"}, "vent"),
+            "slowest": ("Faults of every device", {"device": "all"}, "slowest_vent_ms"),
+        },
+    ),
 )

@@ -61,9 +61,10 @@ def command(
 
 
 def summary(cases: Sequence[Case]) -> list[dict[str, Cell]]:
-    """Sum up the cases of each kind of device in each mode."""
+    """Sum up the cases of each kind of device in each mode, and all of them."""
     keys = sorted({(case.kind, case.mode) for case in cases}, key=lambda key: (key[0], MODES.index(key[1])))
-    return [_row(kind, mode, [c for c in cases if (c.kind, c.mode) == (kind, mode)]) for kind, mode in keys]
+    rows = [_row(kind, mode, [c for c in cases if (c.kind, c.mode) == (kind, mode)]) for kind, mode in keys]
+    return [*rows, _row("all", "all", cases)]
 
 
 def _row(kind: str, mode: str, cases: Iterable[Case]) -> dict[str, Cell]:
