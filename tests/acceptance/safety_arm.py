@@ -231,7 +231,7 @@ class SafetyArm:
             return
         await asyncio.sleep(ENTER_S)
         deadline = asyncio.get_running_loop().time() + WELL_S
-        while self.loop.knowledge.held is None:
+        while self.loop.estimator_state.held is None:
             assert asyncio.get_running_loop().time() < deadline, "no pressures would hold the pose"
             await asyncio.sleep(TICK_S)
 
@@ -251,7 +251,7 @@ class SafetyArm:
     async def until_well(self) -> bool:
         """Wait until nothing keeps the arm from any mode; tell whether that came to be."""
         deadline = asyncio.get_running_loop().time() + WELL_S
-        while self.loop.guard.blocking(Mode.HOLDING, clock_ns()) or not self._can_arm():
+        while self.loop.safety.blocking(Mode.HOLDING, clock_ns()) or not self._can_arm():
             if asyncio.get_running_loop().time() > deadline:
                 return False
             await asyncio.sleep(0.05)

@@ -139,7 +139,7 @@ class Mismatch(Message):
     advice: str = Field(description="What to do next.")
 
 
-class Occurrence(Message):
+class Event(Message):
     """Stream ``event``: something that happened once; each also goes into the recording."""
 
     type: Literal["softarm.event/1"] = "softarm.event/1"
@@ -154,5 +154,5 @@ STREAMS: dict[str, type[Message]] = {
     "state": State,
     "estimate": Estimate,
     "mismatch": Mismatch,
-    "event": Occurrence,
+    "event": Event,
 }

@@ -8,24 +8,24 @@ import tomli_w
 from softarm.api.commands import Applied, Refused
 from softarm.daemon.config import Setup
 from softarm.daemon.control.channels import Sample
+from softarm.daemon.control.command_handler import CommandContext, CommandHandler
 from softarm.daemon.control.controller import Controller
 from softarm.daemon.control.deadlines import deadlines_s
 from softarm.daemon.control.estimates import Estimates
-from softarm.daemon.control.guard import Guard, Watched
-from softarm.daemon.control.knowledge import Knowledge
+from softarm.daemon.control.estimator_state import EstimatorState
 from softarm.daemon.control.lateness import Lateness
 from softarm.daemon.control.poses import PoseStore
 from softarm.daemon.control.publishing import Picture, Publisher
 from softarm.daemon.control.readings import Readings, channel
 from softarm.daemon.control.recorder import Recorder
 from softarm.daemon.control.reporting import Reporter
+from softarm.daemon.control.safety_monitor import SafetyInputs, SafetyMonitor
 from softarm.daemon.control.streams import RecordedStreams
 from softarm.daemon.control.surroundings import Surroundings
 from softarm.daemon.control.tick import Tick
-from softarm.daemon.control.verbs import Context, Verbs
 from softarm.daemon.safety.checks import ALL_CHECKS
-from softarm.daemon.safety.findings import FindingBook
-from softarm.daemon.safety.modes import Event, Mode, Transition
+from softarm.daemon.safety.diagnostics import HealthMonitor
+from softarm.daemon.safety.modes import Mode, Transition, Trigger
 from softarm.estimator.arm import default_loads
 from softarm.estimator.specimen import specimen_table
 
@@ -73,18 +73,18 @@ class ControlLoop:
         self.controller = Controller(
             self.instruments.valves, limits, config.control, config.safety, self._on_transition
         )
-        self.knowledge = Knowledge(
+        self.estimator_state = EstimatorState(
             tuple(section.name for section in specimen.sections),
             default_loads(specimen, config.control.forces_on),
             self.readings.rest,
         )
-        book = FindingBook(ALL_CHECKS)
+        health = HealthMonitor(ALL_CHECKS)
         publisher = Publisher(
             config.specimen,
             self.instruments.source,
             self.controller,
-            self.knowledge,
-            book,
+            self.estimator_state,
+            health,
             config.control.model,
             self._clocks.monotonic_ns,
             self._clocks.unix_ns,
@@ -96,16 +96,16 @@ class ControlLoop:
             self.readings,
             self.instruments,
             self.controller,
-            self.knowledge,
+            self.estimator_state,
             self._reporter,
         )
-        self.guard = Guard(
-            Watched(
+        self.safety = SafetyMonitor(
+            SafetyInputs(
                 self.instruments,
                 self.readings,
                 self.controller,
-                self.knowledge,
-                book,
+                self.estimator_state,
+                health,
                 self.estimates.observe,
                 self.recorder.health,
                 config.safety.valve_deadline_s,
@@ -113,22 +113,22 @@ class ControlLoop:
                 self._lateness.busy,
             )
         )
-        self._verbs = self._make_verbs()
+        self._commands = self._make_commands()
         self._ticks = 0
         self._published_ns = 0
         self._ready = False
 
-    def _make_verbs(self) -> Verbs:
+    def _make_commands(self) -> CommandHandler:
         config, clocks = self._setup.config, self._clocks
-        return Verbs(
-            Context(
+        return CommandHandler(
+            CommandContext(
                 self.controller,
-                self.knowledge,
+                self.estimator_state,
                 self.recorder,
                 PoseStore(config.state_directory / f"poses-{config.arm}.json"),
                 _attachments(self._setup),
                 self.instruments.reconnect,
-                lambda mode: self.guard.blocking(mode, clocks.monotonic_ns()),
+                lambda mode: self.safety.blocking(mode, clocks.monotonic_ns()),
                 clocks.monotonic_ns,
                 clocks.unix_ns,
             )
@@ -147,14 +147,14 @@ class ControlLoop:
         """
         now_ns = tick.deadline_ns + tick.drift_ns
         self._ticks += 1
-        self.guard.overran(tick.missed, now_ns)
+        self.safety.overran(tick.missed, now_ns)
         self._lateness.add(now_ns, tick.drift_ns)
         self._lateness.starved_percent = self._surroundings.host().starved_percent
         self.estimates.process.watch()
         self._announce_ready()
-        self.guard.advance(now_ns, (1 + tick.missed) / self._setup.config.control.rate_hz)
+        self.safety.advance(now_ns, (1 + tick.missed) / self._setup.config.control.rate_hz)
         self.estimates.submit(now_ns, after_ticks=1.5)
-        self.guard.check(now_ns, self._clocks.unix_ns())
+        self.safety.check(now_ns, self._clocks.unix_ns())
         self._streams.commanded(self.controller.asked.tolist(), now_ns)
         if now_ns - self._published_ns >= STATE_EVERY_NS:
             self._publish_state(now_ns)
@@ -165,18 +165,18 @@ class ControlLoop:
             return
         self._ready = True
         if self.mode is Mode.STARTING:
-            self.controller.fire(Event.READY, "the estimator is ready")
+            self.controller.fire(Trigger.READY, "the estimator is ready")
         self._surroundings.ready()
 
     async def answer(self, verb: str, payload: bytes) -> Applied | Refused:
         """Carry out one command and record its answer."""
-        answer = await self._verbs.answer(verb, payload)
+        answer = await self._commands.answer(verb, payload)
         self._reporter.command(answer.model_dump(mode="json"))
         return answer
 
     def shut_down(self) -> None:
         """Vent the arm for good."""
-        self.controller.fire(Event.SHUT_DOWN, "the service ends")
+        self.controller.fire(Trigger.SHUT_DOWN, "the service ends")
 
     def _on_sample(self, name: str, sample: Sample) -> None:
         self._streams.take(name, sample)
@@ -207,7 +207,7 @@ class ControlLoop:
             gauges_n=self._gauges(now_ns),
             ages_s=ages | {bank: self.readings.age_s(bank, now_ns)},
             ticks=self._ticks,
-            overruns=self.guard.overruns,
+            overruns=self.safety.overruns,
             drift=self._lateness.drift,
             recording=None if recording is None else str(recording),
         )

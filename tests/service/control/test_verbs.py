@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 
 from softarm.api.commands import VERBS, Applied, Refused
 from softarm.daemon.config import ControlSettings, SafetySettings
+from softarm.daemon.control.command_handler import CommandContext, CommandHandler
 from softarm.daemon.control.controller import Controller
-from softarm.daemon.control.knowledge import RECENT_S, Knowledge
+from softarm.daemon.control.estimator_state import RECENT_S, EstimatorState
 from softarm.daemon.control.poses import PoseStore
 from softarm.daemon.control.recorder import Recorder
-from softarm.daemon.control.verbs import Context, Verbs
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
-from softarm.daemon.safety.findings import Finding
-from softarm.daemon.safety.modes import PRESSURISED, Event, Mode
+from softarm.daemon.safety.diagnostics import Diagnostic
+from softarm.daemon.safety.modes import PRESSURISED, Mode, Trigger
 from softarm.drivers.errors import LimitError
 from softarm.estimator.model import Load
 from softarm.recordings.info import parse_info
@@ -93,12 +93,12 @@ class Bench:
             self.valves, np.full(6, LIMIT), ControlSettings(), SafetySettings(lease_s=1.0)
         )
         sections = ("base", "intermediate", "tip")
-        self.knowledge = Knowledge(sections, LOADS, lambda _: ("imu",))
-        self.knowledge.take(result(hold_answer()), 0)
+        self.estimator_state = EstimatorState(sections, LOADS, lambda _: ("imu",))
+        self.estimator_state.update(result(hold_answer()), 0)
         self.faults = ()
-        context = Context(
+        context = CommandContext(
             self.controller,
-            self.knowledge,
+            self.estimator_state,
             Recorder(tmp_path / "recordings"),
             PoseStore(tmp_path / "poses.json"),
             {},
@@ -107,11 +107,11 @@ class Bench:
             lambda: self.now_ns,
             lambda: self.unix_ns,
         )
-        self.verbs = Verbs(context)
+        self.verbs = CommandHandler(context)
         self.sequence = 0
         self.reconnected = []
         self.token = ""
-        self.controller.fire(Event.READY, "test")
+        self.controller.fire(Trigger.READY, "test")
 
     async def send(self, verb, **fields):
         self.sequence += 1
@@ -139,7 +139,7 @@ class Bench:
 
     def tick(self, seconds=0.01):
         self.now_ns += round(seconds * 1e9)
-        return self.controller.tick(self.now_ns, seconds, self.knowledge.hold)
+        return self.controller.tick(self.now_ns, seconds, self.estimator_state.hold)
 
     @property
     def mode(self):
@@ -193,7 +193,7 @@ async def test_lost_lease_vents(bench):
     await bench.armed()
     await bench.send("set_pressures", pressures_pa=[1e4] * 6, lifetime_s=5)
     transition = bench.tick(1.1)
-    assert transition.event is Event.LEASE_LOST
+    assert transition.event is Trigger.LEASE_LOST
     assert bench.mode is Mode.IDLE
     assert bench.valves.pressures == (0.0,) * 6
 
@@ -225,7 +225,7 @@ async def test_late_repeated_and_malformed_commands_are_refused(bench):
 
 
 async def test_fault_that_stands_keeps_from_arming_and_clearing(bench):
-    bench.faults = (Finding("valves_lost", "valves", "fault", "gone", "look"),)
+    bench.faults = (Diagnostic("valves_lost", "valves", "fault", "gone", "look"),)
     await bench.acquire()
     assert code(await bench.send("arm")) == "not_available"
     await bench.send("stop")
@@ -260,7 +260,7 @@ async def test_teach_hold_ramps_without_a_bump_then_saves_and_returns(bench):
 async def test_one_search_that_fails_does_not_keep_a_pose_from_being_held(bench, later_s, mode):
     await bench.armed()
     await bench.send("teach/start")
-    bench.knowledge.take(failed(later_s), 0)
+    bench.estimator_state.update(failed(later_s), 0)
     answer = await bench.send("teach/hold")
     assert bench.mode is mode
     if mode is Mode.HOLDING:
@@ -304,5 +304,5 @@ async def test_pressure_only_in_pressurised_modes(tmp_path_factory, verbs):
         if bench.mode not in PRESSURISED:
             assert not bench.valves.armed
             assert bench.valves.pressures == (0.0,) * 6
-    bench.controller.fire(Event.FAULT, "test")
+    bench.controller.fire(Trigger.FAULT, "test")
     assert not bench.valves.armed

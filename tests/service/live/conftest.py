@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from softarm.api.messages import Occurrence as Event
+from softarm.api.messages import Event
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready

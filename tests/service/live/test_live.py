@@ -12,7 +12,7 @@ import pytest
 
 from acceptance.safety_processes import other_client
 from examples.teach_client import free, learn, replay
-from softarm.api.messages import Estimate, Occurrence, State
+from softarm.api.messages import Estimate, Event, State
 from softarm.client.session import client_settings, open_session
 from softarm.recordings import load_recording
 from tests.service.live.helpers import (
@@ -88,12 +88,12 @@ def test_a_push_is_felt_and_its_end_as_well(client, fakes):
             "estimate", Estimate, lambda e: e.contact is not None and pushed(e) > 0.2, PATIENCE_S
         )
         fakes.ask("hand")
-        ended = client.wait_for("event", Occurrence, lambda e: e.kind == "contact_end", PATIENCE_S)
+        ended = client.wait_for("event", Event, lambda e: e.kind == "contact_end", PATIENCE_S)
     assert felt.in_contact
     assert felt.contact.height_std_m > 0.0
     assert felt.contact.height_m > 0.2  # the tip is at 0.276 m
     assert pushed(felt) < 0.4
-    begun = [event for event in events if isinstance(event, Occurrence) and event.kind == "contact_begin"]
+    begun = [event for event in events if isinstance(event, Event) and event.kind == "contact_begin"]
     assert begun
     assert begun[0].stamp.sequence < ended.stamp.sequence
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from softarm.daemon.safety.checks import ALL_CHECKS
 from softarm.daemon.safety.checks.inputs import FOLLOWING_THE_POSE
-from softarm.daemon.safety.findings import FindingBook
+from softarm.daemon.safety.diagnostics import HealthMonitor
 from softarm.daemon.safety.modes import PRESSURISED, Mode
 from softarm.daemon.safety.observation import (
     SETTLING_S,
@@ -35,12 +35,12 @@ DEAD_ESTIMATOR = replace(HEALTHY.estimator, running=False)
 
 
 def faults(observation):
-    return {finding.code for finding in FindingBook(ALL_CHECKS).faults(observation)}
+    return {finding.code for finding in HealthMonitor(ALL_CHECKS).faults(observation)}
 
 
 @given(st.sampled_from(Mode))
 def test_healthy_service_has_no_finding(mode):
-    assert FindingBook(ALL_CHECKS).evaluate(replace(HEALTHY, mode=mode)) == ()
+    assert HealthMonitor(ALL_CHECKS).evaluate(replace(HEALTHY, mode=mode)) == ()
 
 
 @given(st.sampled_from(Mode))
@@ -67,7 +67,7 @@ def test_spare_sensor_disk_and_overruns_never_fault(mode):
     full = Recorder(active=True, dropped=3, error="no space left", free_bytes=0)
     observation = replace(HEALTHY, mode=mode, inputs=spare_lost, recorder=full, overruns=99)
     assert faults(observation) == set()
-    assert {f.code for f in FindingBook(ALL_CHECKS).evaluate(observation)} == {
+    assert {f.code for f in HealthMonitor(ALL_CHECKS).evaluate(observation)} == {
         "stale_sensor",
         "recorder_failed",
         "disk_full",
@@ -76,7 +76,7 @@ def test_spare_sensor_disk_and_overruns_never_fault(mode):
 
 
 def test_finding_keeps_its_beginning_and_clears_itself():
-    book = FindingBook(ALL_CHECKS, clear_after_ns=100)
+    book = HealthMonitor(ALL_CHECKS, clear_after_ns=100)
     lost = replace(HEALTHY, valves=LOST_VALVES)
     new, cleared = book.update(lost, now_ns=0, unix_ns=5)
     assert [f.code for f in new] == ["valves_lost"]
@@ -91,7 +91,7 @@ def test_finding_keeps_its_beginning_and_clears_itself():
 
 @given(st.lists(st.booleans(), min_size=100, max_size=300))
 def test_finding_that_flaps_is_reported_at_most_once_in_two_seconds(lost):
-    book, reported = FindingBook(ALL_CHECKS), 0
+    book, reported = HealthMonitor(ALL_CHECKS), 0
     for tick, gone in enumerate(lost):  # a tick each 10 ms
         observation = replace(HEALTHY, inputs=STALE_TIP) if gone else HEALTHY
         new, cleared = book.update(observation, tick * 10_000_000, unix_ns=tick)
@@ -102,7 +102,7 @@ def test_finding_that_flaps_is_reported_at_most_once_in_two_seconds(lost):
 
 
 def test_fault_acts_at_once_and_does_not_linger():
-    book = FindingBook(ALL_CHECKS)
+    book = HealthMonitor(ALL_CHECKS)
     book.update(replace(HEALTHY, mode=Mode.TEACH, inputs=STALE_TIP), 0, 0)
     assert [f.code for f in book.present_faults] == ["stale_sensor"]
     book.update(replace(HEALTHY, mode=Mode.TEACH), 10_000_000, 1)
@@ -122,7 +122,7 @@ NOTHING_YET = replace(
 
 
 def test_normal_start_has_no_finding_and_still_cannot_be_armed():
-    assert FindingBook(ALL_CHECKS).evaluate(NOTHING_YET) == ()
+    assert HealthMonitor(ALL_CHECKS).evaluate(NOTHING_YET) == ()
     assert faults(replace(NOTHING_YET, mode=Mode.ARMED)) == {"valves_lost"}
     assert faults(replace(NOTHING_YET, mode=Mode.TEACH)) == {
         "valves_lost",
@@ -132,7 +132,7 @@ def test_normal_start_has_no_finding_and_still_cannot_be_armed():
 
 
 def test_what_has_not_answered_after_a_while_is_found():
-    found = FindingBook(ALL_CHECKS).evaluate(replace(NOTHING_YET, uptime_s=SETTLING_S))
+    found = HealthMonitor(ALL_CHECKS).evaluate(replace(NOTHING_YET, uptime_s=SETTLING_S))
     assert {f.code for f in found} == {"valves_lost", "stale_sensor", "device_lost"}
 
 
@@ -159,7 +159,7 @@ GAUGE = Device("gauge", connected=True, age_s=0.01)
 )
 @given(mode=st.sampled_from(Mode))
 def test_every_configured_device_is_judged_in_every_mode(device, code, hint, mode):
-    (finding,) = FindingBook(ALL_CHECKS).evaluate(replace(HEALTHY, mode=mode, devices=(GAUGE, device)))
+    (finding,) = HealthMonitor(ALL_CHECKS).evaluate(replace(HEALTHY, mode=mode, devices=(GAUGE, device)))
     assert (finding.code, finding.where, finding.severity) == (code, "gauge", "warning")
     assert hint in finding.hint
 
@@ -167,7 +167,7 @@ def test_every_configured_device_is_judged_in_every_mode(device, code, hint, mod
 def test_silence_on_a_late_processor_is_reported_as_such():
     busy = "the control loop came 80 ms late"
     stale = replace(HEALTHY, mode=Mode.TEACH, inputs=STALE_TIP, valves=LOST_VALVES, busy=busy)
-    for finding in FindingBook(ALL_CHECKS).evaluate(stale):
+    for finding in HealthMonitor(ALL_CHECKS).evaluate(stale):
         assert finding.severity == "fault"
         assert busy in finding.message
         assert "processor" in finding.hint
@@ -176,6 +176,6 @@ def test_silence_on_a_late_processor_is_reported_as_such():
 
 def test_estimator_that_is_not_started_again_is_said_to_be_so():
     gone = replace(HEALTHY.estimator, running=False, gave_up=True)
-    (finding,) = FindingBook(ALL_CHECKS).evaluate(replace(HEALTHY, estimator=gone))
+    (finding,) = HealthMonitor(ALL_CHECKS).evaluate(replace(HEALTHY, estimator=gone))
     assert "not started again" in finding.message
     assert "restart the service" in finding.hint

@@ -2,13 +2,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from softarm.daemon.safety.lease import LeaseDesk, LeaseError
+from softarm.daemon.safety.lease import LeaseError, LeaseManager
 
 SECOND = 1_000_000_000
 
 
 def test_one_holder_at_a_time():
-    desk = LeaseDesk(duration_s=1.0)
+    desk = LeaseManager(duration_s=1.0)
     lease = desk.acquire("ann", now_ns=0)
     with pytest.raises(LeaseError) as refusal:
         desk.acquire("bob", now_ns=SECOND // 2)
@@ -19,7 +19,7 @@ def test_one_holder_at_a_time():
 
 
 def test_runs_out_once():
-    desk = LeaseDesk(duration_s=1.0)
+    desk = LeaseManager(duration_s=1.0)
     desk.acquire("ann", now_ns=0)
     assert desk.expire(SECOND - 1) is None
     gone = desk.expire(SECOND)
@@ -31,7 +31,7 @@ def test_runs_out_once():
 
 @given(st.lists(st.integers(min_value=1, max_value=SECOND - 1), max_size=20))
 def test_renewing_in_time_keeps_the_token(gaps):
-    desk = LeaseDesk(duration_s=1.0)
+    desk = LeaseManager(duration_s=1.0)
     now, lease = 0, desk.acquire("ann", now_ns=0)
     for gap in gaps:
         now += gap
@@ -41,7 +41,7 @@ def test_renewing_in_time_keeps_the_token(gaps):
 
 
 def test_release_needs_the_token():
-    desk = LeaseDesk(duration_s=1.0)
+    desk = LeaseManager(duration_s=1.0)
     lease = desk.acquire("ann", now_ns=0)
     with pytest.raises(LeaseError):
         desk.release("guess", now_ns=0)
@@ -50,6 +50,6 @@ def test_release_needs_the_token():
 
 
 def test_repeated_sequence_is_refused():
-    desk = LeaseDesk(duration_s=1.0)
+    desk = LeaseManager(duration_s=1.0)
     desk.acquire("ann", now_ns=0)
     assert [desk.accept_sequence(n) for n in (0, 1, 1, 0, 5)] == [True, True, False, False, True]

@@ -5,10 +5,10 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from softarm.daemon.safety.modes import (
     PRESSURISED,
     TRANSITIONS,
-    Event,
     Mode,
     ModeMachine,
     TransitionRefusedError,
+    Trigger,
 )
 
 
@@ -21,7 +21,7 @@ class Operation(RuleBasedStateMachine):
         self.armed_since_idle = False
         self.first_cause = None
 
-    @rule(event=st.sampled_from(Event), cause=st.text(max_size=5))
+    @rule(event=st.sampled_from(Trigger), cause=st.text(max_size=5))
     def fire(self, event, cause):
         before = self.machine.mode
         if (before, event) not in TRANSITIONS:
@@ -34,13 +34,13 @@ class Operation(RuleBasedStateMachine):
             raise AssertionError(f"{event} was accepted in {before}")
         transition = self.machine.fire(event, cause)
         assert (transition.before, transition.after) == (before, self.machine.mode)
-        if event is Event.ARM:
+        if event is Trigger.ARM:
             self.armed_since_idle = True
         if self.machine.mode not in PRESSURISED:
             self.armed_since_idle = False
-        if event is Event.FAULT and before is not Mode.FAULTED:
+        if event is Trigger.FAULT and before is not Mode.FAULTED:
             self.first_cause = cause
-        if event is Event.CLEAR:
+        if event is Trigger.CLEAR:
             self.first_cause = None
 
     @invariant()
@@ -59,9 +59,9 @@ TestOperation = Operation.TestCase
 
 @given(st.sampled_from(Mode))
 def test_fault_and_shut_down_always_leave_pressure(mode):
-    assert TRANSITIONS[(mode, Event.SHUT_DOWN)] is Mode.STOPPING
+    assert TRANSITIONS[(mode, Trigger.SHUT_DOWN)] is Mode.STOPPING
     if mode is not Mode.STOPPING:
-        assert TRANSITIONS[(mode, Event.FAULT)] is Mode.FAULTED
+        assert TRANSITIONS[(mode, Trigger.FAULT)] is Mode.FAULTED
 
 
 def test_only_arm_enters_pressure_from_a_vented_mode():
@@ -70,7 +70,7 @@ def test_only_arm_enters_pressure_from_a_vented_mode():
         for (before, event), after in TRANSITIONS.items()
         if after in PRESSURISED and before not in PRESSURISED
     }
-    assert entering == {(Mode.IDLE, Event.ARM)}
+    assert entering == {(Mode.IDLE, Trigger.ARM)}
 
 
 def test_nothing_leaves_stopping():

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from softarm.daemon.config import ControlSettings, SafetySettings
 from softarm.daemon.control.hold import Hold, HoldGoal, HoldLimits, advance_hold, begin_hold
 from softarm.daemon.estimation.messages import HoldAnswer
-from softarm.daemon.safety.lease import LeaseDesk
-from softarm.daemon.safety.modes import PRESSURISED, SERVICE, Event, Mode, ModeMachine, Transition
+from softarm.daemon.safety.lease import LeaseManager
+from softarm.daemon.safety.modes import PRESSURISED, SERVICE, Mode, ModeMachine, Transition, Trigger
 
 Floats = NDArray[np.float64]
 
@@ -69,7 +69,7 @@ class Controller:
         observer: Callable[[Transition], None] = lambda _: None,
     ) -> None:
         self.modes = ModeMachine(observer)
-        self.lease = LeaseDesk(safety.lease_s)
+        self.lease = LeaseManager(safety.lease_s)
         self._valves = valves
         self._limits = limits
         self._lifetime_s = safety.setpoint_lifetime_s
@@ -93,7 +93,7 @@ class Controller:
         """The hold in progress."""
         return self._hold
 
-    def fire(self, event: Event, cause: str, by: str = SERVICE) -> Transition:
+    def fire(self, event: Trigger, cause: str, by: str = SERVICE) -> Transition:
         """Change the mode; leaving the pressurised modes vents before anything else.
 
         Args:
@@ -106,7 +106,7 @@ class Controller:
             InterlockError: The valve bank does not let itself be armed; the mode stays.
         """
         after = self.modes.target(event)
-        if event is Event.ARM:
+        if event is Trigger.ARM:
             self._valves.arm()
         if after not in PRESSURISED:
             self._vent(f"{after}: {cause}")
@@ -146,7 +146,7 @@ class Controller:
         self, goal: HoldGoal, ramp_s: float, now_ns: int, cause: str, by: str = SERVICE
     ) -> Transition:
         """Ramp from what is asked now to a goal and hold it."""
-        transition = self.fire(Event.HOLD, cause, by)
+        transition = self.fire(Trigger.HOLD, cause, by)
         self._hold = begin_hold(goal, self._asked, now_ns, ramp_s)
         return transition
 
@@ -162,8 +162,8 @@ class Controller:
             The change of mode when the lease ran out.
         """
         gone = self.lease.expire(now_ns)
-        if gone is not None and self.modes.allows(Event.LEASE_LOST):
-            return self.fire(Event.LEASE_LOST, f"{gone.holder} did not renew the lease")
+        if gone is not None and self.modes.allows(Trigger.LEASE_LOST):
+            return self.fire(Trigger.LEASE_LOST, f"{gone.holder} did not renew the lease")
         self._asked = self._target(now_ns, interval_s, measured)
         if self.modes.mode in PRESSURISED and self.commanding:
             self._valves.command(tuple(float(p) for p in self._asked), self._lifetime_s)

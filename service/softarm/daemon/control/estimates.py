@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from softarm.daemon.config import Setup
 from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.estimator_state import EstimatorState
 from softarm.daemon.control.instruments import Instruments
-from softarm.daemon.control.knowledge import Knowledge
 from softarm.daemon.control.mismatch import MismatchTest
 from softarm.daemon.control.readings import Readings
 from softarm.daemon.control.reporting import Reporter
@@ -29,7 +29,7 @@ class Estimates:
         readings: The newest sample of every channel.
         instruments: Name of the valve bank.
         controller: Mode and hold.
-        knowledge: Keeps the newest result.
+        estimator_state: Keeps the newest result.
         reporter: Publishes and records.
     """
 
@@ -40,7 +40,7 @@ class Estimates:
         readings: Readings,
         instruments: Instruments,
         controller: Controller,
-        knowledge: Knowledge,
+        estimator_state: EstimatorState,
         reporter: Reporter,
     ) -> None:
         self.process = surroundings.estimator(self.take)
@@ -48,7 +48,7 @@ class Estimates:
         self._readings = readings
         self._instruments = instruments
         self._controller = controller
-        self._knowledge = knowledge
+        self._estimator_state = estimator_state
         self._reporter = reporter
         self._clocks = surroundings.clocks
         self._rate_hz = setup.config.control.rate_hz
@@ -84,7 +84,7 @@ class Estimates:
                 want_hold=controller.modes.mode in (Mode.TEACH, Mode.HOLDING),
                 target=None if controller.hold is None else controller.hold.goal.target,
                 want_contact=self._contact_due(now_ns),
-                tare=self._knowledge.tare,
+                tare=self._estimator_state.tare,
                 want_mesh=self._shape_due(now_ns),
             )
         )
@@ -96,7 +96,7 @@ class Estimates:
 
     def _contact_due(self, now_ns: int) -> bool:
         rested = now_ns - self._placed_ns > CONTACT_EVERY_NS
-        return self._knowledge.contact_since_unix_ns is not None and rested
+        return self._estimator_state.contact_since_unix_ns is not None and rested
 
     def _shape_due(self, now_ns: int) -> bool:
         due = (now_ns - self._drawn_ns) * 1e-9 * SHAPE_RATE_HZ >= 1.0 and self._reporter.shape_wanted
@@ -108,10 +108,10 @@ class Estimates:
         """Take a result of the estimator: publish it, follow contacts and the test of the model."""
         self._last_result_ns = self._clocks.monotonic_ns()
         unix_ns = self._clocks.unix_ns()
-        before = self._knowledge.contact_since_unix_ns
-        self._knowledge.take(result, unix_ns)
+        before = self._estimator_state.contact_since_unix_ns
+        self._estimator_state.update(result, unix_ns)
         self._reporter.estimate(result)
-        since = self._knowledge.contact_since_unix_ns
+        since = self._estimator_state.contact_since_unix_ns
         if (before is None) is not (since is None):
             self._reporter.contact(began=since is not None)
         if result.request.want_contact:
@@ -128,14 +128,14 @@ class Estimates:
     def observe(self, now_ns: int) -> Estimator:
         """Return the state of the estimator for the health checks."""
         age_s = None if self._last_result_ns is None else (now_ns - self._last_result_ns) * 1e-9
-        result = self._knowledge.result
+        result = self._estimator_state.result
         off = None if result is None or result.rod_off_rad is None else float(np.degrees(result.rod_off_rad))
         state = self.process.state
         return Estimator(
             state.running,
             age_s,
             self._deadline_s,
-            self._knowledge.failures,
+            self._estimator_state.failures,
             off,
             state.starting,
             state.gave_up,

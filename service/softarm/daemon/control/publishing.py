@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 from softarm.api.messages import (
     STREAMS,
     Estimate,
+    Event,
     HealthFinding,
     LeaseState,
     Mismatch,
-    Occurrence,
     Stamp,
     State,
 )
 from softarm.api.modes import Mode
 from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.estimator_state import EstimatorState
 from softarm.daemon.control.instruments import Source
-from softarm.daemon.control.knowledge import Knowledge
 from softarm.daemon.control.lateness import Drift
 from softarm.daemon.control.mismatch import MismatchTest
 from softarm.daemon.estimation.messages import EstimationResult
-from softarm.daemon.safety.findings import FindingBook
+from softarm.daemon.safety.diagnostics import HealthMonitor
 
 Floats = NDArray[np.float64]
 Status = Literal["converged", "not_converged", "degraded", "no_data"]
@@ -64,8 +64,8 @@ class Publisher:
         specimen: Name or path of the specimen.
         source: Where the readings come from.
         controller: Mode, lease and set-points.
-        knowledge: The newest estimate.
-        book: Findings.
+        estimator_state: The newest estimate.
+        health: Diagnostics that stand.
         model: What the estimator runs on.
     """
 
@@ -74,8 +74,8 @@ class Publisher:
         specimen: str,
         source: Source,
         controller: Controller,
-        knowledge: Knowledge,
-        book: FindingBook,
+        estimator_state: EstimatorState,
+        health: HealthMonitor,
         model: Literal["fem", "rod"],
         clock_ns: Callable[[], int] = time.monotonic_ns,
         unix_ns: Callable[[], int] = time.time_ns,
@@ -83,8 +83,8 @@ class Publisher:
         self._specimen = specimen
         self._source = source
         self._controller = controller
-        self._knowledge = knowledge
-        self._book = book
+        self._estimator_state = estimator_state
+        self._health = health
         self._model: Literal["fem", "rod"] = model
         self._clock_ns = clock_ns
         self._unix_ns = unix_ns
@@ -101,7 +101,7 @@ class Publisher:
 
     def state(self, picture: Picture) -> State:
         """Build the state of the arm."""
-        controller, answer = self._controller, self._knowledge.hold_answer
+        controller, answer = self._controller, self._estimator_state.hold_answer
         now_ns = self._clock_ns()
         told = answer if controller.modes.mode in (Mode.TEACH, Mode.HOLDING) else None
         return State(
@@ -112,7 +112,7 @@ class Publisher:
             asked_pa=tuple(controller.asked.tolist()),
             applied_pa=tuple(picture.applied.tolist()),
             measured_pa=self._measured(picture.measured),
-            sections=self._knowledge.sections,
+            sections=self._estimator_state.sections,
             gauges_n=dict(picture.gauges_n),
             ages_s=dict(picture.ages_s),
             lease=LeaseState(
@@ -142,7 +142,7 @@ class Publisher:
                 hint=standing.finding.hint,
                 since_unix_ns=standing.since_unix_ns,
             )
-            for standing in self._book.standing
+            for standing in self._health.standing
         ]
 
     def estimate(self, result: EstimationResult) -> Estimate:
@@ -151,22 +151,22 @@ class Publisher:
         Args:
             result: What the estimator found.
         """
-        net, request = result.loads - self._knowledge.tare, result.request
+        net, request = result.loads - self._estimator_state.tare, result.request
         dof = result.degrees_of_freedom
         ratio = float(np.sqrt(result.innovation_squared / dof)) if dof > 0.1 else None
-        tare = self._knowledge.load_map.forces(self._knowledge.tare, result.load_covariance)
+        tare = self._estimator_state.load_map.forces(self._estimator_state.tare, result.load_covariance)
         solved: Status = "degraded" if request.lost else "converged"
         return Estimate(
             stamp=self._stamp("estimate"),
             status=solved if result.converged else "not_converged",
             model=self._model,
-            loads=self._knowledge.load_map.forces(net, result.load_covariance),
-            contact=self._knowledge.contact,
-            in_contact=self._knowledge.contact_since_unix_ns is not None,
+            loads=self._estimator_state.load_map.forces(net, result.load_covariance),
+            contact=self._estimator_state.contact,
+            in_contact=self._estimator_state.contact_since_unix_ns is not None,
             tare_n=tuple(load.force_n for load in tare),
             normalised_residual=ratio,
             degrees_of_freedom=round(dof),
-            unobservable=(*result.unobservable, *self._knowledge.load_map.not_estimated),
+            unobservable=(*result.unobservable, *self._estimator_state.load_map.not_estimated),
             sensors_used=request.used,
             sensors_lost=request.lost,
             latency_s=(self._clock_ns() - request.newest_arrival_ns) * 1e-9,
@@ -191,6 +191,6 @@ class Publisher:
             return f"record the mismatch with record/start and record/stop, then run: {diagnose}"
         return f"end the recording with record/stop, then run: {diagnose}"
 
-    def occurrence(self, kind: Kind, where: str, text: str, by: str) -> Occurrence:
+    def occurrence(self, kind: Kind, where: str, text: str, by: str) -> Event:
         """Build the message of something that happened, and who asked for it."""
-        return Occurrence(stamp=self._stamp("event"), kind=kind, where=where, text=text, by=by)
+        return Event(stamp=self._stamp("event"), kind=kind, where=where, text=text, by=by)

@@ -12,8 +12,8 @@ from softarm.daemon.control.publishing import Kind, Picture, Publisher
 from softarm.daemon.control.streams import RecordedStreams
 from softarm.daemon.control.surroundings import Outlet
 from softarm.daemon.estimation.messages import EstimationResult
-from softarm.daemon.safety.findings import Finding
-from softarm.daemon.safety.modes import SERVICE, Event, Transition
+from softarm.daemon.safety.diagnostics import Diagnostic
+from softarm.daemon.safety.modes import SERVICE, Transition, Trigger
 
 logger = logging.getLogger(__name__)
 Floats = NDArray[np.float64]
@@ -56,13 +56,13 @@ class Reporter:
     def transition(self, transition: Transition) -> None:
         """Report a change of mode, and who asked for it."""
         before, after, cause = transition.before, transition.after, transition.cause
-        level = logging.WARNING if transition.event in (Event.FAULT, Event.LEASE_LOST) else logging.INFO
+        level = logging.WARNING if transition.event in (Trigger.FAULT, Trigger.LEASE_LOST) else logging.INFO
         logger.log(level, "%s -> %s: %s (asked for by %s)", before, after, cause, transition.by)
         by = transition.by
         self._streams.document("mode", {"before": before, "after": after, "cause": cause, "by": by})
         self._happened("mode", self._arm, f"{before} -> {after}: {cause}", by)
 
-    def finding(self, finding: Finding, new: bool) -> None:
+    def finding(self, finding: Diagnostic, new: bool) -> None:
         """Report a finding that is new or has cleared itself."""
         if new:
             level = logging.INFO if finding.severity == "info" else logging.WARNING

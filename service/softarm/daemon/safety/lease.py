@@ -36,7 +36,7 @@ class Lease:
     expires_ns: int
 
 
-class LeaseDesk:
+class LeaseManager:
     """Hands out the lease to one holder at a time.
 
     Args:

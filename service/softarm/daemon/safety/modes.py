@@ -13,7 +13,7 @@ SERVICE = "service"
 """Who changes the mode where no client asked for it."""
 
 
-class Event(StrEnum):
+class Trigger(StrEnum):
     """What moves the service from one mode to another."""
 
     READY = "ready"
@@ -35,24 +35,24 @@ PRESSURISED = frozenset({Mode.ARMED, Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT})
 
 TRANSITIONS = MappingProxyType(
     {
-        (Mode.STARTING, Event.READY): Mode.IDLE,
-        (Mode.IDLE, Event.ARM): Mode.ARMED,
-        (Mode.ARMED, Event.TEACH): Mode.TEACH,
-        (Mode.HOLDING, Event.TEACH): Mode.TEACH,
-        (Mode.ARMED, Event.HOLD): Mode.HOLDING,
-        (Mode.TEACH, Event.HOLD): Mode.HOLDING,
-        (Mode.HOLDING, Event.HOLD): Mode.HOLDING,
-        (Mode.TEACH, Event.RELEASE): Mode.ARMED,
-        (Mode.HOLDING, Event.RELEASE): Mode.ARMED,
-        (Mode.ARMED, Event.EXPERIMENT_BEGIN): Mode.EXPERIMENT,
-        (Mode.EXPERIMENT, Event.EXPERIMENT_END): Mode.ARMED,
-        (Mode.FAULTED, Event.CLEAR): Mode.IDLE,
-        (Mode.IDLE, Event.CLEAR): Mode.IDLE,
+        (Mode.STARTING, Trigger.READY): Mode.IDLE,
+        (Mode.IDLE, Trigger.ARM): Mode.ARMED,
+        (Mode.ARMED, Trigger.TEACH): Mode.TEACH,
+        (Mode.HOLDING, Trigger.TEACH): Mode.TEACH,
+        (Mode.ARMED, Trigger.HOLD): Mode.HOLDING,
+        (Mode.TEACH, Trigger.HOLD): Mode.HOLDING,
+        (Mode.HOLDING, Trigger.HOLD): Mode.HOLDING,
+        (Mode.TEACH, Trigger.RELEASE): Mode.ARMED,
+        (Mode.HOLDING, Trigger.RELEASE): Mode.ARMED,
+        (Mode.ARMED, Trigger.EXPERIMENT_BEGIN): Mode.EXPERIMENT,
+        (Mode.EXPERIMENT, Trigger.EXPERIMENT_END): Mode.ARMED,
+        (Mode.FAULTED, Trigger.CLEAR): Mode.IDLE,
+        (Mode.IDLE, Trigger.CLEAR): Mode.IDLE,
     }
-    | {(mode, Event.DISARM): Mode.IDLE for mode in Mode if mode in PRESSURISED}
-    | {(mode, Event.LEASE_LOST): Mode.IDLE for mode in Mode if mode in PRESSURISED}
-    | {(mode, Event.FAULT): Mode.FAULTED for mode in Mode if mode is not Mode.STOPPING}
-    | {(mode, Event.SHUT_DOWN): Mode.STOPPING for mode in Mode}
+    | {(mode, Trigger.DISARM): Mode.IDLE for mode in Mode if mode in PRESSURISED}
+    | {(mode, Trigger.LEASE_LOST): Mode.IDLE for mode in Mode if mode in PRESSURISED}
+    | {(mode, Trigger.FAULT): Mode.FAULTED for mode in Mode if mode is not Mode.STOPPING}
+    | {(mode, Trigger.SHUT_DOWN): Mode.STOPPING for mode in Mode}
 )
 """Every transition there is; what the table does not name is refused."""
 
@@ -65,7 +65,7 @@ class TransitionRefusedError(Exception):
         event: The event refused.
     """
 
-    def __init__(self, mode: Mode, event: Event) -> None:
+    def __init__(self, mode: Mode, event: Trigger) -> None:
         allowed = ", ".join(sorted(m for m, e in TRANSITIONS if e is event)) or "no mode"
         super().__init__(f"{event} is refused in {mode}; it is allowed in {allowed}")
         self.mode = mode
@@ -86,7 +86,7 @@ class Transition:
 
     before: Mode
     after: Mode
-    event: Event
+    event: Trigger
     cause: str
     by: str = SERVICE
 
@@ -113,11 +113,11 @@ class ModeMachine:
         """The first cause of the latched fault, kept until it is cleared."""
         return self._fault_cause
 
-    def allows(self, event: Event) -> bool:
+    def allows(self, event: Trigger) -> bool:
         """Tell whether an event would be accepted now."""
         return (self._mode, event) in TRANSITIONS
 
-    def target(self, event: Event) -> Mode:
+    def target(self, event: Trigger) -> Mode:
         """Return the mode that an event leads to.
 
         Raises:
@@ -128,7 +128,7 @@ class ModeMachine:
             raise TransitionRefusedError(self._mode, event)
         return after
 
-    def fire(self, event: Event, cause: str, by: str = SERVICE) -> Transition:
+    def fire(self, event: Trigger, cause: str, by: str = SERVICE) -> Transition:
         """Apply an event and report the change to the observer.
 
         Args:
@@ -143,9 +143,9 @@ class ModeMachine:
             TransitionRefusedError: The present mode does not allow the event.
         """
         before, after = self._mode, self.target(event)
-        if event is Event.FAULT and before is not Mode.FAULTED:
+        if event is Trigger.FAULT and before is not Mode.FAULTED:
             self._fault_cause = cause
-        elif event is Event.CLEAR:
+        elif event is Trigger.CLEAR:
             self._fault_cause = None
         self._mode = after
         transition = Transition(before, after, event, cause, by)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from softarm.api.modes import Mode
 from softarm.daemon.safety.checks.inputs import FOLLOWING_THE_POSE
-from softarm.daemon.safety.findings import Finding, Severity
+from softarm.daemon.safety.diagnostics import Diagnostic, Severity
 from softarm.daemon.safety.observation import Observation
 
 FAILURES_ALLOWED = 20
@@ -12,7 +12,7 @@ STEERING_BY_THE_ESTIMATE = frozenset({Mode.TEACH, Mode.HOLDING})
 """Modes whose pressures come from the estimate; an experiment plays its own and may swing the arm."""
 
 
-def check_estimator(observation: Observation) -> Iterator[Finding]:
+def check_estimator(observation: Observation) -> Iterator[Diagnostic]:
     """Find an estimator on which the mode can no longer rely."""
     estimator = observation.estimator
     severity: Severity = "fault" if observation.mode in FOLLOWING_THE_POSE else "warning"
@@ -35,4 +35,4 @@ def check_estimator(observation: Observation) -> Iterator[Finding]:
         severity = "fault" if observation.mode in STEERING_BY_THE_ESTIMATE else "warning"
     else:
         return
-    yield Finding("estimator_failed", "estimator", severity, message, hint)
+    yield Diagnostic("estimator_failed", "estimator", severity, message, hint)

@@ -2,15 +2,15 @@
 
 from collections.abc import Iterator
 
-from softarm.daemon.safety.findings import Finding
+from softarm.daemon.safety.diagnostics import Diagnostic
 from softarm.daemon.safety.observation import Observation
 
 OVERRUNS_ALLOWED = 5
 
 
-def check_loop(observation: Observation) -> Iterator[Finding]:
+def check_loop(observation: Observation) -> Iterator[Diagnostic]:
     """Find a loop that skipped ticks."""
     if observation.overruns > OVERRUNS_ALLOWED:
         message = f"{observation.overruns} control ticks were skipped in the last second"
         hint = "the machine is overloaded: give the service real-time priority and a core of its own"
-        yield Finding("loop_overrun", "control", "warning", message, hint)
+        yield Diagnostic("loop_overrun", "control", "warning", message, hint)

@@ -2,16 +2,16 @@
 
 from collections.abc import Iterator
 
-from softarm.daemon.safety.findings import Finding
+from softarm.daemon.safety.diagnostics import Diagnostic
 from softarm.daemon.safety.observation import Observation
 
 ALLOWED_DEGREES = 0.5
 
 
-def check_rod(observation: Observation) -> Iterator[Finding]:
+def check_rod(observation: Observation) -> Iterator[Diagnostic]:
     """Find a rod that its last comparison showed to be off."""
     off = observation.estimator.rod_off_degrees
     if off is not None and off > ALLOWED_DEGREES:
         message = f"the calibrated rod is {off:.2g} degrees off the finite elements"
         hint = 'the arm is outside what the rod was fitted to: set control.model = "fem"'
-        yield Finding("rod_off", "estimator", "warning", message, hint)
+        yield Diagnostic("rod_off", "estimator", "warning", message, hint)

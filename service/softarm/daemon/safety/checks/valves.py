@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator
 
-from softarm.daemon.safety.findings import Finding, Severity
+from softarm.daemon.safety.diagnostics import Diagnostic, Severity
 from softarm.daemon.safety.modes import PRESSURISED
 from softarm.daemon.safety.observation import Observation
 
 
-def check_valves(observation: Observation) -> Iterator[Finding]:
+def check_valves(observation: Observation) -> Iterator[Diagnostic]:
     """Find a valve bank that does not answer, or whose outputs are not those commanded."""
     valves = observation.valves
     severity: Severity = "fault" if observation.mode in PRESSURISED else "warning"
@@ -21,10 +21,10 @@ def check_valves(observation: Observation) -> Iterator[Finding]:
         if observation.busy and valves.age_s is not None:
             message = f"{message}, while {observation.busy}"
             hint = "the processor is late, perhaps not the valves: end other programs, or give softarm a core"
-        yield Finding("valves_lost", valves.name, severity, message, hint)
+        yield Diagnostic("valves_lost", valves.name, severity, message, hint)
     for fault in valves.faults:
-        yield Finding(
+        yield Diagnostic(
             "valve_fault", valves.name, severity, fault, "see the valve bank's diagnosis, then clear"
         )
     for warning in valves.warnings:
-        yield Finding("valve_warning", valves.name, "warning", warning, "see docs/drivers.md")
+        yield Diagnostic("valve_warning", valves.name, "warning", warning, "see docs/drivers.md")

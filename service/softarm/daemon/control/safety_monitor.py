@@ -5,11 +5,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.estimator_state import EstimatorState
 from softarm.daemon.control.instruments import Instruments
-from softarm.daemon.control.knowledge import Knowledge
 from softarm.daemon.control.readings import Readings
-from softarm.daemon.safety.findings import Finding, FindingBook
-from softarm.daemon.safety.modes import PRESSURISED, Event, Mode, Transition
+from softarm.daemon.safety.diagnostics import Diagnostic, HealthMonitor
+from softarm.daemon.safety.modes import PRESSURISED, Mode, Transition, Trigger
 from softarm.daemon.safety.observation import Estimator, Observation, Recorder, Valves
 from softarm.drivers.errors import DeviceError
 
@@ -17,44 +17,44 @@ SECOND_NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
-class Watched:
-    """What a guard looks at.
+class SafetyInputs:
+    """What the safety monitor looks at.
 
     Args:
         instruments: Where readings come from and set-points go.
         readings: The newest sample of every channel.
         controller: Mode, lease and set-points.
-        knowledge: The newest estimate.
-        book: Keeps the findings.
+        estimator_state: The newest estimate.
+        health: Keeps the diagnostics.
         estimator: Pictures the estimator's process at a monotonic time.
         recorder: Pictures the recorder.
         valve_deadline_s: A valve bank that does not answer for so long is lost.
-        told: Takes a finding and whether it is new (or has cleared itself).
+        report: Takes a diagnostic and whether it is new (or has cleared itself).
         busy: Describes how the processor keeps the service waiting, empty when it does not.
     """
 
     instruments: Instruments
     readings: Readings
     controller: Controller
-    knowledge: Knowledge
-    book: FindingBook
+    estimator_state: EstimatorState
+    health: HealthMonitor
     estimator: Callable[[int], Estimator]
     recorder: Callable[[], Recorder]
     valve_deadline_s: float
-    told: Callable[[Finding, bool], None]
+    report: Callable[[Diagnostic, bool], None]
     busy: Callable[[int], str] = lambda _: ""
 
 
-class Guard:
+class SafetyMonitor:
     """Advances the controller and ends a pressurised mode as soon as something forbids it.
 
     Args:
-        watched: What it looks at.
+        inputs: What it looks at.
     """
 
-    def __init__(self, watched: Watched) -> None:
+    def __init__(self, inputs: SafetyInputs) -> None:
         self.overruns = 0
-        self._watched = watched
+        self._inputs = inputs
         self._late: deque[int] = deque(maxlen=1000)
         self._began_ns: int | None = None
         self._expiries = 0
@@ -79,14 +79,14 @@ class Guard:
         Returns:
             The change of mode, if there was one.
         """
-        controller = self._watched.controller
+        controller = self._inputs.controller
         if self._ran_out():
             cause = "a set-point ran out before it was renewed, and the chambers vented"
-            return controller.fire(Event.FAULT, f"{self._watched.instruments.bank}: {cause}")
+            return controller.fire(Trigger.FAULT, f"{self._inputs.instruments.bank}: {cause}")
         try:
-            return controller.tick(now_ns, elapsed_s, self._watched.knowledge.hold)
+            return controller.tick(now_ns, elapsed_s, self._inputs.estimator_state.hold)
         except DeviceError as error:
-            return controller.fire(Event.FAULT, f"{error.device}: {error.what}")
+            return controller.fire(Trigger.FAULT, f"{error.device}: {error.what}")
 
     def _ran_out(self) -> bool:
         """Whether a pose that is taught or held lost its pressures since the last tick.
@@ -94,8 +94,8 @@ class Guard:
         In ARMED and EXPERIMENT the client's next set-point fills the chambers again from zero, at the rate
         of the slew limit; a pose would be led there by nobody.
         """
-        before, self._expiries = self._expiries, self._watched.instruments.expiries
-        controller = self._watched.controller
+        before, self._expiries = self._expiries, self._inputs.instruments.expiries
+        controller = self._inputs.controller
         following = controller.modes.mode in (Mode.TEACH, Mode.HOLDING) and controller.commanding
         return following and self._expiries > before
 
@@ -109,28 +109,30 @@ class Guard:
         Returns:
             The change of mode, if there was one.
         """
-        if self._watched.instruments.source == "replay":
+        if self._inputs.instruments.source == "replay":
             return None  # stored readings raise no live alarm
-        controller = self._watched.controller
-        new, cleared = self._watched.book.update(self.observe(now_ns, controller.modes.mode), now_ns, unix_ns)
+        controller = self._inputs.controller
+        new, cleared = self._inputs.health.update(
+            self.observe(now_ns, controller.modes.mode), now_ns, unix_ns
+        )
         for finding in (*new, *cleared):
-            self._watched.told(finding, finding in new)
+            self._inputs.report(finding, finding in new)
         if controller.modes.mode not in PRESSURISED:
             return None
         cause = self._cause()
-        return None if cause is None else controller.fire(Event.FAULT, cause)
+        return None if cause is None else controller.fire(Trigger.FAULT, cause)
 
     def _cause(self) -> str | None:
         """Say what forbids that the chambers hold pressure."""
-        for finding in self._watched.book.present_faults:
+        for finding in self._inputs.health.present_faults:
             return f"{finding.where}: {finding.message}"
-        if not self._watched.instruments.valves.armed:
-            return f"{self._watched.instruments.bank}: the valve bank has vented by itself"
+        if not self._inputs.instruments.valves.armed:
+            return f"{self._inputs.instruments.bank}: the valve bank has vented by itself"
         return None
 
-    def blocking(self, mode: Mode, now_ns: int) -> tuple[Finding, ...]:
+    def blocking(self, mode: Mode, now_ns: int) -> tuple[Diagnostic, ...]:
         """List what keeps the service out of a mode."""
-        return self._watched.book.faults(self.observe(now_ns, mode))
+        return self._inputs.health.faults(self.observe(now_ns, mode))
 
     def observe(self, now_ns: int, mode: Mode) -> Observation:
         """Picture the service.
@@ -139,8 +141,8 @@ class Guard:
             now_ns: Monotonic time.
             mode: The mode whose demands are to be checked.
         """
-        watched = self._watched
-        instruments, readings = watched.instruments, watched.readings
+        inputs = self._inputs
+        instruments, readings = inputs.instruments, inputs.readings
         if self._began_ns is None:
             self._began_ns = now_ns
         fatal, others = instruments.valve_alarms()
@@ -148,19 +150,19 @@ class Guard:
             mode=mode,
             valves=Valves(
                 instruments.bank,
-                watched.readings.age_s(instruments.bank, now_ns),
-                watched.valve_deadline_s,
+                inputs.readings.age_s(instruments.bank, now_ns),
+                inputs.valve_deadline_s,
                 fatal,
                 others,
             ),
-            inputs=watched.readings.inputs(now_ns, instruments.troubles()),
-            estimator=watched.estimator(now_ns),
-            recorder=watched.recorder(),
+            inputs=inputs.readings.inputs(now_ns, instruments.troubles()),
+            estimator=inputs.estimator(now_ns),
+            recorder=inputs.recorder(),
             overruns=sum(1 for late_ns in self._late if now_ns - late_ns < SECOND_NS),
             devices=tuple(
                 replace(device, age_s=readings.device_age_s(device.name, now_ns))
                 for device in instruments.devices()
             ),
             uptime_s=(now_ns - self._began_ns) * 1e-9,
-            busy=watched.busy(now_ns),
+            busy=inputs.busy(now_ns),
         )

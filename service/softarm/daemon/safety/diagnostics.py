@@ -12,7 +12,7 @@ CLEAR_AFTER_NS = 2_000_000_000
 
 
 @dataclass(frozen=True)
-class Finding:
+class Diagnostic:
     """Something a person should know; a fault also vents the arm.
 
     Args:
@@ -35,11 +35,11 @@ class Finding:
         return self.code, self.where
 
 
-Check = Callable[[Observation], Iterable[Finding]]
+Check = Callable[[Observation], Iterable[Diagnostic]]
 
 
 @dataclass(frozen=True)
-class Standing:
+class ActiveAlarm:
     """A finding and since when it stands.
 
     Args:
@@ -48,12 +48,12 @@ class Standing:
         seen_ns: Monotonic time at which it was last seen.
     """
 
-    finding: Finding
+    finding: Diagnostic
     since_unix_ns: int
     seen_ns: int
 
 
-class FindingBook:
+class HealthMonitor:
     """The findings that stand.
 
     Args:
@@ -64,30 +64,30 @@ class FindingBook:
     def __init__(self, checks: Iterable[Check], clear_after_ns: int = CLEAR_AFTER_NS) -> None:
         self._checks = tuple(checks)
         self._clear_after_ns = clear_after_ns
-        self._standing: dict[tuple[str, str], Standing] = {}
-        self._present: tuple[Finding, ...] = ()
+        self._standing: dict[tuple[str, str], ActiveAlarm] = {}
+        self._present: tuple[Diagnostic, ...] = ()
 
     @property
-    def standing(self) -> tuple[Standing, ...]:
+    def standing(self) -> tuple[ActiveAlarm, ...]:
         """Every finding that stands, oldest first."""
         return tuple(self._standing.values())
 
     @property
-    def present_faults(self) -> tuple[Finding, ...]:
+    def present_faults(self) -> tuple[Diagnostic, ...]:
         """Faults of the newest observation: what acts on the arm does not wait and does not linger."""
         return tuple(finding for finding in self._present if finding.severity == "fault")
 
-    def evaluate(self, observation: Observation) -> tuple[Finding, ...]:
+    def evaluate(self, observation: Observation) -> tuple[Diagnostic, ...]:
         """Run every check on an observation without remembering anything."""
         return tuple(finding for check in self._checks for finding in check(observation))
 
-    def faults(self, observation: Observation) -> tuple[Finding, ...]:
+    def faults(self, observation: Observation) -> tuple[Diagnostic, ...]:
         """List what keeps the service out of the observation's mode."""
         return tuple(f for f in self.evaluate(observation) if f.severity == "fault")
 
     def update(
         self, observation: Observation, now_ns: int, unix_ns: int
-    ) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
+    ) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
         """Run every check and remember the outcome.
 
         Args:
@@ -103,7 +103,7 @@ class FindingBook:
         for finding in self._present:
             before = self._standing.get(finding.key)
             since_unix_ns = unix_ns if before is None else before.since_unix_ns
-            self._standing[finding.key] = Standing(finding, since_unix_ns, now_ns)
+            self._standing[finding.key] = ActiveAlarm(finding, since_unix_ns, now_ns)
             if before is None:
                 new.append(finding)
         gone = [key for key, old in self._standing.items() if now_ns - old.seen_ns > self._clear_after_ns]

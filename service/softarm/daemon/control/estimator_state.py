@@ -86,7 +86,7 @@ class LoadMap:
         return tuple(found)
 
 
-class Knowledge:
+class EstimatorState:
     """Keeps the newest result of the estimator and what follows from it.
 
     Args:
@@ -111,8 +111,8 @@ class Knowledge:
         self._names = section_names
         self._align = align
 
-    def take(self, result: EstimationResult, unix_ns: int) -> None:
-        """Take a result of the estimator.
+    def update(self, result: EstimationResult, unix_ns: int) -> None:
+        """Update with a result of the estimator.
 
         Args:
             result: The newest one.

@@ -27,15 +27,15 @@ from softarm.api.commands import (
     malformed,
 )
 from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.estimator_state import EstimatorState
 from softarm.daemon.control.hold import HoldGoal
-from softarm.daemon.control.knowledge import Knowledge
 from softarm.daemon.control.off_loop import off_loop
 from softarm.daemon.control.poses import PoseStore, SavedPose
 from softarm.daemon.control.recorder import Recorder, RecorderError
 from softarm.daemon.estimation.messages import HoldAnswer, PoseTarget
-from softarm.daemon.safety.findings import Finding
+from softarm.daemon.safety.diagnostics import Diagnostic
 from softarm.daemon.safety.lease import LeaseError
-from softarm.daemon.safety.modes import PRESSURISED, Event, Mode, TransitionRefusedError
+from softarm.daemon.safety.modes import PRESSURISED, Mode, TransitionRefusedError, Trigger
 from softarm.drivers.errors import DeviceErrors, InterlockError, LimitError
 from softarm.recordings.info import format_info
 from softarm.recordings.mcap_writer import INFO_FILE
@@ -81,12 +81,12 @@ def way_out(mode: Mode) -> str:
 
 
 @dataclass(frozen=True)
-class Context:
+class CommandContext:
     """What the commands act on.
 
     Args:
         controller: Mode, lease and set-points.
-        knowledge: The newest estimate, the tare and the rest alignment.
+        estimator_state: The newest estimate, the tare and the rest alignment.
         recorder: The recorder.
         poses: Saved poses.
         attachments: Files kept in every recording.
@@ -97,24 +97,24 @@ class Context:
     """
 
     controller: Controller
-    knowledge: Knowledge
+    estimator_state: EstimatorState
     recorder: Recorder
     poses: PoseStore
     attachments: Mapping[str, bytes]
     reconnect: Callable[[str], Awaitable[None]]
-    blocking: Callable[[Mode], tuple[Finding, ...]]
+    blocking: Callable[[Mode], tuple[Diagnostic, ...]]
     clock_ns: Callable[[], int] = time.monotonic_ns
     unix_ns: Callable[[], int] = time.time_ns
 
 
-class Verbs:
+class CommandHandler:
     """Carries out commands.
 
     Args:
         context: What they act on.
     """
 
-    def __init__(self, context: Context) -> None:
+    def __init__(self, context: CommandContext) -> None:
         self._context = context
         self._began_ns = context.clock_ns()
         self._saving, self._opening = asyncio.Lock(), asyncio.Lock()
@@ -205,25 +205,25 @@ class Verbs:
 
     def _arm(self, request: MovingRequest) -> Answer:
         self._refuse_blocked(Mode.ARMED)
-        self._context.controller.fire(Event.ARM, f"{request.client} armed", request.client)
+        self._context.controller.fire(Trigger.ARM, f"{request.client} armed", request.client)
         return {"asked_pa": self._context.controller.asked.tolist()}
 
     def _disarm(self, request: MovingRequest) -> Answer:
-        self._context.controller.fire(Event.DISARM, f"{request.client} disarmed", request.client)
+        self._context.controller.fire(Trigger.DISARM, f"{request.client} disarmed", request.client)
         return {"asked_pa": self._context.controller.asked.tolist()}
 
     def _stop(self, request: Request) -> Answer:
-        self._context.controller.fire(Event.FAULT, f"stopped by {request.client}", request.client)
+        self._context.controller.fire(Trigger.FAULT, f"stopped by {request.client}", request.client)
         return {"asked_pa": self._context.controller.asked.tolist()}
 
     def _clear(self, request: Request) -> Answer:
         """Go on after a fault; errors that valves keep until then are acknowledged, and clear themselves."""
         controller = self._context.controller
         cause = controller.modes.fault_cause
-        acknowledged = controller.modes.allows(Event.CLEAR) and controller.acknowledge()
+        acknowledged = controller.modes.allows(Trigger.CLEAR) and controller.acknowledge()
         if controller.modes.mode is Mode.FAULTED and not acknowledged:
             self._refuse_blocked(Mode.ARMED, "the cause of the fault is still there")
-        controller.fire(Event.CLEAR, f"cleared by {request.client}", request.client)
+        controller.fire(Trigger.CLEAR, f"cleared by {request.client}", request.client)
         return {"cleared": cause, "acknowledged": acknowledged}
 
     def _set_pressures(self, request: SetPressures) -> Answer:
@@ -236,7 +236,7 @@ class Verbs:
 
     def _teach_start(self, request: MovingRequest) -> Answer:
         self._refuse_blocked(Mode.TEACH)
-        self._context.controller.fire(Event.TEACH, f"{request.client} teaches", request.client)
+        self._context.controller.fire(Trigger.TEACH, f"{request.client} teaches", request.client)
         return {"asked_pa": self._context.controller.asked.tolist()}
 
     def _teach_hold(self, request: TeachHold) -> Answer:
@@ -253,12 +253,12 @@ class Verbs:
 
     def _known_hold(self) -> tuple[HoldAnswer, PoseTarget]:
         """Give the pressures that hold the pose, and the pose, or say why there are none."""
-        knowledge = self._context.knowledge
-        if knowledge.held is not None:
-            return knowledge.held
-        if knowledge.hold_answer is not None:
+        estimator_state = self._context.estimator_state
+        if estimator_state.held is not None:
+            return estimator_state.held
+        if estimator_state.hold_answer is not None:
             hint = "bring the arm into another pose: these pressures would mean nothing"
-            raise RefusalError("not_available", knowledge.hold_answer.note, hint)
+            raise RefusalError("not_available", estimator_state.hold_answer.note, hint)
         raise RefusalError("not_available", "no pressures for this pose yet", "wait for an estimate")
 
     def _begin_hold(self, goal: HoldGoal, request: TeachHold | TeachGoto, cause: str) -> None:
@@ -266,7 +266,7 @@ class Verbs:
         self._context.controller.begin_hold(goal, request.ramp_s, now_ns, cause, request.client)
 
     async def _teach_save(self, request: TeachSave) -> Answer:
-        hold, sections = self._known_hold()[0], self._context.knowledge.sections
+        hold, sections = self._known_hold()[0], self._context.estimator_state.sections
         controller = self._context.controller
         held = controller.modes.mode is Mode.HOLDING
         pressures = controller.asked if held else hold.pressures
@@ -304,31 +304,31 @@ class Verbs:
 
     def _teach_release(self, request: MovingRequest) -> Answer:
         controller = self._context.controller
-        controller.fire(Event.RELEASE, f"{request.client} released", request.client)
+        controller.fire(Trigger.RELEASE, f"{request.client} released", request.client)
         controller.keep_asked(self._context.clock_ns(), RELEASE_LIFETIME_S)
         return {"asked_pa": controller.asked.tolist(), "lifetime_s": RELEASE_LIFETIME_S}
 
     def _tare(self, request: Request) -> Answer:
         del request
-        tare = self._context.knowledge.tare_now()
+        tare = self._context.estimator_state.tare_now()
         if tare is None:
             raise RefusalError("not_available", "no estimate to tare", "wait for one that converged")
         return {"loads_n": tare.tolist()}
 
     def _experiment_begin(self, request: MovingRequest) -> Answer:
         self._refuse_blocked(Mode.EXPERIMENT)
-        self._context.controller.fire(Event.EXPERIMENT_BEGIN, f"{request.client} begins", request.client)
+        self._context.controller.fire(Trigger.EXPERIMENT_BEGIN, f"{request.client} begins", request.client)
         return {}
 
     def _experiment_end(self, request: MovingRequest) -> Answer:
-        self._context.controller.fire(Event.EXPERIMENT_END, f"{request.client} ends", request.client)
+        self._context.controller.fire(Trigger.EXPERIMENT_END, f"{request.client} ends", request.client)
         return {}
 
     def _rest(self, request: Request) -> Answer:
         del request
         if self._context.controller.modes.mode is not Mode.IDLE:
             raise RefusalError("wrong_mode", "the arm must hang vented and free", "disarm first")
-        aligned = self._context.knowledge.align_at_rest()
+        aligned = self._context.estimator_state.align_at_rest()
         return {"aligned": list(aligned)}
 
     async def _record_start(self, request: RecordStart) -> Answer:
@@ -369,7 +369,7 @@ class Verbs:
 
     def _lease_release(self, request: MovingRequest) -> Answer:
         controller = self._context.controller
-        if controller.modes.allows(Event.LEASE_LOST):
-            controller.fire(Event.LEASE_LOST, f"{request.client} released the lease", request.client)
+        if controller.modes.allows(Trigger.LEASE_LOST):
+            controller.fire(Trigger.LEASE_LOST, f"{request.client} released the lease", request.client)
         controller.lease.release(request.lease, self._context.clock_ns())
         return {}
