@@ -15,7 +15,7 @@ from softarm.api.commands import VERBS, Applied, Refused
 from softarm.api.messages import Message
 from softarm.cli import fakes
 from softarm.daemon.config import ServiceConfig, Setup
-from softarm.daemon.control.channels import samples
+from softarm.daemon.control.channels import channel_readings
 from softarm.daemon.control.instruments import LiveInstruments
 from softarm.daemon.control.readings import Readings, channel
 from softarm.daemon.control.surroundings import Clocks, Surroundings
@@ -106,10 +106,11 @@ class PoseGaps:
 
     def take(self, reading: Reading[Any]) -> None:
         """Take a reading of any device."""
-        for name, sample in samples(reading):
+        for entry in channel_readings(reading):
+            name = entry.device
             if name in self._last_ns:
-                self._longest_ns = max(self._longest_ns, sample.arrival_ns - self._last_ns[name])
-                self._last_ns[name] = sample.measured_ns
+                self._longest_ns = max(self._longest_ns, entry.host_monotonic_ns - self._last_ns[name])
+                self._last_ns[name] = entry.measured_ns
 
     def begin(self) -> None:
         """Forget the gaps so far."""

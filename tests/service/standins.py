@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from softarm.daemon.config import ServiceConfig, Setup
-from softarm.daemon.control.channels import Sample
+from softarm.daemon.control.channels import channel_reading
 from softarm.daemon.estimation.messages import EstimationResult, HoldAnswer
 from softarm.daemon.estimation.worker import WorkerState
 from softarm.estimator.arm import default_loads
@@ -73,7 +73,7 @@ class Instruments:
     def read(self):
         now = self._clock_ns()
         for name, values in (("valves", (0.0,) * 6), ("qtm/tip", STRAIGHT)):
-            self._readings.put(name, Sample(values, now, now, now, 0, "fake"))
+            self._readings.put(channel_reading(name, values, now, "fake"))
 
 
 class Estimator:

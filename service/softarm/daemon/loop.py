@@ -7,7 +7,7 @@ import tomli_w
 
 from softarm.api.commands import Applied, Refused
 from softarm.daemon.config import Setup
-from softarm.daemon.control.channels import Sample
+from softarm.daemon.control.channels import ChannelReading
 from softarm.daemon.control.command_handler import CommandContext, CommandHandler
 from softarm.daemon.control.controller import Controller
 from softarm.daemon.control.deadlines import deadlines_s
@@ -56,7 +56,7 @@ class ControlLoop:
             config.sensors,
             surroundings.base_body,
             config.safety,
-            self._on_sample,
+            self._on_reading,
             self._on_packet,
             deadlines_s(setup),
         )
@@ -178,8 +178,8 @@ class ControlLoop:
         """Vent the arm for good."""
         self.controller.fire(Trigger.SHUT_DOWN, "the service ends")
 
-    def _on_sample(self, name: str, sample: Sample) -> None:
-        self._streams.take(name, sample)
+    def _on_reading(self, reading: ChannelReading) -> None:
+        self._streams.take(reading)
 
     def _on_packet(self) -> None:
         """Start an estimate as soon as a packet of the leading device is complete."""
@@ -203,7 +203,7 @@ class ControlLoop:
         recording = self.recorder.path
         return Picture(
             applied=self.instruments.applied,
-            measured=None if measured is None else np.array(measured.values),
+            measured=None if measured is None else np.array(measured.value),
             gauges_n=self._gauges(now_ns),
             ages_s=ages | {bank: self.readings.age_s(bank, now_ns)},
             ticks=self._ticks,
@@ -218,7 +218,7 @@ class ControlLoop:
             for sensor in self._setup.config.sensors
             if sensor.kind == "gauge"
         }
-        return {name: None if sample is None else sample.values[0] for name, sample in samples.items()}
+        return {name: None if sample is None else sample.value[0] for name, sample in samples.items()}
 
 
 def _attachments(setup: Setup) -> Mapping[str, bytes]:

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -32,6 +32,7 @@ def test_ramp_has_no_bump_and_arrives(start, goal):
     np.testing.assert_allclose(path[-1], goal, atol=1e-6)
 
 
+@settings(deadline=None)
 @given(
     goal=arrays(float, 6, elements=st.floats(10e3, 50e3)),
     bias=arrays(float, 6, elements=st.floats(-8e3, 8e3)),

@@ -1,7 +1,7 @@
 """When a packet of the leading device is complete."""
 
 from softarm.daemon.config import SafetySettings, SensorSettings
-from softarm.daemon.control.channels import Sample
+from softarm.daemon.control.channels import ChannelReading, channel_reading
 from softarm.daemon.control.readings import Readings, leading_channels
 
 SENSORS = (
@@ -13,8 +13,8 @@ SENSORS = (
 )
 
 
-def sample(arrival_ns: int) -> Sample:
-    return Sample((0.0,) * 7, arrival_ns, arrival_ns, arrival_ns, 0, "fake")
+def pose(name: str, arrival_ns: int) -> ChannelReading:
+    return channel_reading(name, (0.0,) * 7, arrival_ns, "fake")
 
 
 def test_the_needed_device_leads() -> None:
@@ -26,7 +26,11 @@ def test_the_needed_device_leads() -> None:
 def test_a_packet_is_complete_with_its_last_body() -> None:
     done: list[str] = []
     readings = Readings(
-        SENSORS, "", SafetySettings(), lambda name, _: done.append(name), lambda: done.append("packet")
+        SENSORS,
+        "",
+        SafetySettings(),
+        lambda reading: done.append(reading.device),
+        lambda: done.append("packet"),
     )
     for name, arrival in (
         ("qtm/intermediate", 1),
@@ -36,7 +40,7 @@ def test_a_packet_is_complete_with_its_last_body() -> None:
         ("qtm/tip", 3),
         ("qtm/intermediate", 3),
     ):
-        readings.put(name, sample(arrival))
+        readings.put(pose(name, arrival))
     assert done == [
         "qtm/intermediate",
         "qtm/base",

@@ -193,7 +193,7 @@ async def test_lost_lease_vents(bench):
     await bench.armed()
     await bench.send("set_pressures", pressures_pa=[1e4] * 6, lifetime_s=5)
     transition = bench.tick(1.1)
-    assert transition.event is Trigger.LEASE_LOST
+    assert transition.trigger is Trigger.LEASE_LOST
     assert bench.mode is Mode.IDLE
     assert bench.valves.pressures == (0.0,) * 6
 

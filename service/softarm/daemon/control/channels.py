@@ -1,7 +1,6 @@
 """From the readings of any device to named channels of plain numbers."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any
 
@@ -12,27 +11,27 @@ from softarm.drivers.qualisys.motion import MotionFrame
 from softarm.drivers.reading import Reading
 from softarm.drivers.valves import BankReading
 
+ChannelReading = Reading[tuple[float, ...]]
+"""A reading of one channel, whose `device` is ``device`` or ``device/channel``.
 
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """The last reading of one channel.
+Its value is in SI units: a pose is position and quaternion, an orientation a quaternion, a bend two angles, a
+gauge one force, a valve bank the measured pressures.
+"""
+
+
+def channel_reading(
+    name: str, values: tuple[float, ...], now_ns: int, source: str, sequence: int = 0
+) -> ChannelReading:
+    """Return a valid reading of a channel that was measured just now.
 
     Args:
-        values: SI units; a pose is position and quaternion, an orientation a quaternion, a bend two angles,
-            a gauge one force, a valve bank the measured pressures.
-        measured_ns: Best estimate of the monotonic time of the measurement.
-        arrival_ns: Monotonic time of arrival.
-        device_ns: Time on the device's clock; that of the measurement where it has none.
-        sequence: The device's counter.
-        source: Where it came from.
+        name: The channel.
+        values: What was measured, SI units.
+        now_ns: Monotonic time [ns].
+        source: Where it comes from.
+        sequence: Its number.
     """
-
-    values: tuple[float, ...]
-    measured_ns: int
-    arrival_ns: int
-    device_ns: int
-    sequence: int
-    source: str
+    return Reading(name, values, None, now_ns, now_ns, sequence, 0, True, source)
 
 
 @singledispatch
@@ -74,21 +73,10 @@ def _(value: Force) -> Iterator[tuple[str, tuple[float, ...]]]:
     yield "", (value.force,)
 
 
-def samples(reading: Reading[Any]) -> Iterator[tuple[str, Sample]]:
-    """Give the channels of one valid reading, named ``device`` or ``device/channel``."""
+def channel_readings(reading: Reading[Any]) -> Iterator[ChannelReading]:
+    """Split a valid reading of a device into one for each channel that is valid in it."""
     if not reading.valid:
         return
-    device_ns = reading.measured_ns if reading.device_time_ns is None else reading.device_time_ns
     for channel, values in parts(reading.value):
         name = f"{reading.device}/{channel}" if channel else reading.device
-        yield (
-            name,
-            Sample(
-                values,
-                reading.measured_ns,
-                reading.host_monotonic_ns,
-                device_ns,
-                reading.sequence,
-                reading.source,
-            ),
-        )
+        yield reading._replace(device=name, value=values)

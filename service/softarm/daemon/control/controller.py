@@ -93,11 +93,11 @@ class Controller:
         """The hold in progress."""
         return self._hold
 
-    def fire(self, event: Trigger, cause: str, by: str = SERVICE) -> Transition:
+    def fire(self, trigger: Trigger, cause: str, by: str = SERVICE) -> Transition:
         """Change the mode; leaving the pressurised modes vents before anything else.
 
         Args:
-            event: What happened.
+            trigger: What happened.
             cause: Why, in words.
             by: The client that asked for it, or ``service``.
 
@@ -105,14 +105,14 @@ class Controller:
             TransitionRefusedError: The present mode does not allow it.
             InterlockError: The valve bank does not let itself be armed; the mode stays.
         """
-        after = self.modes.target(event)
-        if event is Trigger.ARM:
+        after = self.modes.target(trigger)
+        if trigger is Trigger.ARM:
             self._valves.arm()
         if after not in PRESSURISED:
             self._vent(f"{after}: {cause}")
         if after is not Mode.HOLDING:
             self._hold = None
-        return self.modes.fire(event, cause, by)
+        return self.modes.fire(trigger, cause, by)
 
     def _vent(self, reason: str) -> None:
         self._wanted, self._hold = None, None

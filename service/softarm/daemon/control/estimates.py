@@ -92,7 +92,7 @@ class Estimates:
     def _pressures(self, now_ns: int) -> NDArray[np.float64]:
         """Return the measured pressures [Pa], NaN when they are stale, shape (chambers,)."""
         valves = self._readings.fresh(self._instruments.bank, now_ns)
-        return np.full(self._chambers, np.nan) if valves is None else np.array(valves.values)
+        return np.full(self._chambers, np.nan) if valves is None else np.array(valves.value)
 
     def _contact_due(self, now_ns: int) -> bool:
         rested = now_ns - self._placed_ns > CONTACT_EVERY_NS

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.daemon.config import SafetySettings, SensorSettings
-from softarm.daemon.control.channels import Sample, samples
+from softarm.daemon.control.channels import ChannelReading, channel_readings
 from softarm.daemon.safety.observation import Input
 from softarm.drivers.reading import Reading
 from softarm.estimator.rotations import from_quaternions, to_quaternions
@@ -43,7 +43,7 @@ class Readings:
         sensors: Sensors in the order of the estimator's readings; gauges are ignored.
         base_body: Channel of the motion-capture body on the base, empty for none.
         safety: Deadline of what has none of its own.
-        on_sample: Takes every sample as it comes.
+        on_reading: Takes every reading of a channel as it comes.
         on_packet: Called when a packet of the leading device is complete: an estimate is best started then,
             for whatever waits for the next tick is older by then.
         deadlines_s: Deadlines of channels that have their own [s].
@@ -54,7 +54,7 @@ class Readings:
         sensors: tuple[SensorSettings, ...],
         base_body: str,
         safety: SafetySettings,
-        on_sample: Callable[[str, Sample], None] = lambda _name, _sample: None,
+        on_reading: Callable[[ChannelReading], None] = lambda _: None,
         on_packet: Callable[[], None] = lambda: None,
         deadlines_s: Mapping[str, float] | None = None,
     ) -> None:
@@ -63,37 +63,38 @@ class Readings:
         self._base_body = base_body
         self._deadline_s = safety.sensor_deadline_s
         self._deadlines_s = deadlines_s or {}
-        self._on_sample = on_sample
+        self._on_reading = on_reading
         self._on_packet = on_packet
         self._leading = leading_channels(self._sensors)
-        self._latest: dict[str, Sample] = {}
+        self._latest: dict[str, ChannelReading] = {}
         self._device_ns: dict[str, int] = {}
         self._references: dict[str, Floats] = {}
 
     def take(self, reading: Reading[Any]) -> None:
         """Take a reading from a driver; this is the drivers' sink."""
-        for name, sample in samples(reading):
-            self.put(name, sample)
+        for entry in channel_readings(reading):
+            self.put(entry)
 
-    def put(self, name: str, sample: Sample) -> None:
-        """Take a sample of a channel."""
-        self._latest[name] = sample
-        self._device_ns[name.split("/")[0]] = sample.arrival_ns
+    def put(self, reading: ChannelReading) -> None:
+        """Take a reading of a channel."""
+        name = reading.device
+        self._latest[name] = reading
+        self._device_ns[name.split("/")[0]] = reading.host_monotonic_ns
         if self._completes_packet(name):
             self._on_packet()
-        self._on_sample(name, sample)
+        self._on_reading(reading)
 
     def _completes_packet(self, name: str) -> bool:
         if name not in self._leading:
             return False
-        arrivals = {self._latest[n].arrival_ns if n in self._latest else None for n in self._leading}
+        arrivals = {self._latest[n].host_monotonic_ns if n in self._latest else None for n in self._leading}
         return len(arrivals) == 1
 
-    def latest(self, name: str) -> Sample | None:
+    def latest(self, name: str) -> ChannelReading | None:
         """Give the newest sample of a channel, however old."""
         return self._latest.get(name)
 
-    def fresh(self, name: str, now_ns: int) -> Sample | None:
+    def fresh(self, name: str, now_ns: int) -> ChannelReading | None:
         """Give the newest sample of a channel unless it is stale."""
         age_s = self.age_s(name, now_ns)
         return self._latest[name] if age_s is not None and age_s <= self.deadline_s(name) else None
@@ -143,7 +144,7 @@ class Readings:
         for sensor in self._sensors:
             sample = self._latest.get(channel(sensor))
             if _is_inertial(sensor, sample) and sample is not None:
-                measured = from_quaternions(np.array(sample.values))
+                measured = from_quaternions(np.array(sample.value))
                 self._references[channel(sensor)] = orientations[sensor.section] @ measured.T
                 aligned.append(channel(sensor))
         return tuple(aligned)
@@ -163,12 +164,14 @@ class Readings:
             parts.append(reading)
             used.append(name)
             times.append(sample.measured_ns)
-            arrivals.append(sample.arrival_ns)
+            arrivals.append(sample.host_monotonic_ns)
         time_s = (sum(times) / len(times) if times else now_ns) * 1e-9
         return Snapshot(time_s, max(arrivals), np.concatenate(parts), tuple(used), tuple(lost))
 
-    def _reading(self, sensor: SensorSettings, sample: Sample, base: Sample | None) -> Floats | None:
-        values = np.array(sample.values)
+    def _reading(
+        self, sensor: SensorSettings, sample: ChannelReading, base: ChannelReading | None
+    ) -> Floats | None:
+        values = np.array(sample.value)
         if sensor.kind == "bend":
             return values
         if len(values) == READING_SIZE["orientation"]:
@@ -176,7 +179,7 @@ class Readings:
         if self._base_body:
             if base is None:
                 return None
-            values = relative_pose(np.array(base.values), values)
+            values = relative_pose(np.array(base.value), values)
         return values if sensor.kind == "pose" else values[3:]
 
     def _inertial(self, sensor: SensorSettings, quaternion: Floats) -> Floats | None:
@@ -214,9 +217,9 @@ def relative_pose(base: Floats, pose: Floats) -> Floats:
     return np.concatenate([turn @ (pose[:3] - base[:3]), quaternion])
 
 
-def _is_inertial(sensor: SensorSettings, sample: Sample | None) -> bool:
+def _is_inertial(sensor: SensorSettings, sample: ChannelReading | None) -> bool:
     return (
         sensor.kind == "orientation"
         and sample is not None
-        and len(sample.values) == READING_SIZE["orientation"]
+        and len(sample.value) == READING_SIZE["orientation"]
     )

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.daemon.config import SensorSettings
-from softarm.daemon.control.channels import Sample
+from softarm.daemon.control.channels import ChannelReading
 from softarm.daemon.control.readings import channel
 from softarm.daemon.safety.observation import Device
 from softarm.drivers.errors import InterlockError
+from softarm.drivers.reading import Reading
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 
@@ -57,7 +58,7 @@ class ReplayedInstruments:
         sensors: Which measurement is which channel.
         chambers: Number of chambers.
         speed: Factor on the recorded time.
-        put: Takes each sample by the name of its channel.
+        put: Takes each reading of a channel.
         finished: Called at the end.
 
     Raises:
@@ -73,7 +74,7 @@ class ReplayedInstruments:
         sensors: Sequence[SensorSettings],
         chambers: int,
         speed: float,
-        put: Callable[[str, Sample], None],
+        put: Callable[[ChannelReading], None],
         finished: Callable[[], None],
     ) -> None:
         self.valves = ReplayedValves()
@@ -131,7 +132,7 @@ class ReplayedInstruments:
             row = values[index]
             if np.isfinite(row).all():
                 numbers = tuple(float(value) for value in row)
-                self._put(name, Sample(numbers, now_ns, now_ns, device_ns, index, "replay"))
+                self._put(Reading(name, numbers, device_ns, now_ns, now_ns, index, 0, True, "replay"))
 
     async def close(self) -> None:
         """Nothing is held."""

@@ -56,7 +56,7 @@ class Reporter:
     def transition(self, transition: Transition) -> None:
         """Report a change of mode, and who asked for it."""
         before, after, cause = transition.before, transition.after, transition.cause
-        level = logging.WARNING if transition.event in (Trigger.FAULT, Trigger.LEASE_LOST) else logging.INFO
+        level = logging.WARNING if transition.trigger in (Trigger.FAULT, Trigger.LEASE_LOST) else logging.INFO
         logger.log(level, "%s -> %s: %s (asked for by %s)", before, after, cause, transition.by)
         by = transition.by
         self._streams.document("mode", {"before": before, "after": after, "cause": cause, "by": by})

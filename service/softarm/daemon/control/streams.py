@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from softarm.daemon.config import SensorSettings
-from softarm.daemon.control.channels import Sample
+from softarm.daemon.control.channels import ChannelReading
 from softarm.daemon.control.readings import channel
 from softarm.daemon.control.recorder import Document, Recorder
 from softarm.daemon.control.recorder import Sample as RecordedSample
@@ -52,22 +52,22 @@ class RecordedStreams:
         self._last_ns: dict[str, int] = {}
         self._sequence = 0
 
-    def take(self, name: str, sample: Sample) -> None:
-        """Record a sample of a device."""
-        place = self._topics.get(name)
+    def take(self, reading: ChannelReading) -> None:
+        """Record a reading of a channel."""
+        place = self._topics.get(reading.device)
         if place is None or not self._recording():
             return
         topic, fields = place
-        if len(fields) != len(sample.values):
-            fields = POSE_SUFFIXES[-len(sample.values) :]
-        measured_ns = self._after_last(topic, sample.measured_ns)
+        if len(fields) != len(reading.value):
+            fields = POSE_SUFFIXES[-len(reading.value) :]
+        measured_ns = self._after_last(topic, reading.measured_ns)
         stamp = Stamp(
             (measured_ns - self._start_ns) * 1e-9,
-            sample.arrival_ns,
-            sample.device_ns,
-            sample.sequence % 2**32,
+            reading.host_monotonic_ns,
+            reading.measured_ns if reading.device_time_ns is None else reading.device_time_ns,
+            reading.sequence % 2**32,
         )
-        self._recorder.put(RecordedSample(Stream(topic, fields, sample.source), sample.values, stamp))
+        self._recorder.put(RecordedSample(Stream(topic, fields, reading.source), reading.value, stamp))
 
     def commanded(self, pressures: Sequence[float], now_ns: int) -> None:
         """Record the pressures applied at a tick."""

@@ -58,18 +58,18 @@ TRANSITIONS = MappingProxyType(
 
 
 class TransitionRefusedError(Exception):
-    """An event that the present mode does not allow.
+    """A trigger that the present mode does not allow.
 
     Args:
         mode: The present mode.
-        event: The event refused.
+        trigger: The trigger refused.
     """
 
-    def __init__(self, mode: Mode, event: Trigger) -> None:
-        allowed = ", ".join(sorted(m for m, e in TRANSITIONS if e is event)) or "no mode"
-        super().__init__(f"{event} is refused in {mode}; it is allowed in {allowed}")
+    def __init__(self, mode: Mode, trigger: Trigger) -> None:
+        allowed = ", ".join(sorted(m for m, e in TRANSITIONS if e is trigger)) or "no mode"
+        super().__init__(f"{trigger} is refused in {mode}; it is allowed in {allowed}")
         self.mode = mode
-        self.event = event
+        self.trigger = trigger
 
 
 @dataclass(frozen=True)
@@ -79,14 +79,14 @@ class Transition:
     Args:
         before: The mode that was left.
         after: The mode that was entered.
-        event: What caused it.
+        trigger: What caused it.
         cause: The reason in words.
         by: The client that asked for it, or ``service``.
     """
 
     before: Mode
     after: Mode
-    event: Trigger
+    trigger: Trigger
     cause: str
     by: str = SERVICE
 
@@ -113,26 +113,26 @@ class ModeMachine:
         """The first cause of the latched fault, kept until it is cleared."""
         return self._fault_cause
 
-    def allows(self, event: Trigger) -> bool:
-        """Tell whether an event would be accepted now."""
-        return (self._mode, event) in TRANSITIONS
+    def allows(self, trigger: Trigger) -> bool:
+        """Return whether a trigger would be accepted now."""
+        return (self._mode, trigger) in TRANSITIONS
 
-    def target(self, event: Trigger) -> Mode:
-        """Return the mode that an event leads to.
+    def target(self, trigger: Trigger) -> Mode:
+        """Return the mode that a trigger leads to.
 
         Raises:
-            TransitionRefusedError: The present mode does not allow the event.
+            TransitionRefusedError: The present mode does not allow the trigger.
         """
-        after = TRANSITIONS.get((self._mode, event))
+        after = TRANSITIONS.get((self._mode, trigger))
         if after is None:
-            raise TransitionRefusedError(self._mode, event)
+            raise TransitionRefusedError(self._mode, trigger)
         return after
 
-    def fire(self, event: Trigger, cause: str, by: str = SERVICE) -> Transition:
-        """Apply an event and report the change to the observer.
+    def fire(self, trigger: Trigger, cause: str, by: str = SERVICE) -> Transition:
+        """Apply a trigger and report the change to the observer.
 
         Args:
-            event: What happened.
+            trigger: What happened.
             cause: Why, in words; the first cause of a fault is latched.
             by: The client that asked for it, or ``service``.
 
@@ -140,15 +140,15 @@ class ModeMachine:
             The change of mode.
 
         Raises:
-            TransitionRefusedError: The present mode does not allow the event.
+            TransitionRefusedError: The present mode does not allow the trigger.
         """
-        before, after = self._mode, self.target(event)
-        if event is Trigger.FAULT and before is not Mode.FAULTED:
+        before, after = self._mode, self.target(trigger)
+        if trigger is Trigger.FAULT and before is not Mode.FAULTED:
             self._fault_cause = cause
-        elif event is Trigger.CLEAR:
+        elif trigger is Trigger.CLEAR:
             self._fault_cause = None
         self._mode = after
-        transition = Transition(before, after, event, cause, by)
+        transition = Transition(before, after, trigger, cause, by)
         try:
             self._observer(transition)
         except Exception:  # a report that fails must neither undo the change nor end the caller
