@@ -165,7 +165,9 @@ class ControlLoop:
             return
         self._ready = True
         if self.mode is Mode.STARTING:
-            self.controller.fire(Trigger.READY, "the estimator is ready")
+            gave_up = self.estimates.process.state.gave_up
+            cause = "the estimator cannot be built: see the log" if gave_up else "the estimator is ready"
+            self.controller.fire(Trigger.READY, cause)
         self._surroundings.ready()
 
     async def answer(self, verb: str, payload: bytes) -> Applied | Refused:

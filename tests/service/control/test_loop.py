@@ -103,6 +103,17 @@ async def test_ready_is_sent_once_whatever_a_client_does_while_the_estimator_is_
     assert arm.ready == [Mode.IDLE]
 
 
+async def test_a_service_whose_estimator_cannot_be_built_does_not_call_it_ready(arm):
+    arm.loop.estimates.process.state = WorkerState(running=False, restarts=2, gave_up=False)
+    arm.step()
+    assert arm.loop.mode is Mode.STARTING
+    arm.loop.estimates.process.state = WorkerState(running=False, restarts=6, gave_up=True)
+    arm.step()
+    assert arm.loop.mode is Mode.IDLE
+    (change,) = [event.text for event in arm.outlet.of("event") if event.kind == "mode"]
+    assert "cannot be built" in change
+
+
 async def test_every_change_of_mode_is_an_event_and_in_the_journal_with_who_asked(arm, caplog):
     caplog.set_level(logging.INFO, "softarm")
     arm.step()

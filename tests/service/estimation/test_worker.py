@@ -114,6 +114,7 @@ async def test_process_that_is_stuck_while_it_is_built_is_killed():
     async with Worker(never_built, Results().take, lambda: now[0], policy=policy) as worker:
         worker.watch()
         assert worker.state.starting
+        assert worker.state.restarts == 0
         now[0] += 11.0
         worker.watch()
         await worker.until(lambda state: state.gave_up)

@@ -44,14 +44,15 @@ class RestartPolicy:
         window_s: A death counts for so long.
         pause_s: Wait before the first restart; each further death within the window doubles it.
         longest_pause_s: Longest wait.
-        start_s: A process that is not ready after so long is stuck: compiling the kernels takes a minute.
+        start_s: A process that is not ready after so long is stuck: compiling the kernels takes a minute,
+            and many on a machine that is overloaded.
     """
 
     deaths: int = 6
     window_s: float = 600.0
     pause_s: float = 0.1
     longest_pause_s: float = 5.0
-    start_s: float = 300.0
+    start_s: float = 900.0
 
 
 @dataclass(frozen=True)
@@ -63,17 +64,19 @@ class WorkerState:
         restarts: How often it was started again.
         gave_up: Whether it died too often to be started again.
         deaths: Its deaths that still count.
+        was_ready: Whether it has been ready at least once.
     """
 
     running: bool
     restarts: int
     gave_up: bool
     deaths: int = 0
+    was_ready: bool = False
 
     @property
     def starting(self) -> bool:
-        """Whether it is being built for the first time."""
-        return not self.running and not self.gave_up and self.restarts == 0
+        """Whether it is being built and has never been ready yet, however often it died meanwhile."""
+        return not (self.running or self.gave_up or self.was_ready)
 
 
 def _serve(requests: Connection, results: Connection, factory: SolverFactory, nicer: int) -> None:
@@ -145,7 +148,7 @@ class Worker(Generic[Request, Result]):
         self._sent_s = clock()
         self._restarts = 0
         self._deaths: deque[float] = deque()
-        self._gave_up = False
+        self._gave_up = self._was_ready = False
         self._closing = False
         self._pause: asyncio.TimerHandle | None = None
         self._changed = asyncio.Event()
@@ -155,7 +158,7 @@ class Worker(Generic[Request, Result]):
     def state(self) -> WorkerState:
         """What became of the process."""
         running = self._child is not None and self._child.ready
-        return WorkerState(running, self._restarts, self._gave_up, len(self._deaths))
+        return WorkerState(running, self._restarts, self._gave_up, len(self._deaths), self._was_ready)
 
     @property
     def pid(self) -> int | None:
@@ -243,7 +246,7 @@ class Worker(Generic[Request, Result]):
         if child.ready:
             self._on_result(message)
         else:
-            child.ready = True
+            child.ready = self._was_ready = True
             self._changed.set()
         if self._waiting is not None and self._child is child and not self._busy:
             self._send(self._waiting, child)
