@@ -8,6 +8,7 @@ Ending the script, or losing it, gives the lease back and the arm vents.
 import argparse
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 from softarm.api.messages import State
 from softarm.client.client import SoftarmClient
@@ -94,9 +95,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--arm", default="sopra")
     parser.add_argument("--endpoint", default=DEFAULT_ENDPOINT)
+    parser.add_argument("--zenoh", type=Path, help="JSON5 file with credentials")
     parser.add_argument("names", nargs="*", default=["a", "b"])
     words = parser.parse_args()
-    with SoftarmClient(words.arm, words.endpoint, name="teach client") as client:
+    with SoftarmClient(words.arm, words.endpoint, "teach client", words.zenoh) as client:
         teach(
             client,
             words.names,

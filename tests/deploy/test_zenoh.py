@@ -1,19 +1,30 @@
 import asyncio
 import json
 import re
+import threading
+import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 import trustme
 
 from softarm.api.commands import Applied
-from softarm.api.messages import Mismatch, Stamp
+from softarm.api.messages import Mismatch, Occurrence, Stamp
 from softarm.client.client import CommandRefusedError, SoftarmClient
-from softarm.client.session import NetworkSettings, listening_endpoint
+from softarm.client.session import NetworkSettings, client_settings, listening_endpoint, open_session
 from softarm.daemon.network.bus import Bus
+from softarm.daemon.network.router import open_router
 from softarm.estimator.errors import InputError
+from tests.service.network.served import ServedArm
 
 EXAMPLES = Path(__file__).parents[2] / "deploy" / "zenoh"
+EVENT = Occurrence(
+    stamp=Stamp(sequence=1, monotonic_ns=0, unix_ns=0, source="fake"),
+    kind="mode",
+    where="test",
+    text="a test",
+)
 MESSAGE = Mismatch(
     stamp=Stamp(sequence=7, monotonic_ns=0, unix_ns=0, source="fake"),
     consistent=True,
@@ -32,7 +43,7 @@ async def serve():
 
     async def start(path, endpoint):
         bus = Bus(NetworkSettings(listen=(endpoint,), zenoh_config=path), "a", asyncio.get_running_loop())
-        bus.open({"config": lambda: b"{}"})
+        bus.open({"config": b"{}"}, stopped)
         bus.publish("mismatch", MESSAGE)
         buses.append(bus)
         tasks.append(asyncio.create_task(answer(bus)))
@@ -51,6 +62,10 @@ async def serve():
         bus.close()
 
 
+def stopped(call):
+    call.answer(Applied(verb=call.verb, mode="FAULTED", applied={}))
+
+
 def visit(endpoint, config):
     """Do what a client may want to; tell which of it worked."""
     with SoftarmClient("a", endpoint, zenoh_config=config) as client:
@@ -62,25 +77,117 @@ def visit(endpoint, config):
         return {"config": client.ask("config"), "commanded": commanded, "seen": seen, "alive": client.alive()}
 
 
-async def test_viewer_watches_and_cannot_command(serve, tmp_path):
-    users = tmp_path / "users.txt"
-    users.write_text("service:s\noperator:o\nviewer:v\n")
-    example = (EXAMPLES / "users.json5").read_text()
-    config = tmp_path / "users.json5"
-    config.write_text(example.replace("/etc/softarm/users.txt", str(users)).replace("CHANGE-ME", "s"))
-    bus = await serve(config, "tcp/127.0.0.1:0")
-    port = re.search(r":(\d+)$", await asyncio.to_thread(own_endpoint, bus)).group(1)
+def with_users(name, folder):
+    """Write an example with its users and passwords, listening on a free port of this host."""
+    (folder / "users.txt").write_text("service:s\noperator:o\nviewer:v\n")
+    text = (EXAMPLES / name).read_text().replace("CHANGE-ME", "s")
+    (folder / name).write_text(text.replace("tcp/0.0.0.0:7447", "tcp/127.0.0.1:0"))
+    return folder / name
 
-    def as_user(user, password):
-        path = tmp_path / f"{user}-{password}.json5"
-        path.write_text(json.dumps({"transport": {"auth": {"usrpwd": {"user": user, "password": password}}}}))
-        return visit(f"tcp/127.0.0.1:{port}", path)
 
-    every = {"config": "{}", "seen": 7, "alive": True}
-    assert await asyncio.to_thread(as_user, "operator", "o") == every | {"commanded": True}
-    assert await asyncio.to_thread(as_user, "viewer", "v") == every | {"commanded": False}
+def as_user(user, folder, password=None):
+    """Write the credentials of a user as ``deploy/zenoh/client.json5`` has them."""
+    path = folder / f"{user}-client.json5"
+    text = (EXAMPLES / "client.json5").read_text()
+    path.write_text(text.replace("operator", user).replace("CHANGE-ME", password or user[0]))
+    return path
+
+
+@pytest.fixture(params=["users.json5", "router.json5"])
+def guarded(request, tmp_path):
+    """An arm with users, by itself and behind the router: its endpoint and who serves it."""
+    with ExitStack() as stack:
+        config = with_users(request.param, tmp_path)
+        settings = NetworkSettings(listen=("tcp/127.0.0.1:0",), zenoh_config=config)
+        endpoint = None
+        if request.param == "router.json5":
+            router = open_router(config)
+            stack.callback(router.close)
+            endpoint = listening_endpoint(router)
+            service = as_user("service", tmp_path)
+            settings = NetworkSettings(mode="client", listen=(), connect=(endpoint,), zenoh_config=service)
+        arm = stack.enter_context(ServedArm(tmp_path, settings, endpoint))
+        yield arm
+
+
+def test_viewer_sees_everything_and_cannot_command(guarded, tmp_path):
+    with SoftarmClient("test", guarded.endpoint, zenoh_config=as_user("viewer", tmp_path)) as viewer:
+        assert viewer.alive()
+        assert viewer.ask("config") == "{}"
+        seen = {name: threading.Event() for name in ("event", "mismatch", "shape")}
+        with (
+            viewer.subscribe("event", lambda _: seen["event"].set()),
+            viewer.subscribe("mismatch", lambda _: seen["mismatch"].set()),
+            viewer.subscribe_shape(lambda _: seen["shape"].set()),
+        ):
+            until(lambda: guarded.in_loop(lambda: guarded.bus.shape_wanted))
+            until(lambda: guarded.publish(EVENT, MESSAGE) and all(e.wait(0.05) for e in seen.values()))
+        for verb in ("lease/acquire", "stop", "clear"):
+            with pytest.raises(CommandRefusedError):
+                viewer.command(verb)
+        assert guarded.mode == "IDLE"
+
+
+def test_operator_commands_and_neither_overhears_nor_forges(guarded, tmp_path):
+    """A lease token goes to the service alone, and a state comes from the service alone."""
+    config, heard, states = as_user("operator", tmp_path), [], []
+    spy = open_session(client_settings(guarded.endpoint, config))
+    with SoftarmClient("test", guarded.endpoint, zenoh_config=config) as client:
+        try:
+            listeners = [
+                declare(key, lambda message: heard.append(str(message.key_expr)))
+                for key in ("softarm/@v1/**", "softarm/@v1/test/command/**", "**")
+                for declare in (spy.declare_queryable, spy.declare_subscriber)
+            ]
+            with client.subscribe("mismatch", states.append), client.lease():
+                assert client.command("arm").mode == "ARMED"
+                forged = MESSAGE.model_copy(update={"advice": "forged"}).model_dump_json()
+                for _ in range(20):
+                    spy.put("softarm/@v1/test/mismatch", forged)
+                until(lambda: guarded.publish(EVENT, MESSAGE) and states)
+                assert client.command("stop").mode == "FAULTED"
+        finally:
+            spy.close()
+    assert len(listeners) == 6
+    assert [key for key in heard if "/command/" in key] == []
+    assert {state.advice for state in states} == {"none"}
+
+
+@pytest.mark.parametrize(("user", "password"), [("viewer", "wrong"), ("nobody", "n")])
+def test_whoever_has_no_password_is_kept_out(guarded, tmp_path, user, password):
     with pytest.raises(InputError, match="no zenoh session"):
-        await asyncio.to_thread(as_user, "viewer", "wrong")
+        SoftarmClient("test", guarded.endpoint, zenoh_config=as_user(user, tmp_path, password))
+    with pytest.raises(InputError, match="no zenoh session"):
+        SoftarmClient("test", guarded.endpoint)
+
+
+def until(accept, within=10.0):
+    deadline = time.monotonic() + within
+    while not accept():
+        assert time.monotonic() < deadline
+        threading.Event().wait(0.02)
+
+
+def test_router_without_users_is_refused_beyond_this_host(tmp_path):
+    path = tmp_path / "open.json5"
+    path.write_text('{ listen: { endpoints: ["tcp/0.0.0.0:0"] } }')
+    with pytest.raises(InputError, match="lets anybody"):
+        open_router(path)
+    with open_router(path, allow_unauthenticated=True) as session:
+        assert not session.is_closed()
+
+
+def test_credentials_handed_over_by_systemd_are_used(tmp_path, monkeypatch):
+    handed, etc = tmp_path / "credentials", tmp_path / "etc"
+    handed.mkdir()
+    etc.mkdir()
+    with_users("users.json5", handed)
+    monkeypatch.setenv("CREDENTIALS_DIRECTORY", str(handed))
+    settings = NetworkSettings(listen=("tcp/127.0.0.1:0",), zenoh_config=etc / "users.json5")
+    with ServedArm(tmp_path, settings) as arm:
+        monkeypatch.delenv("CREDENTIALS_DIRECTORY")
+        with SoftarmClient("test", arm.endpoint, zenoh_config=as_user("operator", tmp_path)) as client:
+            assert client.command("stop").mode == "FAULTED"
 
 
 def own_endpoint(bus):
@@ -105,31 +212,3 @@ async def test_tls_wants_a_certificate(serve, tmp_path):
     )
     with pytest.raises(InputError, match="no zenoh session"):
         await asyncio.to_thread(visit, f"tls/localhost:{port}", bare)
-
-
-async def test_router_carries_the_keys(tmp_path):
-    config = tmp_path / "router.json5"
-    example = (EXAMPLES / "router.json5").read_text()
-    config.write_text(example.replace("tcp/0.0.0.0:7447", "tcp/127.0.0.1:0"))
-    router = Bus(
-        NetworkSettings(mode="router", listen=("tcp/127.0.0.1:0",), zenoh_config=config),
-        "none",
-        asyncio.get_running_loop(),
-    )
-    router.open({})
-    endpoint = await asyncio.to_thread(own_endpoint, router)
-    behind = NetworkSettings(mode="client", listen=(), connect=(endpoint,))
-    bus = Bus(behind, "a", asyncio.get_running_loop())
-    await asyncio.to_thread(bus.open, {"config": lambda: b"{}"})
-    bus.publish("mismatch", MESSAGE)
-
-    async def answer():
-        call = await bus.next_call()
-        call.answer(Applied(verb=call.verb, mode="IDLE", applied={}))
-
-    task = asyncio.create_task(answer())
-    answers = await asyncio.to_thread(visit, endpoint, None)
-    await task
-    bus.close()
-    router.close()
-    assert answers == {"config": "{}", "seen": 7, "alive": True, "commanded": True}

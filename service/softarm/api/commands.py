@@ -1,8 +1,10 @@
 """Requests and replies of the commands."""
 
+import re
 from typing import Literal
 
 from pydantic import Field, ValidationError
+from pydantic_core import from_json
 
 from softarm.api.messages import Message
 
@@ -19,21 +21,39 @@ ErrorCode = Literal[
     "internal",
 ]
 
+CLIENT_NAME = r"^[\w .@-]{1,40}$"
+"""Names of clients appear in logs and on the operator page, so they hold no markup."""
+
 
 class Request(Message):
     """What every request carries."""
 
     deadline_unix_ns: int = Field(
-        description="Wall-clock time after which all but stop is refused: its caller has left."
+        description="Wall-clock time after which the service refuses the command; at most 60 s ahead."
     )
-    sequence: int = Field(ge=0, description="Rises with every request of a lease; a repeated one is refused.")
-    client: str = Field(min_length=1, max_length=80, description="Who asks, for people to read.")
+    sequence: int = Field(
+        ge=0,
+        description="Rises with every command of a lease that needs the lease; a repeated one is refused.",
+    )
+    client: str = Field(
+        pattern=CLIENT_NAME,
+        description="Who asks, for people to read: 1 to 40 letters, digits, spaces and any of `_.@-`.",
+    )
+    sent_unix_ns: int | None = Field(
+        default=None,
+        description="When the client sent it; a refusal can then name the difference of the two clocks.",
+    )
+    lease: str | None = Field(default=None, description="Token of the lease, when the client holds it.")
 
 
 class MovingRequest(Request):
     """A request that moves the arm and so needs the lease."""
 
     lease: str = Field(description="Token of the lease.")
+
+
+class GuardedRequest(Request):
+    """A request that needs the lease while somebody holds it, and is free to all otherwise."""
 
 
 class SetPressures(MovingRequest):
@@ -45,7 +65,7 @@ class SetPressures(MovingRequest):
     )
 
 
-class Clear(Request):
+class Clear(GuardedRequest):
     """``clear``: leave FAULTED once the cause is gone; the arm stays vented."""
 
 
@@ -55,7 +75,7 @@ class TeachHold(MovingRequest):
     ramp_s: float = Field(default=2.0, gt=0.0, le=60.0)
 
 
-class TeachSave(Request):
+class TeachSave(GuardedRequest):
     """``teach/save``: remember the present pose and its pressures under a name."""
 
     name: str = Field(min_length=1, max_length=60, pattern=r"^[A-Za-z0-9_.-]+$")
@@ -74,7 +94,7 @@ class RecordStart(Request):
     name: str = Field(default="recording", min_length=1, max_length=60, pattern=r"^[A-Za-z0-9_.-]+$")
 
 
-class DeviceReconnect(Request):
+class DeviceReconnect(GuardedRequest):
     """``device/reconnect``: close a device and connect it again, also where its driver has given up."""
 
     device: str = Field(min_length=1, max_length=60, description="Its name in the configuration.")
@@ -83,7 +103,9 @@ class DeviceReconnect(Request):
 class LeaseAcquire(Request):
     """``lease/acquire``: get the lease, or renew it with its token."""
 
-    lease: str | None = Field(default=None, description="Token of the lease to renew.")
+    lease: str | None = Field(
+        default=None, description="Token of the lease to renew; a new one when left out."
+    )
 
 
 VERBS: dict[str, type[Request]] = {
@@ -98,10 +120,10 @@ VERBS: dict[str, type[Request]] = {
     "teach/list": Request,
     "teach/goto": TeachGoto,
     "teach/release": MovingRequest,
-    "estimate/tare": Request,
+    "estimate/tare": GuardedRequest,
     "experiment/begin": MovingRequest,
     "experiment/end": MovingRequest,
-    "calibrate/rest": Request,
+    "calibrate/rest": GuardedRequest,
     "record/start": RecordStart,
     "record/stop": Request,
     "device/reconnect": DeviceReconnect,
@@ -109,6 +131,11 @@ VERBS: dict[str, type[Request]] = {
     "lease/release": MovingRequest,
 }
 """Every verb and the request it takes."""
+
+NOT_AFTER_STOP = frozenset(
+    verb for verb, request in VERBS.items() if verb == "clear" or issubclass(request, MovingRequest)
+)
+"""Commands that are refused when a stop arrived after them and before they were carried out."""
 
 
 class Applied(Message):
@@ -126,6 +153,16 @@ class Refused(Message):
     code: ErrorCode
     message: str
     hint: str
+
+
+def sender(payload: bytes) -> str:
+    """Read who sent a request that may be anything at all; ``somebody`` where it does not say so plainly."""
+    try:
+        request = from_json(payload)
+    except ValueError:
+        return "somebody"
+    name = request.get("client") if isinstance(request, dict) else None
+    return name if isinstance(name, str) and re.fullmatch(CLIENT_NAME, name) else "somebody"
 
 
 def malformed(verb: str, error: ValidationError) -> Refused:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 @click.option(
     "--endpoint", default=DEFAULT_ENDPOINT, show_default=True, help="zenoh endpoint of the service."
 )
+@click.option("--zenoh", "zenoh_config", type=click.Path(path_type=Path), help="JSON5 file with credentials.")
 @click.option(
     "--report",
     type=click.Path(path_type=Path),
@@ -56,6 +57,7 @@ def command(
     arm: str | None,
     fake: bool,
     endpoint: str,
+    zenoh_config: Path | None,
     report: Path | None,
     names: tuple[str, ...],
     by_hand: bool,
@@ -82,7 +84,7 @@ def command(
     if not (arm or fake or dry_run):
         raise InputError("softarm excite", "nothing says which arm", "give --arm ID, --fake or --dry-run")
     with ExitStack() as stack:
-        client = None if dry_run else _connect(stack, arm, endpoint, out, specimen)
+        client = None if dry_run else _connect(stack, arm, endpoint, zenoh_config, out, specimen)
         robot = _offline_specimen(specimen, report) if client is None else specimen_of_arm(client)
         slew = (slew_of(client) if client is not None else None) or DEFAULT_SLEW
         menu = manoeuvres_of(robot, names, by_hand=by_hand, slew=slew, share=share)
@@ -103,7 +105,12 @@ def command(
 
 
 def _connect(
-    stack: ExitStack, arm: str | None, endpoint: str, out: Path, specimen: str | None
+    stack: ExitStack,
+    arm: str | None,
+    endpoint: str,
+    zenoh_config: Path | None,
+    out: Path,
+    specimen: str | None,
 ) -> "SoftarmClient":
     """Connect to the arm's service; without an arm, to one on fakes that ends with the command."""
     from softarm.client.client import SoftarmClient
@@ -111,7 +118,7 @@ def _connect(
     from softarm.experiments.session import connect, wait_ready
 
     if arm is not None:
-        return stack.enter_context(SoftarmClient(arm, endpoint, name="softarm excite"))
+        return stack.enter_context(SoftarmClient(arm, endpoint, "softarm excite", zenoh_config))
     scenario = EXAMPLES / "scenarios" / "demo.toml"
     settings = RigSettings(scenario, specimen=specimen or str(fake_specimen()), endpoint=endpoint)
     say("starting fakes and service; the estimator warms up for half a minute at first")

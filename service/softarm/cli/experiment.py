@@ -30,6 +30,12 @@ def _common(command: Command) -> Command:
         click.option("--arm", metavar="ID", help="On the arm of a running service."),
         click.option("--endpoint", help="Where that service listens."),
         click.option(
+            "--zenoh",
+            "zenoh_config",
+            type=click.Path(path_type=Path),
+            help="JSON5 file with credentials.",
+        ),
+        click.option(
             "--recorded",
             is_flag=True,
             help="With --fake: record the manoeuvres faster than real time instead of live over zenoh.",
@@ -123,6 +129,7 @@ def _run(
     fake: bool,
     arm: str | None,
     endpoint: str | None,
+    zenoh_config: Path | None,
     recorded: bool,
     scenario: Path | None,
     seeds: int,
@@ -142,7 +149,7 @@ def _run(
     if not recorded:
         from softarm.experiments.live import LiveRigSettings
 
-        bench = LiveRigSettings(out, arm=arm, endpoint=endpoint, specimen=specimen, scenario=scenario)
+        bench = LiveRigSettings(out, arm, endpoint, specimen, scenario, zenoh_config)
         return _live(name, bench, as_json=as_json)
     return _recorded(
         name,

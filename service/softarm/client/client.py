@@ -1,9 +1,13 @@
 """A client of the service, for the command line, the operator page and anybody's scripts."""
 
+import json
+import logging
+import re
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Self, TypeVar
@@ -11,12 +15,21 @@ from typing import Self, TypeVar
 import zenoh
 from pydantic import ValidationError
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
+from zenoh.handlers import Callback
 
-from softarm.api.commands import VERBS, Applied, Refused, malformed
+from softarm.api.commands import CLIENT_NAME, VERBS, Applied, MovingRequest, Refused, malformed
 from softarm.api.keys import ArmKeys
 from softarm.api.messages import STREAMS, Estimate, Message, State
+from softarm.client.delivery import Delivery, close_at_exit
 from softarm.client.session import DEFAULT_ENDPOINT, client_settings, open_session
 from softarm.common.errors import WorkFailedError
+from softarm.estimator.errors import InputError
+
+logger = logging.getLogger(__name__)
+STALE_S = 0.5
+"""A service that was not heard for so long is to be taken as gone."""
+RETRY_S = 0.05
+"""Pause before a renewal of the lease that failed is tried again."""
 
 StreamMessage = TypeVar("StreamMessage", bound=Message)
 
@@ -36,16 +49,14 @@ class CommandRefusedError(WorkFailedError):
 class SoftarmClient:
     """Reads the streams of one arm and sends it commands.
 
-    Use it as a context manager: a zenoh session left open hangs the process at its exit.
-
     Args:
         arm: The arm's name.
         endpoint: Where its service, or a router before it, listens.
-        name: Who the service should say holds the lease.
+        name: Name of this client in logs and on the operator page; letters, digits, spaces and ``_.@-``.
         zenoh_config: JSON5 file with credentials and certificates.
 
     Raises:
-        InputError: Nothing answers at the endpoint.
+        InputError: Nothing answers at the endpoint, or the name is not plain.
     """
 
     def __init__(
@@ -55,12 +66,20 @@ class SoftarmClient:
         name: str = "softarm-client",
         zenoh_config: Path | None = None,
     ) -> None:
+        if not re.fullmatch(CLIENT_NAME, name):
+            cure = "use 1 to 40 letters, digits, spaces and any of _.@-"
+            raise InputError("client name", f"{name!r} is not plain", cure)
         self.keys = ArmKeys(arm)
         self.name = name
         self._session = open_session(client_settings(endpoint, zenoh_config))
+        close_at_exit(self)
         self._sequence = 0
         self._lease: str | None = None
+        self._lease_lost = ""
         self._lock = threading.Lock()
+        self._watching = ExitStack()
+        self._watched = False
+        self._state_s: float | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -75,7 +94,24 @@ class SoftarmClient:
 
     def close(self) -> None:
         """Close the session; a lease still held runs out by itself."""
+        self._watching.close()
         self._session.close()
+
+    @property
+    def state_age_s(self) -> float:
+        """Time since the service's last ``state`` arrived [s], infinite before the first.
+
+        The first call begins to watch the stream. The service sends twenty states a second: an age above
+        ``STALE_S`` means that service, network or this process stand still, and what was shown is outdated.
+        """
+        with self._lock:
+            if not self._watched:
+                self._watched = True
+                self._watching.enter_context(self.subscribe("state", self._note_state))
+        return float("inf") if self._state_s is None else time.monotonic() - self._state_s
+
+    def _note_state(self, _: Message) -> None:
+        self._state_s = time.monotonic()
 
     def alive(self) -> bool:
         """Tell whether a service for the arm is there."""
@@ -108,16 +144,23 @@ class SoftarmClient:
             raise CommandRefusedError(_refusal(told) or self._no_answer(verb))
         raise CommandRefusedError(self._no_answer(verb))
 
-    def _request(self, verb: str, timeout_s: float, fields: Mapping[str, object]) -> bytes:
+    def _request(self, verb: str, timeout_s: float, fields: dict[str, object]) -> bytes:
         """Write a request; the service would refuse what this does."""
-        kind = VERBS[verb]
+        kind, now_ns = VERBS[verb], time.time_ns()
         given: dict[str, object] = {
-            "deadline_unix_ns": time.time_ns() + round(timeout_s * 1e9),
+            "deadline_unix_ns": now_ns + round(timeout_s * 1e9),
             "sequence": self._sequence,
             "client": self.name,
+            "sent_unix_ns": now_ns,
         }
-        if self._lease and "lease" in kind.model_fields:
+        if verb == "stop":  # nothing here may refuse it either
+            return json.dumps(given | fields, default=str).encode()
+        if self._lease:
             given["lease"] = self._lease
+        elif issubclass(kind, MovingRequest) and "lease" not in fields and self._lease_lost:
+            hint = "acquire it again with lease/acquire, then arm"
+            refusal = Refused(verb=verb, code="no_lease", message=self._lease_lost, hint=hint)
+            raise CommandRefusedError(refusal)
         try:
             return kind.model_validate(given | dict(fields)).model_dump_json().encode()
         except ValidationError as error:
@@ -140,31 +183,37 @@ class SoftarmClient:
 
         Args:
             stream: ``state``, ``estimate``, ``mismatch`` or ``event``.
-            handler: Called in a thread of zenoh's; it must return soon.
+            handler: Called in a thread of its own; the oldest messages are dropped while it is busy.
         """
         kind = STREAMS[stream]
 
-        def on_sample(sample: zenoh.Sample) -> None:
-            handler(kind.model_validate_json(bytes(sample.payload)))
-
-        subscriber = declare_advanced_subscriber(
-            self._session, self.keys.stream(stream), on_sample, history=HistoryConfig()
-        )
-        try:
-            yield
-        finally:
-            subscriber.undeclare()
+        with self._delivered(lambda data: handler(kind.model_validate_json(data))) as take:
+            subscriber = declare_advanced_subscriber(
+                self._session, self.keys.stream(stream), take, history=HistoryConfig()
+            )
+            try:
+                yield
+            finally:
+                subscriber.undeclare()
 
     @contextmanager
     def subscribe_shape(self, handler: Callable[[bytes], None]) -> Iterator[None]:
         """Call ``handler`` with every shape: x, y, z [m] and stress [Pa] of each node, float32."""
-        subscriber = self._session.declare_subscriber(
-            self.keys.stream("shape"), lambda sample: handler(bytes(sample.payload))
-        )
+        with self._delivered(handler) as take:
+            subscriber = self._session.declare_subscriber(self.keys.stream("shape"), take)
+            try:
+                yield
+            finally:
+                subscriber.undeclare()
+
+    @contextmanager
+    def _delivered(self, handler: Callable[[bytes], None]) -> Iterator["Callback[zenoh.Sample]"]:
+        """Give zenoh a callback that only hands over, and call the handler in a daemon thread."""
+        delivery = Delivery(handler)
         try:
-            yield
+            yield Callback(lambda sample: delivery.put(bytes(sample.payload)), indirect=False)
         finally:
-            subscriber.undeclare()
+            delivery.close()
 
     def wait_for(
         self,
@@ -210,8 +259,14 @@ class SoftarmClient:
 
     def acquire(self) -> None:
         """Get the lease, or renew it."""
-        applied = self.command("lease/acquire")
-        self._lease = str(applied.applied["lease"])
+        self._acquired()
+
+    def _acquired(self) -> tuple[str, float]:
+        """Get the lease, or renew it; return its token and how long it lives [s]."""
+        applied = self.command("lease/acquire").applied
+        token, remaining_s = str(applied["lease"]), float(str(applied["remaining_s"]))
+        self._lease, self._lease_lost = token, ""
+        return token, remaining_s
 
     def release(self) -> None:
         """Give the lease back."""
@@ -219,27 +274,38 @@ class SoftarmClient:
         self._lease = None
 
     @contextmanager
-    def lease(self, renew_s: float = 0.3) -> Iterator[None]:
+    def lease(
+        self, renew_s: float = 0.3, on_lost: Callable[[str], None] | None = None
+    ) -> Iterator["HeldLease"]:
         """Hold the lease within a block, renewed by a thread; leaving the block gives it back.
+
+        A renewal that is refused or not answered is tried again for as long as the lease lives. When it is
+        lost the arm vents; every later command of the block that needs the lease is refused with the reason.
 
         Args:
             renew_s: Time between two renewals.
+            on_lost: Called with the reason when the lease is lost, in the thread that renews it.
+
+        Yields:
+            The lease: whether it is lost, and why.
         """
-        self.acquire()
+        token, remaining_s = self._acquired()
+        held = HeldLease(token, time.monotonic() + remaining_s)
         stop = threading.Event()
 
         def renew() -> None:
-            while not stop.wait(renew_s):
-                try:
-                    self.acquire()
-                except CommandRefusedError:
-                    self._lease = None
+            pause_s = renew_s
+            while not stop.wait(pause_s):
+                reason = self._renew(held)
+                pause_s = min(renew_s, RETRY_S) if held.troubled else renew_s
+                if reason:
+                    self._lose(held, reason, on_lost)
                     return
 
         thread = threading.Thread(target=renew, name="softarm-lease", daemon=True)
         thread.start()
         try:
-            yield
+            yield held
         finally:
             stop.set()
             thread.join()
@@ -248,6 +314,48 @@ class SoftarmClient:
                     self.release()
                 except CommandRefusedError:
                     self._lease = None
+
+    def _renew(self, held: "HeldLease") -> str:
+        """Renew a lease once and return why it is lost, nothing while it lives."""
+        try:
+            token, remaining_s = self._acquired()
+        except CommandRefusedError as error:
+            held.troubled = True
+            gone = error.refusal.code in ("lease_held", "no_lease")
+            return str(error) if gone or time.monotonic() >= held.ends_s else ""
+        held.troubled, held.ends_s = False, time.monotonic() + remaining_s
+        # A service that had let the lease run out hands out a new one; the arm was vented in between.
+        return "" if token == held.token else "it was not renewed in time"
+
+    def _lose(self, held: "HeldLease", reason: str, on_lost: Callable[[str], None] | None) -> None:
+        held.reason = self._lease_lost = f"the lease was lost: {reason}"
+        if self._lease != held.token and self._lease is not None:
+            with suppress(CommandRefusedError):
+                self.release()
+        self._lease = None
+        held.lost.set()
+        logger.warning("%s: %s", self.keys.arm, held.reason)
+        if on_lost is not None:
+            on_lost(held.reason)
+
+
+@dataclass
+class HeldLease:
+    """A lease that a thread renews.
+
+    Args:
+        token: Its token.
+        ends_s: Monotonic time at which it runs out unless renewed [s].
+        troubled: Whether the last renewal failed.
+        reason: Why it was lost; empty while it is held.
+        lost: Set when it is lost.
+    """
+
+    token: str
+    ends_s: float
+    troubled: bool = False
+    reason: str = ""
+    lost: threading.Event = field(default_factory=threading.Event)
 
 
 def _refusal(payload: bytes) -> Refused | None:

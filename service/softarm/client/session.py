@@ -1,8 +1,10 @@
 """zenoh sessions with safe defaults: named endpoints only, no scouting, no shared memory."""
 
+import ipaddress
 import json
+import os
 from pathlib import Path
-from typing import Literal
+from typing import Literal, cast
 
 import zenoh
 from pydantic import BaseModel, ConfigDict, Field
@@ -13,6 +15,17 @@ DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE_MS = 1000
 """How soon a silent peer counts as lost; zenoh's own default of 10 s is too long beside an arm."""
 
+TLS = "transport/link/tls"
+FILE_KEYS = (
+    "transport/auth/usrpwd/dictionary_file",
+    f"{TLS}/root_ca_certificate",
+    f"{TLS}/listen_certificate",
+    f"{TLS}/listen_private_key",
+    f"{TLS}/connect_certificate",
+    f"{TLS}/connect_private_key",
+)
+"""Where zenoh's configuration names files."""
+
 
 class NetworkSettings(BaseModel):
     """The ``[network]`` table of a configuration.
@@ -22,6 +35,8 @@ class NetworkSettings(BaseModel):
         listen: Endpoints to listen on; zenoh's default would be every interface.
         connect: Endpoints to connect to.
         zenoh_config: JSON5 file with further zenoh settings: TLS, users, access control.
+        lease_ms: How soon a silent peer counts as lost [ms].
+        allow_unauthenticated: Whether anybody who reaches an address beyond this host may connect.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -31,6 +46,12 @@ class NetworkSettings(BaseModel):
     connect: tuple[str, ...] = ()
     zenoh_config: Path | None = None
     lease_ms: int = Field(default=LEASE_MS, ge=200, le=60000)
+    allow_unauthenticated: bool = False
+
+    def beside(self, folder: Path) -> "NetworkSettings":
+        """Return a copy whose relative path of ``zenoh_config`` starts at a folder."""
+        path = None if self.zenoh_config is None else folder / self.zenoh_config
+        return self.model_copy(update={"zenoh_config": path})
 
 
 def client_settings(endpoint: str = DEFAULT_ENDPOINT, zenoh_config: Path | None = None) -> NetworkSettings:
@@ -45,16 +66,19 @@ def open_session(settings: NetworkSettings) -> zenoh.Session:
         settings: Mode, endpoints and an optional file with further settings.
 
     Returns:
-        The session; whoever opens it closes it, or the process hangs at its exit.
+        The session; whoever opens it closes it.
 
     Raises:
-        InputError: An endpoint cannot be listened on or reached, or the file is not valid.
+        InputError: An endpoint cannot be listened on or reached, would let anybody in, or the file is not
+            valid.
     """
     where = str(settings.zenoh_config or "network")
+    for endpoint in open_to_anybody(settings):
+        what = f"{endpoint} lets anybody on the network in"
+        cure = "add users or client certificates (deploy/zenoh), or allow it by allow_unauthenticated"
+        raise InputError(where, what, cure)
+    config = read_zenoh_config(settings.zenoh_config)
     try:
-        config = (
-            zenoh.Config.from_file(str(settings.zenoh_config)) if settings.zenoh_config else zenoh.Config()
-        )
         for key, value in _overrides(settings).items():
             config.insert_json5(key, json.dumps(value))
         return zenoh.open(config)
@@ -67,6 +91,71 @@ def open_session(settings: NetworkSettings) -> zenoh.Session:
         raise InputError(
             where, f"no zenoh session on {ends} ({reason})", "check that the address is free and reachable"
         ) from error
+
+
+def read_zenoh_config(path: Path | None) -> zenoh.Config:
+    """Read a JSON5 file of zenoh; files that it names are looked for beside it.
+
+    Raises:
+        InputError: The file is not there, or not a configuration of zenoh.
+    """
+    if path is None:
+        return zenoh.Config()
+    chosen = credential(path)
+    try:
+        config = zenoh.Config.from_file(str(chosen))
+    except zenoh.ZError as error:
+        reason = str(error).split(" at ", maxsplit=1)[0]
+        raise InputError(str(path), f"is no zenoh configuration ({reason})", "see deploy/zenoh") from error
+    for key in FILE_KEYS:
+        named = _value(config, key)
+        if isinstance(named, str):
+            config.insert_json5(key, json.dumps(str(credential(path.parent / named))))
+    return config
+
+
+def credential(path: Path) -> Path:
+    """Return the file of the same name that systemd handed over with ``LoadCredential=``, if there is one."""
+    folder = os.environ.get("CREDENTIALS_DIRECTORY")
+    handed = Path(folder) / path.name if folder else path
+    return handed if handed.is_file() else path
+
+
+def open_to_anybody(settings: NetworkSettings) -> tuple[str, ...]:
+    """Return the endpoints beyond this host on which no credentials are asked for.
+
+    Raises:
+        InputError: The file of the settings cannot be read.
+    """
+    if settings.mode == "client" or settings.allow_unauthenticated:
+        return ()
+    beyond = tuple(endpoint for endpoint in settings.listen if not _on_this_host(endpoint))
+    if not beyond:
+        return ()
+    config = read_zenoh_config(settings.zenoh_config)
+    if _value(config, "transport/auth/usrpwd/dictionary_file"):
+        return ()
+    certified = _value(config, "transport/link/tls/enable_mtls") is True
+    return tuple(end for end in beyond if not (certified and end.startswith(("tls/", "quic/"))))
+
+
+def _on_this_host(endpoint: str) -> bool:
+    protocol, _, address = endpoint.partition("/")
+    if protocol.startswith("unix"):
+        return True
+    host = address.partition("#")[0].rpartition(":")[0].strip("[]")
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _value(config: zenoh.Config, key: str) -> object:
+    """Return a value of zenoh's configuration, ``None`` where it has none."""
+    try:
+        return cast("object", json.loads(config.get_json(key)))
+    except zenoh.ZError:
+        return None
 
 
 def _overrides(settings: NetworkSettings) -> dict[str, object]:

@@ -7,9 +7,9 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from softarm.api.commands import Refused
 from softarm.api.page import schemas
 from softarm.daemon.config import Setup
+from softarm.daemon.control.command_server import CommandServer
 from softarm.daemon.control.host_watch import HostWatch
 from softarm.daemon.control.instruments import Instruments, LiveInstruments
 from softarm.daemon.control.off_loop import off_loop
@@ -22,7 +22,7 @@ from softarm.daemon.estimation.messages import EstimationRequest, EstimationResu
 from softarm.daemon.estimation.solver import SolverSettings
 from softarm.daemon.estimation.worker import NICER, Worker
 from softarm.daemon.loop import ControlLoop
-from softarm.daemon.network.bus import Bus, Call
+from softarm.daemon.network.bus import Bus
 from softarm.daemon.network.inbox import serve_each
 from softarm.daemon.notify import Notifier
 from softarm.estimator.recording import Recording
@@ -105,13 +105,14 @@ class Service:
 
     async def run(self) -> None:
         """Serve until a signal or ``stop``; the arm is vented on every way out."""
+        server = CommandServer(self._bus, self._loop)
         with self._host, self._bus:
-            self._bus.open(self._slow_values())
+            self._bus.open(self._documents(), server.stop)
             try:
                 async with self._worker, asyncio.TaskGroup() as tasks:
                     background = [
                         tasks.create_task(self._loop.instruments.connect()),
-                        tasks.create_task(serve_each(self._bus.next_call, self._serve, tasks)),
+                        tasks.create_task(serve_each(self._bus.next_call, server.serve, tasks)),
                     ]
                     await self._control()
                     for task in background:
@@ -133,15 +134,6 @@ class Service:
             except (RecorderError, TimeoutError) as error:
                 logger.warning("the recording was not closed: %s", error or "the disk does not answer")
 
-    async def _serve(self, call: Call) -> None:
-        """Carry out one command and answer it; ``stop`` must not wait for a slow disk."""
-        answer = await self._loop.answer(call.verb, call.payload)
-        if isinstance(answer, Refused):
-            logger.warning("%s refused (%s): %s", call.verb, answer.code, answer.message)
-        else:
-            logger.debug("%s applied in %s: %s", call.verb, answer.mode, answer.applied)
-        call.answer(answer)
-
     async def _control(self) -> None:
         gc.collect()
         gc.freeze()
@@ -153,10 +145,11 @@ class Service:
                 if stopped.done():
                     return
 
-    def _slow_values(self) -> dict[str, Callable[[], bytes]]:
+    def _documents(self) -> dict[str, bytes]:
+        """Write what clients may query, once: zenoh's threads then only copy bytes."""
         config, specimen = self._setup.config, self._setup.specimen
         return {
-            "config": lambda: config.model_dump_json().encode(),
-            "specimen": lambda: specimen.model_dump_json(by_alias=True).encode(),
-            "schema": lambda: json.dumps(schemas()).encode(),
+            "config": config.model_dump_json().encode(),
+            "specimen": specimen.model_dump_json(by_alias=True).encode(),
+            "schema": json.dumps(schemas()).encode(),
         }

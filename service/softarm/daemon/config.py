@@ -5,105 +5,29 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ValidationError
 
 from softarm.client.session import NetworkSettings
+from softarm.daemon.consistency import misfits
+from softarm.daemon.settings import ControlSettings, SafetySettings, SensorSettings, ServiceConfig
 from softarm.drivers.config import DriverConfig
 from softarm.drivers.errors import DeviceErrors
 from softarm.drivers.registry import load_devices
+from softarm.drivers.valves.config import ValveConfig
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import Specimen, load_specimen
 
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=40)]
-
-
-class Table(BaseModel):
-    """What every table of the configuration is: frozen, without unknown keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class ControlSettings(Table):
-    """The ``[control]`` table."""
-
-    rate_hz: Positive = 100.0
-    """Rate of the control loop."""
-    model: Literal["fem", "rod"] = "fem"
-    """What the estimator runs on: the converged finite elements or the calibrated rod."""
-    forces_on: tuple[str, ...] = ()
-    """Sections on which an external force may act; all that move when left out."""
-    load_std_n: Positive = 1.0
-    """Forces of this size are expected; far larger ones are found, but later."""
-    load_time_constant_s: Positive = 1.0
-    """How fast external forces change."""
-    hold_rate_per_s: Positive = 0.6
-    """Gain of the feedback that holds a pose."""
-    hold_authority_pa: Positive = 15e3
-    """Largest correction of a chamber by that feedback."""
-
-
-class SafetySettings(Table):
-    """The ``[safety]`` table."""
-
-    lease_s: Positive = 1.0
-    """A lease that is not renewed for so long is lost, and the arm vents."""
-    valve_deadline_s: Positive = 0.15
-    """A valve bank that does not answer for so long is lost."""
-    sensor_deadline_s: Positive = 0.15
-    """A sensor without a valid reading for so long is stale."""
-    estimator_deadline_s: Positive = 1.0
-    """An estimator without a result for so long has failed."""
-    setpoint_lifetime_s: Positive = 0.1
-    """What is written to the valves expires after so long unless the loop renews it."""
-
-
-class SensorSettings(Table):
-    """One of ``[[sensors]]``: which reading of which device is which measurement."""
-
-    kind: Literal["pose", "orientation", "bend", "gauge"]
-    """``pose`` of a body, ``orientation`` of a body or an inertial unit, ``bend``, force ``gauge``."""
-    section: Name
-    """Rigid section on which the sensor sits."""
-    device: str
-    """Name of the device."""
-    channel: str = ""
-    """Body, unit or place in the chain, where the device has several."""
-    needed: bool = False
-    """Whether modes that follow the pose cannot do without it."""
-    deadline_s: Positive | None = None
-    """Without a valid reading for so long it is stale; by default `safety.sensor_deadline_s`, or three
-    periods of a slower device."""
-
-
-class ServiceConfig(Table):
-    """Everything that a service runs on.
-
-    Args:
-        arm: Name of the arm on the network.
-        specimen: Path of a specimen or name of a shipped one.
-        state_directory: Where saved poses and the tare are kept.
-        recording_directory: Where recordings go.
-        network: zenoh endpoints.
-        control: Rates and model.
-        safety: Deadlines.
-        sensors: Which readings the estimator uses.
-        base_body: Motion-capture body on the base, as ``device/body``; empty when poses are relative to it.
-        devices: One table a device; each kind has its own keys, see ``docs/drivers.md``.
-    """
-
-    arm: Name
-    specimen: str
-    state_directory: Path = Path("state")
-    recording_directory: Path = Path("recordings")
-    network: NetworkSettings = NetworkSettings()
-    control: ControlSettings = ControlSettings()
-    safety: SafetySettings = SafetySettings()
-    sensors: tuple[SensorSettings, ...] = Field(min_length=1)
-    base_body: str = ""
-    devices: tuple[dict[str, Any], ...] = Field(min_length=1)
+__all__ = [
+    "ConfigError",
+    "ControlSettings",
+    "SafetySettings",
+    "SensorSettings",
+    "ServiceConfig",
+    "Setup",
+    "load_config",
+]
 
 
 @dataclass(frozen=True)
@@ -123,6 +47,15 @@ class Setup:
     config: ServiceConfig
     specimen: Specimen
     devices: tuple[DriverConfig, ...]
+
+    @property
+    def pressure_limits(self) -> tuple[float, ...]:
+        """Highest gauge pressure of each chamber [Pa]: the lower of the specimen's and the valves'."""
+        limits: tuple[float, ...] = tuple(self.specimen.pressure_limits)
+        for device in self.devices:
+            if isinstance(device, ValveConfig):
+                limits = tuple(map(min, limits, device.maximum))
+        return limits
 
 
 class ConfigError(InputError):
@@ -162,9 +95,12 @@ def load_config(path: Path) -> Setup:
     devices = _devices(document, mistakes)
     specimen = _specimen(document, path.parent, mistakes)
     mistakes += _inconsistencies(document, specimen)
+    if config is not None and specimen is not None:
+        config = _rooted(config, path.parent)
+        mistakes += misfits(config, specimen, devices)
     if mistakes or config is None or specimen is None:
         raise ConfigError(path, mistakes)
-    return Setup(path, text, _rooted(config, path.parent), specimen, devices)
+    return Setup(path, text, config, specimen, devices)
 
 
 def _read(path: Path) -> str:
@@ -265,5 +201,6 @@ def _rooted(config: ServiceConfig, folder: Path) -> ServiceConfig:
         update={
             "state_directory": folder / config.state_directory,
             "recording_directory": folder / config.recording_directory,
+            "network": config.network.beside(folder),
         }
     )

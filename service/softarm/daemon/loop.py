@@ -69,7 +69,7 @@ class ControlLoop:
             len(specimen.chambers),
             self._clocks.monotonic_ns,
         )
-        limits = np.array(specimen.pressure_limits)
+        limits = np.array(setup.pressure_limits)
         self.controller = Controller(
             self.instruments.valves, limits, config.control, config.safety, self._on_transition
         )
@@ -173,6 +173,12 @@ class ControlLoop:
     async def answer(self, verb: str, payload: bytes) -> Applied | Refused:
         """Carry out one command and record its answer."""
         answer = await self._commands.answer(verb, payload)
+        self._reporter.command(answer.model_dump(mode="json"))
+        return answer
+
+    def stop(self, payload: bytes) -> Applied:
+        """Vent and latch a fault at once, whatever the payload holds, and record the answer."""
+        answer = self._commands.stop(payload)
         self._reporter.command(answer.model_dump(mode="json"))
         return answer
 

@@ -203,6 +203,7 @@ class LiveRigSettings:
         specimen: Specimen of the fakes' service, and what a served arm's figures rest on; that of the service
             when left out.
         scenario: Scenario of the fakes; that of the demo when left out.
+        zenoh_config: JSON5 file with credentials for the service.
     """
 
     out: Path
@@ -210,6 +211,7 @@ class LiveRigSettings:
     endpoint: str | None = None
     specimen: str | None = None
     scenario: Path | None = None
+    zenoh_config: Path | None = None
 
 
 @contextmanager
@@ -226,7 +228,9 @@ def live_rig(
     arm, endpoint, specimen = settings.arm, settings.endpoint, settings.specimen
     with ExitStack() as stack:
         if arm is not None:
-            client = stack.enter_context(SoftarmClient(arm, endpoint or DEFAULT_ENDPOINT, name="experiment"))
+            client = stack.enter_context(
+                SoftarmClient(arm, endpoint or DEFAULT_ENDPOINT, "experiment", settings.zenoh_config)
+            )
             operator: ExperimentOperator = Person(ask)
         else:
             chosen = specimen or str(EXAMPLES / "specimens" / "fake_arm.toml")

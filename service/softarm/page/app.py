@@ -2,18 +2,16 @@
 
 import threading
 import time
-from collections.abc import Callable
-from contextlib import ExitStack, redirect_stdout
-from io import StringIO
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import TypeVar
 
-import viser
-
 from softarm.api.messages import Estimate, Message, Mismatch, State
-from softarm.client.client import SoftarmClient
+from softarm.client.client import STALE_S, SoftarmClient
 from softarm.estimator.specimen import Specimen
 from softarm.page.panel import Panel
 from softarm.page.scene import Scene
+from softarm.page.server import open_server, page_origins
 
 Kind = TypeVar("Kind", bound=Message)
 REFRESH_S = 0.1
@@ -26,19 +24,23 @@ class Page:
         client: Client of the arm's service.
         host: Address to serve the page on.
         port: Its TCP port.
+        origins: Further origins that may use the page, such as that of a reverse proxy.
+
+    Raises:
+        InputError: The address cannot be served on.
     """
 
-    def __init__(self, client: SoftarmClient, host: str, port: int) -> None:
+    def __init__(self, client: SoftarmClient, host: str, port: int, origins: Sequence[str] = ()) -> None:
+        allowed = page_origins(host, port, origins)
         specimen = Specimen.model_validate_json(client.ask("specimen"))
         self._client = client
-        with redirect_stdout(StringIO()):  # viser's banner would come before our own first line
-            self._server = viser.ViserServer(
-                host=host, port=port, label=f"softarm {client.keys.arm}", verbose=False
-            )
+        self._server = open_server(host, port, f"softarm {client.keys.arm}", allowed)
         self._scene = Scene(self._server, specimen)
         self._panel = Panel(self._server, client, len(specimen.chambers))
         self._sections: State | None = None
         self._exit = ExitStack()
+        self._closing = threading.Event()
+        self._watch = threading.Thread(target=self._watch_age, name="softarm-page-age", daemon=True)
 
     @property
     def port(self) -> int:
@@ -55,12 +57,22 @@ class Page:
             self._exit.enter_context(self._client.subscribe(stream, Throttle(handler, REFRESH_S)))
         self._exit.enter_context(self._client.subscribe_shape(self._scene.show_shape))
         self._panel.operator.start()
+        self._watch.start()
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._closing.set()
+        self._watch.join()
         self._panel.operator.close()
         self._exit.close()
         self._server.stop()
+
+    def _watch_age(self) -> None:
+        """Grey what is shown while the service is not heard."""
+        while not self._closing.wait(REFRESH_S):
+            age_s = self._client.state_age_s
+            self._panel.show_age(age_s)
+            self._scene.show_stale(age_s > STALE_S)
 
     def _on_state(self, message: Message) -> None:
         if isinstance(message, State):

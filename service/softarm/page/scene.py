@@ -1,5 +1,6 @@
 """The 3-D view: the arm's surface coloured by stress, and the force with its uncertainty."""
 
+import threading
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,6 +18,7 @@ METRES_PER_NEWTON = 0.15
 CORNERS = {"tri3": 3, "tri6": 3, "quad4": 4, "quad8": 4}
 HANGING = np.diag([1.0, -1.0, -1.0])
 """The view's z points up, the base frame's from the base down to the tip."""
+GREY = (150, 150, 150)
 COLD, HOT = np.array([70.0, 130.0, 200.0]), np.array([225.0, 70.0, 50.0])
 
 
@@ -34,6 +36,13 @@ def colours(stress: Floats) -> NDArray[np.uint8]:
     top = float(np.percentile(stress, 98.0))
     share = np.clip(stress / top, 0.0, 1.0)[:, None] if top > 0.0 else np.zeros((len(stress), 1))
     return np.asarray((1.0 - share) * COLD + share * HOT, dtype=np.uint8)
+
+
+def load_deviation(load: LoadEstimate) -> float:
+    """Return the standard deviation of a force, root mean square over its estimated axes [N]."""
+    variances = [row[axis] for axis, row in enumerate(load.covariance_n2)]
+    known = [variance for variance in variances if variance is not None]
+    return float(np.sqrt(max(sum(known) / len(known), 0.0))) if known else 0.0
 
 
 class Scene:
@@ -54,20 +63,36 @@ class Scene:
         server.scene.add_grid("/floor", width=0.6, height=0.6, position=(0.0, 0.0, -0.35), cell_size=0.05)
         server.initial_camera.position = (0.45, -0.45, 0.05)
         server.initial_camera.look_at = (0.0, 0.0, -0.14)
-        self._draw(mesh.points, np.zeros(self._nodes))
+        self._force_handles: dict[str, viser.SceneNodeHandle] = {}
+        self._shown = mesh.points, np.zeros(self._nodes)
+        self._stale = False
+        self._drawing = threading.Lock()
+        self._draw()
 
-    def _draw(self, points: Floats, stress: Floats) -> None:
+    def _draw(self) -> None:
+        points, stress = self._shown
         vertices = points[self._used] @ HANGING.T
-        surface = trimesh.Trimesh(
-            vertices, self._faces, vertex_colors=colours(stress[self._used]), process=False
-        )
+        painted = np.full((len(vertices), 3), GREY, np.uint8) if self._stale else colours(stress[self._used])
+        surface = trimesh.Trimesh(vertices, self._faces, vertex_colors=painted, process=False)
         self._server.scene.add_mesh_trimesh("/arm", surface)
+
+    def show_stale(self, stale: bool) -> None:
+        """Draw the arm grey and without forces while the service is not heard."""
+        with self._drawing:
+            if stale == self._stale:
+                return
+            self._stale = stale
+            self._draw()
+            for handle in self._force_handles.values():
+                handle.visible = not stale
 
     def show_shape(self, data: bytes) -> None:
         """Show a shape message: positions and stress of every node."""
         nodes = np.frombuffer(data, dtype="<f4").reshape(-1, 4).astype(np.float64)
         if len(nodes) == self._nodes:
-            self._draw(nodes[:, :3], nodes[:, 3])
+            with self._drawing:
+                self._shown = nodes[:, :3], nodes[:, 3]
+                self._draw()
 
     def show_loads(self, loads: Sequence[LoadEstimate], sections: Sequence[SectionPose]) -> None:
         """Draw each force as an arrow at its section, with a sphere of one standard deviation at its head."""
@@ -78,8 +103,8 @@ class Scene:
                 continue
             start = place @ HANGING.T
             reach = METRES_PER_NEWTON * np.array(load.force_n) @ HANGING.T
-            deviation = _deviation(load)
-            self._server.scene.add_arrows(
+            deviation = load_deviation(load)
+            self._force_handles[f"/force/{load.section}"] = self._server.scene.add_arrows(
                 f"/force/{load.section}",
                 np.array([[start, start + reach]], dtype=np.float32),
                 colors=(240, 170, 40),
@@ -87,17 +112,10 @@ class Scene:
                 head_radius=0.005,
                 head_length=0.012,
             )
-            self._server.scene.add_icosphere(
+            self._force_handles[f"/uncertainty/{load.section}"] = self._server.scene.add_icosphere(
                 f"/uncertainty/{load.section}",
                 radius=max(METRES_PER_NEWTON * deviation, 1e-4),
                 color=(240, 170, 40),
                 opacity=0.3,
                 position=tuple(start + reach),
             )
-
-
-def _deviation(load: LoadEstimate) -> float:
-    """Return the standard deviation of a force, the mean over the axes along which it is estimated [N]."""
-    variances = [row[axis] for axis, row in enumerate(load.covariance_n2)]
-    known = [variance for variance in variances if variance is not None]
-    return float(np.sqrt(max(sum(known) / len(known), 0.0))) if known else 0.0

@@ -306,3 +306,100 @@ async def test_pressure_only_in_pressurised_modes(tmp_path_factory, verbs):
             assert bench.valves.pressures == (0.0,) * 6
     bench.controller.fire(Trigger.FAULT, "test")
     assert not bench.valves.armed
+
+
+DISTURBING = {
+    "clear": {},
+    "estimate/tare": {},
+    "calibrate/rest": {},
+    "teach/save": {"name": "a"},
+}
+
+
+async def test_another_client_does_not_disturb_the_holder_of_the_lease(bench):
+    await bench.acquire()
+    mine = bench.token
+    path = (await bench.send("record/start", name="mine")).applied["path"]
+    bench.token = ""
+    for verb, fields in {**DISTURBING, "record/stop": {}}.items():
+        assert code(await bench.send(verb, client="bob", **fields)) == "lease_held", verb
+    bench.token = mine
+    assert (await bench.send("record/stop")).applied["path"] == path
+    for verb, fields in DISTURBING.items():
+        assert code(await bench.send(verb, **fields)) != "lease_held", verb
+
+
+async def test_what_disturbs_nobody_is_free_to_all(bench):
+    for verb, fields in DISTURBING.items():
+        assert code(await bench.send(verb, **fields)) not in ("lease_held", "no_lease"), verb
+
+
+async def test_recording_that_was_begun_without_the_lease_is_ended_without_it(bench):
+    await bench.send("record/start", name="free")
+    await bench.acquire()
+    bench.token = ""
+    assert code(await bench.send("record/stop", client="bob")) is None
+
+
+async def test_free_verbs_take_a_lease_and_do_not_need_it(bench):
+    for verb in ("teach/list", "record/start", "record/stop", "lease/acquire"):
+        assert code(await bench.send(verb, lease="of yesterday")) is None, verb
+
+
+async def test_name_of_a_client_is_plain(bench):
+    for name in ("<b>x</b>", "x" * 41, "", "two\nlines"):
+        assert code(await bench.send("teach/list", client=name)) == "malformed"
+
+
+@pytest.mark.parametrize(
+    ("sent_s", "deadline_s", "words"),
+    [
+        (3.2, 4.2, "3.2 s ahead of the service's"),
+        (-2.5, -1.5, "sent 2.5 s ago, or the clock of its host is that far behind"),
+        (None, -0.5, "the deadline passed 0.500 s ago"),
+        (None, 90.0, "the deadline is 90.0 s ahead, more than 60 s"),
+    ],
+)
+async def test_clocks_that_differ_are_named_in_seconds(bench, sent_s, deadline_s, words):
+    sent = None if sent_s is None else bench.unix_ns + round(sent_s * SECOND)
+    deadline = bench.unix_ns + round(deadline_s * SECOND)
+    answer = await bench.send("teach/list", sent_unix_ns=sent, deadline_unix_ns=deadline)
+    assert code(answer) == "stale"
+    assert words in answer.message
+    assert "NTP" in answer.hint
+
+
+async def test_clocks_within_a_second_are_good_enough(bench):
+    for sent_s in (-0.9, 0.9):
+        sent = bench.unix_ns + round(sent_s * SECOND)
+        assert code(await bench.send("teach/list", sent_unix_ns=sent)) is None
+
+
+class Lax(Valves):
+    """A valve bank that is set up for more than the specimen bears."""
+
+    def command(self, setpoint, lifetime_s):
+        assert self.armed
+        self.pressures = tuple(setpoint)
+
+
+@pytest.mark.parametrize("pressure", [LIMIT + 1.0, -1.0, float("nan"), float("inf")])
+async def test_no_set_point_above_the_specimen_reaches_a_valve(bench, pressure):
+    bench.controller._valves = bench.valves = Lax()
+    await bench.armed()
+    with pytest.raises(LimitError):
+        bench.controller.want(np.full(6, pressure), 1.0, bench.now_ns)
+    with pytest.raises(LimitError):
+        bench.controller.want(np.zeros(5), 1.0, bench.now_ns)
+    assert bench.valves.pressures == (0.0,) * 6
+
+
+async def test_hold_that_asks_for_what_no_chamber_bears_is_a_fault(bench):
+    bench.controller._valves = bench.valves = Lax()
+    await bench.armed()
+    await bench.send("teach/hold", ramp_s=0.1)
+    bench.controller._limits = np.full(6, 10e3)  # as if the hold ran on other limits: it goes to 20 kPa
+    transitions = [bench.tick(0.02) for _ in range(10)]
+    assert max(bench.valves.pressures) <= 10e3
+    assert bench.mode is Mode.FAULTED
+    assert "out of range" in next(t for t in transitions if t is not None).cause

@@ -12,6 +12,7 @@ from softarm.daemon.network.bus import COMMANDS_WAITING, Bus
 from softarm.daemon.network.inbox import Inbox
 from softarm.estimator.errors import InputError
 
+STOPPED = Applied(verb="stop", mode="FAULTED", applied={"asked_pa": [0.0]})
 FREE_PORT = NetworkSettings(listen=("tcp/127.0.0.1:0",))
 
 
@@ -31,7 +32,7 @@ def mismatch(sequence):
 @pytest.fixture
 async def bus():
     with Bus(FREE_PORT, "test", asyncio.get_running_loop()) as bus:
-        bus.open({"config": lambda: b'{"arm": "test"}'})
+        bus.open({"config": b'{"arm": "test"}'}, lambda call: call.answer(STOPPED))
         yield bus
 
 
@@ -44,11 +45,15 @@ async def client(bus):
 
 
 async def test_command_gets_its_one_answer(bus, client):
-    asked = asyncio.create_task(asyncio.to_thread(client.command, "stop"))
+    asked = asyncio.create_task(asyncio.to_thread(client.command, "clear"))
     call = await bus.next_call()
-    assert call.verb == "stop"
-    call.answer(Applied(verb="stop", mode="FAULTED", applied={"pressures_pa": [0.0]}))
-    assert (await asked).applied == {"pressures_pa": [0.0]}
+    assert call.verb == "clear"
+    call.answer(Applied(verb="clear", mode="IDLE", applied={"cleared": "test"}))
+    assert (await asked).applied == {"cleared": "test"}
+
+
+async def test_stop_is_answered_past_the_inbox(bus, client):
+    assert await asyncio.to_thread(client.command, "stop") == STOPPED
 
 
 async def test_refusal_carries_code_and_hint(bus, client):
@@ -77,20 +82,20 @@ async def test_alive_and_second_service_refused(bus, client):
     second = NetworkSettings(listen=("tcp/127.0.0.1:0",), connect=(endpoint,))
     other = Bus(second, "test", asyncio.get_running_loop())
     with pytest.raises(InputError, match="already served"):
-        await asyncio.to_thread(other.open, {})
+        await asyncio.to_thread(other.open, {}, print)
 
 
 async def test_taken_address_is_named(bus):
     endpoint = await asyncio.to_thread(listening_endpoint, bus.session)
     other = Bus(NetworkSettings(listen=(endpoint,)), "other", asyncio.get_running_loop())
     with pytest.raises(InputError, match="address is free"):
-        await asyncio.to_thread(other.open, {})
+        await asyncio.to_thread(other.open, {}, print)
 
 
 async def test_burst_beyond_the_inbox_is_refused_as_busy(bus, client):
     def send():
         try:
-            return client.command("stop", timeout_s=5.0).verb
+            return client.command("clear", timeout_s=5.0).verb
         except CommandRefusedError as error:
             return error.refusal.code
 
@@ -102,8 +107,8 @@ async def test_burst_beyond_the_inbox_is_refused_as_busy(bus, client):
         done |= finished
     assert {task.result() for task in done} == {"busy"}
     for _ in waiting:
-        (await bus.next_call()).answer(Applied(verb="stop", mode="FAULTED", applied={}))
-    assert await asyncio.gather(*waiting) == ["stop"] * COMMANDS_WAITING
+        (await bus.next_call()).answer(Applied(verb="clear", mode="IDLE", applied={}))
+    assert await asyncio.gather(*waiting) == ["clear"] * COMMANDS_WAITING
 
 
 async def test_inbox_refuses_beyond_its_capacity_and_after_closing():

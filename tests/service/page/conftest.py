@@ -7,6 +7,7 @@ import time
 import pytest
 
 from softarm.client.session import NetworkSettings, listening_endpoint
+from softarm.daemon.control.command_server import CommandServer
 from softarm.daemon.control.surroundings import Surroundings
 from softarm.daemon.control.tick import Ticker
 from softarm.daemon.loop import ControlLoop
@@ -32,8 +33,13 @@ class PageService:
         return self
 
     def __exit__(self, *_):
-        self._loop.call_soon_threadsafe(self._stop.set)
-        self._thread.join()
+        self.end()
+
+    def end(self):
+        """End the service, unless it has ended."""
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._stop.set)
+            self._thread.join()
 
     @property
     def mode(self):
@@ -52,20 +58,21 @@ class PageService:
             surroundings = Surroundings(Instruments, Estimator, bus, "", lambda: None)
             self.control = ControlLoop(setup_in(self._folder), surroundings)
             specimen = SPECIMEN.model_dump_json(by_alias=True).encode()
-            bus.open({"specimen": lambda: specimen})
+            server = CommandServer(bus, self.control)
+            bus.open({"specimen": specimen}, server.stop)
             self.endpoint = await asyncio.to_thread(listening_endpoint, bus.session)
             stepping = asyncio.create_task(self._step())
-            answering = asyncio.create_task(self._answer(bus))
+            answering = asyncio.create_task(self._answer(bus, server))
             self._ready.set()
             await self._stop.wait()
             for task in (stepping, answering):
                 task.cancel()
             await asyncio.wait((stepping, answering))
 
-    async def _answer(self, bus):
+    async def _answer(self, bus, server):
         while True:
             call = await bus.next_call()
-            call.answer(await self.control.answer(call.verb, call.payload))
+            await server.serve(call)
             self.verbs_seen.append(call.verb)
 
     async def _step(self):

@@ -22,6 +22,28 @@ class PressureLimits:
     lifetime_s: float
 
 
+def check_setpoint(device: str, setpoint: Sequence[float], maximum: Sequence[float]) -> None:
+    """Refuse a set-point of the wrong size, or one that is not finite, negative or too high.
+
+    Args:
+        device: The device, for errors.
+        setpoint: Gauge pressure asked of each chamber [Pa].
+        maximum: Highest gauge pressure of each chamber [Pa].
+
+    Raises:
+        LimitError: With the chamber, its value and its limit.
+    """
+    if len(setpoint) != len(maximum):
+        what = "set-point has the wrong number of chambers"
+        count = len(maximum)
+        raise LimitError(device, what, f"give {count} pressures", value=len(setpoint), limit=count)
+    for chamber, (asked, most) in enumerate(zip(setpoint, maximum, strict=True)):
+        if not (math.isfinite(asked) and 0.0 <= asked <= most):
+            what = f"set-point of chamber {chamber} is out of range ({asked:g} Pa)"
+            cure = f"ask for 0 to {most:g} Pa gauge"
+            raise LimitError(device, what, cure, value=asked, limit=float(most), unit="Pa")
+
+
 def limit_step(
     device: str, setpoint: Sequence[float], previous: Sequence[float], limits: PressureLimits, seconds: float
 ) -> tuple[float, ...]:
@@ -44,15 +66,7 @@ def limit_step(
         LimitError: A value is not finite, negative or above the maximum of its chamber, or their
             number is wrong.
     """
-    if len(setpoint) != len(limits.maximum):
-        what = "set-point has the wrong number of chambers"
-        count = len(limits.maximum)
-        raise LimitError(device, what, f"give {count} pressures", value=len(setpoint), limit=count)
-    for chamber, (asked, most) in enumerate(zip(setpoint, limits.maximum, strict=True)):
-        if not (math.isfinite(asked) and 0.0 <= asked <= most):
-            what = f"set-point of chamber {chamber} is out of range ({asked:g} Pa)"
-            cure = f"ask for 0 to {most:g} Pa gauge"
-            raise LimitError(device, what, cure, value=asked, limit=most, unit="Pa")
+    check_setpoint(device, setpoint, limits.maximum)
     step = limits.slew * seconds
     return tuple(
         before + min(max(asked - before, -step), step)

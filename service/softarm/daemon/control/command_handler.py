@@ -15,6 +15,7 @@ from softarm.api.commands import (
     Applied,
     DeviceReconnect,
     ErrorCode,
+    GuardedRequest,
     LeaseAcquire,
     MovingRequest,
     RecordStart,
@@ -25,6 +26,7 @@ from softarm.api.commands import (
     TeachHold,
     TeachSave,
     malformed,
+    sender,
 )
 from softarm.daemon.control.controller import Controller
 from softarm.daemon.control.estimator_state import EstimatorState
@@ -43,6 +45,11 @@ from softarm.recordings.mcap_writer import INFO_FILE
 logger = logging.getLogger(__name__)
 RELEASE_LIFETIME_S = 2.0
 """After a release the pressures live on for so long: time for the client to send its own."""
+
+CLOCKS_DIFFER_S = 1.0
+"""A command of a client whose clock is further ahead would outlive its caller."""
+FARTHEST_DEADLINE_S = 60.0
+SET_CLOCKS = "set the clocks of both hosts by NTP (timedatectl)"
 
 Answer = dict[str, object]
 
@@ -118,10 +125,10 @@ class CommandHandler:
         self._context = context
         self._began_ns = context.clock_ns()
         self._saving, self._opening = asyncio.Lock(), asyncio.Lock()
+        self._recording_lease: str | None = None
         self._handlers: dict[str, Callable[[Any], Answer | Awaitable[Answer]]] = {
             "arm": self._arm,
             "disarm": self._disarm,
-            "stop": self._stop,
             "clear": self._clear,
             "set_pressures": self._set_pressures,
             "teach/start": self._teach_start,
@@ -143,6 +150,8 @@ class CommandHandler:
 
     async def answer(self, verb: str, payload: bytes) -> Applied | Refused:
         """Check and carry out one command; whatever happens, there is one answer."""
+        if verb == "stop":
+            return self.stop(payload)
         try:
             request = self._checked(verb, payload)
             applied = self._handlers[verb](request)
@@ -173,6 +182,15 @@ class CommandHandler:
             return Refused(verb=verb, code="internal", message="the command failed", hint=hint)
         return Applied(verb=verb, mode=self._context.controller.modes.mode, applied=applied)
 
+    def stop(self, payload: bytes) -> Applied:
+        """Vent and latch a fault, in every mode and from anybody; the payload matters only for the cause."""
+        controller = self._context.controller
+        if controller.modes.allows(Trigger.FAULT):  # a service that ends has vented already
+            client = sender(payload)
+            controller.fire(Trigger.FAULT, f"stopped by {client}", client)
+        asked: Answer = {"asked_pa": controller.asked.tolist()}
+        return Applied(verb="stop", mode=controller.modes.mode, applied=asked)
+
     def _checked(self, verb: str, payload: bytes) -> Request:
         model = VERBS.get(verb)
         if model is None:
@@ -182,19 +200,38 @@ class CommandHandler:
         except ValidationError as error:
             refusal = malformed(verb, error)
             raise RefusalError(refusal.code, refusal.message, refusal.hint) from error
-        if verb != "stop":  # to stop is right at any time, and clocks may differ
-            self._refuse_stale(request)
+        self._refuse_stale(request)
         if isinstance(request, MovingRequest):
             self._context.controller.lease.check(request.lease, self._context.clock_ns())
             if not self._context.controller.lease.accept_sequence(request.sequence):
                 raise RefusalError("stale", f"sequence {request.sequence} is not new", "count upwards")
+        if isinstance(request, GuardedRequest):
+            self._refuse_beside_holder(request)
         return request
 
+    def _refuse_beside_holder(self, request: Request) -> None:
+        """Refuse what would disturb another client that holds the lease."""
+        lease, now_ns = self._context.controller.lease, self._context.clock_ns()
+        if lease.holder(now_ns) is not None:
+            lease.check(request.lease, now_ns)
+
     def _refuse_stale(self, request: Request) -> None:
-        late_ns = self._context.unix_ns() - request.deadline_unix_ns
-        if late_ns > 0:
-            hint = "send it again with a later deadline; if this repeats, compare the clocks of both hosts"
-            raise RefusalError("stale", f"the deadline passed {late_ns * 1e-9:.3f} s ago", hint)
+        """Refuse a command whose caller has left, or cannot be told to have left because clocks differ."""
+        now_ns = self._context.unix_ns()
+        left_s = (request.deadline_unix_ns - now_ns) * 1e-9
+        late_s = 0.0 if request.sent_unix_ns is None else (now_ns - request.sent_unix_ns) * 1e-9
+        if late_s < -CLOCKS_DIFFER_S:
+            message = f"the clock of the client's host is {-late_s:.1f} s ahead of the service's"
+            raise RefusalError("stale", message, SET_CLOCKS)
+        if left_s < 0.0 and late_s > CLOCKS_DIFFER_S:
+            message = f"the command was sent {late_s:.1f} s ago, or the clock of its host is that far behind"
+            raise RefusalError("stale", message, SET_CLOCKS)
+        if left_s < 0.0:
+            hint = f"send it again with a later deadline; if this repeats, {SET_CLOCKS}"
+            raise RefusalError("stale", f"the deadline passed {-left_s:.3f} s ago", hint)
+        if left_s > FARTHEST_DEADLINE_S:
+            message = f"the deadline is {left_s:.1f} s ahead, more than {FARTHEST_DEADLINE_S:g} s"
+            raise RefusalError("stale", message, f"send a nearer deadline; if it was near, {SET_CLOCKS}")
 
     def _refuse_blocked(self, mode: Mode, what: str = "") -> None:
         faults = self._context.blocking(mode)
@@ -210,10 +247,6 @@ class CommandHandler:
 
     def _disarm(self, request: MovingRequest) -> Answer:
         self._context.controller.fire(Trigger.DISARM, f"{request.client} disarmed", request.client)
-        return {"asked_pa": self._context.controller.asked.tolist()}
-
-    def _stop(self, request: Request) -> Answer:
-        self._context.controller.fire(Trigger.FAULT, f"stopped by {request.client}", request.client)
         return {"asked_pa": self._context.controller.asked.tolist()}
 
     def _clear(self, request: Request) -> Answer:
@@ -339,10 +372,13 @@ class CommandHandler:
         attachments = {**self._context.attachments, INFO_FILE: info}
         async with self._opening:
             path = await off_loop(lambda: self._context.recorder.start(request.name, attachments))
+        self._recording_lease = request.lease
         return {"path": str(path)}
 
     async def _record_stop(self, request: Request) -> Answer:
-        del request
+        """End the recording; that of the holder of the lease is ended by the holder alone."""
+        if self._context.controller.lease.is_current(self._recording_lease, self._context.clock_ns()):
+            self._refuse_beside_holder(request)
         path, dropped = await off_loop(self._context.recorder.stop)
         return {"path": str(path), "dropped": dropped}
 

@@ -12,6 +12,8 @@ from softarm.daemon.control.hold import Hold, HoldGoal, HoldLimits, advance_hold
 from softarm.daemon.estimation.messages import HoldAnswer
 from softarm.daemon.safety.lease import LeaseManager
 from softarm.daemon.safety.modes import PRESSURISED, SERVICE, Mode, ModeMachine, Transition, Trigger
+from softarm.drivers.errors import LimitError
+from softarm.drivers.valves.limits import check_setpoint
 
 Floats = NDArray[np.float64]
 
@@ -124,7 +126,7 @@ class Controller:
         return self._valves.acknowledge()
 
     def want(self, pressures: Floats, lifetime_s: float, now_ns: int) -> Floats:
-        """Put a set-point in force; the valve bank refuses one that is out of range.
+        """Put a set-point in force.
 
         Args:
             pressures: Gauge pressures [Pa], shape (chambers,).
@@ -137,7 +139,7 @@ class Controller:
         Raises:
             LimitError: A pressure is out of range; nothing changes.
         """
-        self._valves.command(tuple(float(p) for p in pressures), self._lifetime_s)
+        self._command(pressures)
         self._wanted = Wanted(pressures, now_ns + round(lifetime_s * 1e9))
         self._asked = pressures
         return pressures
@@ -159,15 +161,23 @@ class Controller:
             measured: What the newest estimate says of holding the pose, when it is known.
 
         Returns:
-            The change of mode when the lease ran out.
+            The change of mode when the lease ran out, or when a hold asks for more than the limits.
         """
         gone = self.lease.expire(now_ns)
         if gone is not None and self.modes.allows(Trigger.LEASE_LOST):
             return self.fire(Trigger.LEASE_LOST, f"{gone.holder} did not renew the lease")
         self._asked = self._target(now_ns, interval_s, measured)
         if self.modes.mode in PRESSURISED and self.commanding:
-            self._valves.command(tuple(float(p) for p in self._asked), self._lifetime_s)
+            try:
+                self._command(self._asked)
+            except LimitError as error:
+                return self.fire(Trigger.FAULT, str(error))
         return None
+
+    def _command(self, pressures: Floats) -> None:
+        """Check pressures against the limits and command them; no other way leads to the valves."""
+        check_setpoint("set_pressures", pressures.tolist(), self._limits.tolist())
+        self._valves.command(tuple(float(p) for p in pressures), self._lifetime_s)
 
     def _target(self, now_ns: int, interval_s: float, measured: HoldAnswer | None) -> Floats:
         if self._hold is not None:

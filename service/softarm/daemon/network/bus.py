@@ -1,6 +1,7 @@
 """The service's side of the keys: streams out, slow values and commands in."""
 
 import asyncio
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import TracebackType
@@ -9,7 +10,7 @@ from typing import Any, Self
 import zenoh
 from zenoh.ext import CacheConfig, declare_advanced_publisher
 
-from softarm.api.commands import Applied, Refused
+from softarm.api.commands import Applied, ErrorCode, Refused
 from softarm.api.keys import ArmKeys
 from softarm.api.messages import STREAMS, Message
 from softarm.client.session import NetworkSettings, open_session
@@ -17,7 +18,11 @@ from softarm.daemon.network.inbox import Inbox
 from softarm.estimator.errors import InputError
 
 COMMANDS_WAITING = 16
+STOPS_WAITING = 64
+LARGEST_REQUEST_BYTES = 16_384
+"""A larger request is refused before anybody parses it: parsing 1 MB holds up the control loop for 0.2 s."""
 SHAPE = "shape"
+STOP_SUFFIX = "/command/stop"
 
 
 @dataclass(frozen=True)
@@ -28,11 +33,15 @@ class Call:
         verb: Such as ``teach/start``.
         payload: The request, not yet checked.
         query: zenoh's side of it.
+        key: Key of the answer; that of the query may name several arms at once.
+        stops_before: How many ``stop`` had arrived before this command.
     """
 
     verb: str
     payload: bytes
     query: zenoh.Query
+    key: str
+    stops_before: int
 
     def answer(self, message: Applied | Refused) -> None:
         """Send the answer and let go of the query, so that the caller need not wait for its timeout."""
@@ -40,9 +49,13 @@ class Call:
         encoding = zenoh.Encoding("application/json")
         with self.query:
             if isinstance(message, Applied):
-                self.query.reply(self.query.key_expr, data, encoding=encoding)
+                self.query.reply(self.key, data, encoding=encoding)
             else:
                 self.query.reply_err(data, encoding=encoding)
+
+    def refuse(self, code: ErrorCode, message: str, hint: str) -> None:
+        """Answer with a refusal."""
+        self.answer(Refused(verb=self.verb, code=code, message=message, hint=hint))
 
 
 class Bus:
@@ -58,6 +71,10 @@ class Bus:
         self.keys = ArmKeys(arm)
         self._settings = settings
         self._inbox: Inbox[Call] = Inbox(loop, COMMANDS_WAITING)
+        self._loop = loop
+        self._on_stop: Callable[[Call], None] | None = None
+        self._stops_lock = threading.Lock()
+        self.stops_seen = self._stops_waiting = 0
         self._session: zenoh.Session | None = None
         self._publishers: dict[str, zenoh.ext.AdvancedPublisher] = {}
         self._shape: zenoh.Publisher | None = None
@@ -69,15 +86,18 @@ class Bus:
         assert self._session is not None, "the bus is not open"
         return self._session
 
-    def open(self, slow_values: Mapping[str, Callable[[], bytes]]) -> None:
+    def open(self, documents: Mapping[str, bytes], on_stop: Callable[[Call], None]) -> None:
         """Open the session, refuse a second service for the same arm, and declare every key.
 
         Args:
-            slow_values: Providers of the values that are asked for: ``config``, ``specimen``, ``schema``.
+            documents: JSON documents that clients may query: ``config``, ``specimen``, ``schema``.
+            on_stop: Called in the event loop with every ``stop``; it must vent the arm and answer. A stop
+                does not wait behind other commands, and its payload need not be a valid request.
 
         Raises:
             InputError: The address is taken, or the arm is already served.
         """
+        self._on_stop = on_stop
         self._session = open_session(self._settings)
         try:
             self._refuse_second_service()
@@ -94,10 +114,9 @@ class Bus:
                 congestion_control=zenoh.CongestionControl.DROP,
                 encoding=zenoh.Encoding("application/octet-stream;float32"),
             )
-            for name, provider in slow_values.items():
-                self._declared.append(
-                    self._session.declare_queryable(self.keys.query(name), _provide(provider))
-                )
+            for name, document in documents.items():
+                key = self.keys.query(name)
+                self._declared.append(self._session.declare_queryable(key, _provide(key, document)))
             self._declared.append(self._session.declare_queryable(self.keys.command("**"), self._on_command))
             self._declared.append(self._session.liveliness().declare_token(self.keys.alive))
         except BaseException:
@@ -114,11 +133,47 @@ class Bus:
                 )
 
     def _on_command(self, query: zenoh.Query) -> None:
-        verb = str(query.key_expr).removeprefix(self.keys.command(""))
-        call = Call(verb, bytes(query.payload) if query.payload is not None else b"", query)
-        if not self._inbox.offer(call):
+        asked = str(query.key_expr)
+        if asked.endswith(STOP_SUFFIX):  # also softarm/@v1/*/command/stop, which stops every arm
+            self._hand_over_stop(query)
+            return
+        key = self.keys.command("")
+        size = 0 if query.payload is None else len(query.payload)
+        payload = bytes(query.payload) if query.payload is not None and size <= LARGEST_REQUEST_BYTES else b""
+        call = Call(asked.removeprefix(key), payload, query, asked, self.stops_seen)
+        if size > LARGEST_REQUEST_BYTES:
+            message = f"the request has {size} bytes, more than {LARGEST_REQUEST_BYTES}"
+            call.refuse("malformed", message, "send the fields of docs/api.md and nothing else")
+        elif not self._inbox.offer(call):
             hint = "wait for the answers to the commands before sending more"
-            call.answer(Refused(verb=verb, code="busy", message="too many commands are waiting", hint=hint))
+            call.refuse("busy", "too many commands are waiting", hint)
+
+    def _hand_over_stop(self, query: zenoh.Query) -> None:
+        """Have the loop stop the arm next, ahead of every waiting command."""
+        with self._stops_lock:
+            self.stops_seen += 1
+            waiting = self._stops_waiting
+            self._stops_waiting += waiting < STOPS_WAITING
+        small = query.payload is not None and len(query.payload) <= LARGEST_REQUEST_BYTES
+        payload = bytes(query.payload) if query.payload is not None and small else b""
+        call = Call("stop", payload, query, self.keys.command("stop"), self.stops_seen)
+        if waiting >= STOPS_WAITING:
+            call.refuse("busy", "the arm is being stopped already", "wait for the answer to the first stop")
+            return
+        try:
+            self._loop.call_soon_threadsafe(self._carry_out, call)
+        except RuntimeError:  # the loop has ended, and the service vented the arm before that
+            call.refuse("not_available", "the service has ended", "check that the chambers are vented")
+
+    def _carry_out(self, call: Call) -> None:
+        assert self._on_stop is not None, "the bus is not open"
+        with self._stops_lock:
+            self._stops_waiting -= 1
+        self._on_stop(call)
+
+    def overtaken(self, call: Call) -> bool:
+        """Return whether a ``stop`` arrived after a command that still waits."""
+        return call.stops_before < self.stops_seen
 
     def publish(self, stream: str, message: Message) -> None:
         """Publish on a stream; a slow subscriber loses messages and never stops the service."""
@@ -144,9 +199,7 @@ class Bus:
         """Answer what still waits and close the session."""
         for call in self._inbox.close():
             hint = "try again when the service is back"
-            call.answer(
-                Refused(verb=call.verb, code="not_available", message="the service is stopping", hint=hint)
-            )
+            call.refuse("not_available", "the service is stopping", hint)
         if self._session is not None:
             self._session.close()
             self._session = None
@@ -163,9 +216,11 @@ class Bus:
         self.close()
 
 
-def _provide(provider: Callable[[], bytes]) -> Callable[[zenoh.Query], None]:
+def _provide(key: str, document: bytes) -> Callable[[zenoh.Query], None]:
+    """Answer queries with a document that was written once, at no cost to the control loop."""
+
     def answer(query: zenoh.Query) -> None:
         with query:
-            query.reply(query.key_expr, provider(), encoding=zenoh.Encoding("application/json"))
+            query.reply(key, document, encoding=zenoh.Encoding("application/json"))
 
     return answer

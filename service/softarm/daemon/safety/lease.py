@@ -104,6 +104,10 @@ class LeaseManager:
         if self._lease is None or token != self._lease.token:
             raise LeaseError("lease_held", f"the lease is held by {current}", "acquire the lease first")
 
+    def is_current(self, token: str | None, now_ns: int) -> bool:
+        """Return whether a token is that of the lease in force."""
+        return self.holder(now_ns) is not None and self._lease is not None and token == self._lease.token
+
     def accept_sequence(self, sequence: int) -> bool:
         """Tell whether a command's sequence number is new within this lease, and remember it."""
         if sequence <= self._last_sequence:

@@ -1,0 +1,97 @@
+"""The tables of a service's configuration and their defaults."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from softarm.client.session import NetworkSettings
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=40)]
+
+
+class Table(BaseModel):
+    """What every table of the configuration is: frozen, without unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class ControlSettings(Table):
+    """The ``[control]`` table."""
+
+    rate_hz: Positive = 100.0
+    """Rate of the control loop."""
+    model: Literal["fem", "rod"] = "fem"
+    """What the estimator runs on: the converged finite elements or the calibrated rod."""
+    forces_on: tuple[str, ...] = ()
+    """Sections on which an external force may act; all that move when left out."""
+    load_std_n: Positive = 1.0
+    """Forces of this size are expected; far larger ones are found, but later."""
+    load_time_constant_s: Positive = 1.0
+    """How fast external forces change."""
+    hold_rate_per_s: Positive = 0.6
+    """Gain of the feedback that holds a pose."""
+    hold_authority_pa: Positive = 15e3
+    """Largest correction of a chamber by that feedback."""
+
+
+class SafetySettings(Table):
+    """The ``[safety]`` table."""
+
+    lease_s: Positive = 1.0
+    """A lease that is not renewed for so long is lost, and the arm vents."""
+    valve_deadline_s: Positive = 0.15
+    """A valve bank that does not answer for so long is lost."""
+    sensor_deadline_s: Positive = 0.15
+    """A sensor without a valid reading for so long is stale."""
+    estimator_deadline_s: Positive = 1.0
+    """An estimator without a result for so long has failed."""
+    setpoint_lifetime_s: Positive = 0.1
+    """What is written to the valves expires after so long unless the loop renews it."""
+
+
+class SensorSettings(Table):
+    """One of ``[[sensors]]``: which reading of which device is which measurement."""
+
+    kind: Literal["pose", "orientation", "bend", "gauge"]
+    """``pose`` of a body, ``orientation`` of a body or an inertial unit, ``bend``, force ``gauge``."""
+    section: Name
+    """Rigid section on which the sensor sits."""
+    device: str
+    """Name of the device."""
+    channel: str = ""
+    """Body, unit or place in the chain, where the device has several."""
+    needed: bool = False
+    """Whether modes that follow the pose cannot do without it."""
+    deadline_s: Positive | None = None
+    """Without a valid reading for so long it is stale; by default `safety.sensor_deadline_s`, or three
+    periods of a slower device."""
+
+
+class ServiceConfig(Table):
+    """Everything that a service runs on.
+
+    Args:
+        arm: Name of the arm on the network.
+        specimen: Path of a specimen or name of a shipped one.
+        state_directory: Where saved poses and the tare are kept.
+        recording_directory: Where recordings go.
+        network: zenoh endpoints.
+        control: Rates and model.
+        safety: Deadlines.
+        sensors: Which readings the estimator uses.
+        base_body: Motion-capture body on the base, as ``device/body``; empty when poses are relative to it.
+        devices: One table a device; each kind has its own keys, see ``docs/drivers.md``.
+    """
+
+    arm: Name
+    specimen: str
+    state_directory: Path = Path("state")
+    recording_directory: Path = Path("recordings")
+    network: NetworkSettings = NetworkSettings()
+    control: ControlSettings = ControlSettings()
+    safety: SafetySettings = SafetySettings()
+    sensors: tuple[SensorSettings, ...] = Field(min_length=1)
+    base_body: str = ""
+    devices: tuple[dict[str, Any], ...] = Field(min_length=1)

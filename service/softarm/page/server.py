@@ -1,0 +1,95 @@
+"""viser's server, open to the page's own origin only: another web site must not drive the arm."""
+
+import functools
+import socket
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
+from io import StringIO
+from unittest import mock
+
+import viser
+import websockets.asyncio.server as websocket_server
+import websockets.sync.client as websocket_client
+from websockets.exceptions import InvalidStatus, WebSocketException
+from websockets.typing import Origin, Subprotocol
+
+from softarm.estimator.errors import InputError
+
+FOREIGN = Origin("http://foreign.invalid")
+ANYWHERE = ("0.0.0.0", "::", "")
+"""Addresses to listen on that no browser can name."""
+
+
+def page_origins(host: str, port: int, more: Sequence[str] = ()) -> tuple[str, ...]:
+    """List the origins that the page's own addresses have in a browser.
+
+    Args:
+        host: Address that the page is served on.
+        port: Its TCP port.
+        more: Further origins, such as that of a reverse proxy.
+
+    Raises:
+        InputError: The address is every interface, and nothing says what browsers will call it.
+    """
+    if host in ANYWHERE and not more:
+        cure = f"name the address that browsers will use: --origin http://NAME:{port}"
+        raise InputError("--host", f"{host} is every interface", cure)
+    named = f"[{host}]" if ":" in host else host
+    return tuple(dict.fromkeys((*(f"http://{n}:{port}" for n in (named, "127.0.0.1", "localhost")), *more)))
+
+
+def open_server(host: str, port: int, label: str, origins: Sequence[str]) -> viser.ViserServer:
+    """Open viser's server and make sure that it refuses foreign origins.
+
+    viser answers WebSockets of every origin and has no option for it, so any web site in a browser that can
+    reach the page could press its buttons.
+
+    Args:
+        host: Address to serve on.
+        port: Its TCP port.
+        label: Title of the page.
+        origins: Origins whose WebSockets are answered.
+
+    Raises:
+        InputError: The port is taken, or this version of viser lets foreign origins in.
+    """
+    _require_free(host, port)
+    with _answering_only(origins), redirect_stdout(StringIO()):  # viser's banner would come before our line
+        server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
+    if _lets_in("127.0.0.1" if host in ANYWHERE else host, server.get_port()):
+        server.stop()
+        cure = "install the version of requirements.lock"
+        raise InputError("viser", f"{viser.__version__} lets foreign web sites drive the page", cure)
+    return server
+
+
+@contextmanager
+def _answering_only(origins: Sequence[str]) -> Iterator[None]:
+    serve = functools.partial(websocket_server.serve, origins=[Origin(origin) for origin in origins])
+    with mock.patch.object(websocket_server, "serve", serve):
+        yield
+
+
+def _require_free(host: str, port: int) -> None:
+    """Refuse a port in use; viser would silently take the next one."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            cure = "stop what listens there, or choose another by --host and --port"
+            raise InputError(f"{host}:{port}", f"cannot serve the page ({error.strerror})", cure) from error
+
+
+def _lets_in(host: str, port: int) -> bool:
+    """Return whether a WebSocket of a foreign origin is answered."""
+    address = f"ws://[{host}]:{port}" if ":" in host else f"ws://{host}:{port}"
+    wanted = [Subprotocol(f"viser-v{viser.__version__}")]
+    try:
+        with websocket_client.connect(address, origin=FOREIGN, subprotocols=wanted):
+            return True
+    except InvalidStatus:
+        return False
+    except (OSError, WebSocketException) as error:
+        raise InputError(address, f"does not answer ({error})", "see the log") from error
