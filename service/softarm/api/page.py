@@ -9,7 +9,8 @@ from typing import Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from softarm.api.commands import VERBS, Applied, Refused
+from softarm.api.commands import VERBS, Applied, GuardedRequest, MovingRequest, Refused, Request
+from softarm.api.examples import EXAMPLES, TOKEN
 from softarm.api.keys import PREFIX
 from softarm.api.messages import (
     STREAMS,
@@ -23,6 +24,10 @@ from softarm.api.messages import (
 from softarm.api.modes import Mode
 from softarm.daemon.safety.modes import PRESSURISED, TRANSITIONS
 
+STOP = (
+    "Free to all who may send commands, in every mode, ahead of all other commands. Any payload will do, "
+    "none included. `softarm/@v1/*/command/stop` stops every arm."
+)
 SHARED: tuple[type[BaseModel], ...] = (
     Stamp,
     HealthFinding,
@@ -68,9 +73,25 @@ def _plain_name(kind: type) -> str:
     return names.get(kind, kind.__name__)
 
 
+LIMITS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
+LENGTHS = {"min_length": "at least {} long", "max_length": "at most {} long"}
+
+
+def _limits(field: FieldInfo) -> str:
+    """Write the limits of a field in words."""
+    found = []
+    for entry in field.metadata:
+        found += [f"{word} {getattr(entry, name):g}" for name, word in LIMITS.items() if hasattr(entry, name)]
+        found += [word.format(getattr(entry, name)) for name, word in LENGTHS.items() if hasattr(entry, name)]
+        if getattr(entry, "pattern", None):
+            found.append(f"pattern `{entry.pattern}`")
+    return f" {', '.join(found).capitalize()}." if found else ""
+
+
 def _field_row(name: str, field: FieldInfo) -> str:
     default = "" if field.is_required() else f" Default `{json.dumps(field.default)}`."
-    return f"| `{name}` | {_type_name(field.annotation)} | {(field.description or '') + default} |"
+    meaning = ((field.description or "") + _limits(field) + default).strip()
+    return f"| `{name}` | {_type_name(field.annotation)} | {meaning} |"
 
 
 def _fields(model: type[BaseModel], without: frozenset[str] = frozenset()) -> list[str]:
@@ -82,11 +103,37 @@ def _summary(model: type[BaseModel]) -> str:
     return " ".join((model.__doc__ or "").split())
 
 
-def _verb_section(verb: str, model: type[BaseModel]) -> list[str]:
-    common = frozenset(("deadline_unix_ns", "sequence", "client", "lease"))
-    needs = "needs the lease" if "lease" in model.model_fields and verb != "lease/acquire" else "free to all"
-    own = _fields(model, common if verb != "lease/acquire" else common - {"lease"})
-    return [f"### `{verb}`", "", f"{needs.capitalize()}.", "", *own]
+def _needs(model: type[Request]) -> str:
+    if issubclass(model, MovingRequest):
+        return "Needs the lease."
+    if issubclass(model, GuardedRequest):
+        return "Needs the lease while somebody holds it; free to all otherwise."
+    return "Free to all."
+
+
+def _verb_section(verb: str, model: type[Request]) -> list[str]:
+    example = EXAMPLES[verb]
+    own = _fields(model, frozenset(Request.model_fields))
+    return [
+        f"### `{verb}`",
+        "",
+        f"{example.does} {STOP if verb == 'stop' else _needs(model)}",
+        "",
+        *own,
+        "```json",
+        json.dumps(example_request(verb)),
+        json.dumps({"verb": verb, "mode": example.mode, "applied": example.applied}),
+        "```",
+        "",
+    ]
+
+
+def example_request(verb: str) -> dict[str, object]:
+    """Return a request of a verb as a client sends it."""
+    common: dict[str, object] = {"deadline_unix_ns": 1767225601000000000, "sequence": 7, "client": "ann"}
+    if issubclass(VERBS[verb], MovingRequest):
+        common["lease"] = TOKEN
+    return common | dict(EXAMPLES[verb].fields)
 
 
 def _transition_table() -> list[str]:
@@ -102,7 +149,18 @@ def render() -> str:
         "Generated from the message definitions by `python -m softarm.api.page`.",
         "",
         f"Keys begin with `{PREFIX}/<arm>/`. Payloads are JSON. Field names carry their unit.",
-        "The same definitions as JSON schemas: query `schema`.",
+        "",
+        "Connect with zenoh in mode `client` to `tcp/127.0.0.1:7447`, or to where the service listens, with",
+        "multicast scouting off. `@v1` is a verbatim chunk: `softarm/**` does not match it; write",
+        "`softarm/@v1/**`.",
+        "",
+        "| query | answer |",
+        "|---|---|",
+        "| `config` | the service's configuration with its defaults |",
+        "| `specimen` | the specimen it runs on |",
+        "| `schema` | the definitions of this page as JSON schemas |",
+        "",
+        "`alive` is a liveliness token: it is there while a service serves the arm.",
         "",
         "## Streams",
         "",
@@ -125,11 +183,12 @@ def render() -> str:
     lines += [
         "## Commands",
         "",
-        "Query `command/<verb>` with the request as payload. There is one reply: `Applied`, or the error",
-        "`Refused`.",
-        "Every request carries:",
+        "Query `command/<verb>` with the request as payload. There is one answer: `Applied` as a reply, or",
+        "`Refused` as a reply error. Every request carries these fields and those of its verb; an unknown",
+        "field is refused, and so is a request of more than 16 kB. Below each verb stand an example of a",
+        "request and of its answer.",
         "",
-        *_fields(VERBS["disarm"]),
+        *_fields(Request),
     ]
     for verb, request in VERBS.items():
         lines += _verb_section(verb, request)
@@ -139,6 +198,7 @@ def render() -> str:
     lines += [
         "## Modes",
         "",
+        f"`state.mode` is one of {', '.join(Mode)}.",
         f"The valves may hold pressure in {pressurised}; in every other mode they are vented.",
         "",
         *_transition_table(),

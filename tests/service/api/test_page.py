@@ -3,7 +3,8 @@ from pathlib import Path
 from jsonschema import Draft202012Validator
 
 from softarm.api.commands import VERBS
-from softarm.api.page import render, schemas
+from softarm.api.examples import EXAMPLES
+from softarm.api.page import example_request, render, schemas
 
 PAGE = Path(__file__).parents[3] / "docs" / "api.md"
 
@@ -17,3 +18,11 @@ def test_every_verb_has_a_schema():
     assert set(requests) == {f"command/{verb}" for verb in VERBS}
     for schema in requests.values():
         Draft202012Validator.check_schema(schema)
+
+
+def test_every_verb_has_an_example_that_its_own_model_accepts():
+    assert set(EXAMPLES) == set(VERBS)
+    for verb, model in VERBS.items():
+        request = model.model_validate(example_request(verb))
+        unset = set(model.model_fields) - request.model_fields_set
+        assert not {name for name in unset if model.model_fields[name].is_required()}

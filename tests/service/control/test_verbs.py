@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from softarm.api.commands import VERBS, Applied, Refused
+from softarm.api.examples import EXAMPLES
 from softarm.daemon.config import ControlSettings, SafetySettings
 from softarm.daemon.control.command_handler import CommandContext, CommandHandler
 from softarm.daemon.control.controller import Controller
@@ -373,6 +374,19 @@ async def test_clocks_within_a_second_are_good_enough(bench):
     for sent_s in (-0.9, 0.9):
         sent = bench.unix_ns + round(sent_s * SECOND)
         assert code(await bench.send("teach/list", sent_unix_ns=sent)) is None
+
+
+async def test_answers_hold_what_the_api_page_shows(bench):
+    await bench.acquire()
+    order = (
+        *("arm", "set_pressures", "teach/start", "teach/hold", "teach/save", "teach/goto", "teach/release"),
+        *("experiment/begin", "experiment/end", "estimate/tare", "record/start", "record/stop", "disarm"),
+        *("calibrate/rest", "stop", "clear", "lease/release", "lease/acquire"),
+    )
+    for verb in order:
+        answer = await bench.send(verb, **EXAMPLES[verb].fields)
+        assert isinstance(answer, Applied), (verb, answer)
+        assert set(answer.applied) == set(EXAMPLES[verb].applied), verb
 
 
 class Lax(Valves):

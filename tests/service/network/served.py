@@ -54,8 +54,9 @@ class ServedArm:
         return self
 
     def __exit__(self, *_):
-        self.loop.call_soon_threadsafe(self._end.set)
-        self._thread.join()
+        if self._thread.is_alive():
+            self.loop.call_soon_threadsafe(self._end.set)
+            self._thread.join()
 
     async def _serve(self):
         self.loop, self._end = asyncio.get_running_loop(), asyncio.Event()
