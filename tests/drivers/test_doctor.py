@@ -1,12 +1,13 @@
 """``softarm doctor`` against what is there and what is not."""
 
+import asyncio
 import json
 import socket
 
 import pytest
 from click.testing import CliRunner
 
-from softarm.cli import doctor
+from softarm.cli import doctor, fakes
 from softarm.cli.doctor import Tally, command, describe, examine, read_devices, tables
 from softarm.drivers.errors import ConnectionLost
 from softarm.drivers.reading import Reading
@@ -47,9 +48,9 @@ def test_a_device_that_is_not_there_is_told_with_its_cure(tmp_path, closed_port)
     devices, findings = json.loads(result.stdout)["tables"]
     assert devices["rows"][0]["state"] == "fault"
     assert devices["rows"][0]["address"] == f"modbus+tcp://127.0.0.1:{closed_port}"
-    assert devices["notes"] == ["0 of 1 devices are well. No set-point was written."]
-    assert "does not accept a connection" in findings["rows"][0]["what"]
-    assert findings["rows"][0]["cure"] == "check address, cable and power of the terminal"
+    assert devices["notes"] == ["0 of 1 devices work. No set-point was written."]
+    assert "does not accept a connection" in findings["rows"][0]["finding"]
+    assert findings["rows"][0]["remedy"] == "check address, cable and power of the terminal"
 
 
 @pytest.mark.parametrize(
@@ -104,7 +105,7 @@ def test_what_answers_is_told_and_nothing_is_written(virtual):
     assert [table.title for table in tables([found])] == [
         "Devices",
         "Findings",
-        "What they say of themselves",
+        "Device status",
     ]
 
 
@@ -131,3 +132,31 @@ def test_the_last_error_is_told_without_its_device():
     error = ConnectionLost("valves", "did not answer", "check the cable", limit=0.1, unit="s")
     finding = doctor._of_error("valves", error)
     assert (finding.what, finding.cure) == ("did not answer (limit 0.1 s)", "check the cable")
+
+
+def test_a_qualisys_host_is_discovered(capsys):
+    scenario = {"name": "discovery", "device": [{"name": "qtm", "kind": "qualisys", "discovery_port": 0}]}
+
+    async def found():
+        async with fakes.bench(scenario) as rig:
+            (endpoint,) = rig.endpoints()
+            port = endpoint.discovery_port
+            return endpoint.port, await asyncio.to_thread(
+                CliRunner().invoke, command, ["--discover", f"127.0.0.1:{port}", "--json"]
+            )
+
+    port, result = asyncio.run(found())
+    (row,) = json.loads(result.stdout)["rows"]
+    assert (row["address"], row["port"]) == ("127.0.0.1", port)
+
+
+def test_no_qualisys_host_is_status_1(closed_port):
+    result = CliRunner().invoke(
+        command, ["--discover", f"127.0.0.1:{closed_port}", "--json"], standalone_mode=False
+    )
+    assert result.return_value == 1
+    assert json.loads(result.stdout)["rows"] == []
+
+
+def test_either_a_configuration_or_an_address_is_needed():
+    assert CliRunner().invoke(command, []).exit_code == 2

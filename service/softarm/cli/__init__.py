@@ -11,26 +11,28 @@ from softarm.common.errors import WorkFailedError
 from softarm.estimator.errors import InputError
 
 TRACEBACK = "SOFTARM_TRACEBACK"
-"""Environment variable that lets a mistake of softarm itself show where it happened."""
+"""Environment variable that shows the traceback of an internal error."""
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells expect it."""
 THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"
 """Environment variables for how many threads linear algebra may use; libraries read them as they load."""
 
 COMMANDS = {
-    "demo": "Start fakes, service and page, and run the force experiment on them.",
-    "serve": "Serve one arm: the daemon that systemd starts.",
+    "demo": "Start simulated devices, service and page, and run the force experiment.",
+    "serve": "Run the service for one arm: the daemon that systemd starts.",
     "record": "Record a running arm.",
     "convert": "Convert a recording between MCAP, tables and Qualisys exports.",
     "estimate": "Estimate pose and external force over a recording.",
     "diagnose": "Find the physics that a model leaves out.",
     "calibrate": "Fit moduli, chamber gains and frame alignment to recordings.",
-    "excite": "Run the manoeuvres that tell physical effects apart, and record them.",
+    "excite": "Run and record the manoeuvres that distinguish physical effects.",
     "experiment": "Run the paper's experiments and print their tables.",
     "plot": "Plot a recording.",
     "bench": "Run a benchmark and print its table.",
-    "fakes": "Start the fake devices on real ports.",
+    "fakes": "Start simulated devices on real ports.",
     "page": "Serve the operator page in the browser.",
-    "vent": "Vent every chamber, whatever became of the service.",
-    "doctor": "Say which configured devices answer, at what rate, with which fault.",
+    "vent": "Vent every chamber, whether or not the service runs.",
+    "doctor": "Check every configured device: does it answer, how fast, and with which fault.",
 }
 
 
@@ -68,7 +70,7 @@ def softarm() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line; every mistake becomes one line and a status, those of softarm itself too.
+    """Run the command line; every error becomes one line and an exit status, internal errors too.
 
     Args:
         arguments: The words after ``softarm``; those of the process when left out.
@@ -81,13 +83,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if os.environ.get(TRACEBACK):
             raise
         what = " ".join(f"{type(error).__name__}: {error}".split())
-        click.echo(f"softarm: a mistake of its own: {what}; set {TRACEBACK}=1 to see where", err=True)
+        click.echo(f"softarm: internal error: {what}; set {TRACEBACK}=1 to see the traceback", err=True)
         status = 1
     sys.exit(status)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit status: 0 done, 1 the work failed, 2 wrong use."""
+    """Run one command and return its exit status: 0 done, 1 the work failed, 2 wrong use, 130 interrupted."""
     try:
         result = softarm.main(args=arguments, prog_name="softarm", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -103,6 +105,6 @@ def run(arguments: Sequence[str] | None = None) -> int:
         click.echo(f"softarm: {error}", err=True)
         return 1
     except (click.Abort, KeyboardInterrupt):
-        click.echo("softarm: stopped", err=True)
-        return 1
+        click.echo("softarm: interrupted", err=True)
+        return INTERRUPTED
     return result if isinstance(result, int) else 0

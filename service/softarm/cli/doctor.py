@@ -1,4 +1,4 @@
-"""``softarm doctor``: which configured devices answer, at what rate, with which fault, and the cure."""
+"""``softarm doctor``: checks every configured device, and names the remedy of each fault."""
 
 import asyncio
 import logging
@@ -11,17 +11,21 @@ from typing import Any
 import click
 
 from softarm.cli.output import json_option, progress, show
+from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Cell, Table
 from softarm.daemon.config import ConfigError
 from softarm.drivers.clock import NANOSECONDS
 from softarm.drivers.config import DriverConfig
 from softarm.drivers.device import Device
 from softarm.drivers.errors import DeviceError, DeviceErrors
+from softarm.drivers.qualisys import discovery
 from softarm.drivers.reading import Reading
 from softarm.drivers.registry import load_devices
 from softarm.drivers.supervisor import ALIVE, ConnectionState
 from softarm.estimator.errors import InputError
 
+LITTLE_ENDIAN = 1
+"""What is added to a Qualisys base port for the little-endian protocol that the driver speaks."""
 REMARKS = {
     "bad_checksum": ("frames with a wrong checksum", "check baud rate, cable and ground"),
     "malformed": ("frames that break the format", "check baud rate and protocol"),
@@ -101,7 +105,6 @@ class Examination:
 @click.option(
     "--config",
     "path",
-    required=True,
     type=click.Path(path_type=Path),
     help="A TOML file with [[devices]], such as the service's configuration.",
 )
@@ -112,15 +115,27 @@ class Examination:
     type=click.FloatRange(min=0.1, max=600.0),
     help="How long to listen to each device.",
 )
+@click.option(
+    "--discover",
+    metavar="ADDRESS[:PORT]",
+    help="Instead: list the Qualisys hosts that answer at an address, such as a broadcast address.",
+)
 @json_option
-def command(path: Path, seconds: float, as_json: bool) -> int:
-    """Connect to each configured device and say what answers, at what rate, with which fault.
+def command(path: Path | None, seconds: float, discover: str | None, as_json: bool) -> int:
+    r"""Check every configured device: does it answer, how fast, and with which fault.
 
-    Moves nothing: no set-point is written and no setting changed. The status is 1 when a device
+    Nothing moves: no set-point is written and no setting changed. The status is 1 when a device
     does not answer or reports a fault.
 
+    \b
     Example: softarm doctor --config /etc/softarm/arm.toml
+    Example: softarm doctor --discover 192.168.1.255
     """
+    if (path is None) == (discover is None):
+        raise click.UsageError("give either --config FILE or --discover ADDRESS")
+    if path is None:
+        assert discover is not None
+        return _discover(discover, as_json=as_json)
     configs = read_devices(path)
     # What the drivers would log stands in the table.
     logging.getLogger("softarm.drivers").setLevel(logging.ERROR)
@@ -128,6 +143,23 @@ def command(path: Path, seconds: float, as_json: bool) -> int:
         examinations = asyncio.run(examine_all(configs, seconds, advance))
     show(*tables(examinations), as_json=as_json)
     return int(any(finding.serious for found in examinations for finding in found.findings))
+
+
+def _discover(address: str, *, as_json: bool) -> int:
+    """List the Qualisys hosts at an address; the status is 1 when none answers."""
+    host, _, port = address.partition(":")
+    if port and not port.isdecimal():
+        raise click.UsageError(f"the port in {address} is not a number")
+    try:
+        hosts = asyncio.run(discovery.discover(host, int(port) if port else discovery.DISCOVERY_PORT))
+    except OSError as error:
+        raise WorkFailedError(f"{address} cannot be asked: {error.strerror or error}") from None
+    rows = [
+        {"address": host.address, "port": host.base_port + LITTLE_ENDIAN, "host": host.description}
+        for host in hosts
+    ]
+    show(Table("Qualisys hosts", rows, () if hosts else (f"None answered at {address}.",)), as_json=as_json)
+    return int(not hosts)
 
 
 def read_devices(path: Path) -> tuple[DriverConfig, ...]:
@@ -254,9 +286,9 @@ def tables(examinations: Sequence[Examination]) -> list[Table]:
     rows: list[dict[str, Cell]] = [
         {
             "device": finding.device,
-            "how": "fault" if finding.serious else "remark",
-            "what": finding.what,
-            "cure": finding.cure,
+            "level": "fault" if finding.serious else "remark",
+            "finding": finding.what,
+            "remedy": finding.cure,
         }
         for finding in findings
     ]
@@ -266,10 +298,10 @@ def tables(examinations: Sequence[Examination]) -> list[Table]:
         for key, value in found.facts.items()
     ]
     serious = sum(any(finding.serious for finding in found.findings) for found in examinations)
-    note = f"{len(examinations) - serious} of {len(examinations)} devices are well. No set-point was written."
+    note = f"{len(examinations) - serious} of {len(examinations)} devices work. No set-point was written."
     laid_out = [Table("Devices", [found.row for found in examinations], (note,))]
     if rows:
         laid_out.append(Table("Findings", rows))
     if facts:
-        laid_out.append(Table("What they say of themselves", facts))
+        laid_out.append(Table("Device status", facts))
     return laid_out

@@ -1,11 +1,11 @@
-"""A mistake of softarm itself ends in one line too, and shows where on request."""
+"""An internal error ends in one line, with its traceback on request; Ctrl-C ends with the status of shells."""
 
 import pytest
 
 from softarm import cli
 
 
-def test_a_mistake_of_its_own_is_one_line(
+def test_an_internal_error_is_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fail(arguments: object) -> int:
@@ -22,3 +22,14 @@ def test_a_mistake_of_its_own_is_one_line(
     monkeypatch.setenv(cli.TRACEBACK, "1")
     with pytest.raises(ZeroDivisionError):
         cli.main(["demo"])
+
+
+def test_ctrl_c_is_one_line_and_status_130(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(**options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli.softarm, "main", interrupt)
+    assert cli.run(["demo"]) == 130
+    assert capsys.readouterr().err == "softarm: interrupted\n"
