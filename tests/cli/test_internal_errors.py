@@ -1,4 +1,4 @@
-"""An internal error ends in one line, with its traceback on request; Ctrl-C ends with the status of shells."""
+"""An internal error ends in one line, with its traceback on request; Ctrl-C ends as shells expect."""
 
 import pytest
 
