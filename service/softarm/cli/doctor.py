@@ -154,7 +154,7 @@ def _discover(address: str, *, as_json: bool) -> int:
         hosts = asyncio.run(discovery.discover(host, int(port) if port else discovery.DISCOVERY_PORT))
     except OSError as error:
         raise WorkFailedError(f"{address} cannot be asked: {error.strerror or error}") from None
-    rows = [
+    rows: list[dict[str, Cell]] = [
         {"address": host.address, "port": host.base_port + LITTLE_ENDIAN, "host": host.description}
         for host in hosts
     ]
