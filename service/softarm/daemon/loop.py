@@ -18,6 +18,7 @@ from softarm.daemon.control.poses import PoseStore
 from softarm.daemon.control.publishing import Picture, Publisher
 from softarm.daemon.control.readings import Readings, channel
 from softarm.daemon.control.recorder import Recorder
+from softarm.daemon.control.recording_header import recording_header
 from softarm.daemon.control.reporting import Reporter
 from softarm.daemon.control.safety_monitor import SafetyInputs, SafetyMonitor
 from softarm.daemon.control.streams import RecordedStreams
@@ -28,6 +29,7 @@ from softarm.daemon.safety.diagnostics import HealthMonitor
 from softarm.daemon.safety.modes import Mode, Transition, Trigger
 from softarm.estimator.arm import default_loads
 from softarm.estimator.specimen import specimen_table
+from softarm.recordings.mcap_writer import Start
 
 STATE_EVERY_NS = 50_000_000
 
@@ -49,7 +51,10 @@ class ControlLoop:
         self._surroundings = surroundings
         self._clocks = surroundings.clocks
         self.recorder = Recorder(
-            config.recording_directory, free_bytes=lambda: surroundings.host().free_bytes
+            config.recording_directory,
+            free_bytes=lambda: surroundings.host().free_bytes,
+            header=recording_header(setup),
+            clocks=lambda: Start(self._clocks.monotonic_ns(), self._clocks.unix_ns()),
         )
         self._lateness = Lateness()
         self.readings = Readings(

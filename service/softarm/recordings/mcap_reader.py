@@ -1,27 +1,24 @@
-"""Reading MCAP: whole files, and files cut off by a loss of power up to their last whole chunk."""
+"""Reading MCAP: whole files, files cut off by a loss of power, and files with damaged bytes."""
 
 import json
-import struct
-from collections.abc import Iterator, Mapping
+import mmap
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
-from mcap.stream_reader import CRCValidationError, StreamReader
-from zstandard import ZstdError
+from mcap.records import Attachment, Channel, Message, Metadata
 
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Floats, Recording
 from softarm.recordings.columns import TIME, column_name
 from softarm.recordings.info import parse_info
-from softarm.recordings.mcap_writer import INFO_FILE, METADATA
+from softarm.recordings.mcap_records import CutOff, Damage, walk
+from softarm.recordings.mcap_writer import INFO_FILE, METADATA, STAMPS
 from softarm.recordings.validate import checked_recording
 
 CUT_OFF = "the file was cut off; read up to its last whole chunk"
-TEAR = (McapError, CRCValidationError, ZstdError, EOFError, struct.error, UnicodeDecodeError, ValueError)
 
 
 @dataclass
@@ -33,6 +30,7 @@ class Contents:
         attachments: File name to contents.
         columns: Columns that the writer announced.
         torn: Whether the file ends in the middle.
+        lost: Stretches that could not be read: from the last time before to the first after [s].
         messages: Number of messages read.
     """
 
@@ -40,11 +38,22 @@ class Contents:
     attachments: dict[str, bytes] = field(default_factory=dict)
     columns: list[str] = field(default_factory=list)
     torn: bool = False
+    lost: list[tuple[float, float]] = field(default_factory=list)
     messages: int = 0
+
+    @property
+    def flaws(self) -> str:
+        """What could not be read, in words; empty when everything was."""
+        gaps = [f"damaged: nothing could be read {_span(*stretch)}" for stretch in self.lost]
+        return "; ".join([CUT_OFF] * self.torn + gaps)
+
+
+def _span(begin_s: float, end_s: float) -> str:
+    return f"from {begin_s:.3f} s to " + ("its end" if np.isinf(end_s) else f"{end_s:.3f} s")
 
 
 def read_mcap(path: Path, name: str) -> Recording:
-    """Read a recording; one that was cut off says so in ``info["recovered"]``.
+    """Read a recording; ``info["recovered"]`` and ``info["lost_s"]`` say what of it could not be read.
 
     Raises:
         InputError: It is no MCAP file or holds no stream of a recording.
@@ -54,31 +63,37 @@ def read_mcap(path: Path, name: str) -> Recording:
     times = _times(contents)
     columns = _columns(source, contents, times)
     info = parse_info(f"{source}, {INFO_FILE}", contents.attachments.get(INFO_FILE, b""))
-    if contents.torn:
-        info["recovered"] = CUT_OFF
+    if contents.flaws:
+        info["recovered"] = contents.flaws
+    if contents.lost:
+        info["lost_s"] = [list(stretch) for stretch in contents.lost]
     return checked_recording(name, source, columns, info)
 
 
 def read_contents(path: Path) -> Contents:
-    """Read all messages and attachments of a file that may be torn.
+    """Read all messages and attachments of a file that may be cut off or damaged.
 
     Raises:
         InputError: It is no MCAP file, or was cut off before its first chunk.
     """
-    contents = Contents()
-    channels: dict[int, Channel] = {}
+    reader = _Pass(str(path))
     with path.open("rb") as file:
-        reader = StreamReader(file, validate_crcs=True, record_size_limit=path.stat().st_size)
-        for record in _until_torn(reader, contents):
+        data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if path.stat().st_size else b""
+        for record in walk(data):
             if isinstance(record, Channel):
-                channels[record.id] = record
+                reader.channels[record.id] = record
             elif isinstance(record, Message):
-                _take(contents, str(path), channels[record.channel_id], record)
+                reader.take(record)
             elif isinstance(record, Attachment):
-                contents.attachments[record.name] = record.data
+                reader.contents.attachments[record.name] = record.data
             elif isinstance(record, Metadata) and record.name == METADATA:
-                contents.columns = json.loads(record.metadata["columns"])
-    if contents.torn and not contents.messages:
+                reader.contents.columns = json.loads(record.metadata["columns"])
+            elif isinstance(record, Damage):
+                reader.damaged = True
+            elif isinstance(record, CutOff):
+                reader.contents.torn = True
+    contents = reader.finish()
+    if not contents.messages and (contents.torn or contents.lost):
         raise InputError(
             str(path),
             "is no MCAP file, or was cut off before its first whole chunk",
@@ -87,30 +102,73 @@ def read_contents(path: Path) -> Contents:
     return contents
 
 
-def _until_torn(reader: StreamReader, contents: Contents) -> Iterator[McapRecord]:
-    records = iter(reader.records)
-    while True:
-        try:
-            record = next(records)
-        except StopIteration:
+class _Pass:
+    """One pass over a file: sorts its messages into columns and notes what was lost between them.
+
+    Args:
+        source: The file, for messages of errors.
+    """
+
+    def __init__(self, source: str) -> None:
+        self.contents = Contents()
+        self.channels: dict[int, Channel] = {}
+        self.damaged = False
+        self._source = source
+        self._last_s = 0.0
+        self._unannounced: list[Message] = []
+
+    def take(self, message: Message) -> None:
+        """Sort in a message; one whose channel stood in a lost chunk waits for the index at the end."""
+        channel = self.channels.get(message.channel_id)
+        if channel is None:
+            self._unannounced.append(message)
+            self._follow(_time_of(message))
+        else:
+            self.contents.messages += 1
+            self._follow(_sort_in(self.contents, self._source, channel, message))
+
+    def _follow(self, time: float | None) -> None:
+        """Keep the time of the last message; the first after damage ends the stretch that is lost."""
+        if time is None:
             return
-        except TEAR:
-            contents.torn = True
-            return
-        yield record
+        if self.damaged:
+            self.contents.lost.append((self._last_s, time))
+            self.damaged = False
+        self._last_s = time
+
+    def finish(self) -> Contents:
+        """Return what was found."""
+        if self.damaged:
+            self.contents.lost.append((self._last_s, np.inf))
+        for message in self._unannounced:
+            if channel := self.channels.get(message.channel_id):
+                self.contents.messages += 1
+                _sort_in(self.contents, self._source, channel, message)
+        return self.contents
 
 
-def _take(contents: Contents, source: str, channel: Channel, message: Message) -> None:
-    """Sort one message's values into their columns; messages of other programs are passed over."""
-    contents.messages += 1
+def _time_of(message: Message) -> float | None:
+    """Return the time in a message of a channel that is not known yet [s]."""
+    try:
+        return float(json.loads(message.data)[TIME])
+    except (ValueError, TypeError, KeyError):
+        return None
+
+
+def _sort_in(contents: Contents, source: str, channel: Channel, message: Message) -> float | None:
+    """Sort one message's values into their columns; messages of other programs are passed over.
+
+    Returns:
+        The message's time [s], None where it has none.
+    """
     if channel.message_encoding != "json":
-        return
+        return None
     values = json.loads(message.data)
     time = values.pop(TIME, None) if isinstance(values, dict) else None
     if not isinstance(time, int | float):
-        return
+        return None
     for key, value in values.items():
-        column = column_name(channel.topic, key)
+        column = None if key in STAMPS else column_name(channel.topic, key)
         if column is None:
             continue
         if not (value is None or isinstance(value, int | float)):
@@ -122,6 +180,7 @@ def _take(contents: Contents, source: str, channel: Channel, message: Message) -
         times, samples = contents.samples.setdefault(column, ([], []))
         times.append(time)
         samples.append(np.nan if value is None else value)
+    return float(time)
 
 
 def _times(contents: Contents) -> Floats:

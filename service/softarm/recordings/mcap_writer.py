@@ -18,8 +18,13 @@ from softarm.recordings.info import format_info
 
 LIBRARY = "softarm"
 METADATA = "softarm.recording"
+STARTED = "started_unix_ns"
+"""Key of ``recording.toml``: wall clock at time zero [ns since 1970, UTC]."""
 INFO_FILE = "recording.toml"
 NANOSECONDS = 1_000_000_000
+HOST_STAMP, DEVICE_STAMP = "host_monotonic_ns", "device_time_ns"
+STAMPS = (HOST_STAMP, DEVICE_STAMP)
+"""Keys of a live message: the host's monotonic clock at its arrival, and the clock of the device."""
 UNITS = {"pa": "Pa, gauge", "m": "m", "rad": "rad", "n": "N", "s": "s", "nm": "N m"}
 
 
@@ -44,7 +49,7 @@ class Stamp:
 
     Args:
         t_s: Time of the recording [s].
-        host_ns: Host time of arrival [ns since the epoch of the file].
+        host_ns: Host time of arrival: monotonic where the writer has a ``Start``, else that of the file [ns].
         device_ns: The device's own time stamp [ns], the host's where the device has none.
         sequence: The device's counter of messages; 0 where it has none.
     """
@@ -53,6 +58,24 @@ class Stamp:
     host_ns: int
     device_ns: int
     sequence: int = 0
+
+
+@dataclass(frozen=True)
+class Start:
+    """Both clocks of the host at time zero of a live recording.
+
+    Args:
+        monotonic_ns: Monotonic clock [ns].
+        unix_ns: Wall clock [ns since 1970, UTC].
+    """
+
+    monotonic_ns: int
+    unix_ns: int
+
+    @property
+    def unix_minus_monotonic_ns(self) -> int:
+        """What leads from the monotonic clock to the wall clock [ns]."""
+        return self.unix_ns - self.monotonic_ns
 
 
 class StreamWriter:
@@ -67,6 +90,9 @@ class StreamWriter:
         attachments: File name to contents, written first: ``recording.toml``, ``specimen.toml``.
         columns: Columns in the order in which a table would have them.
         flush_period_ns: Host time between chunks; ``None`` lets their size decide.
+        start: Clocks at time zero of a live recording: log and publish times are then wall-clock times, and
+            each message carries the host's monotonic time and the device's.
+        metadata: What is known of the run, for programs that read no attachments.
     """
 
     def __init__(
@@ -77,13 +103,18 @@ class StreamWriter:
         attachments: Mapping[str, bytes] | None = None,
         columns: Sequence[str] = (),
         flush_period_ns: int | None = NANOSECONDS,
+        start: Start | None = None,
+        metadata: Mapping[str, str] | None = None,
     ) -> None:
         self._file = file
         self._writer = Writer(file, compression=CompressionType.ZSTD)
         self._writer.start(profile="", library=LIBRARY)
-        self._writer.add_metadata(METADATA, {"columns": json.dumps(list(columns)), "version": "1"})
+        header = {"columns": json.dumps(list(columns)), "version": "2", **(metadata or {})}
+        self._writer.add_metadata(METADATA, header)
+        self._start = start
         for name, data in (attachments or {}).items():
-            self._writer.add_attachment(0, 0, name, _media_type(name), data)
+            made_ns = 0 if start is None else start.unix_ns
+            self._writer.add_attachment(made_ns, made_ns, name, _media_type(name), data)
         self._channels: dict[str, tuple[int, tuple[str, ...]]] = {}
         self._documents: dict[str, int] = {}
         self._flush_period_ns = flush_period_ns
@@ -93,7 +124,9 @@ class StreamWriter:
 
     def add_stream(self, stream: Stream) -> None:
         """Announce a stream before its first message."""
-        schema = self._writer.register_schema(f"softarm.{stream.topic}", "jsonschema", _schema(stream))
+        schema = self._writer.register_schema(
+            f"softarm.{stream.topic}", "jsonschema", _schema(stream, stamped=self._start is not None)
+        )
         metadata = {"source": stream.source} if stream.source else {}
         channel = self._writer.register_channel(stream.topic, "json", schema, metadata)
         self._channels[stream.topic] = (channel, stream.fields)
@@ -101,7 +134,7 @@ class StreamWriter:
     def write(self, topic: str, values: Sequence[float], stamp: Stamp) -> None:
         """Write one message of an announced stream; NaN stands for a lost reading."""
         channel, fields = self._channels[topic]
-        message = {TIME: stamp.t_s} | {
+        message = self._stamped(stamp) | {
             field: value if math.isfinite(value) else None
             for field, value in zip(fields, values, strict=True)
         }
@@ -112,11 +145,23 @@ class StreamWriter:
         if topic not in self._documents:
             schema = self._writer.register_schema(f"softarm.{topic}", "jsonschema", b'{"type": "object"}')
             self._documents[topic] = self._writer.register_channel(topic, "json", schema)
-        self._add(self._documents[topic], {TIME: stamp.t_s, **document}, stamp)
+        self._add(self._documents[topic], {**self._stamped(stamp), **document}, stamp)
+
+    def _stamped(self, stamp: Stamp) -> dict[str, Any]:
+        live = {} if self._start is None else {HOST_STAMP: stamp.host_ns, DEVICE_STAMP: stamp.device_ns}
+        return {TIME: stamp.t_s, **live}
+
+    def _times(self, stamp: Stamp) -> tuple[int, int]:
+        """Return log and publish time: arrival and measurement by the wall clock in a live recording [ns]."""
+        if self._start is None:
+            return stamp.host_ns, stamp.device_ns
+        measured_ns = self._start.unix_ns + round(stamp.t_s * NANOSECONDS)
+        return stamp.host_ns + self._start.unix_minus_monotonic_ns, measured_ns
 
     def _add(self, channel: int, message: Mapping[str, Any], stamp: Stamp) -> None:
         data = json.dumps(message, separators=(",", ":"), allow_nan=False).encode()
-        self._writer.add_message(channel, stamp.host_ns, data, stamp.device_ns, stamp.sequence)
+        log_ns, publish_ns = self._times(stamp)
+        self._writer.add_message(channel, log_ns, data, publish_ns, stamp.sequence)
         if self._flush_period_ns is None:
             return
         if self._last_flush_ns is None:
@@ -165,16 +210,24 @@ def write_recording(
     if present:
         present[next(iter(present))] |= ~np.logical_or.reduce(list(present.values()))
     rows = {topic: table.tolist() for topic, table in tables.items()}
-    origin = min(0.0, float(recording.time[0]))
+    begin_ns = _begin_ns(recording)
     for index, t_s, sequence in zip(
         range(len(recording.time)), recording.time.tolist(), count(), strict=False
     ):
-        stamp_ns = round((t_s - origin) * NANOSECONDS)
+        stamp_ns = begin_ns + round(t_s * NANOSECONDS)
         stamp = Stamp(t_s, stamp_ns, stamp_ns, sequence)
         for topic, keep in present.items():
             if keep[index]:
                 writer.write(topic, rows[topic][index], stamp)
     writer.finish()
+
+
+def _begin_ns(recording: Recording) -> int:
+    """Return the wall clock at time zero [ns]; where it is not known, what makes no time negative."""
+    begin_ns = recording.info.get(STARTED)
+    if isinstance(begin_ns, int) and begin_ns > 0:
+        return begin_ns
+    return -round(min(0.0, float(recording.time[0])) * NANOSECONDS)
 
 
 def streams_of(columns: Iterable[str]) -> dict[str, dict[str, str]]:
@@ -187,8 +240,14 @@ def streams_of(columns: Iterable[str]) -> dict[str, dict[str, str]]:
     return streams
 
 
-def _schema(stream: Stream) -> bytes:
+def _schema(stream: Stream, *, stamped: bool) -> bytes:
     properties: dict[str, Any] = {TIME: {"type": "number", "description": "time of the recording [s]"}}
+    if stamped:
+        properties[HOST_STAMP] = {
+            "type": "integer",
+            "description": "arrival, the host's monotonic clock [ns]",
+        }
+        properties[DEVICE_STAMP] = {"type": "integer", "description": "the device's clock [ns]"}
     for field in stream.fields:
         unit = UNITS.get(field.rpartition("_")[2], "1")
         properties[field] = {"type": ["number", "null"], "description": f"[{unit}]; null: lost reading"}

@@ -1,6 +1,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 
@@ -67,19 +68,64 @@ def test_every_second_is_on_the_disk(tmp_path: Path) -> None:
     assert seen == 201
 
 
-def test_a_damaged_chunk_ends_the_reading(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
+def written(path: Path, seconds: int) -> bytes:
+    """Write a recording at 100 Hz with a chunk a second, as the service does."""
     with path.open("wb") as file:
-        writer = StreamWriter(file, [PRESSURES])
-        for tick in range(400):
-            writer.write("pressures", [1e4, 2e4 + tick], stamp(tick))
+        writer = StreamWriter(file, [PRESSURES], attachments={"specimen.toml": b"a = 1\n"})
+        for tick in range(100 * seconds):
+            writer.write("pressures", [1e4, 2e4 + tick % 97], stamp(tick))
         writer.finish()
-    data = bytearray(path.read_bytes())
+    return path.read_bytes()
+
+
+def test_one_flipped_byte_costs_its_chunk_and_no_more(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    data = bytearray(written(path, 24))
     data[len(data) // 2] ^= 0xFF
     path.write_bytes(data)
     recording = load_recording(path)
-    assert 0 < len(recording.time) < 400
-    assert "recovered" in recording.info
+    (begin, end) = recording.info["lost_s"][0]
+    assert len(recording.info["lost_s"]) == 1
+    assert 0.5 < end - begin < 1.2
+    missing = np.setdiff1d(np.round(np.arange(2400) * 0.01, 2), np.round(recording.time, 2))
+    assert 0 < len(missing) <= 101
+    assert begin < missing[0]
+    assert missing[-1] < end
+    assert f"from {begin:.3f} s to {end:.3f} s" in recording.info["recovered"]
+    assert "cut off" not in recording.info["recovered"]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_flipped_byte_anywhere_never_costs_more_than_a_chunk(seed: int, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    whole = written(path, 6)
+    rng = np.random.default_rng(seed)
+    for position in rng.integers(0, len(whole), 12):
+        data = bytearray(whole)
+        data[position] ^= 1 << int(rng.integers(8))
+        path.write_bytes(data)
+        recording = load_recording(path)
+        lost = 600 - len(recording.time)
+        assert lost <= 101, (position, lost)
+        assert not lost or recording.info["lost_s"], position
+
+
+def test_a_lost_first_chunk_costs_no_later_message(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    data = bytearray(written(path, 5))
+    first = data.index(b"\x04\x00\x00\x00zstd")
+    data[first + 200] ^= 0xFF
+    path.write_bytes(data)
+    recording = load_recording(path)
+    assert len(recording.time) == 500 - 101
+    assert recording.info["lost_s"] == [[0.0, 1.01]]
+
+
+def test_recordings_without_a_date_are_still_read(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    written(path, 2)
+    assert len(load_recording(path).time) == 200
+    assert "started" not in load_recording(path).info
 
 
 def test_two_messages_at_one_time_are_refused(tmp_path: Path) -> None:

@@ -39,8 +39,6 @@ from softarm.daemon.safety.diagnostics import Diagnostic
 from softarm.daemon.safety.lease import LeaseError
 from softarm.daemon.safety.modes import PRESSURISED, Mode, TransitionRefusedError, Trigger
 from softarm.drivers.errors import DeviceErrors, InterlockError, LimitError
-from softarm.recordings.info import format_info
-from softarm.recordings.mcap_writer import INFO_FILE
 
 logger = logging.getLogger(__name__)
 RELEASE_LIFETIME_S = 2.0
@@ -368,10 +366,10 @@ class CommandHandler:
         if self._opening.locked():
             raise RefusalError("busy", "a recording is being opened", "wait for the answer to that command")
         since_s = (self._context.clock_ns() - self._began_ns) * 1e-9
-        info = format_info({"session_start_s": round(since_s, 3)})
-        attachments = {**self._context.attachments, INFO_FILE: info}
+        info = {"session_start_s": round(since_s, 3), "started_by": request.client}
+        recorder, attachments = self._context.recorder, self._context.attachments
         async with self._opening:
-            path = await off_loop(lambda: self._context.recorder.start(request.name, attachments))
+            path = await off_loop(lambda: recorder.start(request.name, attachments, info))
         self._recording_lease = request.lease
         return {"path": str(path)}
 

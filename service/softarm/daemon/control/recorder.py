@@ -1,16 +1,29 @@
-"""The recorder: a writer thread behind a bounded queue, with a visible count of what it dropped."""
+"""The recorder: one writer thread for each recording, behind a bounded queue."""
 
+import logging
 import queue
+import shutil
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any
 
+from softarm.daemon.safety.checks.disk import RESERVE_BYTES
 from softarm.daemon.safety.observation import Recorder as RecorderHealth
-from softarm.recordings.mcap_writer import Stamp, Stream, StreamWriter
+from softarm.recordings.info import format_info
+from softarm.recordings.mcap_writer import INFO_FILE, STARTED, Stamp, Start, Stream, StreamWriter
+
+logger = logging.getLogger(__name__)
 
 QUEUE_LENGTH = 8192
+LOOK_EVERY_S = 1.0
+"""Time between two looks at the free space of the disk."""
+OPEN_S = 5.0
+CLOSE_S = 10.0
 PART_SUFFIX = ".part"
 
 
@@ -39,19 +52,56 @@ class Document:
 Item = Sample | Document | None
 
 
+@dataclass
+class _Run:
+    """One recording, from the request to start it until its thread ends.
+
+    Args:
+        name: File name without suffix.
+        attachments: Files kept in it.
+        info: What is known of the run.
+        start: Clocks at its time zero.
+    """
+
+    name: str
+    attachments: Mapping[str, bytes]
+    info: Mapping[str, Any]
+    start: Start
+    queue: "queue.SimpleQueue[Item]" = field(default_factory=queue.SimpleQueue)
+    opened: "Future[Path]" = field(default_factory=Future)
+    ended: "Future[None]" = field(default_factory=Future)
+    path: Path | None = None
+    dropped: int = 0
+    error: str = ""
+    abandoned: bool = False
+
+
 def _create(path: Path) -> IO[bytes]:
     return path.open("xb")
+
+
+def _look(directory: Path) -> int:
+    return shutil.disk_usage(directory).free
+
+
+def _clocks() -> Start:
+    return Start(time.monotonic_ns(), time.time_ns())
 
 
 class Recorder:
     """Writes the streams to MCAP files in a directory.
 
-    A file is named ``.part`` until it is closed; a torn one opens up to its last second.
+    Opening, writing and closing are done in a thread, so that a disk that does not answer holds up a command
+    no longer than stated. A file is named ``.part`` until it is closed; a torn one opens up to its last
+    second.
 
     Args:
         directory: Where the files go; it is made when missing.
         create: Creates a file and opens it for writing.
         free_bytes: Returns the space left at the last look, without looking; ``None`` when unknown.
+        header: What is known of every recording: arm, specimen, configuration, version, host.
+        look: Looks up the free space of a directory's disk [bytes].
+        clocks: Reads both clocks of the host.
     """
 
     def __init__(
@@ -59,64 +109,79 @@ class Recorder:
         directory: Path,
         create: Callable[[Path], IO[bytes]] = _create,
         free_bytes: Callable[[], int | None] = lambda: None,
+        *,
+        header: Mapping[str, Any] | None = None,
+        look: Callable[[Path], int] = _look,
+        clocks: Callable[[], Start] = _clocks,
     ) -> None:
         self._directory = directory
         self._create = create
-        self._queue: queue.Queue[Item] = queue.Queue(QUEUE_LENGTH)
-        self._thread: threading.Thread | None = None
-        self._path: Path | None = None
-        self._dropped = 0
-        self._error = ""
-        self.closing = False
         self._free_bytes = free_bytes
+        self._header = dict(header or {})
+        self._look = look
+        self._clocks = clocks
+        self._lock = threading.Lock()
+        self._run: _Run | None = None
+        self._dropped, self._error = 0, ""
+        self.closing = False
 
     @property
     def path(self) -> Path | None:
         """The file being written, under its final name."""
-        return self._path
+        run = self._run
+        return None if run is None or run.error else run.path
+
+    @property
+    def start_clocks(self) -> Start | None:
+        """Both clocks at time zero of the recording that is open."""
+        run = self._run
+        return None if run is None or run.path is None or run.error else run.start
 
     def health(self) -> RecorderHealth:
         """Picture the recorder for the health checks."""
-        return RecorderHealth(self._thread is not None, self._dropped, self._error, self._free_bytes())
+        run = self._run
+        dropped = self._dropped if run is None else run.dropped
+        return RecorderHealth(self.path is not None, dropped, self._error, self._free_bytes())
 
-    def start(self, name: str, attachments: Mapping[str, bytes]) -> Path:
-        """Open a file.
+    def start(
+        self, name: str, attachments: Mapping[str, bytes], info: Mapping[str, Any] | None = None
+    ) -> Path:
+        """Open a file; this waits for the disk, so the event loop calls it in a thread.
 
         Args:
             name: File name without suffix; a number is added when it is taken.
             attachments: Files kept in it: specimen and configuration.
+            info: What is known of this run: who started it, the time of the session.
 
         Returns:
             The file's final path.
 
         Raises:
-            RecorderError: A file is open already, or the directory cannot be written.
+            RecorderError: A file is open already, or the directory cannot be written or does not answer.
         """
-        if self._thread is not None:
-            raise RecorderError(f"{self._path} is being recorded; stop it first")
+        clocks = self._clocks()
+        run = _Run(name, attachments, self._header | _clock_info(clocks) | dict(info or {}), clocks)
+        with self._lock:
+            if self._run is not None:
+                raise RecorderError(f"{self._run.path or self._run.name} is being recorded; stop it first")
+            self._run, self._dropped, self._error, self.closing = run, 0, "", False
+        thread = threading.Thread(target=self._record, args=(run,), name="softarm-recorder", daemon=True)
+        thread.start()
         try:
-            self._directory.mkdir(parents=True, exist_ok=True)
-            path = _free_path(self._directory, name)
-            file = self._create(path.with_name(path.name + PART_SUFFIX))
-        except OSError as error:
-            raise RecorderError(f"{self._directory}: {error.strerror}") from error
-        self._queue = queue.Queue(QUEUE_LENGTH)
-        self._path, self._dropped, self._error = path, 0, ""
-        writer = StreamWriter(file, attachments=attachments)
-        self._thread = threading.Thread(
-            target=self._write, args=(writer, file, path), name="softarm-recorder", daemon=True
-        )
-        self._thread.start()
-        return path
+            return run.opened.result(OPEN_S)
+        except TimeoutError:
+            run.abandoned = True
+            raise RecorderError(f"{self._directory}: the disk did not answer within {OPEN_S:g} s") from None
 
     def put(self, item: Sample | Document) -> None:
         """Take a message; when the disk cannot keep up it is dropped and counted."""
-        if self._thread is None:
+        run = self._run
+        if run is None or run.path is None or run.error or self.closing:
             return
-        try:
-            self._queue.put_nowait(item)
-        except queue.Full:
-            self._dropped += 1
+        if run.queue.qsize() < QUEUE_LENGTH:
+            run.queue.put(item)
+        else:
+            run.dropped += 1
 
     def stop(self) -> tuple[Path, int]:
         """Close the file; this waits for the disk, so the event loop calls it in a thread.
@@ -125,34 +190,105 @@ class Recorder:
             The file and how many messages were dropped.
 
         Raises:
-            RecorderError: Nothing is being recorded, or writing had failed.
+            RecorderError: Nothing is being recorded, writing had failed, or the disk does not answer.
         """
-        if self._thread is None or self._path is None:
-            raise RecorderError("nothing is being recorded")
-        if self.closing:
-            raise RecorderError(f"{self._path} is being closed")
-        self.closing = True
-        self._queue.put(None)
-        self._thread.join()
-        path, self._thread, self._path, self.closing = self._path, None, None, False
-        if self._error:
-            raise RecorderError(self._error)
-        return path, self._dropped
-
-    def _write(self, writer: StreamWriter, file: IO[bytes], path: Path) -> None:
-        known: set[str] = set()
-        item: Item = None
+        with self._lock:
+            run = self._run
+            if run is None or run.path is None:
+                raise RecorderError(self._error or "nothing is being recorded")
+            if self.closing:
+                raise RecorderError(f"{run.path} is being closed")
+            self.closing = True
+        run.queue.put(None)
         try:
-            with file:
-                while (item := self._queue.get()) is not None:
-                    _write_item(writer, item, known)
-                writer.finish()
-            path.with_name(path.name + PART_SUFFIX).rename(path)
-        except OSError as error:
-            self._error = f"{path.name}: {error.strerror}; what was written is in {path.name}{PART_SUFFIX}"
-            while item is not None:
-                self._dropped += 1
-                item = self._queue.get()
+            run.ended.result(CLOSE_S)
+        except TimeoutError:
+            raise RecorderError(
+                f"{run.path} is still being closed: the disk did not answer within {CLOSE_S:g} s; "
+                f"what was written is in {run.path.name}{PART_SUFFIX}"
+            ) from None
+        if run.error:
+            raise RecorderError(run.error)
+        return run.path, run.dropped
+
+    def _record(self, run: _Run) -> None:
+        """Record one run; the writer thread, whose every error becomes that of the recording."""
+        try:
+            self._write(run)
+        except Exception as error:
+            run.error = self._failure(run, error)
+            if not isinstance(error, RecorderError):
+                logger.exception("the recording %s failed", run.name)
+            if not run.opened.done():
+                run.opened.set_exception(RecorderError(run.error))
+        with self._lock:
+            self._run, self._dropped, self._error = None, run.dropped, run.error
+            self.closing = False
+        run.ended.set_result(None)
+
+    def _failure(self, run: _Run, error: Exception) -> str:
+        if isinstance(error, RecorderError):
+            return str(error)
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else repr(error)
+        if run.path is None:
+            return f"{self._directory}: {reason}"
+        return f"{run.path.name}: {reason}; what was written is in {run.path.name}{PART_SUFFIX}"
+
+    def _write(self, run: _Run) -> None:
+        self._directory.mkdir(parents=True, exist_ok=True)
+        free_bytes = self._look(self._directory)
+        if free_bytes < RESERVE_BYTES:
+            raise RecorderError(f"{self._directory}: {_left(free_bytes)}")
+        path = _free_path(self._directory, run.name)
+        part = path.with_name(path.name + PART_SUFFIX)
+        with self._create(part) as file:
+            if run.abandoned:
+                part.unlink(missing_ok=True)
+                raise RecorderError(f"{path.name}: was opened too late, and given up")
+            writer = StreamWriter(
+                file,
+                attachments={**run.attachments, INFO_FILE: format_info(run.info)},
+                start=run.start,
+                metadata={key: str(value) for key, value in run.info.items()},
+            )
+            run.path = path
+            run.opened.set_result(path)
+            ended_by_itself = self._write_items(writer, run)
+            writer.finish()
+        part.rename(path)
+        if ended_by_itself:
+            raise RecorderError(f"{path.name} was ended: {ended_by_itself}; it is whole up to there")
+
+    def _write_items(self, writer: StreamWriter, run: _Run) -> str:
+        """Write until the recording is stopped, or return why it ends by itself."""
+        known: set[str] = set()
+        looked_s = time.monotonic()
+        while True:
+            try:
+                item = run.queue.get(timeout=LOOK_EVERY_S)
+            except queue.Empty:
+                pass
+            else:
+                if item is None:
+                    return ""
+                _write_item(writer, item, known)
+            if time.monotonic() - looked_s > LOOK_EVERY_S:
+                looked_s, free_bytes = time.monotonic(), self._look(self._directory)
+                if free_bytes < RESERVE_BYTES:
+                    return _left(free_bytes)
+
+
+def _left(free_bytes: int) -> str:
+    return f"{free_bytes / 1e6:.0f} MB are left on its disk, of which {RESERVE_BYTES / 1e6:.0f} MB stay free"
+
+
+def _clock_info(start: Start) -> dict[str, Any]:
+    began = datetime.fromtimestamp(start.unix_ns * 1e-9, UTC)
+    return {
+        "started": began.isoformat(timespec="milliseconds"),
+        STARTED: start.unix_ns,
+        "unix_minus_monotonic_ns": start.unix_minus_monotonic_ns,
+    }
 
 
 def _write_item(writer: StreamWriter, item: Sample | Document, known: set[str]) -> None:
@@ -166,9 +302,7 @@ def _write_item(writer: StreamWriter, item: Sample | Document, known: set[str]) 
 
 
 def _free_path(directory: Path, name: str) -> Path:
-    candidates: Sequence[str] = [name, *(f"{name}-{number}" for number in range(2, 10_000))]
-    for candidate in candidates:
-        path = directory / f"{candidate}.mcap"
-        if not path.exists() and not path.with_name(path.name + PART_SUFFIX).exists():
-            return path
-    raise RecorderError(f"{directory}: too many recordings named {name}")
+    """Return the first path that is not taken; the directory is listed once."""
+    taken = {entry.name.removesuffix(PART_SUFFIX) for entry in directory.iterdir()}
+    numbered = (f"{name}-{number}.mcap" for number in range(2, len(taken) + 3))
+    return directory / next(file for file in (f"{name}.mcap", *numbered) if file not in taken)

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 
 from softarm.daemon.config import SensorSettings
 from softarm.daemon.control.channels import ChannelReading
@@ -47,8 +46,7 @@ class RecordedStreams:
         }
         if base_body:
             self._topics[base_body] = ("frame/base", POSE_SUFFIXES)
-        self._path: Path | None = None
-        self._start_ns = clock_ns()
+        self._start_ns = 0
         self._last_ns: dict[str, int] = {}
         self._sequence = 0
 
@@ -84,11 +82,11 @@ class RecordedStreams:
             self._recorder.put(Document(topic, content, self._stamp(self._clock_ns())))
 
     def _recording(self) -> bool:
-        """Tell whether a recording is open; a new one begins its time anew."""
-        path = self._recorder.path
-        if path != self._path:
-            self._path, self._start_ns = path, self._clock_ns()
-        return path is not None
+        """Return whether a recording is open; the time of each counts from its beginning."""
+        start = self._recorder.start_clocks
+        if start is not None:
+            self._start_ns = start.monotonic_ns
+        return start is not None
 
     def _put(self, stream: Stream, values: tuple[float, ...], now_ns: int) -> None:
         if self._recording():
