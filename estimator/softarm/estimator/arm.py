@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from softarm.estimator.fem import FiniteElementModel, Material, Membrane, Section, Springs
+from softarm.estimator.fem.parity.rings import wall_rings
 from softarm.estimator.geometry import Resolution, build_mesh
 from softarm.estimator.geometry.checks import element_volumes
-from softarm.estimator.geometry.rings import wall_rings
 from softarm.estimator.mesh import Mesh
 from softarm.estimator.model import Load
 from softarm.estimator.rotations import from_quaternions
@@ -95,7 +95,13 @@ def fibres(specimen: Specimen, mesh: Mesh) -> tuple[Membrane | Springs, ...]:
             return tuple(
                 Springs(
                     f"chamber_{chamber.index}",
-                    *wall_rings(mesh, chamber, winding.rings_per_chamber, winding.bars_per_ring),
+                    *wall_rings(
+                        mesh.points,
+                        mesh.surfaces[f"chamber_{chamber.index}"],
+                        (chamber.from_m, chamber.to_m),
+                        winding.rings_per_chamber,
+                        winding.bars_per_ring,
+                    ),
                     winding.spring_stiffness_n_m,
                 )
                 for chamber in specimen.chambers

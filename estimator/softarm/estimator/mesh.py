@@ -13,9 +13,6 @@ Indices = NDArray[np.int64]
 ElementKind = Literal["tet4", "tet10", "hex8", "hex20"]
 FacetKind = Literal["tri3", "tri6", "quad4", "quad8"]
 
-NODES_PER_ELEMENT: Mapping[str, int] = {"tet4": 4, "tet10": 10, "hex8": 8, "hex20": 20}
-NODES_PER_FACET: Mapping[str, int] = {"tri3": 3, "tri6": 6, "quad4": 4, "quad8": 8}
-
 
 @dataclass(frozen=True)
 class ElementBlock:

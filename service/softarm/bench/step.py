@@ -13,8 +13,9 @@ from scipy.sparse.linalg import splu
 from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.common.tables import Cell, Table
 from softarm.estimator.arm import model_on_mesh
-from softarm.estimator.fem import FiniteElementModel, Refactoriser, TrackingModel
-from softarm.estimator.fem.stiffness import take_stiffness
+from softarm.estimator.fem import FiniteElementModel
+from softarm.estimator.fem.tracking import BackgroundFactorisation, TrackingModel
+from softarm.estimator.fem.tracking.frozen_tangent import freeze_tangent
 from softarm.estimator.geometry import DEFAULTS, Resolution, build_mesh
 from softarm.estimator.geometry.convert import to_elements
 from softarm.estimator.inverse import Estimator, Limits, LoadProcess, Tolerances, TrackerSettings, Unknowns
@@ -106,7 +107,7 @@ def parts(model: FiniteElementModel, suite: SensorSuite, run: Run) -> list[dict[
         ("residual and tangent", lambda: model.balance(state.displacement, inputs), None),
         ("factor", lambda: plan.factorise(tangent), lambda: splu(matrix)),
         (f"{len(forces)} right-hand sides", lambda: factor.solve(forces), lambda: superlu.solve(forces.T)),
-        ("factor and responses", lambda: take_stiffness(model, state.displacement, inputs), None),
+        ("factor and responses", lambda: freeze_tangent(model, state.displacement, inputs), None),
         (f"quadratic program, {unknowns.size} unknowns", lambda: solve_program(program), None),
     ]
     table: list[dict[str, Cell]] = []
@@ -165,7 +166,7 @@ def steps(
     for name, exact, background, tolerances in schemes:
         for noise in (None, 1):
             settings = TrackerSettings(process, sensors.actuation(), limits, tolerances=tolerances)
-            with Refactoriser(model) if background else nullcontext() as thread:
+            with BackgroundFactorisation(model) if background else nullcontext() as thread:
                 followed: Any = model if exact else TrackingModel(model, thread)
                 cells, _ = follow(Estimator(followed, suite, settings), run, noise)
             table.append({"scheme": name, "noise": noise is not None, **cells})

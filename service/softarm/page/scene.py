@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from softarm.api.messages import LoadEstimate, SectionPose
 from softarm.estimator.geometry import build_mesh
 from softarm.estimator.mesh import Mesh
+from softarm.estimator.reference_elements import CORNERS
 from softarm.estimator.specimen import Specimen
 
 Floats = NDArray[np.float64]
 METRES_PER_NEWTON = 0.15
-CORNERS = {"tri3": 3, "tri6": 3, "quad4": 4, "quad8": 4}
 HANGING = np.diag([1.0, -1.0, -1.0])
 """The view's z points up, the base frame's from the base down to the tip."""
 GREY = (150, 150, 150)

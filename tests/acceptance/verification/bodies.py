@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from acceptance.verification.held import Result, facet_forces, free_body, solve_held
 from softarm.estimator.fem import FiniteElementModel, Material, Settings
-from softarm.estimator.fem.structured import box, mapped, with_nodes, with_surface
+from softarm.estimator.geometry.box import box, mapped, with_nodes, with_surface
 from softarm.estimator.mesh import ElementKind, Floats
 from softarm.estimator.model import Inputs, Load
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from acceptance.verification.held import Result, free_body, solve_held, tangent_and_forces
 from softarm.estimator.fem import Material
-from softarm.estimator.fem.materials import CorotationalLaw, HyperelasticLaw
-from softarm.estimator.fem.shapes import quadrature, shape_functions
-from softarm.estimator.fem.structured import boundary, box, mapped
+from softarm.estimator.fem.elements.material import CorotationalLaw, HyperelasticLaw
+from softarm.estimator.geometry.box import boundary, box, mapped
 from softarm.estimator.mesh import ElementKind, Floats, Indices, Mesh
+from softarm.estimator.shape_functions import quadrature, shape_functions
 
 KINDS: tuple[ElementKind, ...] = ("tet4", "tet10", "hex8", "hex20")
 COROTATIONAL: tuple[CorotationalLaw, ...] = (

@@ -9,9 +9,9 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from softarm.estimator.fem import Material
-from softarm.estimator.fem.body import Body, build_body
-from softarm.estimator.fem.shapes import quadrature, shape_functions
+from softarm.estimator.fem.assembly import Body, build_body
 from softarm.estimator.mesh import Floats, Mesh
+from softarm.estimator.shape_functions import quadrature, shape_functions
 
 NOBODY = np.zeros(0, dtype=np.int64)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from softarm.estimator.fem import FiniteElementModel, Material, Membrane
-from softarm.estimator.fem.structured import box, with_nodes, with_surface
+from softarm.estimator.geometry.box import box, with_nodes, with_surface
 from softarm.estimator.mesh import ElementKind, Mesh
 from softarm.estimator.model import Load
 

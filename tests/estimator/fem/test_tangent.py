@@ -70,7 +70,7 @@ def test_response_to_stiffness_factors(arm_of: ArmOf) -> None:
     arm = arm_of("hex8")
     start = arm.equilibrium(INPUTS).value
     step = arm.linearise(start, INPUTS)
-    claimed = step.parameter_response(np.eye(6)[:3])
+    claimed = step.full_response(np.eye(6)[:3])[3]
 
     def position(scales: np.ndarray) -> np.ndarray:
         changed = arm.with_scales(dict(zip(arm.parameters, scales, strict=True)))

@@ -5,13 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from softarm.estimator.fem import (
-    FiniteElementModel,
-    Refactoriser,
-    TrackingModel,
-    TrackingState,
-    predict_state,
-)
+from softarm.estimator.fem import FiniteElementModel
+from softarm.estimator.fem.tracking import BackgroundFactorisation, TrackingModel, TrackingState
 from softarm.estimator.model import Inputs
 
 ArmOf = Callable[..., FiniteElementModel]
@@ -43,7 +38,7 @@ def test_reused_factors_reach_the_same_equilibria(arm_of: ArmOf) -> None:
     factors = set()
     for time in np.linspace(0.05, 1.0, 8):
         state, _ = _follow(tracking, state, _inputs(time))
-        factors.add(id(state.stiffness))
+        factors.add(id(state.tangent))
         exact = arm.equilibrium(_inputs(time)).value
         assert np.abs(exact.displacement - state.displacement).max() < 1e-8
     assert len(factors) < 8
@@ -51,7 +46,7 @@ def test_reused_factors_reach_the_same_equilibria(arm_of: ArmOf) -> None:
 
 def test_background_factors_are_taken_over(arm_of: ArmOf) -> None:
     arm = arm_of("hex8")
-    with Refactoriser(arm) as background:
+    with BackgroundFactorisation(arm) as background:
         tracking = TrackingModel(arm, background, slowing=0.0)
         state, _ = tracking.solve(_inputs(0.0), tracking.rest())
         counts = []
@@ -61,24 +56,24 @@ def test_background_factors_are_taken_over(arm_of: ArmOf) -> None:
             counts.append(count)
             assert np.abs(arm.equilibrium(_inputs(time)).value.displacement - state.displacement).max() < 1e-8
         assert background.finished >= 6
-        assert state.stiffness is not None
+        assert state.tangent is not None
         assert max(counts) <= 6
 
 
 def test_a_nearer_factor_is_taken_over_only_where_the_arm_has_just_moved(arm_of: ArmOf) -> None:
     arm = arm_of("hex8")
-    with Refactoriser(arm) as background:
+    with BackgroundFactorisation(arm) as background:
         tracking = TrackingModel(arm, background)
         state, _ = tracking.solve(_inputs(0.0), tracking.rest())
         state, _ = _follow(tracking, state, _inputs(0.3))
         background.wait()
         background.offer(state.displacement, state.inputs)
         background.wait()
-        held, nearer = state.stiffness, background.latest
+        held, nearer = state.tangent, background.latest
         assert held is not nearer
         correcting, arrived = replace(state, forces=1e3), replace(state, forces=np.inf)
-        assert tracking.linearise(correcting, state.inputs).stiffness is held
-        assert tracking.linearise(arrived, state.inputs).stiffness is nearer
+        assert tracking.linearise(correcting, state.inputs).tangent is held
+        assert tracking.linearise(arrived, state.inputs).tangent is nearer
 
 
 def test_response_with_a_fresh_factor_is_that_of_the_model(arm_of: ArmOf) -> None:
@@ -88,15 +83,3 @@ def test_response_with_a_fresh_factor_is_that_of_the_model(arm_of: ArmOf) -> Non
     claimed = tracking.linearise(state, state.inputs).response(np.eye(6))
     exact = arm.linearise(arm.equilibrium(_inputs(1.0)).value, state.inputs).response(np.eye(6))
     assert np.abs(claimed[1] - exact[1]).max() < 1e-6 * np.abs(exact[1]).max()
-
-
-def test_prediction_is_exact_for_quadratic_motion(arm_of: ArmOf) -> None:
-    rest = TrackingModel(arm_of("hex8")).rest()
-    rng = np.random.default_rng(2)
-    a, b = rng.standard_normal((2, *rest.displacement.shape))
-
-    def at(time: float) -> TrackingState:
-        return TrackingState(a * time + b * time**2, rest.inputs)
-
-    predicted = predict_state(tuple((t, at(t)) for t in (0.0, 0.1, 0.25)), 0.4)
-    assert np.allclose(predicted.displacement, at(0.4).displacement)

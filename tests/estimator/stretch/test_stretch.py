@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from softarm.estimator.arm import build_arm
-from softarm.estimator.fem import TrackingModel
+from softarm.estimator.fem.tracking import TrackingModel
 from softarm.estimator.geometry import Resolution
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.rod.archive import shape_key, shipped_rod

@@ -1,14 +1,16 @@
-"""Finite elements for a soft arm: elements, chambers, fibres, equilibrium, and the model built from them."""
+"""Finite elements for a soft arm: elements, chambers, fibres, equilibrium, and the model built from them.
 
-from softarm.estimator.fem.background import Refactoriser
-from softarm.estimator.fem.bars import Membrane, Springs
-from softarm.estimator.fem.equilibrium import Settings
+``softarm.estimator.fem.tracking``, which follows an arm in real time, is imported on its own.
+"""
+
+from softarm.estimator.fem.elements.fibre import Membrane
+from softarm.estimator.fem.elements.material import Material
 from softarm.estimator.fem.loads import DistributedLoad
-from softarm.estimator.fem.materials import Material
 from softarm.estimator.fem.model import FiniteElementModel, FiniteElementState, FiniteElementStep
+from softarm.estimator.fem.parity.springs import Springs
 from softarm.estimator.fem.sections import Section
-from softarm.estimator.fem.solution import Solution, SolveStatus
-from softarm.estimator.fem.tracking import TrackingModel, TrackingState, TrackingStep, predict_state
+from softarm.estimator.fem.statics.equilibrium import Settings
+from softarm.estimator.fem.statics.solution import Solution, SolveStatus
 
 __all__ = [
     "DistributedLoad",
@@ -17,14 +19,9 @@ __all__ = [
     "FiniteElementStep",
     "Material",
     "Membrane",
-    "Refactoriser",
     "Section",
     "Settings",
     "Solution",
     "SolveStatus",
     "Springs",
-    "TrackingModel",
-    "TrackingState",
-    "TrackingStep",
-    "predict_state",
 ]

@@ -6,8 +6,9 @@ import numpy as np
 from scipy import sparse
 
 from softarm.estimator.errors import InputError
-from softarm.estimator.fem.shapes import inside_violation, shape_functions
 from softarm.estimator.mesh import Floats, Indices, Mesh
+from softarm.estimator.reference_elements import inside_violation
+from softarm.estimator.shape_functions import shape_functions
 
 INVERSE_MAP_ITERATIONS = 12
 TOLERANCE = 1e-6

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.estimator.errors import InputError
-from softarm.estimator.fem.sections import SectionFrame, build_slice
-from softarm.estimator.fem.shapes import quadrature, shape_functions
+from softarm.estimator.fem.sections import SectionFit, SectionFrame, build_slice
 from softarm.estimator.mesh import Floats, Indices, Mesh
 from softarm.estimator.model import Load
+from softarm.estimator.shape_functions import quadrature, shape_functions
 
 
 @dataclass(frozen=True)
@@ -32,22 +32,22 @@ class LoadSet:
 
     Args:
         loads: What they are.
-        constant: Nodal forces per unit of amplitude, zero for those that turn, shape (loads, nodes, 3).
-        turning: Frames whose loads' nodal forces follow the configuration, each with the loads' indices and
-            their rows, shape (loads of the frame, 6).
+        constant: Nodal forces per unit of amplitude, zero for those that rotate, shape (loads, nodes, 3).
+        following: Frames whose loads' nodal forces follow the configuration, each with the loads' indices
+            and their rows, shape (loads of the frame, 6).
     """
 
     loads: tuple[Load, ...]
     constant: Floats
-    turning: tuple[tuple[Indices, SectionFrame, Floats], ...]
+    following: tuple[tuple[Indices, SectionFit, Floats], ...]
 
     def vectors(self, positions: Floats) -> Floats:
-        """Give the nodal forces per unit of amplitude, shape (loads, nodes, 3)."""
-        if not self.turning:
+        """Compute the nodal forces per unit of amplitude, shape (loads, nodes, 3)."""
+        if not self.following:
             return self.constant
         vectors = self.constant.copy()
-        for indices, frame, rows in self.turning:
-            vectors[indices] = frame.at(positions).pull_back(rows, positions.shape[0])
+        for indices, fit, rows in self.following:
+            vectors[indices] = fit.at(positions).pull_back(rows)
         return vectors
 
 
@@ -69,7 +69,7 @@ def build_loads(mesh: Mesh, loads: tuple[Load, ...], sections: dict[str, Section
         InputError: A load names an unknown section, region or surface, no place at all, or a height outside.
     """
     constant = np.zeros((len(loads), len(mesh.points), 3))
-    turning: dict[int, tuple[list[int], SectionFrame, list[Floats]]] = {}
+    following: dict[int, tuple[list[int], SectionFit, list[Floats]]] = {}
     slices: dict[float, SectionFrame] = {}
     for index, load in enumerate(loads):
         direction = np.array(load.direction, dtype=float)
@@ -79,15 +79,16 @@ def build_loads(mesh: Mesh, loads: tuple[Load, ...], sections: dict[str, Section
             constant[index] = _share(mesh, load)[:, None] * direction
             continue
         frame = _frame_of(mesh, load, sections, slices)
+        fit = SectionFit.of((frame,), len(mesh.points))
         row = np.zeros(6)
         row[slice(0, 3) if load.kind == "force" else slice(3, 6)] = direction
         if load.kind == "force" and np.allclose(frame.origin, frame.mean, atol=1e-12):
-            constant[index] = frame.at(mesh.points).pull_back(row[None], len(mesh.points))[0]
+            constant[index] = fit.at(mesh.points).pull_back(row[None])[0]
         else:
-            indices, _, rows = turning.setdefault(id(frame), ([], frame, []))
+            indices, _, rows = following.setdefault(id(frame), ([], fit, []))
             indices.append(index)
             rows.append(row)
-    return LoadSet(loads, constant, tuple((np.array(i), f, np.array(r)) for i, f, r in turning.values()))
+    return LoadSet(loads, constant, tuple((np.array(i), f, np.array(r)) for i, f, r in following.values()))
 
 
 def _frame_of(
@@ -108,7 +109,7 @@ def _frame_of(
 
 
 def _share(mesh: Mesh, load: DistributedLoad) -> Floats:
-    """Give each node's share of a distributed load, summing to 1, shape (nodes,)."""
+    """Compute each node's share of a distributed load, summing to 1, shape (nodes,)."""
     share = np.zeros(len(mesh.points))
     for kind, nodes in _supports(mesh, load):
         places, weights = quadrature(kind)

@@ -7,17 +7,16 @@ from functools import cached_property
 import numpy as np
 
 from softarm.estimator.errors import InputError
-from softarm.estimator.fem.bars import Membrane, Springs
-from softarm.estimator.fem.body import Body, build_body
-from softarm.estimator.fem.continuation import Path, between
-from softarm.estimator.fem.equilibrium import Balance, Settings, stable_factor, take_step
-from softarm.estimator.fem.factor import StiffnessFactor
-from softarm.estimator.fem.interpolation import PointMap, points_inside
+from softarm.estimator.fem.assembly import Body, build_body
+from softarm.estimator.fem.elements.fibre import Membrane
+from softarm.estimator.fem.elements.material import Material
+from softarm.estimator.fem.linalg.cholesky import StiffnessFactor
 from softarm.estimator.fem.loads import LoadSet, build_loads, superpose
-from softarm.estimator.fem.materials import Material
-from softarm.estimator.fem.section_fit import SectionFit, build_section_fit
-from softarm.estimator.fem.sections import FramePose, Section, SectionFrame, build_section
-from softarm.estimator.fem.solution import Solution
+from softarm.estimator.fem.parity.springs import Springs
+from softarm.estimator.fem.sections import Section, SectionFit, SectionFrame, SectionPoses, build_section
+from softarm.estimator.fem.statics.continuation import Path, between
+from softarm.estimator.fem.statics.equilibrium import Balance, Settings, stable_factor, take_step
+from softarm.estimator.fem.statics.solution import Solution
 from softarm.estimator.mesh import Floats, Mesh
 from softarm.estimator.model import Frames, Inputs, Load
 
@@ -54,13 +53,13 @@ class FiniteElementStep:
     displacement: Floats
     inputs: Inputs
     balance: Balance
-    poses: tuple[FramePose, ...]
+    poses: SectionPoses
     factor: StiffnessFactor | None
 
     @property
     def frames(self) -> Frames:
         """Frames of the sections at the iterate."""
-        return frames_of(self.poses)
+        return self.poses.frames
 
     @property
     def residual_norm(self) -> float:
@@ -68,23 +67,13 @@ class FiniteElementStep:
         return self.balance.norm if self.factor is not None else np.inf
 
     def input_forces(self) -> Floats:
-        """Give the forces per unit of each pressure, then each load, shape (inputs, 3 free)."""
+        """Compute the forces per unit of each pressure, then each load, shape (inputs, 3 free)."""
         nodal = np.concatenate([self.balance.evaluation.gradients, self.balance.load_vectors])
-        return self.model.body.pattern.gather(nodal)
-
-    def nodal_rows(self, rows: Floats) -> Floats:
-        """Turn rows on the stacked twists into rows on the free nodes, shape (outputs, 3 free)."""
-        nodes = len(self.displacement)
-        nodal = np.zeros((len(rows), nodes, 3))
-        for index, pose in enumerate(self.poses):
-            part = rows[:, 6 * index : 6 * index + 6]
-            if part.any():
-                nodal += pose.pull_back(part, nodes)
         return self.model.body.pattern.gather(nodal)
 
     def adjoint(self, rows: Floats) -> Floats:
         """Solve K^T y = J^T rows for rows on the stacked twists, shape (outputs, 3 free)."""
-        on_free = self.nodal_rows(rows)
+        on_free = self.model.body.pattern.gather(self.poses.pull_back(rows))
         if self.factor is None:
             return np.full(on_free.shape, np.nan)
         return self.factor.solve_transposed(on_free)
@@ -111,12 +100,6 @@ class FiniteElementStep:
             adjoint @ weights.T,
             -adjoint @ forces.T,
         )
-
-    def parameter_response(self, rows: Floats) -> Floats:
-        """Differentiate outputs by the stiffness factors, shape (outputs, parameters)."""
-        body = self.model.body
-        forces = body.parameter_forces(body.points + self.displacement)
-        return -self.adjoint(np.atleast_2d(rows)) @ body.pattern.gather(forces).T
 
 
 @dataclass(frozen=True)
@@ -241,11 +224,11 @@ class FiniteElementModel:
         return replace(self, load_set=build_loads(self.mesh, tuple(loads), dict(self.frames)))
 
     def no_inputs(self) -> Inputs:
-        """Give inputs that are all zero."""
+        """Return inputs that are all zero."""
         return Inputs(np.zeros(self.chambers), np.zeros(len(self.loads)), np.zeros(3))
 
     def rest(self) -> FiniteElementState:
-        """Give the unloaded state."""
+        """Return the unloaded state."""
         return FiniteElementState(np.zeros_like(self.body.points), self.no_inputs())
 
     def balance(
@@ -281,7 +264,7 @@ class FiniteElementModel:
     def linearise(self, state: FiniteElementState, inputs: Inputs) -> FiniteElementStep:
         """Linearise about a state under given inputs."""
         balance, factor = stable_factor(self.body, self.balance, state.displacement, inputs)
-        poses = self.poses(state.displacement)
+        poses = self.section_fit.at(self.body.points + state.displacement)
         return FiniteElementStep(self, state.displacement, inputs, balance, poses, factor)
 
     def advance(self, step: FiniteElementStep, change: Floats) -> FiniteElementState:
@@ -302,9 +285,9 @@ class FiniteElementModel:
         )
 
     def solve(self, inputs: Inputs, start: FiniteElementState) -> tuple[FiniteElementState, bool]:
-        """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
-        found = self.equilibrium(inputs, start)
-        return found.value, found.converged
+        """Find the equilibrium under fixed inputs; the flag is true when it converged."""
+        solution = self.equilibrium(inputs, start)
+        return solution.value, solution.converged
 
     def equilibrium(
         self, inputs: Inputs, start: FiniteElementState | None = None
@@ -320,51 +303,23 @@ class FiniteElementModel:
         """
         start = start or self.rest()
         path = Path(self.body, self.balance, start.inputs, inputs, self.nodal_mass, self.settings)
-        found = path.walk(start.displacement)
-        reached = inputs if found.converged else between(start.inputs, inputs, path.fraction)
-        return replace_value(found, FiniteElementState(found.value, reached))
-
-    def poses(self, displacement: Floats) -> tuple[FramePose, ...]:
-        """Fit the sections' frames to a configuration."""
-        return tuple(frame.at(self.body.points + displacement) for frame in self.frames.values())
+        walked = path.walk(start.displacement)
+        reached = inputs if walked.converged else between(start.inputs, inputs, path.fraction)
+        state = FiniteElementState(walked.value, reached)
+        return Solution(state, walked.status, walked.iterations, walked.residual_norm)
 
     @cached_property
     def section_fit(self) -> SectionFit:
         """The fit of all sections' frames at once."""
-        return build_section_fit(tuple(self.frames.values()), len(self.body.points), self.body.transport)
+        return SectionFit.of(tuple(self.frames.values()), len(self.body.points))
 
     def section_frames(self, state: FiniteElementState) -> Frames:
-        """Give the sections' frames in a state."""
-        return frames_of(self.poses(state.displacement))
-
-    def point_map(self, points: Floats) -> PointMap:
-        """Follow material points given at rest [m], shape (points, 3), through ``PointMap.apply``.
-
-        Raises:
-            InputError: A point lies outside the body.
-        """
-        return points_inside(self.mesh, np.atleast_2d(points), "points")
-
-    def volumes(self, state: FiniteElementState) -> Floats:
-        """Give the chambers' volumes in a state [m3], shape (chambers,)."""
-        return self.balance(state.displacement, state.inputs, False, False).evaluation.volumes
+        """Compute the sections' frames in a state."""
+        return self.section_fit.at(self.body.points + state.displacement).frames
 
     def energy_and_stress(self, state: FiniteElementState) -> tuple[Floats, Floats]:
-        """Give each element's strain energy per volume [J/m3] and von Mises stress [Pa]."""
+        """Compute each element's strain energy per volume [J/m3] and von Mises stress [Pa]."""
         return self.body.energy_and_stress(self.body.points + state.displacement, self.scales)
-
-
-def replace_value(found: Solution[Floats], value: FiniteElementState) -> Solution[FiniteElementState]:
-    """Keep how a solve ended and give its value another form."""
-    return Solution(value, found.status, found.iterations, found.residual_norm)
-
-
-def frames_of(poses: tuple[FramePose, ...]) -> Frames:
-    """Stack the frames of fitted sections."""
-    return Frames(
-        np.array([pose.position for pose in poses]).reshape(-1, 3),
-        np.array([pose.rotation for pose in poses]).reshape(-1, 3, 3),
-    )
 
 
 def _force_resolution(body: Body) -> float:

@@ -1,15 +1,25 @@
 """Frames of rigid sections: the rigid motion that fits a set of material points best.
 
-A single material point counts as a section too: it has a position, and axes that never turn.
+A frame depends on the nodes through few linear functions of them, its moments: the mean of the section's
+points x_s and, column by column, M = sum_s x_s c_s^T with the arms c. A single material point counts as a
+section too: it has a position, and axes that never rotate.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softarm.estimator.errors import InputError
+from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.interpolation import PointMap, cross_section, node_map, points_inside
 from softarm.estimator.mesh import Floats, Mesh
+from softarm.estimator.model import Frames
+from softarm.estimator.rotations import skew
+
+MOMENTS = 4
+"""Moments of a section: the mean of its points and three columns."""
 
 
 @dataclass(frozen=True)
@@ -34,107 +44,147 @@ class SectionFrame:
     """The best-fit frame of a set of points (Kabsch 1976), with equal weights.
 
     Args:
-        points: The points on the mesh.
-        arms: Rest positions less their mean, over their number [m], shape (points, 3).
-        mean: Mean of the rest positions [m], shape (3,).
+        moments: Moments per nodal value: the mean, then three with the arms c (rest positions of the points
+            less their mean, over their number [m]); zero for a single point, shape (4, nodes).
+        mean: Mean of the rest positions of the points [m], shape (3,).
         origin: Rest position of the frame's origin [m], shape (3,).
         rotation: Rest rotation of the frame, shape (3, 3).
     """
 
-    points: PointMap
-    arms: Floats
+    moments: Floats
     mean: Floats
     origin: Floats
     rotation: Floats
 
-    def at(self, positions: Floats) -> "FramePose":
-        """Fit the frame to current nodes [m], shape (nodes, 3).
 
-        With A = sum_s (x_s - x_mean) c_s^T and c the arms, A = R U (polar).
-        """
-        current = self.points.apply(positions)
-        centre = current.mean(axis=0)
-        if len(self.arms) == 1:
-            return FramePose(self, centre, np.eye(3), np.zeros((3, 3)), centre, self.rotation)
-        left, stretch, right = np.linalg.svd((current - centre).T @ self.arms)
-        flip = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-        turn = (left * flip) @ right
-        # (tr U - U)^-1 in the eigenbasis of U, whose eigenvalues are the (signed) singular values.
-        values = stretch * flip
-        turning = (right.T / (values.sum() - values)) @ right
-        return FramePose(
-            frame=self,
-            centre=centre,
-            turn=turn,
-            spin=turn @ turning,
-            position=centre + turn @ (self.origin - self.mean),
-            rotation=turn @ self.rotation,
+@dataclass(frozen=True)
+class SectionFit:
+    """The fit of several frames at once.
+
+    Args:
+        weights: Their moments per nodal value, shape (4 sections, nodes).
+        offsets: Rest position of each frame's origin less the mean of its points [m], shape (sections, 3).
+        rotations: Rest rotations of the frames, shape (sections, 3, 3).
+        single: Whether a section is a single point, shape (sections,).
+    """
+
+    weights: Floats
+    offsets: Floats
+    rotations: Floats
+    single: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, frames: Sequence[SectionFrame], nodes: int) -> "SectionFit":
+        """Collect the frames of a mesh with a number of nodes."""
+        count = len(frames)
+        return cls(
+            weights=np.array([frame.moments for frame in frames]).reshape(MOMENTS * count, nodes),
+            offsets=np.array([frame.origin - frame.mean for frame in frames]).reshape(count, 3),
+            rotations=np.array([frame.rotation for frame in frames]).reshape(count, 3, 3),
+            single=np.array([not frame.moments[1:].any() for frame in frames], dtype=np.bool_),
         )
+
+    def at(self, positions: Floats) -> "SectionPoses":
+        """Fit the frames to current nodes [m], shape (nodes, 3)."""
+        return self.from_moments(self.weights @ positions)
+
+    def from_moments(self, moments: Floats) -> "SectionPoses":
+        """Fit the frames to the moments of the nodes, shape (4 sections, 3).
+
+        With M = R U (polar), R is the rotation since rest.
+        """
+        count = len(self.offsets)
+        stacked = np.ascontiguousarray(moments).reshape(count, MOMENTS, 3)
+        since_rest, spins = np.empty((count, 3, 3)), np.empty((count, 3, 3))
+        fit_sections(stacked, self.single, since_rest, spins)
+        levers = (since_rest @ self.offsets[:, :, None])[:, :, 0]
+        frames = Frames(stacked[:, 0] + levers, since_rest @ self.rotations)
+        return SectionPoses(self.weights, frames, since_rest, spins, levers)
 
 
 @dataclass(frozen=True)
-class FramePose:
-    """A section's frame at a configuration, with the derivative of its twist.
+class SectionPoses:
+    """Frames of several sections at a configuration, with the derivative of their twists.
 
     Args:
-        frame: What was fitted.
-        centre: Mean of the points [m], shape (3,).
-        turn: Rotation since rest, shape (3, 3).
-        spin: Matrix R (tr U - U)^-1 of w = spin sum_s c_s x R^T dx_s, shape (3, 3).
-        position: Origin of the frame [m], shape (3,).
-        rotation: Rotation of the frame, shape (3, 3).
+        weights: Moments per nodal value, shape (4 sections, nodes).
+        frames: Positions and rotations of the frames.
+        since_rest: Rotations R since rest, shape (sections, 3, 3).
+        spins: Matrices R (tr U - U)^-1 of w = spin sum_s c_s x R^T dx_s, shape (sections, 3, 3).
+        levers: From the mean of each section's points to its frame's origin [m], shape (sections, 3).
     """
 
-    frame: SectionFrame
-    centre: Floats
-    turn: Floats
-    spin: Floats
-    position: Floats
-    rotation: Floats
+    weights: Floats
+    frames: Frames
+    since_rest: Floats
+    spins: Floats
+    levers: Floats
 
-    def push(self, nodal: Floats) -> Floats:
-        """Give the frame's twist (translation of the origin, rotation vector) of a displacement, shape (6,).
+    def twists(self, displacements: Floats) -> Floats:
+        """Compute the stacked twists (translation of the origin, rotation vector) of displacements.
 
         Args:
-            nodal: Displacement of the nodes, shape (nodes, 3).
+            displacements: Of the nodes [m], shape (displacements, nodes, 3).
+
+        Returns:
+            Shape (displacements, 6 sections).
         """
-        moved = self.frame.points.apply(nodal)
-        spin = self.spin @ np.cross(self.frame.arms, moved @ self.turn).sum(axis=0)
-        shift = moved.mean(axis=0) + np.cross(spin, self.position - self.centre)
-        return np.concatenate([shift, spin])
+        return self.twists_of_moments(self.weights @ displacements)
 
-    def pull_back(self, rows: Floats, nodes: int) -> Floats:
-        """Turn rows on the frame's twist into rows on the nodes, which are also the work-conjugate forces.
+    def twists_of_moments(self, moments: Floats) -> Floats:
+        """Compute the stacked twists of displacements from their moments, shape (., 4 sections, 3)."""
+        twists = np.empty((len(moments), 6 * len(self.since_rest)))
+        moments = np.ascontiguousarray(moments)
+        section_twists(moments, self.since_rest, self.spins, self.levers, twists)
+        return twists
+
+    def moment_rows(self, rows: Floats) -> Floats:
+        """Pull rows on the stacked twists back to the moments, shape (rows, 4 sections, 3)."""
+        count = len(self.since_rest)
+        stacked = rows.reshape(len(rows), count, 6)
+        shift, twist = stacked[..., :3], stacked[..., 3:]
+        axes = np.einsum("rsi,sij->rsj", twist + np.cross(self.levers, shift), self.spins)
+        # Column j of M has the sensitivity R (axes x e_j), and [axes] holds axes x e_j in its columns.
+        columns = np.einsum("sik,rskj->rsji", self.since_rest, skew(axes))
+        return np.concatenate([shift[:, :, None], columns], axis=2).reshape(len(rows), MOMENTS * count, 3)
+
+    def pull_back(self, rows: Floats) -> Floats:
+        """Pull rows on the stacked twists back to the nodes, where they are the work-conjugate forces.
 
         Args:
-            rows: Sensitivities to (translation of the origin, rotation vector), shape (rows, 6).
-            nodes: Number of mesh nodes.
+            rows: Sensitivities to (translation of the origin, rotation vector) of each section, shape
+                (rows, 6 sections).
 
         Returns:
             Sensitivities to the nodes' displacement, shape (rows, nodes, 3).
         """
-        shift, twist = rows[:, :3], rows[:, 3:]
-        twist = twist + np.cross(self.position - self.centre, shift)
-        axes = twist @ self.spin
-        on_points = np.cross(axes[:, None, :], self.frame.arms[None]) @ self.turn.T
-        on_points += shift[:, None, :] / len(self.frame.arms)
-        nodal = np.zeros((len(rows), nodes, 3))
-        if self.frame.points.nodes.shape[1] == 1:
-            nodal[:, self.frame.points.nodes[:, 0]] = on_points
-            return nodal
-        spread = self.frame.points.weights[None, :, :, None] * on_points[:, :, None, :]
-        for row in range(len(rows)):
-            np.add.at(nodal[row], self.frame.points.nodes, spread[row])
+        nodal: Floats = self.weights.T @ self.moment_rows(rows)
         return nodal
+
+
+def frame_of_points(points: PointMap, mesh: Mesh, origin: Floats | None, rotation: Floats) -> SectionFrame:
+    """Prepare the best-fit frame of points.
+
+    Args:
+        points: The points on the mesh.
+        mesh: Mesh at rest.
+        origin: Rest position of the frame's origin [m]; the mean of the points when left out.
+        rotation: Rest rotation of the frame, shape (3, 3).
+    """
+    rest = points.apply(mesh.points)
+    mean = rest.mean(axis=0)
+    arms = (rest - mean) / len(rest)
+    matrix = points.matrix(len(mesh.points))
+    moments = np.vstack([np.asarray(matrix.mean(axis=0)), arms.T @ matrix])
+    return SectionFrame(moments, mean, mean if origin is None else origin, rotation)
 
 
 def _frame(points: PointMap, mesh: Mesh, origin: Floats | None, rotation: Floats, where: str) -> SectionFrame:
     rest = points.apply(mesh.points)
-    mean = rest.mean(axis=0)
-    spread = np.linalg.svd(rest - mean, compute_uv=False)
+    spread = np.linalg.svd(rest - rest.mean(axis=0), compute_uv=False)
     if len(rest) < 3 or spread[1] < 1e-6 * max(spread[0], 1e-12):
         raise InputError(where, "fewer than three points that are not in line", "give it more nodes")
-    return SectionFrame(points, (rest - mean) / len(rest), mean, mean if origin is None else origin, rotation)
+    return frame_of_points(points, mesh, origin, rotation)
 
 
 def build_section(mesh: Mesh, section: Section) -> SectionFrame:
@@ -147,7 +197,7 @@ def build_section(mesh: Mesh, section: Section) -> SectionFrame:
     where = f"section {section.name!r}"
     if section.point is not None:
         place = np.array([section.point])
-        return SectionFrame(points_inside(mesh, place, where), np.zeros((1, 3)), place[0], place[0], rotation)
+        return frame_of_points(points_inside(mesh, place, where), mesh, place[0], rotation)
     nodes = mesh.node_sets.get(f"section_{section.name}")
     if nodes is None or not len(nodes):
         known = ", ".join(sorted(n for n in mesh.node_sets if n.startswith("section_"))) or "none"
@@ -163,3 +213,52 @@ def build_slice(mesh: Mesh, height: float) -> SectionFrame:
         InputError: The height is outside the body.
     """
     return _frame(cross_section(mesh, height), mesh, None, np.eye(3), f"height {height} m")
+
+
+@compiled
+def fit_sections(
+    moments: Floats,
+    single: NDArray[np.bool_],
+    since_rest: Floats,
+    spins: Floats,
+) -> None:
+    """Fill R and R (tr U - U)^-1 from the moments of the nodes, shape (sections, 4, 3)."""
+    for s in range(moments.shape[0]):
+        if single[s]:
+            since_rest[s], spins[s] = np.eye(3), np.zeros((3, 3))
+            continue
+        left, values, right = np.linalg.svd(np.ascontiguousarray(moments[s, 1:].T))
+        if np.linalg.det(left) * np.linalg.det(right) < 0.0:
+            left[:, 2] *= -1.0
+            values[2] *= -1.0
+        since_rest[s] = left @ right
+        # (tr U - U)^-1 in the eigenbasis of U, whose eigenvalues are the (signed) singular values.
+        spins[s] = left @ (right / (values.sum() - values).reshape(3, 1))
+
+
+@compiled
+def section_twists(
+    moments: Floats, since_rest: Floats, spins: Floats, levers: Floats, twists: Floats
+) -> None:
+    """Fill the twists w = spin sum_s c_s x R^T v_s and v_mean + w x lever of fields v.
+
+    ``moments`` are those of the fields, shape (fields, 4 sections, 3).
+    """
+    rotated, axial = np.empty((3, 3)), np.empty(3)
+    for f in range(moments.shape[0]):
+        for s in range(since_rest.shape[0]):
+            for j in range(3):
+                for i in range(3):
+                    rotated[j, i] = 0.0
+                    for k in range(3):
+                        rotated[j, i] += moments[f, 4 * s + 1 + j, k] * since_rest[s, k, i]
+            for i in range(3):
+                axial[i] = rotated[(i + 1) % 3, (i + 2) % 3] - rotated[(i + 2) % 3, (i + 1) % 3]
+            out = twists[f, 6 * s : 6 * s + 6]
+            for i in range(3):
+                out[3 + i] = 0.0
+                for k in range(3):
+                    out[3 + i] += spins[s, i, k] * axial[k]
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                out[i] = moments[f, 4 * s, i] + out[3 + j] * levers[s, k] - out[3 + k] * levers[s, j]

@@ -3,10 +3,9 @@
 import numpy as np
 
 from softarm.estimator.errors import InputError
-from softarm.estimator.fem.cavities import volume_form
-from softarm.estimator.fem.shapes import quadrature, shape_functions
 from softarm.estimator.geometry.faces import open_edges
 from softarm.estimator.mesh import ElementBlock, Floats, Mesh
+from softarm.estimator.shape_functions import quadrature, shape_functions, volume_form
 
 
 def check_mesh(mesh: Mesh, where: str) -> Mesh:

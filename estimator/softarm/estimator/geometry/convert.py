@@ -1,16 +1,13 @@
 """Meshes of hexahedra turned into meshes of other elements on the same body."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from softarm.estimator.fem.shapes import HEX_EDGES, parent_nodes, shape_functions
 from softarm.estimator.geometry.orphans import without_orphans
 from softarm.estimator.mesh import ElementBlock, ElementKind, FacetKind, Floats, Indices, Mesh, Surface
-
-TET_EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
-HEX_FACES = np.array([(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)])
+from softarm.estimator.reference_elements import ELEMENT_FACES, HEX_EDGES, TET_EDGES, parent_nodes
+from softarm.estimator.shape_functions import shape_functions
 
 
 def to_elements(mesh: Mesh, kind: ElementKind) -> Mesh:
@@ -45,7 +42,7 @@ def to_elements(mesh: Mesh, kind: ElementKind) -> Mesh:
 
 
 def _corner_sets(mesh: Mesh) -> dict[str, Indices]:
-    """Give node sets of corners only; a set of mid-edge nodes becomes that of their edges' ends."""
+    """Make node sets of corners only; a set of mid-edge nodes becomes that of their edges' ends."""
     connectivity = mesh.blocks[0].connectivity
     corners = np.unique(connectivity[:, :8])
     ends = {
@@ -90,7 +87,7 @@ def _split(hexahedra: Indices) -> Indices:
     tetrahedron with that node.
     """
     apex = hexahedra.min(axis=1)
-    faces = hexahedra[:, HEX_FACES]
+    faces = hexahedra[:, ELEMENT_FACES["hex8"]]
     far = ~(faces == apex[:, None, None]).any(axis=2)
     bases = _halve(faces[far]).reshape(-1, 6, 3)
     tops = np.broadcast_to(apex[:, None, None], (*bases.shape[:2], 1))
@@ -124,8 +121,8 @@ class _Middles:
         for (low, high), node in zip(keys.tolist(), nodes.tolist(), strict=True):
             self.number.setdefault((low, high), node)
 
-    def of(self, cells: Indices, edges: Sequence[tuple[int, int]]) -> Indices:
-        """Give the middle node of each edge of each cell, shape (cells, edges)."""
+    def of(self, cells: Indices, edges: Indices) -> Indices:
+        """Look up the middle node of each edge of each cell, shape (cells, edges)."""
         columns = []
         for a, b in edges:
             keys = np.sort(cells[:, [a, b]], axis=1).tolist()

@@ -1,47 +1,20 @@
 """Faces of elements: boundaries, walls between parts, and their orientation."""
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.mesh import NODES_PER_FACET, ElementKind, FacetKind, Indices
-
-# Faces of the VTK elements seen from outside, corners counter-clockwise, then their mid-edge nodes.
-_TET = np.array([(0, 2, 1, 6, 5, 4), (0, 1, 3, 4, 8, 7), (1, 2, 3, 5, 9, 8), (0, 3, 2, 7, 9, 6)])
-_HEX = np.array(
-    [
-        (0, 3, 2, 1, 11, 10, 9, 8),
-        (4, 5, 6, 7, 12, 13, 14, 15),
-        (0, 1, 5, 4, 8, 17, 12, 16),
-        (1, 2, 6, 5, 9, 18, 13, 17),
-        (2, 3, 7, 6, 10, 19, 14, 18),
-        (3, 0, 4, 7, 11, 16, 15, 19),
-    ]
-)
-ELEMENT_FACES: Mapping[str, Indices] = {
-    "tet4": _TET[:, :3],
-    "tet10": _TET,
-    "hex8": _HEX[:, :4],
-    "hex20": _HEX,
-}
-FACE_KIND: Mapping[ElementKind, FacetKind] = {
-    "tet4": "tri3",
-    "tet10": "tri6",
-    "hex8": "quad4",
-    "hex20": "quad8",
-}
-CORNERS = {"tri3": 3, "tri6": 3, "quad4": 4, "quad8": 4}
+from softarm.estimator.mesh import ElementKind, FacetKind, Indices
+from softarm.estimator.reference_elements import CORNERS, ELEMENT_FACES, FACE_KIND
 
 
 def element_faces(kind: ElementKind, connectivity: Indices) -> Indices:
     """List all faces of some elements, normals outwards, shape (6 or 4 elements, nodes per face)."""
     faces = connectivity[:, ELEMENT_FACES[kind]]
-    return faces.reshape(-1, NODES_PER_FACET[FACE_KIND[kind]])
+    return faces.reshape(-1, faces.shape[-1])
 
 
 def face_keys(kind: FacetKind, faces: Indices) -> Indices:
-    """Give a key that two faces on the same corners share, shape (faces, corners)."""
+    """Compute a key that two faces on the same corners share, shape (faces, corners)."""
     return np.sort(faces[:, : CORNERS[kind]], axis=1)
 
 

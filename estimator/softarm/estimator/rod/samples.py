@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from softarm.estimator.fem import FiniteElementModel, Settings
-from softarm.estimator.fem.continuation import Waypoint, between, extrapolate
-from softarm.estimator.fem.equilibrium import Balance, correct, exact_factor
-from softarm.estimator.fem.factor import StiffnessFactor
+from softarm.estimator.fem.linalg.cholesky import StiffnessFactor
+from softarm.estimator.fem.statics.continuation import Waypoint, between, extrapolate
+from softarm.estimator.fem.statics.equilibrium import Balance, correct, exact_factor
 from softarm.estimator.model import Inputs, Load
 from softarm.estimator.rod.load_stiffness import exact_moves
 from softarm.estimator.rod.stations import NEAR, Stations
@@ -43,7 +43,7 @@ class Samples:
         positions: Origins of the stations' frames [m], shape (samples, stations, 3).
         rotations: Shape (samples, stations, 3, 3).
         twists: Their twists per unit of each pressure, then each load, shape (samples, stations, 6, inputs).
-        factors: Stiffness factor of each link, shape (samples, links).
+        factors: FrozenTangent factor of each link, shape (samples, links).
         softness: Rotation per load over that at rest, shape (samples,).
         ray: Ray that each sample lies on, shape (samples,).
     """
@@ -193,7 +193,7 @@ class Ray:
 
     Args:
         end: Inputs at its end.
-        factors: Stiffness factors of the soft segments.
+        factors: FrozenTangent factors of the soft segments.
     """
 
     end: Inputs

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from softarm.estimator.arm import region_materials
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.fem.interpolation import PointMap, cross_section, locate
-from softarm.estimator.fem.sections import SectionFrame
-from softarm.estimator.fem.shapes import quadrature, shape_functions
+from softarm.estimator.fem.sections import SectionFit, SectionFrame, frame_of_points
 from softarm.estimator.mesh import Mesh
 from softarm.estimator.rod.chain import Chain, point_weights
 from softarm.estimator.rod.symmetry import candidates
+from softarm.estimator.shape_functions import quadrature, shape_functions
 from softarm.estimator.specimen import Section, Specimen
 
 Floats = NDArray[np.float64]
@@ -33,16 +33,14 @@ class Stations:
 
     Args:
         chain: The links between them.
-        frames: Frame of each station after the clamp.
-        maps: Each frame's points as weights of the nodes.
+        fit: Frames of the stations after the clamp.
     """
 
     chain: Chain
-    frames: tuple[SectionFrame, ...]
-    maps: tuple[PointMap, ...]
+    fit: SectionFit
 
     def poses(self, positions: Floats, moves: Floats) -> tuple[Floats, Floats, Floats]:
-        """Give the stations' frames at current nodes, and their twists for moves of the nodes.
+        """Compute the stations' frames at current nodes, and their twists for moves of the nodes.
 
         Args:
             positions: Nodes [m], shape (nodes, 3).
@@ -52,17 +50,9 @@ class Stations:
             Origins, shape (stations, 3), rotations, shape (stations, 3, 3), and twists (translation,
             rotation), shape (stations, 6, inputs).
         """
-        origins, rotations, twists = [], [], []
-        flat = np.moveaxis(moves, 0, 1).reshape(len(positions), -1)
-        for frame, points in zip(self.frames, self.maps, strict=True):
-            pose = frame.at(positions)
-            on_points = np.asarray(points.matrix(len(positions)) @ flat).reshape(len(points), len(moves), 3)
-            spin = np.cross(frame.arms[:, None], on_points @ pose.turn).sum(axis=0) @ pose.spin.T
-            shift = on_points.mean(axis=0) + np.cross(spin, pose.position - pose.centre)
-            origins.append(pose.position)
-            rotations.append(pose.rotation)
-            twists.append(np.concatenate([shift, spin], axis=1).T)
-        return np.array(origins), np.array(rotations), np.array(twists)
+        poses = self.fit.at(positions)
+        twists = poses.twists(moves).T.reshape(-1, 6, len(moves))
+        return poses.frames.positions, poses.frames.rotations, twists
 
 
 def cut(specimen: Specimen, model: FiniteElementModel, links_per_segment: int = 4) -> Stations:
@@ -87,11 +77,11 @@ def cut(specimen: Specimen, model: FiniteElementModel, links_per_segment: int = 
     heights = np.array([clamp, *sorted(places)])
     frames = tuple(places[height] for height in heights[1:].tolist())
     chain = _chain(specimen, model, heights)
-    return Stations(chain, frames, tuple(frame.points for frame in frames))
+    return Stations(chain, SectionFit.of(frames, len(model.mesh.points)))
 
 
 def _slice(specimen: Specimen, mesh: Mesh, height: float) -> SectionFrame:
-    """Give the frame of a cross-section, of points that lie as evenly about the axis as the arm does.
+    """Prepare the frame of a cross-section, from points that lie as evenly about the axis as the arm does.
 
     A raster alone would make a symmetric arm seem lopsided.
     """
@@ -101,9 +91,7 @@ def _slice(specimen: Specimen, mesh: Mesh, height: float) -> SectionFrame:
     points = PointMap(
         np.concatenate([found.nodes for found in kept]), np.concatenate([found.weights for found in kept])
     )
-    rest = points.apply(mesh.points)
-    mean, axis = rest.mean(axis=0), np.array([0.0, 0.0, height])
-    return SectionFrame(points, (rest - mean) / len(rest), mean, axis, np.eye(3))
+    return frame_of_points(points, mesh, np.array([0.0, 0.0, height]), np.eye(3))
 
 
 def _chain(specimen: Specimen, model: FiniteElementModel, heights: Floats) -> Chain:

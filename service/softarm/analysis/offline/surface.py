@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.mesh import Floats, Mesh
+from softarm.estimator.reference_elements import CORNERS
 from softarm.estimator.rod import CalibratedRod
 from softarm.estimator.rod.skin import skin
-
-CORNERS = {"tri3": 3, "tri6": 3, "quad4": 4, "quad8": 4}
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from softarm.daemon.estimation.messages import EstimationRequest, EstimationResu
 from softarm.daemon.estimation.rod_check import RodCheck
 from softarm.estimator.arm import build_arm, default_loads
 from softarm.estimator.augmented import AugmentedEstimator, Follower, estimator_of
-from softarm.estimator.fem import FiniteElementModel, FiniteElementState, Refactoriser, TrackingModel
+from softarm.estimator.fem import FiniteElementModel, FiniteElementState
+from softarm.estimator.fem.tracking import BackgroundFactorisation, TrackingModel
 from softarm.estimator.inverse import (
     ContactPlace,
     ContactProfile,
@@ -119,7 +120,7 @@ class Solver:
         if self._rod is not None:
             return self._rod.with_loads(loads)
         followed = self._model.with_loads(loads) if specimen.physics else self._model
-        return TrackingModel(followed, Refactoriser(followed).__enter__())
+        return TrackingModel(followed, BackgroundFactorisation(followed).__enter__())
 
     def _warm_up(self, gravity: np.ndarray[Any, np.dtype[np.float64]]) -> None:
         """Compile and factor once, so that the first live request is as fast as the rest."""

@@ -1,0 +1,1 @@
+"""Elements and force terms: solids, chambers, fibres, and their materials."""

@@ -1,0 +1,1 @@
+"""Equilibria under fixed inputs: Newton iteration, continuation along a path of loads, and outcomes."""

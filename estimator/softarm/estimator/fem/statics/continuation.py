@@ -1,0 +1,178 @@
+"""From one equilibrium to another along a path of loads."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from softarm.estimator.fem.assembly import Body
+from softarm.estimator.fem.linalg.cholesky import StiffnessFactor
+from softarm.estimator.fem.statics.equilibrium import (
+    Balance,
+    Balancer,
+    Corrected,
+    Settings,
+    correct,
+    descend,
+    size_of,
+)
+from softarm.estimator.fem.statics.solution import Solution, SolveStatus
+from softarm.estimator.mesh import Floats
+from softarm.estimator.model import Inputs
+
+SNAP = 0.02
+"""Fraction of the change of load by which a snap-through is overstepped."""
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """An equilibrium on the path.
+
+    Args:
+        fraction: How far along the path, 0 to 1.
+        displacement: [m], shape (nodes, 3).
+        velocity: Its derivative by the fraction [m], shape (nodes, 3).
+    """
+
+    fraction: float
+    displacement: Floats
+    velocity: Floats
+
+
+def between(first: Inputs, second: Inputs, fraction: float) -> Inputs:
+    """Interpolate inputs."""
+    return Inputs(
+        first.pressures + fraction * (second.pressures - first.pressures),
+        first.loads + fraction * (second.loads - first.loads),
+        first.gravity + fraction * (second.gravity - first.gravity),
+    )
+
+
+def extrapolate(body: Body, last: Waypoint, before: Waypoint | None, fraction: float) -> Floats:
+    """Predict what lies ahead: by a turn on the spot from one waypoint, by Hermite's cubic from two."""
+    ahead = fraction - last.fraction
+    if before is None:
+        rotation_strain = body.rotation_strain
+        deformation = rotation_strain.deformation(last.displacement)
+        return rotation_strain.moved(last.displacement, deformation, ahead * last.velocity)
+    span = last.fraction - before.fraction
+    t = 1.0 + ahead / span
+    return (
+        (1.0 + 2.0 * t) * (1.0 - t) ** 2 * before.displacement
+        + t * (1.0 - t) ** 2 * span * before.velocity
+        + t**2 * (3.0 - 2.0 * t) * last.displacement
+        + t**2 * (t - 1.0) * span * last.velocity
+    )
+
+
+class Path:
+    """The walk along a straight path of inputs, step by step.
+
+    Args:
+        body: The body.
+        balancer: Evaluates its forces.
+        origin: Inputs at fraction 0.
+        target: Inputs at fraction 1.
+        nodal_mass: Mass of each node [kg], shape (nodes,).
+        settings: Limits.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        balancer: Balancer,
+        origin: Inputs,
+        target: Inputs,
+        nodal_mass: Floats,
+        settings: Settings,
+    ) -> None:
+        self._body, self._balancer, self._settings = body, balancer, settings
+        self._origin, self._target = origin, target
+        self._nodal_mass = nodal_mass
+        self._before: Waypoint | None = None
+        self._last: Waypoint | None = None
+        self._spent = 0
+
+    def walk(self, start: Floats) -> Solution[Floats]:
+        """Go from the displacement under ``origin`` to that under ``target``.
+
+        What fails is halved, what succeeds quickly is doubled; where even the smallest step fails the way is
+        sought downhill. A path that cannot be continued ends with the status of its last failure at the last
+        equilibrium reached.
+        """
+        found = self._correct(start, 0.0)
+        if not found.solution.converged:
+            found = self._descend(start, 0.0)
+        if not found.solution.converged:
+            return self._end(start, found.solution.status)
+        self._arrive(0.0, found)
+        step, status = self._first_step(), SolveStatus.CONVERGED
+        while self._here.fraction < 1.0:
+            aim = min(1.0, self._here.fraction + step)
+            found = self._correct(extrapolate(self._body, self._here, self._before, aim), aim)
+            if found.solution.converged:
+                self._arrive(aim, found)
+                step *= (
+                    2.0 if found.solution.iterations <= 4 else 1.2 if found.solution.iterations <= 6 else 0.7
+                )
+                if self._spent >= self._settings.total_iterations and aim < 1.0:
+                    return self._end(self._here.displacement, SolveStatus.ITERATIONS)
+                continue
+            status = found.solution.status
+            step = 0.4 * (aim - self._here.fraction)
+            if self._spent >= self._settings.total_iterations:
+                return self._end(self._here.displacement, SolveStatus.ITERATIONS)
+            if step < self._settings.smallest_step:
+                aim = min(1.0, self._here.fraction + SNAP)
+                found = self._descend(self._here.displacement, aim)
+                if not found.solution.converged:
+                    return self._end(self._here.displacement, status)
+                self._last = None
+                self._arrive(aim, found)
+                step = SNAP
+        return self._end(self._here.displacement, SolveStatus.CONVERGED)
+
+    @property
+    def _here(self) -> Waypoint:
+        assert self._last is not None
+        return self._last
+
+    @property
+    def fraction(self) -> float:
+        """How far the walk has come."""
+        return 0.0 if self._last is None else self._last.fraction
+
+    def _inputs(self, fraction: float) -> Inputs:
+        return between(self._origin, self._target, fraction)
+
+    def _correct(self, start: Floats, fraction: float) -> Corrected:
+        found = correct(self._body, self._balancer, start, self._inputs(fraction), self._settings)
+        self._spent += found.solution.iterations
+        return found
+
+    def _descend(self, start: Floats, fraction: float) -> Corrected:
+        found = descend(self._body, self._balancer, start, self._inputs(fraction), self._settings)
+        self._spent += found.solution.iterations
+        return found
+
+    def _arrive(self, fraction: float, found: Corrected) -> None:
+        assert found.factor is not None
+        velocity = self._velocity(found.balance, found.factor)
+        self._before, self._last = self._last, Waypoint(fraction, found.solution.value, velocity)
+
+    def _velocity(self, balance: Balance, factor: StiffnessFactor) -> Floats:
+        """Solve K du = df for the change of the applied forces along the path."""
+        pressures = self._target.pressures - self._origin.pressures
+        loads = self._target.loads - self._origin.loads
+        gravity = self._target.gravity - self._origin.gravity
+        force = np.tensordot(pressures, balance.evaluation.gradients, 1)
+        force += np.tensordot(loads, balance.load_vectors, 1) + np.outer(self._nodal_mass, gravity)
+        return self._body.pattern.scatter(factor.solve(self._body.pattern.gather(force)))
+
+    def _first_step(self) -> float:
+        """Take the whole path, or as much as moves no node farther than a step may."""
+        longest = float(np.sqrt((self._here.velocity**2).sum(axis=1).max()))
+        return min(1.0, self._settings.longest_move * size_of(self._body) / max(longest, 1e-300))
+
+    def _end(self, displacement: Floats, status: SolveStatus) -> Solution[Floats]:
+        norm = self._balancer(displacement, self._target, False, False).norm
+        return Solution(displacement, status, self._spent, norm)

@@ -1,0 +1,63 @@
+"""A factored tangent with the responses that tracking reads off it, kept while it still serves."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from softarm.estimator.fem.model import FiniteElementModel, FiniteElementState
+from softarm.estimator.fem.tracking.single_factor import SingleFactor
+from softarm.estimator.mesh import Floats
+from softarm.estimator.model import Inputs
+
+
+class Factor(Protocol):
+    """A factor that solves for one right-hand side."""
+
+    def solve(self, right: Floats) -> Floats:
+        """Solve for a right-hand side, shape (3 free,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class FrozenTangent:
+    """The tangent at one configuration.
+
+    Args:
+        displacement: The configuration [m], shape (nodes, 3).
+        factor: Its factor, for steps that the next residual corrects.
+        fields: Displacement per unit of each pressure, then each load, shape (inputs, nodes, 3).
+        motion: Change of the stacked section twists per unit of each input, shape (6 sections, inputs).
+        sections: Rotations of the sections, shape (sections, 3, 3).
+    """
+
+    displacement: Floats
+    factor: Factor
+    fields: Floats
+    motion: Floats
+    sections: Floats
+
+
+def freeze_tangent(
+    model: FiniteElementModel, displacement: Floats, inputs: Inputs, *, single: bool = True
+) -> FrozenTangent | None:
+    """Factor the tangent at a configuration.
+
+    Args:
+        model: The model.
+        displacement: The configuration [m], shape (nodes, 3).
+        inputs: Inputs.
+        single: Whether the factor is kept in single precision, which halves the time of a solve.
+
+    Returns:
+        The tangent; None where an element is inverted.
+    """
+    step = model.linearise(FiniteElementState(displacement, inputs), inputs)
+    if step.factor is None:
+        return None
+    fields = model.body.pattern.scatter(step.factor.solve(step.input_forces()))
+    return FrozenTangent(
+        displacement=displacement,
+        factor=SingleFactor.of(step.factor) if single else step.factor,
+        fields=fields,
+        motion=step.poses.twists(fields).T,
+        sections=step.frames.rotations,
+    )
