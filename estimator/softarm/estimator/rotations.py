@@ -68,6 +68,17 @@ def quaternion_kernel(matrices: Floats, quaternions: Floats) -> None:
 
 
 @njit(cache=True, nogil=True)
+def rotation_vector_kernel(quaternions: Floats, vectors: Floats) -> None:
+    """Fill the rotation vectors, shape (n, 3), of unit quaternions with w >= 0, shape (n, 4)."""
+    for i in range(len(quaternions)):
+        q = quaternions[i]
+        sine = np.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+        factor = 2.0 if sine < 1e-12 else 2.0 * np.arctan2(sine, q[0]) / sine
+        for k in range(3):
+            vectors[i, k] = factor * q[1 + k]
+
+
+@njit(cache=True, nogil=True)
 def jacobian_kernel(vectors: Floats, matrices: Floats) -> None:
     """Fill the left Jacobians at vectors, shape (n, 3), into matrices, shape (n, 3, 3)."""
     for i in range(vectors.shape[0]):
@@ -137,7 +148,7 @@ def _flat(values: Floats, width: int) -> Floats:
 
 
 def exp(vectors: Floats) -> Floats:
-    """Give the rotations of rotation vectors [rad], shape (..., 3), as matrices, shape (..., 3, 3)."""
+    """Compute the rotations of rotation vectors [rad], shape (..., 3), as matrices, shape (..., 3, 3)."""
     flat = _flat(vectors, 3)
     matrices = np.empty((len(flat), 3, 3))
     exp_kernel(flat, matrices)
@@ -145,7 +156,7 @@ def exp(vectors: Floats) -> Floats:
 
 
 def to_quaternions(rotations: Floats) -> Floats:
-    """Give unit quaternions (w, x, y, z) with w >= 0, shape (..., 4), of rotations, shape (..., 3, 3)."""
+    """Compute unit quaternions (w, x, y, z) with w >= 0, shape (..., 4), of rotations, shape (..., 3, 3)."""
     flat = _flat(rotations, 9)
     quaternions = np.empty((len(flat), 4))
     quaternion_kernel(flat, quaternions)
@@ -153,7 +164,7 @@ def to_quaternions(rotations: Floats) -> Floats:
 
 
 def from_quaternions(quaternions: Floats) -> Floats:
-    """Give the rotations, shape (..., 3, 3), of quaternions (w, x, y, z) of any length, shape (..., 4).
+    """Compute the rotations, shape (..., 3, 3), of quaternions (w, x, y, z) of any length, shape (..., 4).
 
     A quaternion of zeros, which some devices send for a lost body, gives NaN.
     """
@@ -164,19 +175,16 @@ def from_quaternions(quaternions: Floats) -> Floats:
 
 
 def log(rotations: Floats) -> Floats:
-    """Give the rotation vectors [rad], angle at most pi, shape (..., 3), of matrices, shape (..., 3, 3)."""
-    quaternions = to_quaternions(rotations)
-    axis = quaternions[..., 1:]
-    sine = np.sqrt((axis * axis).sum(axis=-1, keepdims=True))
-    half = np.arctan2(sine, quaternions[..., :1])
-    small = sine < 1e-12
-    factor = np.where(small, 2.0, 2.0 * half / np.where(small, 1.0, sine))
-    vectors: Floats = factor * axis
-    return vectors
+    """Compute rotation vectors [rad], angle at most pi, shape (..., 3), of matrices, shape (..., 3, 3)."""
+    flat = _flat(rotations, 9)
+    quaternions, vectors = np.empty((len(flat), 4)), np.empty((len(flat), 3))
+    quaternion_kernel(flat, quaternions)
+    rotation_vector_kernel(quaternions, vectors)
+    return vectors.reshape(*np.shape(rotations)[:-2], 3)
 
 
 def left_jacobian(vectors: Floats) -> Floats:
-    """Give J with exp(v + d) = exp(J d) exp(v) for small d (Barfoot, State Estimation, eq. 7.77).
+    """Compute J with exp(v + d) = exp(J d) exp(v) for small d (Barfoot, State Estimation, eq. 7.77).
 
     Args:
         vectors: Rotation vectors v [rad], shape (..., 3). The right Jacobian is that at -v.
@@ -191,7 +199,7 @@ def left_jacobian(vectors: Floats) -> Floats:
 
 
 def inverse_left_jacobian(vectors: Floats) -> Floats:
-    """Give J^-1 with log(exp(d) exp(v)) = v + J^-1 d for small d (Barfoot, State Estimation, eq. 7.76).
+    """Compute J^-1 with log(exp(d) exp(v)) = v + J^-1 d for small d (Barfoot, State Estimation, eq. 7.76).
 
     Args:
         vectors: Rotation vectors v [rad], shape (..., 3). The right Jacobian's inverse is that at -v.
@@ -206,7 +214,7 @@ def inverse_left_jacobian(vectors: Floats) -> Floats:
 
 
 def skew(vectors: Floats) -> Floats:
-    """Give the matrices [v] with [v] u = v x u, shape (..., 3, 3), of vectors, shape (..., 3)."""
+    """Compute the matrices [v] with [v] u = v x u, shape (..., 3, 3), of vectors, shape (..., 3)."""
     v = np.asarray(vectors, dtype=np.float64)
     matrices = np.zeros((*v.shape[:-1], 3, 3))
     for axis in range(3):
@@ -217,7 +225,7 @@ def skew(vectors: Floats) -> Floats:
 
 
 def without_jumps(quaternions: Floats) -> Floats:
-    """Give quaternions whose sign goes on from one sample to the next, so that they can be averaged.
+    """Return quaternions whose sign goes on from one sample to the next, so that they can be averaged.
 
     Args:
         quaternions: (w, x, y, z) or its negative, which is the same rotation; NaN where unknown, shape
@@ -232,12 +240,12 @@ def without_jumps(quaternions: Floats) -> Floats:
 
 
 def mean_rotation(rotations: Floats) -> Floats:
-    """Give the rotation nearest to the arithmetic mean of rotations, shape (n, 3, 3) (Moakher 2002)."""
+    """Compute the rotation nearest to the arithmetic mean of rotations, shape (n, 3, 3) (Moakher 2002)."""
     return nearest_rotation(rotations.mean(axis=0))
 
 
 def nearest_rotation(matrix: Floats) -> Floats:
-    """Give the rotation nearest to a matrix, shape (3, 3), in the Frobenius norm."""
+    """Compute the rotation nearest to a matrix, shape (3, 3), in the Frobenius norm."""
     left, _, right = np.linalg.svd(matrix)
     sign = np.sign(np.linalg.det(left @ right))
     rotation: Floats = (left * [1.0, 1.0, sign]) @ right

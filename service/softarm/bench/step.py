@@ -10,6 +10,7 @@ import click
 import numpy as np
 from scipy.sparse.linalg import splu
 
+from softarm.bench.step_parts import solvers, tracking_parts
 from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.common.tables import Cell, Table
 from softarm.estimator.arm import model_on_mesh
@@ -31,6 +32,13 @@ RATE_HZ = 100.0
 NOISE_RAD = np.radians(0.1)
 NOISE_PA = 200.0
 REPEATS = 40
+SOLVER_NOTES = (
+    "Solution: for all inputs. Ratio: factor and solution over those of the multifrontal factor. One thread.",
+)
+PLAIN_NOTES = (
+    "Median ratio: median over the instants of a step's time over that with all parts. With sensor noise; "
+    "the factor of the background is one instant old.",
+)
 LINEAR = Resolution(layers=6, section_layers=2)
 GROWTH = (
     Resolution(layers=1, section_layers=1),
@@ -86,37 +94,30 @@ def figures(spent: Floats) -> dict[str, Cell]:
 
 
 def parts(model: FiniteElementModel, suite: SensorSuite, run: Run) -> list[dict[str, Cell]]:
-    """Time the parts of a step at one instant of the motion, ours beside SuperLU for the linear algebra."""
+    """Time the parts of a step at one instant of the motion."""
     inputs = run.inputs[0]
     state, _ = model.solve(inputs, model.rest())
     tangent = model.balance(state.displacement, inputs).evaluation.tangent
     assert tangent is not None
-    plan, pattern = model.body.plan, model.body.pattern
+    plan = model.body.plan
     step = model.linearise(state, inputs)
     forces = step.input_forces()
     assert step.factor is not None
-    factor, matrix = step.factor, pattern.matrix(tangent.values, tangent.mirror)
-    superlu = splu(matrix)
+    factor = step.factor
     objective = SensorObjective(suite, run.readings[0])
     unknowns = Unknowns.of(model.chambers, model.loads)
     vector = unknowns.vector(inputs)
     rows = (objective.rows(Iterate(step.frames, vector, model.chambers, step.response)),)
     program = build_program(rows, Limits.free(unknowns.size), vector, unknowns.scale, 1.0)
-    cases: list[tuple[str, Callable[[], Any], Callable[[], Any] | None]] = [
-        ("residual", lambda: model.balance(state.displacement, inputs, tangent=False), None),
-        ("residual and tangent", lambda: model.balance(state.displacement, inputs), None),
-        ("factor", lambda: plan.factorise(tangent), lambda: splu(matrix)),
-        (f"{len(forces)} right-hand sides", lambda: factor.solve(forces), lambda: superlu.solve(forces.T)),
-        ("factor and responses", lambda: freeze_tangent(model, state.displacement, inputs), None),
-        (f"quadratic program, {unknowns.size} unknowns", lambda: solve_program(program), None),
+    cases: list[tuple[str, Callable[[], Any]]] = [
+        ("residual", lambda: model.balance(state.displacement, inputs, tangent=False)),
+        ("residual and tangent", lambda: model.balance(state.displacement, inputs)),
+        ("factor", lambda: plan.factorise(tangent)),
+        (f"{len(forces)} right-hand sides", lambda: factor.solve(forces)),
+        ("factor and responses", lambda: freeze_tangent(model, state.displacement, inputs)),
+        (f"quadratic program, {unknowns.size} unknowns", lambda: solve_program(program)),
     ]
-    table: list[dict[str, Cell]] = []
-    for name, ours, other in cases:
-        spent = milliseconds(ours)
-        beside = None if other is None else float(np.median(milliseconds(other, REPEATS // 4)))
-        ratio = None if beside is None else beside / float(np.median(spent))
-        table.append({"part": name, **figures(spent), "superlu_ms": beside, "ratio": ratio})
-    return table
+    return [{"part": name, **figures(milliseconds(work))} for name, work in cases]
 
 
 def follow(estimator: Estimator[Any, Any], run: Run, noise: int | None) -> tuple[dict[str, Cell], Floats]:
@@ -153,9 +154,6 @@ def steps(
     specimen: Specimen, model: FiniteElementModel, suite: SensorSuite, run: Run, done: Callable[[float], None]
 ) -> list[dict[str, Cell]]:
     """Follow the motion by every scheme, without and with noise."""
-    sensors = SpecimenSensors(specimen, model.sections, Registration())
-    process = LoadProcess(np.full(len(model.loads), 1.0), 0.5)
-    limits = np.array(specimen.pressure_limits)
     table: list[dict[str, Cell]] = []
     schemes = (
         ("one linearisation, fresh factor", True, False, Tolerances(iterations=1)),
@@ -165,13 +163,38 @@ def steps(
     )
     for name, exact, background, tolerances in schemes:
         for noise in (None, 1):
-            settings = TrackerSettings(process, sensors.actuation(), limits, tolerances=tolerances)
+            settings = tracker_settings(specimen, model, tolerances)
             with BackgroundFactorisation(model) if background else nullcontext() as thread:
                 followed: Any = model if exact else TrackingModel(model, thread)
                 cells, _ = follow(Estimator(followed, suite, settings), run, noise)
             table.append({"scheme": name, "noise": noise is not None, **cells})
             done(1)
     return table
+
+
+def tracker_settings(
+    specimen: Specimen, model: FiniteElementModel, tolerances: Tolerances | None = None
+) -> TrackerSettings:
+    """Make the settings of the estimators that follow the motion."""
+    actuation = SpecimenSensors(specimen, model.sections, Registration()).actuation()
+    process = LoadProcess(np.full(len(model.loads), 1.0), 0.5)
+    return TrackerSettings(process, actuation, np.array(specimen.pressure_limits), tolerances=tolerances)
+
+
+def switched_off(
+    specimen: Specimen, model: FiniteElementModel, suite: SensorSuite, run: Run
+) -> list[dict[str, Cell]]:
+    """Follow the motion, with noise, with each part of the tracking path switched off."""
+    random, settings = np.random.default_rng(1), tracker_settings(specimen, model)
+    samples = [
+        (
+            inputs,
+            readings + NOISE_RAD * random.standard_normal(readings.shape),
+            inputs.pressures + NOISE_PA * random.standard_normal(inputs.pressures.shape),
+        )
+        for inputs, readings in zip(run.inputs, run.readings, strict=True)
+    ]
+    return tracking_parts(model, samples, lambda tracked: Estimator(tracked, suite, settings), RATE_HZ)
 
 
 def growth(
@@ -216,7 +239,8 @@ def _growth_row(nodes: Cell, values: Floats) -> dict[str, Cell]:
 @click.option("--specimen", "name", default="sopra", show_default=True, help="Specimen.")
 @quick_option
 @json_option
-def command(name: str, quick: bool, as_json: bool) -> int:
+@click.option("--plain", is_flag=True, help="Switch off each part of the tracking path in turn, and stop.")
+def command(name: str, quick: bool, as_json: bool, plain: bool) -> int:
     r"""Time a step of the estimator, part by part.
 
     Processor time of the calling thread, so that another program on the machine disturbs little; the work of
@@ -225,10 +249,14 @@ def command(name: str, quick: bool, as_json: bool) -> int:
 
     \b
     Example: softarm bench step --quick
+             softarm bench step --plain
     """
     specimen = load_specimen(name)
     resolution = DEFAULTS[specimen.geometry.kind]
     meshes = {"20-node hexahedra": build_mesh(specimen, resolution)}
+    if plain:
+        show(_plain_table(specimen, meshes["20-node hexahedra"], 40 if quick else 120), as_json=as_json)
+        return 0
     if not quick:
         meshes["linear tetrahedra"] = to_elements(build_mesh(specimen, LINEAR), "tet4")
     larger = [build_mesh(specimen, r) for r in (GROWTH[:2] if quick else GROWTH)]
@@ -240,6 +268,10 @@ def command(name: str, quick: bool, as_json: bool) -> int:
             run = motion(model, suite, np.array(specimen.gravity_m_s2), 40 if quick else 200)
             title = f"{specimen.name}, {kind}, {len(mesh.points)} nodes"
             tables.append(Table(f"{title}: parts", parts(model, suite, run)))
+            rest = model.rest().displacement
+            tables.append(
+                Table(f"{title}: solvers", solvers(model, rest, run.inputs[0], REPEATS), SOLVER_NOTES)
+            )
             notes = (
                 f"Noise: {np.degrees(NOISE_RAD):.1f} degrees and {NOISE_PA:.0f} Pa, white. "
                 "force error: root mean square over the four forces.",
@@ -248,6 +280,14 @@ def command(name: str, quick: bool, as_json: bool) -> int:
         tables.append(Table(f"{specimen.name}: growth with the mesh", growth(larger, specimen, advance)))
     show(*tables, as_json=as_json)
     return 0
+
+
+def _plain_table(specimen: Specimen, mesh: Mesh, samples: int) -> Table:
+    model = model_on_mesh(specimen, mesh)
+    suite = orientations(specimen, model.sections)
+    run = motion(model, suite, np.array(specimen.gravity_m_s2), samples)
+    title = f"{specimen.name}, {len(mesh.points)} nodes: tracking without one of its parts"
+    return Table(title, switched_off(specimen, model, suite, run), PLAIN_NOTES)
 
 
 def orientations(specimen: Specimen, sections: tuple[str, ...]) -> SensorSuite:

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from acceptance.verification.box import box, mapped, with_nodes, with_surface
 from acceptance.verification.held import Result, facet_forces, free_body, solve_held
 from softarm.estimator.fem import FiniteElementModel, Material, Settings
-from softarm.estimator.geometry.box import box, mapped, with_nodes, with_surface
 from softarm.estimator.mesh import ElementKind, Floats
 from softarm.estimator.model import Inputs, Load
 

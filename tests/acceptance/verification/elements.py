@@ -4,10 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from acceptance.verification.box import box, mapped
 from acceptance.verification.held import Result, free_body, solve_held, tangent_and_forces
 from softarm.estimator.fem import Material
 from softarm.estimator.fem.elements.material import CorotationalLaw, HyperelasticLaw
-from softarm.estimator.geometry.box import boundary, box, mapped
+from softarm.estimator.geometry.faces import boundary_faces
 from softarm.estimator.mesh import ElementKind, Floats, Indices, Mesh
 from softarm.estimator.shape_functions import quadrature, shape_functions
 
@@ -71,7 +72,7 @@ def patch_test(kind: ElementKind, law: HyperelasticLaw | CorotationalLaw = "neo_
     gradient = strain * np.array([[0.12, 0.05, -0.03], [0.02, -0.08, 0.06], [-0.04, 0.03, 0.1]])
     exact = mesh.points @ gradient.T
     outside = np.zeros((len(mesh.points), 3), dtype=bool)
-    outside[np.unique(boundary(mesh.blocks[0]))] = True
+    outside[np.unique(boundary_faces(mesh.blocks[0].kind, mesh.blocks[0].connectivity))] = True
     body = free_body(mesh, Material(law, 1.0, 0.4, shape=(0.3, 0.1)))
     found = solve_held(
         body, outside, lambda fraction: fraction * exact, np.zeros_like(exact), steps=3, tolerance=1e-8
@@ -119,7 +120,7 @@ def convergence(kind: ElementKind, cells: tuple[int, ...] = (2, 4, 8), poisson: 
         mesh = box(kind, (count, count, count), (1.0, 1.0, 1.0))
         exact = 1e-7 * _papkovich(mesh.points, poisson)
         outside = np.zeros((len(mesh.points), 3), dtype=bool)
-        outside[np.unique(boundary(mesh.blocks[0]))] = True
+        outside[np.unique(boundary_faces(mesh.blocks[0].kind, mesh.blocks[0].connectivity))] = True
         body = free_body(mesh, Material("neo_hookean", 1.0, poisson))
         found = solve_held(body, outside, lambda _, exact=exact: exact, np.zeros_like(exact), tolerance=1e-6)  # type: ignore[misc]
         errors.append(_mean_square_error(mesh, found, poisson))

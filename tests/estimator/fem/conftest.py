@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acceptance.verification.box import box, with_nodes, with_surface
 from softarm.estimator.fem import FiniteElementModel, Material, Membrane
-from softarm.estimator.geometry.box import box, with_nodes, with_surface
 from softarm.estimator.mesh import ElementKind, Mesh
 from softarm.estimator.model import Load
 

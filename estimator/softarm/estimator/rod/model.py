@@ -225,21 +225,6 @@ class CalibratedRod:
         frames = Frames(places, rotations @ self.chain.section_rotation)
         return Batch(frames, motion, by_free, counts > 0, strains)
 
-    def station_frames(self, state: Floats, inputs: Inputs) -> Frames:
-        """Give the frames of all stations at the equilibrium near a state, the clamp first."""
-        step = self.linearise(state, inputs)
-        work = self._work(step.strain)
-        every = np.arange(self.chain.links + 1)
-        units, owner = self._units
-        places = np.empty((len(every), 3))
-        columns = self.chambers + len(self.loads)
-        respond(
-            self._lengths, self._actions, self.laws, self._drive(inputs), units, owner, columns, self._shapes,
-            every, np.zeros((len(every), 3)), TOLERANCE, ITERATIONS, work, places,
-            np.zeros((6 * self.chain.links, columns)), np.zeros((6 * len(every), columns)),
-        )  # fmt: skip
-        return Frames(places, work.rotations)
-
     def _from_rest(self, inputs: Inputs, steps: int) -> tuple[Floats, bool]:
         step = self.linearise(
             self.rest(), Inputs(0.0 * inputs.pressures, 0.0 * inputs.loads, 0.0 * inputs.gravity)

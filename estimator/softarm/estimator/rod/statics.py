@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from softarm.estimator.rod.arrays import Actions, Drive
 from softarm.estimator.rod.vectors import cross, multiply, rotate, rotate_back
-from softarm.estimator.rotations import exp_kernel, quaternion_kernel
+from softarm.estimator.rotations import exp_kernel, quaternion_kernel, rotation_vector_kernel
 
 Floats = NDArray[np.float64]
 
@@ -55,16 +55,15 @@ def strain_between(
 ) -> None:
     """Fill strain, shape (links, 6), and R_mid from stations: the inverse of ``place``."""
     half, turn = np.empty((1, 3)), np.empty((1, 3, 3))
-    relative, quaternion = np.empty((1, 3, 3)), np.empty((1, 4))
+    relative, quaternion, vector = np.empty((1, 3, 3)), np.empty((1, 4)), np.empty((1, 3))
     chord = np.empty(3)
     for i in range(len(length)):
         multiply(rotations[i].T, rotations[i + 1], relative[0])
         quaternion_kernel(relative, quaternion)
-        sine = np.sqrt(quaternion[0, 1] ** 2 + quaternion[0, 2] ** 2 + quaternion[0, 3] ** 2)
-        factor = 2.0 if sine < 1e-12 else 2.0 * np.arctan2(sine, quaternion[0, 0]) / sine
+        rotation_vector_kernel(quaternion, vector)
         for k in range(3):
-            strain[i, k] = factor * quaternion[0, 1 + k]
-            half[0, k] = 0.5 * strain[i, k]
+            strain[i, k] = vector[0, k]
+            half[0, k] = 0.5 * vector[0, k]
         exp_kernel(half, turn)
         multiply(rotations[i], turn[0], middles[i])
         rotate_back(middles[i], positions[i + 1] - positions[i], chord)

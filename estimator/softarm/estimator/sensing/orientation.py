@@ -15,6 +15,7 @@ from softarm.estimator.rotations import (
     inverse_left_jacobian,
     left_jacobian,
     quaternion_kernel,
+    rotation_vector_kernel,
     to_quaternions,
 )
 from softarm.estimator.sensing.measurement import (
@@ -126,11 +127,7 @@ def compare_kernel(predicted: Floats, measured: Floats, innovations: Floats, row
                     h[0, i] * measured[n, 0, k] + h[1, i] * measured[n, 1, k] + h[2, i] * measured[n, 2, k]
                 )
         quaternion_kernel(relative, quaternion)
-        q = quaternion[0]
-        sine = np.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-        factor = 2.0 if sine < 1e-12 else 2.0 * np.arctan2(sine, q[0]) / sine
-        for k in range(3):
-            innovations[n, k] = factor * q[1 + k]
+        rotation_vector_kernel(quaternion, innovations[n : n + 1])
         inverse_jacobian_kernel(innovations[n : n + 1], inverse)
         for i in range(3):
             for k in range(3):

@@ -19,9 +19,6 @@ from softarm.estimator.fem.compiled import compiled
 Addresses = NDArray[np.int64]
 Letters = NDArray[np.uint8]
 
-POTRF, TRSM, SYRK, GEMM, TRSV, GEMV = range(6)
-LOWER, NO, TRANSPOSED, RIGHT, LEFT = range(5)
-
 
 @dataclass(frozen=True)
 class Blas:

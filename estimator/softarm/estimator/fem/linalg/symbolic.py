@@ -58,12 +58,6 @@ class SymbolicFactorisation:
         """Size of the largest front in dofs."""
         return self.size * int((self.pivots + self.borders).max(initial=0))
 
-    @property
-    def operations(self) -> float:
-        """Multiply-adds of one factorisation."""
-        pivots, borders = float(self.size) * self.pivots, float(self.size) * self.borders
-        return float((pivots**3 / 6.0 + pivots**2 * borders / 2.0 + pivots * borders**2 / 2.0).sum())
-
 
 def analyse(pattern: Pattern, ordering: Ordering, size: int = 3) -> SymbolicFactorisation:
     """Find the fronts of a pattern whose free nodes stand in the ordering's order.

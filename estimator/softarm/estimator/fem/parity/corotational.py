@@ -10,7 +10,8 @@ from softarm.estimator.fem.linalg.pattern import Pattern, Slots
 from softarm.estimator.fem.parity.corotational_kernel import tetrahedron_forces, tetrahedron_rotations
 from softarm.estimator.mesh import ElementBlock, Floats, Indices
 
-SMALL, EDGE, POLAR, EDGE_POLAR = range(4)
+SMALL, POLAR = FRAME_CODES["small"], FRAME_CODES["corotational_polar"]
+EDGE_POLAR = FRAME_CODES["corotational_edge_polar"]
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,12 @@
 """A factored tangent with the responses that tracking reads off it, kept while it still serves."""
 
 from dataclasses import dataclass
-from typing import Protocol
 
+from softarm.estimator.fem.linalg.cholesky import CholeskyFactor, SymmetricFactor
 from softarm.estimator.fem.model import FiniteElementModel, FiniteElementState
 from softarm.estimator.fem.tracking.single_factor import SingleFactor
 from softarm.estimator.mesh import Floats
 from softarm.estimator.model import Inputs
-
-
-class Factor(Protocol):
-    """A factor that solves for one right-hand side."""
-
-    def solve(self, right: Floats) -> Floats:
-        """Solve for a right-hand side, shape (3 free,)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -30,7 +22,7 @@ class FrozenTangent:
     """
 
     displacement: Floats
-    factor: Factor
+    factor: SymmetricFactor
     fields: Floats
     motion: Floats
     sections: Floats
@@ -56,8 +48,13 @@ def freeze_tangent(
     fields = model.body.pattern.scatter(step.factor.solve(step.input_forces()))
     return FrozenTangent(
         displacement=displacement,
-        factor=SingleFactor.of(step.factor) if single else step.factor,
+        factor=_compact(step.factor.symmetric) if single else step.factor.symmetric,
         fields=fields,
         motion=step.poses.twists(fields).T,
         sections=step.frames.rotations,
     )
+
+
+def _compact(factor: SymmetricFactor) -> SymmetricFactor:
+    """Copy a factor to single precision where this package holds its numbers."""
+    return SingleFactor.of(factor) if isinstance(factor, CholeskyFactor) else factor

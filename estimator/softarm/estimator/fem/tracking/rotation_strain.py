@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.estimator.fem.assembly import Body
-from softarm.estimator.fem.linalg.cholesky import FactorPlan
-from softarm.estimator.fem.linalg.pattern import Pattern, Tangent
+from softarm.estimator.fem.linalg.cholesky import CholeskyPlan
+from softarm.estimator.fem.linalg.pattern import Pattern
 from softarm.estimator.fem.linalg.symbolic import analyse
 from softarm.estimator.fem.rotation_strain import REGULARISATION, QuadraturePoints
 from softarm.estimator.fem.tracking.rotation_strain_kernel import (
@@ -72,8 +72,7 @@ class SingleRotationStrain:
             slots = pattern.locate(block.connectivity)
             np.add.at(values[:, 0, 0], slots[slots >= 0], points.laplacian()[slots >= 0])
         values[pattern.column_start[:-1]] *= 1.0 + REGULARISATION
-        plan = FactorPlan.of(pattern, analyse(pattern, body.ordering, size=1))
-        factor = plan.factorise(Tangent(values, values))
+        factor = CholeskyPlan.of(analyse(pattern, body.ordering, size=1)).factorise(values)
         if factor is None:
             raise ValueError("the Poisson matrix of a clamped body is positive definite")
         return cls(tuple(blocks), start, pattern, SingleFactor.of(factor))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.estimator.fem.compiled import compiled, reassociated
-from softarm.estimator.fem.linalg.cholesky import StiffnessFactor
+from softarm.estimator.fem.linalg.cholesky import CholeskyFactor
 from softarm.estimator.fem.linalg.symbolic import SymbolicFactorisation
 from softarm.estimator.mesh import Floats, Indices, Singles
 
@@ -26,8 +26,8 @@ class SingleFactor:
     panels: Singles
 
     @classmethod
-    def of(cls, factor: StiffnessFactor) -> "SingleFactor":
-        """Copy the factor of the symmetric part to single precision."""
+    def of(cls, factor: CholeskyFactor) -> "SingleFactor":
+        """Copy a factor to single precision."""
         return cls(factor.plan.symbolic, factor.panels.astype(np.float32))
 
     def solve(self, right: Floats) -> Floats:
