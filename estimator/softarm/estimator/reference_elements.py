@@ -46,7 +46,7 @@ CORNERS = {"tri3": 3, "tri6": 3, "quad4": 4, "quad8": 4}
 
 
 def parent_nodes(kind: str) -> Floats:
-    """Give the nodes' parent coordinates, shape (nodes, dimension)."""
+    """Return the nodes' parent coordinates, shape (nodes, dimension)."""
     match kind:
         case "tet4" | "tet10":
             corners, edges = np.vstack([np.zeros(3), np.eye(3)]), TET_EDGES

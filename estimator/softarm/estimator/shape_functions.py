@@ -19,7 +19,7 @@ Shape = tuple[Floats, Floats]
 
 
 def _simplex(points: Floats) -> Shape:
-    """Give the barycentric coordinates (points, d + 1) and their gradients (points, d + 1, d)."""
+    """Compute the barycentric coordinates (points, d + 1) and their gradients (points, d + 1, d)."""
     count, dimension = points.shape
     values = np.column_stack([1.0 - points.sum(axis=1), points])
     gradients = np.vstack([-np.ones(dimension), np.eye(dimension)])
@@ -51,7 +51,7 @@ def _multilinear(points: Floats, corners: Floats) -> Shape:
 
 
 def _serendipity(points: Floats, corners: Floats, edges: Floats) -> Shape:
-    """Give the quadratic serendipity functions: corners corrected by half of each adjacent mid-edge one."""
+    """Compute the serendipity functions: corners corrected by half of each adjacent mid-edge one."""
     middles = 0.5 * (corners[edges[:, 0]] + corners[edges[:, 1]])
     along = middles == 0.0
     x = points[:, None, :]
@@ -105,7 +105,7 @@ def _simplex_points(first: float, dimension: int, volume: float) -> tuple[Floats
 
 
 def quadrature(kind: str) -> tuple[Floats, Floats]:
-    """Give the quadrature points and weights of a kind.
+    """Return the quadrature points and weights of a kind.
 
     The 20-node hexahedron is integrated with 2 x 2 x 2 points (reduced), which keeps it free of locking.
 

@@ -268,9 +268,13 @@ def command(name: str, quick: bool, as_json: bool, plain: bool) -> int:
             run = motion(model, suite, np.array(specimen.gravity_m_s2), 40 if quick else 200)
             title = f"{specimen.name}, {kind}, {len(mesh.points)} nodes"
             tables.append(Table(f"{title}: parts", parts(model, suite, run)))
-            rest = model.rest().displacement
+            state, _ = model.solve(run.inputs[0], model.rest())
             tables.append(
-                Table(f"{title}: solvers", solvers(model, rest, run.inputs[0], REPEATS), SOLVER_NOTES)
+                Table(
+                    f"{title}: solvers",
+                    solvers(model, state.displacement, run.inputs[0], REPEATS),
+                    SOLVER_NOTES,
+                )
             )
             notes = (
                 f"Noise: {np.degrees(NOISE_RAD):.1f} degrees and {NOISE_PA:.0f} Pa, white. "

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse.linalg import splu
 
 from softarm.common.tables import Cell
-from softarm.estimator.fem import FiniteElementModel
+from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.fem.linalg.cholesky import CholeskyPlan, FactorPlan
 from softarm.estimator.fem.linalg.pardiso import PardisoPlan
 from softarm.estimator.fem.linalg.symbolic import analyse
@@ -156,8 +156,7 @@ def solvers(
     assert tangent is not None
     pattern, body = model.body.pattern, model.body
     matrix = pattern.matrix(tangent.values, tangent.mirror)
-    step = model.linearise(model.rest(), inputs)
-    forces = step.input_forces()
+    forces = model.linearise(FiniteElementState(displacement, inputs), inputs).input_forces()
     plans = {"multifrontal": FactorPlan(pattern, CholeskyPlan.of(analyse(pattern, body.ordering)))}
     if (pardiso := PardisoPlan.of(pattern)) is not None:
         plans["PARDISO"] = FactorPlan(pattern, pardiso)

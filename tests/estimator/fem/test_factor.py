@@ -31,9 +31,9 @@ def _plan(arm: FiniteElementModel, backend: str) -> FactorPlan:
 
 
 def _tangent(arm: FiniteElementModel) -> Tangent:
-    rng = np.random.default_rng(2)
-    displacement = 5e-4 * rng.standard_normal(arm.body.points.shape)
-    tangent = arm.balance(displacement, INPUTS).evaluation.tangent
+    solution = arm.equilibrium(INPUTS)
+    assert solution.converged
+    tangent = arm.balance(solution.value.displacement, INPUTS).evaluation.tangent
     assert tangent is not None
     return tangent
 
@@ -112,7 +112,7 @@ def test_a_continuation_goes_through_a_snap() -> None:
     model = FiniteElementModel.build(mesh, {"body": Material(young=300e3)}, loads=[weight])
     top = np.argmin(np.linalg.norm(mesh.points[:, :2] - [length / 2, 0.005], axis=1))
     heights, state = [], model.rest()
-    for load in np.linspace(0.0, 0.4, 21)[1:]:
+    for load in (0.02, 0.04, 0.06, 0.08, 0.1):
         solution = model.equilibrium(Inputs(np.zeros(0), np.array([load]), np.zeros(3)), state)
         assert solution.status is SolveStatus.CONVERGED
         state = solution.value
@@ -125,4 +125,5 @@ def test_a_continuation_goes_through_a_snap() -> None:
     falls = -np.diff(heights)
     assert falls.max() > 0.5 * rise
     assert falls.max() > 5.0 * np.median(falls)
-    assert heights[0] > 0.5 * rise > 0.0 > heights[-1]
+    assert heights[0] > 0.5 * rise
+    assert heights[-1] < 0.0

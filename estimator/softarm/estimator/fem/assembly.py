@@ -145,7 +145,7 @@ class Body:
         return mass
 
     def energy_and_stress(self, positions: Floats, scales: Floats) -> tuple[Floats, Floats]:
-        """Give each element's strain energy per volume [J/m3] and von Mises stress [Pa].
+        """Compute each element's strain energy per volume [J/m3] and von Mises stress [Pa].
 
         Elements stand in the order of the hyperelastic blocks, then of the co-rotational ones.
         """

@@ -34,14 +34,14 @@ class PointMap:
         return np.asarray(np.einsum("pn,pn...->p...", self.weights, nodal[self.nodes]))
 
     def matrix(self, nodes: int) -> sparse.csr_matrix:
-        """Give the interpolation as a matrix, shape (points, nodes)."""
+        """Compute the interpolation as a matrix, shape (points, nodes)."""
         rows = np.repeat(np.arange(len(self)), self.nodes.shape[1])
         entries = (self.weights.ravel(), (rows, self.nodes.ravel()))
         return sparse.csr_matrix(entries, shape=(len(self), nodes))
 
 
 def node_map(nodes: Indices) -> PointMap:
-    """Take mesh nodes as points, shape (points,)."""
+    """Map points that are mesh nodes, shape (points,)."""
     return PointMap(np.asarray(nodes, dtype=np.int64)[:, None], np.ones((len(nodes), 1)))
 
 

@@ -53,7 +53,7 @@ def build_mesh(specimen: Specimen, resolution: Resolution | None = None) -> Mesh
 
 
 def _lobes(specimen: Specimen, count: int) -> tuple[float, list[tuple[int, ...]]]:
-    """Give the azimuth of lobe 0 [rad] and the chambers in each lobe.
+    """Compute the azimuth of lobe 0 [rad] and the chambers in each lobe.
 
     Raises:
         InputError: The segments' chambers do not lie above each other.

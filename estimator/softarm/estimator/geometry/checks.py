@@ -41,7 +41,7 @@ def check_mesh(mesh: Mesh, where: str) -> Mesh:
 
 
 def jacobians(points: Floats, block: ElementBlock) -> Floats:
-    """Give the determinants of the map from parent to rest positions at the quadrature points.
+    """Compute the determinants of the map from parent to rest positions at the quadrature points.
 
     Args:
         points: Rest positions [m], shape (nodes, 3).
@@ -61,7 +61,7 @@ def element_volumes(points: Floats, block: ElementBlock) -> Floats:
 
 
 def chamber_volume(mesh: Mesh, name: str) -> float:
-    """Give the rest volume that a chamber's wall encloses [m3]; its normals point into the chamber."""
+    """Compute the rest volume that a chamber's wall encloses [m3]; its normals point into the chamber."""
     surface = mesh.surfaces[name]
     triples, coefficients = volume_form(surface.kind)
     corners = mesh.points[surface.facets]

@@ -14,7 +14,7 @@ CORE_SHARE = 0.5
 
 
 def lobe_patches(shape: SweptLobes, height: float, azimuth: float, resolution: Resolution) -> list[Patch]:
-    """Give the patches of the lobed cross-section at a height.
+    """Build the patches of the lobed cross-section at a height.
 
     Nine quadrilaterals make the triangular core: one at each vertex, and six around the centre. Every side of
     the triangle, and so every chamber's floor, has four, as has every lobe's arc: with two on the floor a
@@ -39,7 +39,7 @@ def lobe_patches(shape: SweptLobes, height: float, azimuth: float, resolution: R
 
 
 def _core(radius: float, around: int) -> list[Patch]:
-    """Give the third of the triangle about its right vertex; the lobe's side is above the centre."""
+    """Build the third of the triangle about its right vertex; the lobe's side is above the centre."""
     side = radius / np.sqrt(3.0)
     vertex = np.array([radius, side])
     top = np.array([0.0, side])
@@ -55,7 +55,7 @@ def _core(radius: float, around: int) -> list[Patch]:
 
 
 def _half_lobe(radius: float, wall: float, floor: float, resolution: Resolution, lobe: int) -> list[Patch]:
-    """Give the right half of a half disc on the x axis that opens to +y."""
+    """Build the right half of a half disc on the x axis that opens to +y."""
     around, through = resolution.arc_divisions, resolution.wall_divisions
     inner, top = radius - wall, 0.5 * np.pi
     edge = np.arcsin(floor / inner)
@@ -89,7 +89,7 @@ def _ring(
     outside: tuple[float, float],
     divisions: tuple[int, int],
 ) -> Patch:
-    """Give a piece of wall between two concentric arcs, each from one angle to another [rad].
+    """Build a piece of wall between two concentric arcs, each from one angle to another [rad].
 
     s runs along the arcs, t inwards, so that the patch is counter-clockwise.
     """
@@ -119,7 +119,7 @@ def _mirrored(patch: Patch, reflect: Callable[[Floats], Floats]) -> Patch:
 
 
 def quadrant_patches(shape: QuadrantCylinder, azimuth: float, resolution: Resolution) -> list[Patch]:
-    """Give the patches of the cylinder with four chambers; the same at every height.
+    """Build the patches of the cylinder with four chambers; the same at every height.
 
     Args:
         shape: Shape of the body.
@@ -136,7 +136,7 @@ def quadrant_patches(shape: QuadrantCylinder, azimuth: float, resolution: Resolu
 
 
 def _octant(shape: QuadrantCylinder, resolution: Resolution, number: int) -> list[Patch]:
-    """Give the octant between the x axis, along which half a dividing wall lies, and the diagonal."""
+    """Build the octant between the x axis, along which half a dividing wall lies, and the diagonal."""
     half, outer = 0.5 * shape.wall_m, shape.outer_radius_m
     inner = outer - shape.wall_m
     around, through = resolution.arc_divisions, resolution.wall_divisions
@@ -170,7 +170,7 @@ def _octant(shape: QuadrantCylinder, resolution: Resolution, number: int) -> lis
 
 
 def block_patches(shape: Block, resolution: Resolution) -> list[Patch]:
-    """Give the one patch of a cuboid's cross-section, ``2 around`` elements to each side."""
+    """Build the one patch of a cuboid's cross-section, ``2 around`` elements to each side."""
     x, y = 0.5 * shape.width_x_m, 0.5 * shape.width_y_m
     corners = [np.array(corner) for corner in ((-x, -y), (x, -y), (x, y), (-x, y))]
     return [straight(corners, (2 * resolution.arc_divisions, 2 * resolution.arc_divisions))]

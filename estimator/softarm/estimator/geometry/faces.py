@@ -29,7 +29,7 @@ def boundary_faces(kind: ElementKind, connectivity: Indices) -> Indices:
 
 
 def is_among(kind: FacetKind, faces: Indices, others: Indices) -> NDArray[np.bool_]:
-    """Tell which faces share their corners with one of some other faces, shape (faces,)."""
+    """Check which faces share their corners with one of some other faces, shape (faces,)."""
     keys = np.concatenate([face_keys(kind, others), face_keys(kind, faces)])
     _, inverse = np.unique(keys, axis=0, return_inverse=True)
     inverse = inverse.ravel()

@@ -45,7 +45,7 @@ class MeshFileContent:
     mesh: Any
 
     def elements(self, group: str, where: str) -> list[Indices]:
-        """Give the members of a group among the elements of each block.
+        """List the members of a group among the elements of each block.
 
         Raises:
             InputError: No element is in such a group.
@@ -56,7 +56,7 @@ class MeshFileContent:
         return members
 
     def facets(self, group: str, kind: FacetKind, where: str) -> Indices:
-        """Give the facets of a kind in a group, shape (facets, nodes per facet).
+        """List the facets of a kind in a group, shape (facets, nodes per facet).
 
         Raises:
             InputError: No facet of this kind is in such a group.
@@ -71,7 +71,7 @@ class MeshFileContent:
         return np.concatenate(members)
 
     def nodes(self, group: str, where: str) -> Indices:
-        """Give the nodes of a point set, or all nodes of the cells in a group.
+        """List the nodes of a point set, or all nodes of the cells in a group.
 
         Raises:
             InputError: There is no such group, or it is empty.
@@ -89,7 +89,7 @@ class MeshFileContent:
         return np.unique(np.concatenate(members)).astype(np.int64)
 
     def _cells(self, group: str, where: str) -> list[Indices]:
-        """Give the members of a group among all cells, block by block."""
+        """List the members of a group among all cells, block by block."""
         array, separator, value = group.partition("=")
         if group in self.mesh.field_data and "gmsh:physical" in self.mesh.cell_data:
             tag, dimension = self.mesh.field_data[group]

@@ -66,7 +66,7 @@ def read_mesh(specimen: Specimen, geometry: MeshFile) -> Mesh:
 def _regions(
     specimen: Specimen, geometry: MeshFile, content: MeshFileContent, points: Floats, path: Path
 ) -> list[Indices]:
-    """Give the part that each element of each block belongs to."""
+    """Find the part that each element of each block belongs to."""
     parts = specimen.parts
     found = [np.full(len(connectivity), -1) for _, connectivity in content.blocks]
     if geometry.regions:
@@ -166,7 +166,7 @@ def _boundary(mesh: Mesh, path: Path) -> tuple[FacetKind, Indices]:
 
 
 def _inner_surfaces(points: Floats, kind: FacetKind, boundary: Indices) -> list[Indices]:
-    """Give the connected parts of the boundary but the largest, which is the outside."""
+    """List the connected parts of the boundary but the largest, which is the outside."""
     parts = connected_parts(kind, boundary)
     spans = [float(np.ptp(points[boundary[rows]].reshape(-1, 3), axis=0).sum()) for rows in parts]
     outside = int(np.argmax(spans))

@@ -29,13 +29,13 @@ class Patch(NamedTuple):
 
 
 def line(start: Floats, end: Floats) -> Curve:
-    """Give the straight line between two points, each of shape (2,)."""
+    """Build the straight line between two points, each of shape (2,)."""
     first, last = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
     return lambda s: first + np.multiply.outer(s, last - first)
 
 
 def arc(centre: Floats, radius: float, start: float, end: float) -> Curve:
-    """Give the circular arc about a centre between two angles [rad]."""
+    """Build the circular arc about a centre between two angles [rad]."""
     middle = np.asarray(centre, dtype=float)
 
     def points(s: Floats) -> Floats:
@@ -53,7 +53,7 @@ def transform(curve: Curve, rotation: float, shift: Floats) -> Curve:
 
 
 def straight(corners: Sequence[Floats], divisions: tuple[int, int], cavity: int = -1) -> Patch:
-    """Give the patch with straight sides between four corners, counter-clockwise."""
+    """Build the patch with straight sides between four corners, counter-clockwise."""
     a, b, c, d = (np.asarray(corner, dtype=float) for corner in corners)
     return Patch(line(a, b), line(b, c), line(d, c), line(a, d), divisions, cavity)
 

@@ -50,7 +50,7 @@ def sweep(
 
 
 def layer_heights(specimen: Specimen, breaks: Sequence[float], resolution: Resolution) -> Floats:
-    """Give the heights of the layers' ends [m], rising."""
+    """Compute the heights of the layers' ends [m], rising."""
     chambers = [height for chamber in specimen.chambers for height in (chamber.from_m, chamber.to_m)]
     soft = {segment.name for segment in specimen.segments}
     heights = [specimen.parts[0].from_m]
@@ -66,7 +66,7 @@ def layer_heights(specimen: Specimen, breaks: Sequence[float], resolution: Resol
 
 
 def _spacing(count: int, end_layer: float) -> Floats:
-    """Give the relative ends of ``count`` layers, the first and last of another thickness; from 0 to 1."""
+    """Compute the relative ends of ``count`` layers, the first and last of another thickness; from 0 to 1."""
     widths = np.ones(count)
     if count > 2:
         widths[[0, -1]] = end_layer
@@ -94,7 +94,7 @@ def _part_at(specimen: Specimen, height: float) -> int:
 def _chamber_cells(
     specimen: Specimen, plan: Plan, lobes: Sequence[tuple[int, ...]], middle: Floats
 ) -> Indices:
-    """Give the chamber that each cell belongs to, -1 for solid, shape (layers quads,)."""
+    """Compute the chamber that each cell belongs to, -1 for solid, shape (layers quads,)."""
     cells = np.full((len(middle), len(plan.quads)), -1)
     for lobe, members in enumerate(lobes):
         for index in members:

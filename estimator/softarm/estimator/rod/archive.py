@@ -144,7 +144,7 @@ def _assemble(header: dict[str, Any], arrays: dict[str, Any]) -> FittedRod:
 
 
 def shipped_rod(key: str) -> FittedRod | None:
-    """Give the shipped rod with a key, None where there is none."""
+    """Load the shipped rod with a key, None where there is none."""
     folder = resources.files("softarm.estimator.rod") / "shipped"
     if not folder.is_dir():
         return None

@@ -85,7 +85,7 @@ class Work(NamedTuple):
 
 
 def new_work(links: int, actions: int, width: int) -> Work:
-    """Give memory for a chain at rest."""
+    """Allocate memory for a chain at rest."""
     rotations = np.zeros((links + 1, 3, 3))
     rotations[0] = np.eye(3)
     return Work(

@@ -84,7 +84,7 @@ class Chain:
         return link, float(share), np.zeros(3)
 
     def actions(self, loads: Sequence[Load]) -> Actions:
-        """Give the places of the links' weights, then of the loads."""
+        """Compute the places of the links' weights, then of the loads."""
         placed = [self.place(load) for load in loads]
         link = np.array([*range(self.links), *(max(place[0], 0) for place in placed)], dtype=np.int64)
         share = np.array([*self.mass_centre, *(0.0 if place[0] < 0 else place[1] for place in placed)])
@@ -94,7 +94,7 @@ class Chain:
 
 
 def point_weights(share: Floats, length: Floats) -> Floats:
-    """Give the weights of point actions in the wrench of their own link.
+    """Compute the weights of point actions in the wrench of their own link.
 
     The moment of a lateral force F at a share s of a link of length l, F l (s - z) for z < s, has over
     it the mean F l s^2 / 2 and, by least squares, the slope -F l (3 s^2 - 2 s^3); a couple C acts for z < s,

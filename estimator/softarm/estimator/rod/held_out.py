@@ -104,7 +104,7 @@ def check_rod(
 
 
 def lateral_loads(specimen: Specimen) -> tuple[Load, ...]:
-    """Give two lateral forces on every section beyond a soft segment."""
+    """List two lateral forces on every section beyond a soft segment."""
     soft = min(segment.to_m for segment in specimen.segments)
     return tuple(
         Load(f"{section.name}_{axis}", "force", direction, section=section.name)
@@ -115,7 +115,7 @@ def lateral_loads(specimen: Specimen) -> tuple[Load, ...]:
 
 
 def untrained_loads(specimen: Specimen) -> tuple[Load, ...]:
-    """Give two lateral forces at each of ``UNTRAINED`` on every soft segment."""
+    """List two lateral forces at each of ``UNTRAINED`` on every soft segment."""
     heights = [
         part.from_m + share * (part.to_m - part.from_m) for part in specimen.segments for share in UNTRAINED
     ]
@@ -156,7 +156,7 @@ def compare(rod: CalibratedRod, samples: Samples, scale: Floats) -> HeldOut:
 
 
 def section_frames(rod: CalibratedRod, samples: Samples) -> Frames:
-    """Give the sections' frames of samples, which hold those of the stations after the clamp."""
+    """Compute the sections' frames of samples, which hold those of the stations after the clamp."""
     chain, count = rod.chain, len(samples)
     clamp = np.broadcast_to([0.0, 0.0, chain.heights[0]], (count, 1, 3))
     places = np.concatenate([clamp, samples.positions], axis=1)[:, chain.section_station]

@@ -72,7 +72,7 @@ def local_kernel(
 
 
 def local_states(chain: Chain, loads: Sequence[Load], samples: Samples) -> LocalStates:
-    """Take the samples apart link by link, differentiating by central differences along the twists.
+    """Split the samples link by link, differentiating by central differences along the twists.
 
     Args:
         chain: The links.

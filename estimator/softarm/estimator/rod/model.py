@@ -114,11 +114,11 @@ class CalibratedRod:
         return np.asarray(self.laws.stiffness[first], dtype=np.float64)
 
     def with_loads(self, loads: Sequence[Load]) -> "CalibratedRod":
-        """Give the same rod with other loads, anywhere along it."""
+        """Copy the rod with other loads, anywhere along it."""
         return replace(self, loads=tuple(loads))
 
     def with_scales(self, scales: Mapping[str, float]) -> "CalibratedRod":
-        """Give the same rod with other stiffness factors of some regions; nothing is fitted anew.
+        """Copy the rod with other stiffness factors of some regions; nothing is fitted anew.
 
         Strain depends on wrench / E and pressure / E, exactly so where all that is elastic in a region
         (fibres included) is scaled alike.
@@ -138,7 +138,7 @@ class CalibratedRod:
         return replace(self, laws=self.laws._replace(stiffness=factors))
 
     def rest(self) -> Floats:
-        """Give the unloaded state."""
+        """Return the unloaded state."""
         return np.zeros((self.chain.links, 6))
 
     def linearise(self, state: Floats, inputs: Inputs) -> RodStep:
@@ -165,7 +165,7 @@ class CalibratedRod:
         return state
 
     def solve(self, inputs: Inputs, start: Floats) -> tuple[Floats, bool]:
-        """Find the equilibrium, directly or along the way from rest; the flag tells whether it was found."""
+        """Find the equilibrium, directly or along the way from rest; the flag is true when it was found."""
         step = self.linearise(start, inputs)
         if step.residual_norm == 0.0:
             return step.strain, True

@@ -93,7 +93,7 @@ def fit_laws(
 
 
 def _trust(samples: Samples, states: LocalStates) -> Floats:
-    """Give the samples' weights: the softer the arm, the less force an error of strain stands for.
+    """Compute the samples' weights: the softer the arm, the less force an error of strain stands for.
 
     Where the arm bends far beyond ``FAR`` the laws need not be as near.
     """
@@ -105,7 +105,7 @@ def _trust(samples: Samples, states: LocalStates) -> Floats:
 def _variables(
     samples: Samples, states: LocalStates, near: Indices, link: int, width: int
 ) -> tuple[Floats, Floats]:
-    """Give a law's variables before scaling, padded with zeros, and their derivatives by the inputs."""
+    """Compute a law's variables before scaling, padded with zeros, and their derivatives by the inputs."""
     inputs = states.wrench_slopes.shape[-1]
     variables = np.zeros((len(samples), 7 + width))
     slopes = np.zeros((len(samples), 7 + width, inputs))
@@ -120,7 +120,7 @@ def _variables(
 
 
 def _isotropic(largest: Floats, chambers: int) -> Floats:
-    """Give variables that symmetries mix a common unit, and those that are always zero the unit 1."""
+    """Set the units: one for variables that symmetries mix, and 1 for those that are always zero."""
     unit = np.ones_like(largest)
     for group in (slice(0, 2), slice(2, 3), slice(3, 5), slice(5, 6), slice(6, 6 + chambers)):
         if largest[group].size:

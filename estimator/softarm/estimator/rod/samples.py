@@ -98,7 +98,7 @@ class Plan:
 
 
 def sampling_loads(specimen: Specimen) -> tuple[Load, ...]:
-    """Give a force and a moment along each axis on every rigid section beyond a soft segment."""
+    """List a force and a moment along each axis on every rigid section beyond a soft segment."""
     soft = min(segment.to_m for segment in specimen.segments)
     axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
     kinds: tuple[tuple[str, str], ...] = (("force", "f"), ("moment", "m"))
@@ -155,7 +155,7 @@ def draw_samples(
 
 
 def rest_twists(model: FiniteElementModel, stations: Stations) -> Floats:
-    """Give the stations' twists per unit of each input about the rest, shape (stations, 6, inputs)."""
+    """Compute the stations' twists per unit of each input about the rest, shape (stations, 6, inputs)."""
     rest = np.zeros_like(model.body.points)
     balance = model.balance(rest, model.no_inputs())
     factor, pattern = _factor(model, balance), model.body.pattern
@@ -164,7 +164,7 @@ def rest_twists(model: FiniteElementModel, stations: Stations) -> Floats:
 
 
 def load_scale(specimen: Specimen, model: FiniteElementModel, stations: Stations, rotation: float) -> Floats:
-    """Give the size of each load that would turn some station by a rotation [rad], were the arm linear.
+    """Compute the size of each load that would turn some station by a rotation [rad], were the arm linear.
 
     An axial force gets the size of the lateral ones of its section. Near the clamp it takes a large force to
     turn the arm at all: no force is larger than the largest of those on the sections.
@@ -178,7 +178,7 @@ def load_scale(specimen: Specimen, model: FiniteElementModel, stations: Stations
 
 
 def _turning_loads(twists: Floats, model: FiniteElementModel, rotation: float) -> Floats:
-    """Give the size of each load that turns some station by a rotation, for twists per unit of the inputs."""
+    """Compute the size of each load that rotates some station by an angle, from twists per unit of it."""
     turning = np.linalg.norm(twists[:, 3:, model.chambers :], axis=1).max(axis=0)
     for k, load in enumerate(model.loads):
         if load.kind == "force" and load.direction[2] == 1.0:
@@ -201,7 +201,7 @@ class Ray:
 
 
 def _rays(specimen: Specimen, model: FiniteElementModel, scale: Floats, plan: Plan) -> Iterator[Ray]:
-    """Give the rays; on half of them the arm hangs, on the rest gravity has any direction."""
+    """Generate the rays; on half of them the arm hangs, on the rest gravity has any direction."""
     chambers, loads, segments = model.chambers, len(model.loads), len(specimen.segments)
     sequence = qmc.Sobol(chambers + loads + segments + 2, rng=plan.seed)
     rows = sequence.random_base2(int(np.ceil(np.log2(plan.rays))))[: plan.rays]
@@ -223,7 +223,7 @@ def _rays(specimen: Specimen, model: FiniteElementModel, scale: Floats, plan: Pl
 
 
 def _share(loads: Sequence[Load], index: int, plan: Plan) -> Floats:
-    """Give the size of each load on a ray over its scale."""
+    """Compute the size of each load on a ray over its scale."""
     turn, kind = divmod(index, len(plan.kinds))
     alone, size = plan.kinds[kind]
     if not alone:
@@ -280,7 +280,7 @@ def _bend(rotations: Floats) -> float:
 
 
 def _velocity(model: FiniteElementModel, balance: Balance, factor: StiffnessFactor, end: Inputs) -> Floats:
-    """Give the displacement per share of a ray [m], shape (nodes, 3)."""
+    """Compute the displacement per share of a ray [m], shape (nodes, 3)."""
     force = np.tensordot(end.pressures, balance.evaluation.gradients, 1)
     force += np.tensordot(end.loads, balance.load_vectors, 1) + np.outer(model.nodal_mass, end.gravity)
     return model.body.pattern.scatter(factor.solve(model.body.pattern.gather(force)))
@@ -294,7 +294,7 @@ def _factor(model: FiniteElementModel, balance: Balance) -> StiffnessFactor:
 
 
 def _input_forces(balance: Balance) -> Floats:
-    """Give the nodal forces per unit of each pressure, then each load, shape (inputs, nodes, 3)."""
+    """Compute the nodal forces per unit of each pressure, then each load, shape (inputs, nodes, 3)."""
     return np.concatenate([balance.evaluation.gradients, balance.load_vectors])
 
 

@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 
 
 def placed(chain: Chain, strain: Floats) -> Frames:
-    """Give the frames of all stations, the clamp first, for the strains of the links, shape (links, 6)."""
+    """Compute the frames of all stations, the clamp first, for the strains of the links, shape (links, 6)."""
     count = chain.links + 1
     rotations, positions = np.zeros((count, 3, 3)), np.zeros((count, 3))
     rotations[0], positions[0, 2] = np.eye(3), chain.heights[0]

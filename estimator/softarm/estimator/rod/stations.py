@@ -157,7 +157,7 @@ def _masses(specimen: Specimen, mesh: Mesh, heights: Floats) -> tuple[Floats, Fl
 
 
 def _mass_points(specimen: Specimen, mesh: Mesh) -> tuple[Floats, Floats]:
-    """Give height and mass of points spread finely through the elements."""
+    """Compute height and mass of points spread finely through the elements."""
     densities = np.array([material.density for material in region_materials(specimen, mesh).values()])
     heights, masses = [], []
     for block in mesh.blocks:
@@ -171,7 +171,7 @@ def _mass_points(specimen: Specimen, mesh: Mesh) -> tuple[Floats, Floats]:
 
 
 def _fine_rule(cells: int = 8) -> tuple[Floats, Floats]:
-    """Give midpoints and sizes of equal cells of the parent cube: an element may be longer than a link."""
+    """Compute midpoints and sizes of equal cells of the parent cube: an element may be longer than a link."""
     middles = (np.arange(cells) + 0.5) * (2.0 / cells) - 1.0
     places = np.stack(np.meshgrid(middles, middles, middles, indexing="ij"), axis=-1).reshape(-1, 3)
     return places, np.full(cells**3, 8.0 / cells**3)

@@ -82,7 +82,7 @@ def verified(
 
 
 def variable_map(symmetry: Symmetry, chambers: Indices, scale: Floats) -> Floats | None:
-    """Give what a symmetry does to the variables of a link's law, shape (variables, variables).
+    """Compute what a symmetry does to the variables of a link's law, shape (variables, variables).
 
     Args:
         symmetry: The symmetry.
@@ -105,7 +105,7 @@ def variable_map(symmetry: Symmetry, chambers: Indices, scale: Floats) -> Floats
 
 
 def feature_map(table: Indices, variables: Floats) -> Floats:
-    """Give the matrix M with features(A x) = M features(x) for a linear map A of the variables.
+    """Compute the matrix M with features(A x) = M features(x) for a linear map A of the variables.
 
     The terms must be closed under the map. M follows from the terms at random points.
 

@@ -113,7 +113,7 @@ class Solids:
         )  # fmt: skip
 
     def deformation(self, positions: Floats) -> Floats:
-        """Give the deformation gradients, shape (elements, points, 3, 3)."""
+        """Compute the deformation gradients, shape (elements, points, 3, 3)."""
         corners = positions[self.connectivity]
         return np.asarray(np.einsum("enjq,eni->eqij", self.gradients, corners))
 
@@ -123,7 +123,7 @@ class Solids:
         return np.bincount(self.connectivity.ravel(), mass.ravel(), minlength=nodes).astype(np.float64)
 
     def energy_and_stress(self, positions: Floats, scales: Floats) -> tuple[Floats, Floats]:
-        """Give strain energy per volume [J/m3] and von Mises stress [Pa], both of shape (elements,)."""
+        """Compute strain energy per volume [J/m3] and von Mises stress [Pa], both of shape (elements,)."""
         deformation = self.deformation(positions)
         ratio = np.linalg.det(deformation)
         mean = (self.weights * ratio).sum(axis=1) / self.weights.sum(axis=1)
@@ -144,7 +144,7 @@ class Solids:
 
 
 def _isochoric(excess: Floats, coefficients: Floats) -> tuple[Floats, Floats]:
-    """Give psi and psi' at I - 3 = ``excess``, both of shape (elements, points)."""
+    """Compute psi and psi' at I - 3 = ``excess``, both of shape (elements, points)."""
     code, half, _, a, b = (coefficients[:, k, None] for k in range(5))
     with np.errstate(divide="ignore", invalid="ignore"):
         energies = [

@@ -30,7 +30,7 @@ RIGHT, LEFT = 9, 12
 
 @compiled
 def isochoric_slopes(code: float, half: float, a: float, b: float, excess: float) -> tuple[float, float]:
-    """Give psi' and psi'' at I - 3 = ``excess``; the laws stand in ``Material``."""
+    """Compute psi' and psi'' at I - 3 = ``excess``; the laws stand in ``Material``."""
     if code == 1.0:
         return half * (1.0 + (2.0 * a + 3.0 * b * excess) * excess), half * (2.0 * a + 6.0 * b * excess)
     if code == 2.0:

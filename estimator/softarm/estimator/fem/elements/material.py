@@ -83,6 +83,6 @@ class Material:
         return self.young / (3.0 * (1.0 - 2.0 * self.poisson))
 
     def coefficients(self) -> Floats:
-        """Give what the kernels read: law code, half shear modulus, bulk modulus, a, b; shape (5,)."""
+        """Collect what the kernels read: law code, half shear modulus, bulk modulus, a, b; shape (5,)."""
         code = LAW_CODES.get(self.law, 0)
         return np.array([code, 0.5 * self.shear_modulus, self.bulk_modulus, *self.shape])

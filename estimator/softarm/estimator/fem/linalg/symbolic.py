@@ -137,7 +137,7 @@ def _borders(pattern: Pattern, ordering: Ordering, by_owner: Indices, slot_start
 
 
 def _place(sizes: Indices, parent: Indices) -> tuple[Indices, int]:
-    """Give each update matrix a place, free again once its parent has taken it in (first fit)."""
+    """Assign each update matrix a place, free again once its parent has taken it in (first fit)."""
     places = np.zeros(len(sizes), dtype=np.int64)
     living: list[tuple[int, int, int]] = []
     total = 0

@@ -66,7 +66,7 @@ class Tetrahedra:
         return np.bincount(self.connectivity.ravel(), share, minlength=nodes).astype(np.float64)
 
     def energy_and_stress(self, positions: Floats, scales: Floats) -> tuple[Floats, Floats]:
-        """Give strain energy per volume [J/m3] and von Mises stress [Pa], both of shape (elements,)."""
+        """Compute strain energy per volume [J/m3] and von Mises stress [Pa], both of shape (elements,)."""
         rotation = tetrahedron_rotations(positions, self.connectivity, self.frame, self.fit, self.rest_frame)
         corners = positions[self.connectivity]
         local = np.einsum("eji,enj->eni", rotation, corners - corners[:, :1]) - self.rest

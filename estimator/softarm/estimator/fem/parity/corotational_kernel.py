@@ -82,7 +82,7 @@ def _spin(corners: Floats, rule: int, fit: Floats, frame: Floats, stretch: Float
 def tetrahedron_rotations(
     positions: Floats, connectivity: Indices, frame: Indices, fit: Floats, rest_frame: Floats
 ) -> Floats:
-    """Give each element's rotation since its rest frame, shape (elements, 3, 3)."""
+    """Compute each element's rotation since its rest frame, shape (elements, 3, 3)."""
     rotations = np.empty((connectivity.shape[0], 3, 3))
     corners = np.empty((4, 3))
     current, stretch, work = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))

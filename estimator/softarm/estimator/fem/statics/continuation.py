@@ -48,7 +48,7 @@ def between(first: Inputs, second: Inputs, fraction: float) -> Inputs:
 
 
 def extrapolate(body: Body, last: Waypoint, before: Waypoint | None, fraction: float) -> Floats:
-    """Predict what lies ahead: by a turn on the spot from one waypoint, by Hermite's cubic from two."""
+    """Predict an equilibrium ahead: by a finite rotation from one waypoint, by Hermite's cubic from two."""
     ahead = fraction - last.fraction
     if before is None:
         rotation_strain = body.rotation_strain
@@ -93,41 +93,45 @@ class Path:
         self._spent = 0
 
     def walk(self, start: Floats) -> Solution[Floats]:
-        """Go from the displacement under ``origin`` to that under ``target``.
+        """Walk from the displacement under ``origin`` to that under ``target``.
 
-        What fails is halved, what succeeds quickly is doubled; where even the smallest step fails the way is
-        sought downhill. A path that cannot be continued ends with the status of its last failure at the last
-        equilibrium reached.
+        A step that fails is halved, one that succeeds quickly is doubled. Where even the smallest step fails
+        the arm snaps through: the next equilibrium is sought downhill. A path that cannot be continued ends
+        with the status of its last failure at the last equilibrium reached.
         """
-        found = self._correct(start, 0.0)
-        if not found.solution.converged:
-            found = self._descend(start, 0.0)
-        if not found.solution.converged:
-            return self._end(start, found.solution.status)
-        self._arrive(0.0, found)
+        corrected = self._correct(start, 0.0)
+        if not corrected.solution.converged:
+            corrected = self._descend(start, 0.0)
+        if not corrected.solution.converged:
+            return self._end(start, corrected.solution.status)
+        self._arrive(0.0, corrected)
         step, status = self._first_step(), SolveStatus.CONVERGED
         while self._here.fraction < 1.0:
             aim = min(1.0, self._here.fraction + step)
-            found = self._correct(extrapolate(self._body, self._here, self._before, aim), aim)
-            if found.solution.converged:
-                self._arrive(aim, found)
+            corrected = self._correct(extrapolate(self._body, self._here, self._before, aim), aim)
+            if corrected.solution.converged:
+                self._arrive(aim, corrected)
                 step *= (
-                    2.0 if found.solution.iterations <= 4 else 1.2 if found.solution.iterations <= 6 else 0.7
+                    2.0
+                    if corrected.solution.iterations <= 4
+                    else 1.2
+                    if corrected.solution.iterations <= 6
+                    else 0.7
                 )
                 if self._spent >= self._settings.total_iterations and aim < 1.0:
                     return self._end(self._here.displacement, SolveStatus.ITERATIONS)
                 continue
-            status = found.solution.status
+            status = corrected.solution.status
             step = 0.4 * (aim - self._here.fraction)
             if self._spent >= self._settings.total_iterations:
                 return self._end(self._here.displacement, SolveStatus.ITERATIONS)
             if step < self._settings.smallest_step:
                 aim = min(1.0, self._here.fraction + SNAP)
-                found = self._descend(self._here.displacement, aim)
-                if not found.solution.converged:
+                corrected = self._descend(self._here.displacement, aim)
+                if not corrected.solution.converged:
                     return self._end(self._here.displacement, status)
                 self._last = None
-                self._arrive(aim, found)
+                self._arrive(aim, corrected)
                 step = SNAP
         return self._end(self._here.displacement, SolveStatus.CONVERGED)
 
@@ -138,26 +142,26 @@ class Path:
 
     @property
     def fraction(self) -> float:
-        """How far the walk has come."""
+        """Fraction of the path that has been walked."""
         return 0.0 if self._last is None else self._last.fraction
 
     def _inputs(self, fraction: float) -> Inputs:
         return between(self._origin, self._target, fraction)
 
     def _correct(self, start: Floats, fraction: float) -> Corrected:
-        found = correct(self._body, self._balancer, start, self._inputs(fraction), self._settings)
-        self._spent += found.solution.iterations
-        return found
+        corrected = correct(self._body, self._balancer, start, self._inputs(fraction), self._settings)
+        self._spent += corrected.solution.iterations
+        return corrected
 
     def _descend(self, start: Floats, fraction: float) -> Corrected:
-        found = descend(self._body, self._balancer, start, self._inputs(fraction), self._settings)
-        self._spent += found.solution.iterations
-        return found
+        corrected = descend(self._body, self._balancer, start, self._inputs(fraction), self._settings)
+        self._spent += corrected.solution.iterations
+        return corrected
 
-    def _arrive(self, fraction: float, found: Corrected) -> None:
-        assert found.factor is not None
-        velocity = self._velocity(found.balance, found.factor)
-        self._before, self._last = self._last, Waypoint(fraction, found.solution.value, velocity)
+    def _arrive(self, fraction: float, corrected: Corrected) -> None:
+        assert corrected.factor is not None
+        velocity = self._velocity(corrected.balance, corrected.factor)
+        self._before, self._last = self._last, Waypoint(fraction, corrected.solution.value, velocity)
 
     def _velocity(self, balance: Balance, factor: StiffnessFactor) -> Floats:
         """Solve K du = df for the change of the applied forces along the path."""
@@ -169,7 +173,7 @@ class Path:
         return self._body.pattern.scatter(factor.solve(self._body.pattern.gather(force)))
 
     def _first_step(self) -> float:
-        """Take the whole path, or as much as moves no node farther than a step may."""
+        """Choose the whole path, or as much as moves no node farther than a step may."""
         longest = float(np.sqrt((self._here.velocity**2).sum(axis=1).max()))
         return min(1.0, self._settings.longest_move * size_of(self._body) / max(longest, 1e-300))
 

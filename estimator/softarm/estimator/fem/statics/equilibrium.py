@@ -1,4 +1,4 @@
-"""Newton's iteration to an equilibrium near by."""
+"""Newton's iteration to an equilibrium nearby, and descent to one far away."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -120,7 +120,7 @@ def _shifted(body: Body, balance: Balance, shift: float) -> Tangent:
 
 
 def size_of(body: Body) -> float:
-    """Give the longest side of the body's box at rest [m]."""
+    """Compute the longest side of the body's box at rest [m]."""
     return float(np.ptp(body.points, axis=0).max())
 
 
@@ -158,7 +158,7 @@ def correct(body: Body, balancer: Balancer, start: Floats, inputs: Inputs, setti
 
 
 def _verdict(balance: Balance, factor: StiffnessFactor | None, settings: Settings) -> SolveStatus | None:
-    """Tell whether an iteration is over; None to go on."""
+    """Decide whether an iteration is over; None to go on."""
     if not balance.evaluation.valid:
         return SolveStatus.INVERTED
     if factor is None:
@@ -186,7 +186,7 @@ def take_step(
 
 
 def _softest(factor: StiffnessFactor, residual: Floats) -> Floats:
-    """Find the mode of least stiffness by inverse iteration, turned to where the residual pushes."""
+    """Find the mode of least stiffness by inverse iteration, with the sign of the residual."""
     mode = np.random.default_rng(0).standard_normal(residual.shape)
     for _ in range(4):
         mode = factor.solve_roughly(mode / np.linalg.norm(mode))
@@ -194,11 +194,11 @@ def _softest(factor: StiffnessFactor, residual: Floats) -> Floats:
 
 
 def descend(body: Body, balancer: Balancer, start: Floats, inputs: Inputs, settings: Settings) -> Corrected:
-    """Go downhill to a stable equilibrium, however far: the way across a snap-through.
+    """Descend in potential energy to a stable equilibrium, which may be far away: across a snap-through.
 
-    Every step is one of descent, for the tangent's stand-in is positive definite, and is halved while the
-    force along it has turned round by more than half, so that the potential energy falls. From an unstable
-    equilibrium it sets out along the softest mode.
+    Every step is one of descent, because the shifted tangent is positive definite. It is halved while the
+    force along it is reversed by more than half, so that the energy falls. An unstable equilibrium is left
+    along the softest mode.
     """
     displacement, reach = start, settings.longest_move * size_of(body)
     for iteration in range(settings.descent):
@@ -214,8 +214,8 @@ def descend(body: Body, balancer: Balancer, start: Floats, inputs: Inputs, setti
                 displacement = body.rotation_strain.moved(displacement, deformation, mode)
                 continue
             if balance.norm <= settings.tolerance:
-                found = Solution(displacement, SolveStatus.CONVERGED, iteration, balance.norm)
-                return Corrected(found, balance, exact)
+                solution = Solution(displacement, SolveStatus.CONVERGED, iteration, balance.norm)
+                return Corrected(solution, balance, exact)
         step = factor.solve(balance.residual)
         slope = float(step @ balance.residual)
         nodal = body.pattern.scatter(step)
