@@ -51,7 +51,7 @@ class Stations:
             rotation), shape (stations, 6, inputs).
         """
         poses = self.fit.at(positions)
-        twists = poses.twists(moves).T.reshape(-1, 6, len(moves))
+        twists = poses.twists(moves).T.reshape(len(poses.levers), 6, len(moves))
         return poses.frames.positions, poses.frames.rotations, twists
 
 
