@@ -10,7 +10,7 @@ import pytest
 import trustme
 
 from softarm.api.commands import Applied
-from softarm.api.messages import Mismatch, Occurrence, Stamp
+from softarm.api.messages import Event, Mismatch, Stamp
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.client.session import NetworkSettings, client_settings, listening_endpoint, open_session
 from softarm.daemon.network.bus import Bus
@@ -19,7 +19,7 @@ from softarm.estimator.errors import InputError
 from tests.service.network.served import ServedArm
 
 EXAMPLES = Path(__file__).parents[2] / "deploy" / "zenoh"
-EVENT = Occurrence(
+EVENT = Event(
     stamp=Stamp(sequence=1, monotonic_ns=0, unix_ns=0, source="fake"),
     kind="mode",
     where="test",
