@@ -20,9 +20,9 @@ import numpy as np
 
 from softarm.analysis.diagnosis.report import Report, read_report
 from softarm.api.messages import Estimate, Message, Mismatch
-from softarm.cli.demo import EXAMPLES, fake_specimen
 from softarm.cli.output import say, show
 from softarm.client.client import CommandRefusedError, SoftarmClient
+from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.common.tables import Table
 from softarm.estimator.excitation import Choice, Manoeuvre
 from softarm.experiments.excitation import Recorded, run_excitation, run_manoeuvre, specimen_of_arm
@@ -122,8 +122,7 @@ def diagnose(suspect: Sequence[Recorded], nominal: Sequence[Recorded], specimen:
 
 def close_the_loop(specimen: str, out: Path, endpoint: str) -> tuple[Report, Watch, Watch]:
     """Run the whole loop; give the report, and what was seen before and after."""
-    scenario = EXAMPLES / "scenarios" / "demo.toml"
-    settings = RigSettings(scenario, specimen=specimen, endpoint=endpoint, sensors=("pose",))
+    settings = RigSettings(DEMO_SCENARIO, specimen=specimen, endpoint=endpoint, sensors=("pose",))
     with FakeRig(settings, out / "before") as rig, connect(rig) as client:
         wait_ready(client)
         menu = {m.name: m for m in manoeuvres_of(specimen_of_arm(client))}
@@ -137,7 +136,7 @@ def close_the_loop(specimen: str, out: Path, endpoint: str) -> tuple[Report, Wat
     say("diagnosing")
     report = diagnose([*suspect, watched], nominal, specimen, out / "diagnosis")
     improved = RigSettings(
-        scenario, specimen=str(out / "diagnosis" / SPECIMEN), endpoint=endpoint, sensors=("pose",)
+        DEMO_SCENARIO, specimen=str(out / "diagnosis" / SPECIMEN), endpoint=endpoint, sensors=("pose",)
     )
     with FakeRig(improved, out / "after") as rig, connect(rig) as client:
         wait_ready(client)

@@ -16,14 +16,13 @@ from acceptance.processes import child_of
 from acceptance.safety_cases import FAST_S
 from softarm.api.messages import State
 from softarm.api.modes import Mode
-from softarm.cli.demo import fake_specimen
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.common.errors import WorkFailedError
+from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
 
-SCENARIO = Path(__file__).parents[2] / "examples" / "scenarios" / "demo.toml"
 PRESSURE_PA = 20e3
 WAIT_S = 10.0
 RESTART_S = 90.0
@@ -180,7 +179,7 @@ def strike_processes() -> list[Event]:
     """Start a rig and strike its processes, the service itself last."""
     with tempfile.TemporaryDirectory(prefix="softarm-safety-") as folder:
         settings = RigSettings(
-            SCENARIO, specimen=str(fake_specimen()), endpoint=free_endpoint(), forces_on=("tip",)
+            DEMO_SCENARIO, specimen=str(fake_specimen()), endpoint=free_endpoint(), forces_on=("tip",)
         )
         with FakeRig(settings, Path(folder)) as rig, connect(rig) as client:
             wait_ready(client)

@@ -18,15 +18,14 @@ from typing import Any
 
 from acceptance.processes import child_of, resident_kib
 from softarm.api.messages import Message, State
-from softarm.cli.demo import fake_specimen
 from softarm.client.client import CommandRefusedError, SoftarmClient
+from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.estimator.errors import InputError
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
 from softarm.recordings import load_recording
 
-SCENARIO = Path(__file__).parents[2] / "examples" / "scenarios" / "demo.toml"
 FAULT_EVERY_S = 5.0
 VISITOR_EVERY_S = 4.0
 RECORDING_S = 8.0
@@ -128,7 +127,7 @@ class Soak:
         """Start everything, let it run, and sum up."""
         settings = self._settings
         wanted = RigSettings(
-            SCENARIO,
+            DEMO_SCENARIO,
             specimen=str(fake_specimen()),
             endpoint=free_endpoint(),
             model=settings.model,

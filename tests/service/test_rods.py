@@ -4,6 +4,7 @@ import pytest
 
 import softarm.common.rods as rods
 from softarm.common.errors import WorkFailedError
+from softarm.common.shipped import fake_specimen
 from softarm.estimator.rod import FittedRod, HeldOut, Report, shape_key
 from softarm.estimator.rod.archive import to_bytes
 from softarm.estimator.specimen import load_specimen
@@ -22,7 +23,7 @@ def fitted(error: float = 0.004, lost: int = 0) -> FittedRod:
 
 
 def specimen(wall: float = 0.0021):
-    sopra = load_specimen("examples/specimens/fake_arm.toml")
+    sopra = load_specimen(fake_specimen())
     return sopra.model_copy(update={"geometry": sopra.geometry.model_copy(update={"wall_m": wall})})
 
 

@@ -18,7 +18,7 @@ from softarm.fakes.still import StillArm
 from softarm.fakes.warp import WarpLoop
 from softarm.fakes.world import FakeArmWorld
 
-SCENARIOS = Path(__file__).parents[2] / "examples" / "scenarios"
+SCENARIOS = Path(__file__).parents[2] / "sim_fakes" / "softarm" / "fakes" / "scenarios"
 TABLE = {
     "plant": {"kind": "still"},
     "device": [

@@ -15,11 +15,11 @@ import click
 import numpy as np
 
 from softarm.api.messages import Estimate, Message
-from softarm.cli.demo import fake_specimen
 from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.common.errors import WorkFailedError
 from softarm.common.rods import trusted_rod
+from softarm.common.shipped import fake_specimen
 from softarm.common.tables import Cell, Table
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint

@@ -7,10 +7,10 @@ from pathlib import Path
 import click
 
 from softarm.cli.output import json_option, progress, say, show
+from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.common.tables import Table
 from softarm.experiments.rig import FakeRig, Process, RigSettings
 
-EXAMPLES = Path(__file__).parents[3] / "examples"
 TOLERANCE_PERCENT = 2.0
 
 
@@ -33,9 +33,7 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
     from softarm.experiments.force import ForceSettings, summary
     from softarm.experiments.session import connect, force_on_fakes, plot_force
 
-    settings = RigSettings(
-        EXAMPLES / "scenarios" / "demo.toml", specimen=str(fake_specimen()), forces_on=("tip",)
-    )
+    settings = RigSettings(DEMO_SCENARIO, specimen=str(fake_specimen()), forces_on=("tip",))
     force = ForceSettings()
     # Not blocked: the children would inherit that, and could not be asked to end.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -64,9 +62,3 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
         say(f"softarm: the force is off by {worst:.2f} % of range, more than {TOLERANCE_PERCENT:g} %")
         return 1
     return 0
-
-
-def fake_specimen() -> Path | str:
-    """Give the specimen calibrated on the fake arm, or the nominal one."""
-    path = EXAMPLES / "specimens" / "fake_arm.toml"
-    return path if path.exists() else "sopra"

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from softarm.cli.demo import EXAMPLES, fake_specimen
 from softarm.cli.output import json_option, progress, say, show, specimen_option
 from softarm.client.session import DEFAULT_ENDPOINT
+from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.common.tables import Cell, Table
 
 if TYPE_CHECKING:
@@ -119,8 +119,7 @@ def _connect(
 
     if arm is not None:
         return stack.enter_context(SoftarmClient(arm, endpoint, "softarm excite", zenoh_config))
-    scenario = EXAMPLES / "scenarios" / "demo.toml"
-    settings = RigSettings(scenario, specimen=specimen or str(fake_specimen()), endpoint=endpoint)
+    settings = RigSettings(DEMO_SCENARIO, specimen=specimen or str(fake_specimen()), endpoint=endpoint)
     say("starting fakes and service; the estimator warms up for half a minute at first")
     client = stack.enter_context(connect(stack.enter_context(FakeRig(settings, out))))
     wait_ready(client)

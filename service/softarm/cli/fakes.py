@@ -5,7 +5,6 @@ import gc
 import json
 import signal
 from contextlib import AbstractAsyncContextManager
-from pathlib import Path
 from typing import Any
 
 import click
@@ -23,18 +22,17 @@ from softarm.fakes.warp import WarpLoop
 @click.option(
     "--scenario",
     required=True,
-    type=click.Path(path_type=Path),
-    help="Which fakes, and what goes wrong when.",
+    help="Which fakes, and what goes wrong when: a TOML file, or demo, bench or bad_day.",
 )
 @click.option("--faults", "list_faults", is_flag=True, help="List the faults of each device and end.")
 @json_option
-def command(scenario: Path, list_faults: bool, as_json: bool) -> None:
+def command(scenario: str, list_faults: bool, as_json: bool) -> None:
     """Start the fake devices, each on a real TCP port or pty, and stay until Ctrl-C.
 
     Prints where each can be reached; with --json that is one line, and it comes when all are ready.
     Faults of the scenario strike at their times; more can be injected on the control port.
 
-    Example: softarm fakes --scenario examples/scenarios/bench.toml
+    Example: softarm fakes --scenario bench
     """
     checked = read_scenario(scenario)
     if list_faults:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from softarm.api.messages import State
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.client.session import DEFAULT_ENDPOINT
+from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
@@ -26,7 +27,6 @@ from softarm.recordings import load_recording
 
 Floats = NDArray[np.float64]
 
-EXAMPLES = Path(__file__).parents[3] / "examples"
 LIFETIME_S = 5.0
 PATIENCE = 5.0
 """With devices that share the machine with everything else."""
@@ -233,9 +233,9 @@ def live_rig(
             )
             operator: ExperimentOperator = Person(ask)
         else:
-            chosen = specimen or str(EXAMPLES / "specimens" / "fake_arm.toml")
+            chosen = specimen or str(fake_specimen())
             started = RigSettings(
-                settings.scenario or EXAMPLES / "scenarios" / "demo.toml",
+                settings.scenario or DEMO_SCENARIO,
                 specimen=chosen,
                 endpoint=endpoint or free_endpoint(),
                 sensors=sensors,

@@ -35,7 +35,7 @@ class RigSettings:
     """What to start.
 
     Args:
-        scenario: Scenario of the fakes.
+        scenario: Scenario of the fakes: a file, or the name of a shipped one.
         specimen: Specimen that the service runs on.
         arm: Name of the arm on the network.
         endpoint: zenoh endpoint of the service.
@@ -48,7 +48,7 @@ class RigSettings:
             machine with the service.
     """
 
-    scenario: Path
+    scenario: str | Path
     specimen: str = "sopra"
     arm: str = "sopra"
     endpoint: str = "tcp/127.0.0.1:7447"

@@ -3,6 +3,7 @@
 import difflib
 import tomllib
 from collections.abc import Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -22,6 +23,7 @@ from softarm.fakes.parts import (
 )
 
 Parameter = bool | int | float | str
+SHIPPED = ("demo", "bench", "bad_day")
 
 
 class PlantPart(Part):
@@ -107,19 +109,25 @@ class Scenario(Part):
         return self
 
 
-def read_scenario(path: Path) -> Scenario:
-    """Read and check a scenario file.
+def read_scenario(source: str | Path) -> Scenario:
+    """Read and check a scenario.
+
+    Args:
+        source: Path of a TOML file, or the name of a shipped scenario.
 
     Raises:
         InputError: It cannot be read, or something in it is wrong; every mistake is named.
     """
+    shipped = resources.files("softarm.fakes") / "scenarios" / f"{source}.toml"
+    file = shipped if str(source) in SHIPPED else Path(source)
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(str(path), f"cannot be read ({error.strerror})", "give a scenario file") from None
+        advice = f"give a scenario file or one of {', '.join(SHIPPED)}"
+        raise InputError(str(source), f"cannot be read ({error.strerror})", advice) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"is not TOML ({error})", "correct the file") from None
-    return check_scenario(table, str(path))
+        raise InputError(str(source), f"is not TOML ({error})", "correct the file") from None
+    return check_scenario(table, str(source))
 
 
 def check_scenario(table: dict[str, Any], where: str = "scenario") -> Scenario:

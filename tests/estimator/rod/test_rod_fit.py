@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from softarm.common.shipped import fake_specimen
 from softarm.estimator.arm import build_arm
 from softarm.estimator.model import Inputs
 from softarm.estimator.rod import Recipe, shape_key
@@ -25,7 +26,7 @@ def test_the_key_follows_the_shape_and_nothing_else() -> None:
     key = shape_key(sopra)
     turned = sopra.model_copy(update={"gravity_m_s2": (9.81, 0.0, 0.0), "name": "mine"})
     assert shape_key(turned) == key
-    assert shape_key(load_specimen("examples/specimens/fake_arm.toml")) == key
+    assert shape_key(load_specimen(fake_specimen())) == key
     thicker = sopra.geometry.model_copy(update={"wall_m": 0.0021})
     assert shape_key(sopra.model_copy(update={"geometry": thicker})) != key
     heavier = sopra.segments[0].model_copy(update={"mass_kg": 0.2})

@@ -9,7 +9,7 @@ import pytest
 
 from softarm.analysis.diagnosis.run import Request, improved_specimen, run
 from softarm.analysis.diagnosis.workers import Inline
-from softarm.cli.demo import fake_specimen
+from softarm.common.shipped import fake_specimen
 from softarm.estimator.diagnosis.diagnose import Outcome
 from softarm.estimator.effects import EFFECTS, Spot, World
 from softarm.estimator.effects.augmented import PlacedEffect

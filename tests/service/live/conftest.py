@@ -1,23 +1,20 @@
 """One rig for all: fakes with the dynamic arm, and the service with its finite elements, as processes."""
 
-from pathlib import Path
-
 import pytest
 
 from softarm.api.messages import Event
+from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
 from tests.service.live.helpers import cleared
 
-EXAMPLES = Path(__file__).parents[3] / "examples"
-
 
 @pytest.fixture(scope="package")
 def rig(tmp_path_factory):
     settings = RigSettings(
-        EXAMPLES / "scenarios" / "demo.toml",
-        specimen=str(EXAMPLES / "specimens" / "fake_arm.toml"),
+        DEMO_SCENARIO,
+        specimen=str(fake_specimen()),
         endpoint=free_endpoint(),
         sensors=("orientation", "bend"),
     )
