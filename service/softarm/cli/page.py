@@ -6,16 +6,20 @@ from pathlib import Path
 import click
 
 from softarm.client.client import SoftarmClient
-from softarm.client.session import DEFAULT_ENDPOINT
+from softarm.client.session import DEFAULT_ENDPOINT, NetworkSettings
+from softarm.daemon.config import load_config
+from softarm.daemon.settings import PageSettings
+from softarm.daemon.unit import zenoh_credential
 
 
 @click.command()
-@click.option("--arm", required=True, help="Name of the arm.")
+@click.option("--arm", help="Name of the arm.")
 @click.option(
-    "--endpoint", default=DEFAULT_ENDPOINT, show_default=True, help="zenoh endpoint of its service."
+    "--config", "path", type=click.Path(path_type=Path), help="The service's TOML file: names the rest."
 )
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address to serve the page on.")
-@click.option("--port", default=8080, show_default=True, help="Its TCP port.")
+@click.option("--endpoint", help=f"zenoh endpoint of its service.  [default: {DEFAULT_ENDPOINT}]")
+@click.option("--host", help="Address to serve the page on.  [default: 127.0.0.1]")
+@click.option("--port", type=int, help="Its TCP port.  [default: 8080]")
 @click.option("--zenoh", "zenoh_config", type=click.Path(path_type=Path), help="JSON5 file with credentials.")
 @click.option(
     "--origin",
@@ -25,7 +29,13 @@ from softarm.client.session import DEFAULT_ENDPOINT
     help="Further address by which browsers reach the page, such as that of a proxy; may be repeated.",
 )
 def command(
-    arm: str, endpoint: str, host: str, port: int, zenoh_config: Path | None, origins: tuple[str, ...]
+    arm: str | None,
+    path: Path | None,
+    endpoint: str | None,
+    host: str | None,
+    port: int | None,
+    zenoh_config: Path | None,
+    origins: tuple[str, ...],
 ) -> None:
     """Serve the operator page: 3-D view, forces, pressures, health, teach and stop buttons.
 
@@ -33,6 +43,14 @@ def command(
     """
     from softarm.page.app import Page  # viser and the meshing are heavy
 
+    known = None if path is None else load_config(path).config
+    arm = arm or (None if known is None else known.arm)
+    if arm is None:
+        raise click.UsageError("give --arm, or --config with the service's file")
+    settings = PageSettings() if known is None else known.page
+    endpoint = endpoint or (DEFAULT_ENDPOINT if known is None else _endpoint(known.network))
+    zenoh_config = zenoh_config or zenoh_credential()
+    host, port = host or settings.host, port or settings.port
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     with (
         SoftarmClient(arm, endpoint, "operator page", zenoh_config) as client,
@@ -40,3 +58,9 @@ def command(
     ):
         click.echo(f"operator page: http://{host}:{page.port}")
         signal.sigwait((signal.SIGINT, signal.SIGTERM))
+
+
+def _endpoint(network: NetworkSettings) -> str:
+    """Return where a service with these settings is reached."""
+    ends = network.connect if network.mode == "client" else network.listen
+    return next(iter(ends), DEFAULT_ENDPOINT)

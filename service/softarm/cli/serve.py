@@ -10,14 +10,20 @@ import click
 
 from softarm.cli.output import progress
 from softarm.common.errors import WorkFailedError
-from softarm.common.rods import trusted_rod
+from softarm.common.rods import cache_directory, known_trusted_rod, trusted_rod
 from softarm.daemon.app import Replay, Service
 from softarm.daemon.config import load_config
 from softarm.daemon.notify import Notifier
+from softarm.daemon.unit import UNIT_FOLDERS
 from softarm.estimator.errors import InputError
+from softarm.estimator.specimen import Specimen
 from softarm.recordings import load_recording
+from softarm.recordings.files import require_writable
 
 logger = logging.getLogger(__name__)
+
+STEP_S = 300.0
+"""No step of fitting a rod takes longer; systemd is asked for so much time with each."""
 
 
 @click.command()
@@ -48,15 +54,35 @@ def command(path: Path, replay: Path | None, speed: float, verbose: bool) -> Non
 
 
 def _prepare(path: Path) -> None:
-    """Fit the rod that the configuration asks for, where none is known yet, before the arm is waiting.
+    """Check the folders, and fit the rod that the configuration asks for where none is known yet.
 
     Raises:
-        WorkFailedError: It is too far from the finite elements to stand in for them.
+        InputError: A folder cannot be written.
+        WorkFailedError: The rod is too far from the finite elements to stand in for them, or cannot be kept
+            for the estimator's process.
     """
     setup = load_config(path)
+    for name in UNIT_FOLDERS:
+        require_writable(f"{path}, {name}", getattr(setup.config, name))
     if setup.config.control.model == "rod":
-        with progress(f"fitting the rod of {setup.specimen.name}") as advance:
-            trusted_rod(setup.specimen, lambda *_: advance(1))
+        _fit_rod(setup.specimen)
+
+
+def _fit_rod(specimen: Specimen) -> None:
+    notifier = Notifier.from_environment()
+    with progress(f"fitting the rod of {specimen.name}") as advance:
+
+        def step(*_: object) -> None:
+            notifier.extend(STEP_S)
+            advance(1)
+
+        trusted_rod(specimen, step)
+    notifier.close()
+    if known_trusted_rod(specimen) is None:
+        raise WorkFailedError(
+            f"{cache_directory()}: the rod that was fitted cannot be kept there; make it writable, or set "
+            "XDG_CACHE_HOME to a folder that is"
+        )
 
 
 async def _serve(path: Path, replay: Replay | None) -> None:

@@ -11,7 +11,14 @@ from pydantic import BaseModel, ValidationError
 
 from softarm.client.session import NetworkSettings
 from softarm.daemon.consistency import misfits
-from softarm.daemon.settings import ControlSettings, SafetySettings, SensorSettings, ServiceConfig
+from softarm.daemon.settings import (
+    ControlSettings,
+    PageSettings,
+    SafetySettings,
+    SensorSettings,
+    ServiceConfig,
+)
+from softarm.daemon.unit import UNIT_FOLDERS, state_directory, zenoh_credential
 from softarm.drivers.config import DriverConfig
 from softarm.drivers.errors import DeviceErrors
 from softarm.drivers.registry import load_devices
@@ -90,6 +97,7 @@ def load_config(path: Path) -> Setup:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(str(path), f"not valid TOML ({error})", "correct that place") from error
+    document.setdefault("arm", path.stem)
     mistakes: list[str] = []
     config = _validated(document, mistakes)
     devices = _devices(document, mistakes)
@@ -133,6 +141,7 @@ def _mistake(entry: Any) -> str:
 def _known_keys(place: tuple[str | int, ...]) -> tuple[str, ...]:
     tables: dict[str, type[BaseModel]] = {
         "network": NetworkSettings,
+        "page": PageSettings,
         "control": ControlSettings,
         "safety": SafetySettings,
         "sensors": SensorSettings,
@@ -197,10 +206,13 @@ def _tables(value: Any) -> list[dict[str, Any]]:
 
 
 def _rooted(config: ServiceConfig, folder: Path) -> ServiceConfig:
-    return config.model_copy(
-        update={
-            "state_directory": folder / config.state_directory,
-            "recording_directory": folder / config.recording_directory,
-            "network": config.network.beside(folder),
-        }
-    )
+    """Resolve paths; those that are left out are the unit's own, where systemd starts the service."""
+    state, given = state_directory(), config.model_fields_set
+    folders = {
+        name: state / own if state and name not in given else folder / getattr(config, name)
+        for name, own in UNIT_FOLDERS.items()
+    }
+    network = config.network.beside(folder)
+    if network.zenoh_config is None:
+        network = network.model_copy(update={"zenoh_config": zenoh_credential()})
+    return config.model_copy(update={**folders, "network": network})

@@ -15,7 +15,9 @@ class Notifier:
     """
 
     def __init__(self, address: str | None) -> None:
-        self._address = None if address is None else address.replace("@", "\0", 1)
+        if address is not None and address.startswith("@"):
+            address = f"\0{address[1:]}"
+        self._address = address
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
 
     @classmethod
@@ -43,6 +45,10 @@ class Notifier:
     def watchdog(self) -> None:
         """Say that the control loop is healthy; only a healthy tick may call this."""
         self._send("WATCHDOG=1")
+
+    def extend(self, seconds: float) -> None:
+        """Ask for more time to start, from now on; systemd would end a start that takes too long."""
+        self._send(f"EXTEND_TIMEOUT_USEC={round(seconds * 1e6)}")
 
     def stopping(self) -> None:
         """Say that the service is going down."""

@@ -51,6 +51,15 @@ class SafetySettings(Table):
     """What is written to the valves expires after so long unless the loop renews it."""
 
 
+class PageSettings(Table):
+    """The ``[page]`` table: where ``softarm page --config`` serves the operator page."""
+
+    host: str = "127.0.0.1"
+    """Address to serve it on."""
+    port: int = Field(default=8080, ge=1, le=65535)
+    """Its TCP port; each arm of a host needs its own."""
+
+
 class SensorSettings(Table):
     """One of ``[[sensors]]``: which reading of which device is which measurement."""
 
@@ -73,11 +82,12 @@ class ServiceConfig(Table):
     """Everything that a service runs on.
 
     Args:
-        arm: Name of the arm on the network.
+        arm: Name of the arm on the network; that of the file when left out.
         specimen: Path of a specimen or name of a shipped one.
-        state_directory: Where saved poses and the tare are kept.
-        recording_directory: Where recordings go.
+        state_directory: Where saved poses and the tare are kept; the unit's when left out under systemd.
+        recording_directory: Where recordings go; ``recordings`` in the unit's when left out under systemd.
         network: zenoh endpoints.
+        page: Where the operator page is served.
         control: Rates and model.
         safety: Deadlines.
         sensors: Which readings the estimator uses.
@@ -90,6 +100,7 @@ class ServiceConfig(Table):
     state_directory: Path = Path("state")
     recording_directory: Path = Path("recordings")
     network: NetworkSettings = NetworkSettings()
+    page: PageSettings = PageSettings()
     control: ControlSettings = ControlSettings()
     safety: SafetySettings = SafetySettings()
     sensors: tuple[SensorSettings, ...] = Field(min_length=1)

@@ -19,6 +19,27 @@ def refuse_existing(path: Path, *, force: bool) -> None:
         raise InputError(str(path), "exists already", "give another path, or --force to replace it")
 
 
+def require_writable(where: str, folder: Path) -> None:
+    """Make a folder and check that files can be written there.
+
+    Args:
+        where: What names the folder, such as a field of a configuration.
+        folder: The folder.
+
+    Raises:
+        InputError: It cannot be made or written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        what = f"{folder} cannot be written ({error.strerror})"
+        raise InputError(
+            where, what, "name a folder that the service may write, or change its rights"
+        ) from None
+
+
 @contextmanager
 def whole_files(*paths: Path) -> Iterator[tuple[Path, ...]]:
     """Write files under other names beside their place and rename them once all are complete.
