@@ -1,0 +1,73 @@
+"""The wheel alone: what it holds, and its commands away from the checkout."""
+
+import json
+import signal
+import subprocess
+
+import pytest
+
+pytestmark = pytest.mark.timeout(400)
+
+
+@pytest.fixture
+def command(environment, tmp_path):
+    """Run a command of the installed package, without the checkout's paths."""
+
+    def start(*arguments, **options):
+        return subprocess.Popen(
+            [environment / "bin" / "softarm", *arguments],
+            cwd=tmp_path,
+            env={"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "OPENBLAS_NUM_THREADS": "1"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            **options,
+        )
+
+    return start
+
+
+def test_the_wheel_runs_without_the_checkout_and_without_development_tools(environment, command):
+    told, errors = command("--version").communicate(timeout=60)
+    assert "version" in told, errors
+    where = "import softarm.cli, softarm.fakes; print(softarm.cli.__file__, softarm.fakes.__file__)"
+    python = environment / "bin" / "python"
+
+    def ask(code):
+        clean = {"PATH": "/usr/bin:/bin"}
+        return subprocess.run([python, "-c", code], capture_output=True, text=True, check=False, env=clean)
+
+    found = ask(where).stdout
+    assert all(path.startswith(str(environment)) for path in found.split())
+    for tool in ("pytest", "mypy", "selenium", "hypothesis", "distributed"):
+        assert (
+            subprocess.run([python, "-c", f"import {tool}"], capture_output=True, check=False).returncode == 1
+        )
+
+
+@pytest.mark.parametrize("scenario", ["demo", "bench", "bad_day"])
+def test_fakes_start_from_a_scenario_of_the_wheel(scenario, command):
+    fakes = command("fakes", "--scenario", scenario, "--json")
+    try:
+        line = fakes.stdout.readline()
+        assert line, fakes.stderr.read()
+        assert json.loads(line)["ready"]
+    finally:
+        fakes.send_signal(signal.SIGTERM)
+        fakes.communicate(timeout=60)
+
+
+def test_the_demo_finds_all_it_needs_and_its_service_gets_ready(command, tmp_path):
+    demo = command("demo", "--once", "--json", "--out", "out")
+    try:
+        log = tmp_path / "out" / "service.log"
+        while demo.poll() is None and not (log.exists() and "STARTING -> IDLE" in log.read_text()):
+            try:
+                demo.wait(0.5)
+            except subprocess.TimeoutExpired:
+                continue
+        assert demo.returncode in (None, 0), demo.communicate()
+        assert "STARTING -> IDLE" in log.read_text()
+    finally:
+        demo.send_signal(signal.SIGTERM)
+        demo.communicate(timeout=120)
