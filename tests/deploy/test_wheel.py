@@ -3,6 +3,8 @@
 import json
 import signal
 import subprocess
+import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -57,17 +59,19 @@ def test_fakes_start_from_a_scenario_of_the_wheel(scenario, command):
         fakes.communicate(timeout=60)
 
 
-def test_the_demo_finds_all_it_needs_and_its_service_gets_ready(command, tmp_path):
+def test_the_demo_starts_fakes_and_service_from_files_of_the_wheel(environment, command, tmp_path):
     demo = command("demo", "--once", "--json", "--out", "out")
+    written = tmp_path / "out" / "service.toml"
     try:
-        log = tmp_path / "out" / "service.log"
-        while demo.poll() is None and not (log.exists() and "STARTING -> IDLE" in log.read_text()):
+        while demo.poll() is None and not written.exists():
             try:
                 demo.wait(0.5)
             except subprocess.TimeoutExpired:
                 continue
-        assert demo.returncode in (None, 0), demo.communicate()
-        assert "STARTING -> IDLE" in log.read_text()
+        assert demo.poll() is None, demo.communicate()
+        specimen = tomllib.loads(written.read_text())["specimen"]
+        assert Path(specimen).is_relative_to(environment)
+        assert Path(specimen).is_file()
     finally:
         demo.send_signal(signal.SIGTERM)
         demo.communicate(timeout=120)
