@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,13 +11,8 @@ from softarm.cli.output import (
     progress,
     recordings_argument,
     say,
-    show,
     specimen_option,
 )
-from softarm.common.tables import Table
-
-if TYPE_CHECKING:
-    from softarm.estimator.diagnosis import Diagnosis
 
 NOMINAL = "--nominal"
 
@@ -111,9 +105,11 @@ def command(
     Example: softarm diagnose run1 run2 --nominal known1 --specimen sopra --out report
     """
     from softarm.analysis.diagnosis.done import digest_of, done_before, write_digest, write_report
+    from softarm.analysis.diagnosis.html import FILE as HTML
     from softarm.analysis.diagnosis.html import write_html
     from softarm.analysis.diagnosis.report import report_of
     from softarm.analysis.diagnosis.run import Request, improved_specimen, run
+    from softarm.analysis.diagnosis.sentences import summary
     from softarm.analysis.diagnosis.workers import workers
     from softarm.analysis.offline.inputs import load_recordings, specimen_of
     from softarm.estimator.specimen import save_specimen
@@ -143,65 +139,8 @@ def command(
     if as_json:
         click.echo(report.dump(), nl=False)
     else:
-        show(*tables(outcome.diagnosis), as_json=False)
+        for line in summary(outcome.diagnosis):
+            click.echo(line)
+        where = f"Report: {out / HTML}" if out is not None else "Add --out FOLDER to write the whole report."
+        click.echo(where)
     return 0
-
-
-def tables(diagnosis: "Diagnosis") -> tuple[Table, ...]:
-    """Tell a diagnosis in tables and plain words."""
-    heldout, left = diagnosis.heldout, diagnosis.unexplained
-    verdict = diagnosis.verdict.replace("_", " ")
-    where = ", ".join(f"{k} {v}" for k, v in left.where.model_dump(exclude_none=True).items())
-    remains = f"Unexplained: {where}, varying with {left.when}." if where else ""
-    first: list[dict[str, Any]] = [
-        {
-            "channel": name,
-            "rms_before": value,
-            "noise_floor": diagnosis.baseline.noise_floor[name],
-            "unit": diagnosis.baseline.units[name],
-        }
-        for name, value in diagnosis.baseline.rms.items()
-    ]
-    cells: list[dict[str, Any]] = [
-        {
-            "where": f"{cell.kind} {cell.name} {cell.axis}",
-            "varies_with": cell.regime,
-            "equivalent_load": cell.amplitude,
-            "unit": cell.unit,
-            "share_of_mismatch": cell.share,
-            "p": cell.p_value,
-        }
-        for cell in diagnosis.map.cells[:5]
-    ]
-    found: list[dict[str, Any]] = []
-    for finding in diagnosis.findings:
-        for name, quantity in finding.parameters.items():
-            place = finding.where.model_dump(exclude_none=True)
-            found.append(
-                {
-                    "effect": finding.effect,
-                    "where": ", ".join(f"{k} {v}" for k, v in place.items()) or "whole arm",
-                    "parameter": name,
-                    "value": quantity.value,
-                    "std": quantity.std,
-                    "unit": quantity.unit,
-                    "delta_bic": finding.evidence.delta_bic,
-                }
-            )
-    return (
-        Table(f"{diagnosis.specimen}: {verdict}", first, diagnosis.notes),
-        Table("Where the mismatch sits", cells),
-        Table("Physics that was left out", found, tuple(f.statement for f in diagnosis.findings)),
-        Table(
-            "Prediction of data that no fit and no choice has seen",
-            [
-                {
-                    "normalised_rms_before": heldout.before,
-                    "normalised_rms_after": heldout.after,
-                    "gain_from": heldout.gain_ci95[0],
-                    "gain_to": heldout.gain_ci95[1],
-                }
-            ],
-            tuple(filter(None, (heldout.how_split, remains, f"{diagnosis.seconds:.0f} s."))),
-        ),
-    )

@@ -133,7 +133,8 @@ def test_a_structure_outside_the_library_is_unknown() -> None:
     found = _diagnose(shaken).diagnosis
     assert found.verdict in ("unexplained", "partly_explained")
     assert [finding.effect for finding in found.findings] == ["unknown"] or found.verdict != "unexplained"
-    assert found.unexplained.normalised_rms > whole.STRUCTURE
+    assert found.unexplained.over_nominal is not None
+    assert found.unexplained.over_nominal > whole.STRUCTURE
 
 
 def test_an_obstacle_is_found_where_nominal_runs_hardly_were() -> None:
@@ -159,7 +160,7 @@ def test_a_segment_that_locks_is_not_called_one_that_stiffens() -> None:
     (finding,) = found[LOCKING].findings
     assert found[LOCKING].verdict == "unexplained"
     assert (finding.effect, finding.where, finding.when) == ("unknown", lower, "pose")
-    assert "Some law of the pose at segment lower" in finding.statement
+    assert "Something that depends on the pose acts at the lower segment." in finding.statement
 
 
 def test_physics_that_is_not_tried_leaves_something_unexplained() -> None:

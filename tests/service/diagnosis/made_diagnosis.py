@@ -1,20 +1,25 @@
-"""A diagnosis as the pipeline would give it, with every part filled."""
+"""Diagnoses as the pipeline returns them: of each verdict, and of an arm without chambers."""
+
+from dataclasses import replace
 
 import numpy as np
 
 from softarm.estimator.diagnosis.result import (
     Baseline,
     Cell,
+    ChannelError,
     Diagnosis,
     Evidence,
     Exposure,
     Finding,
     Heldout,
+    InnovationTest,
     LocationMap,
     NotTestable,
     Quantity,
     Rejected,
     Rival,
+    Stretch,
     Trace,
     Unexplained,
 )
@@ -38,9 +43,11 @@ def finding() -> Finding:
         when="time since a change",
         statement="The material of segment lower creeps <by 15 %> & comes back.",
         parameters={"strength": Quantity(0.152, 0.01, "1"), "time_constant": Quantity(8.1, 0.4, "s")},
-        evidence=Evidence(412.0, 3.2, 1.1, (0.55, 0.71), 0.005),
-        confusable_with=(Rival("hysteresis", Place(segment="lower"), "ramps at two rates", 3.0),),
-        rejected=(Rejected("thermal_drift", Place(), 120.0), Rejected("line_lag", Place(chamber=3), 380.0)),
+        evidence=Evidence(
+            206.0, 3.2, 1.1, (0.55, 0.71), 0.005, {"bend_tip.x": ChannelError("rad", 0.022, 0.008)}
+        ),
+        confusable_with=(Rival("hysteresis", Place(segment="lower"), "ramps at two rates", 1.5),),
+        rejected=(Rejected("thermal_drift", Place(), 60.0), Rejected("line_lag", Place(chamber=3), 190.0)),
         exposure=Exposure(
             "pressure of chamber 3", "Pa", "bend_tip.x", "rad", values, values * 1e-6, values * 0.0
         ),
@@ -62,10 +69,72 @@ def diagnosis() -> Diagnosis:
         baseline=Baseline({"bend_tip.x": 0.02}, {"bend_tip.x": 0.004}, {"bend_tip.x": "rad"}, 4.1),
         map=LocationMap(cells),
         findings=(finding(),),
-        heldout=Heldout(3.2, 1.1, (0.55, 0.71), "Every third run is held out."),
-        unexplained=Unexplained(1.1, Place(segment="upper"), "pose"),
+        heldout=Heldout(
+            3.2,
+            1.1,
+            (0.55, 0.71),
+            "every third run",
+            {"bend_tip.x": ChannelError("rad", 0.022, 0.008)},
+            InnovationTest({"bend_tip.x": 1.21}, {"bend_tip.x": 0.42}),
+        ),
+        unexplained=Unexplained(
+            1.1,
+            Place(segment="upper"),
+            "pose",
+            over_nominal=1.9,
+            worst=Stretch("run_04", "bend_tip.x", "rad", 12.0, 15.0, 0.02),
+        ),
         not_testable=(NotTestable("mullins_softening", "cycles of growing amplitude"),),
         notes=("12 gaps of up to 0.14 s.",),
         traces=(trace(), trace("bend_tip.y")),
         seconds=81.0,
     )
+
+
+def _told(whole: Diagnosis, before: float, after: float, over_nominal: float | None) -> Diagnosis:
+    """Change how well a diagnosis predicts unseen data, every number that depends on it included."""
+    errors = {"bend_tip.x": ChannelError("rad", 0.01 * before, 0.01 * after)}
+    heldout = replace(whole.heldout, before=before, after=after, channels=errors)
+    left = replace(whole.unexplained, normalised_rms=after, over_nominal=over_nominal)
+    return replace(whole, heldout=heldout, unexplained=left)
+
+
+def consistent() -> Diagnosis:
+    """An arm that has not changed, with a model that is off by more than the noise."""
+    calm = replace(diagnosis(), verdict="consistent", findings=(), traces=(trace(),))
+    return _told(calm, 4.0, 4.0, 1.05)
+
+
+def explained(after: float = 1.1) -> Diagnosis:
+    """One finding that leaves a given multiple of the noise, of an error of 40 times the noise."""
+    evidence = replace(finding().evidence, heldout_before=40.0, heldout_after=after)
+    found = replace(finding(), evidence=evidence)
+    return _told(replace(diagnosis(), verdict="explained", findings=(found,)), 40.0, after, 0.9)
+
+
+def unexplained() -> Diagnosis:
+    """A mismatch that nothing explains."""
+    missing = Finding(
+        effect="unknown",
+        where=Place(segment="lower"),
+        when="pose",
+        statement="No known effect explains it.",
+        parameters={},
+        evidence=Evidence(0.0, 5.0, 5.0, (0.0, 0.0), 0.01),
+    )
+    return _told(replace(diagnosis(), verdict="unexplained", findings=(missing,)), 5.0, 5.0, 3.0)
+
+
+def without_chambers() -> Diagnosis:
+    """A beam with a load that may be a mass or a force."""
+    load = Finding(
+        effect="tip_payload",
+        where=Place(section="tip"),
+        when="constant",
+        statement="The tip section carries a mass that is not in the model: 52 g.",
+        parameters={"mass": Quantity(0.052, 0.001, "kg")},
+        evidence=Evidence(900.0, 236.0, 29.8, (0.873, 0.874), float("nan")),
+        confusable_with=(Rival("external_force", Place(section="tip"), "the mount turned", 0.4),),
+    )
+    beam = replace(diagnosis(), specimen="beam", verdict="explained", findings=(load,), not_testable=())
+    return _told(beam, 236.0, 29.8, 0.31)

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from softarm.analysis.diagnosis.report import FILE, read_report, report_of
 from softarm.cli import run
 from softarm.estimator.diagnosis.result import (
     Baseline,
+    ChannelError,
     Diagnosis,
     Evidence,
     Finding,
@@ -63,17 +65,65 @@ def test_a_report_holds_what_the_contract_lists() -> None:
         "baseline",
         "findings",
         "heldout",
+        "calibration_of_noise",
         "unexplained",
     }
+    assert set(told["baseline"]) == {"rms", "noise_floor", "normalised_rms"}
+    assert set(told["heldout"]) == {
+        "rms_before",
+        "rms_after",
+        "unit",
+        "normalised_rms_before",
+        "normalised_rms_after",
+        "gain_ci95",
+        "how_split",
+    }
+    assert set(told["calibration_of_noise"]) == {"innovation_variance", "innovation_correlation"}
+    assert set(told["unexplained"]) == {"normalised_rms", "where", "when"}
     (finding,) = told["findings"]
     assert finding["where"] == {"segment": None, "chamber": 2, "section": None, "sensor": None, "axis": None}
     assert set(finding["evidence"]) == {
-        "delta_bic",
+        "log_bayes_factor",
         "heldout_before",
         "heldout_after",
         "heldout_gain_ci95",
     }
     assert finding["confusable_with"][0]["effect"] == "line_leak"
+    assert finding["rejected"] == [{"effect": "hysteresis", "log_bayes_factor": 30.0}]
+    assert set(finding) == {
+        "effect",
+        "where",
+        "when",
+        "statement",
+        "parameters",
+        "probability",
+        "interval",
+        "recording",
+        "evidence",
+        "confusable_with",
+        "rejected",
+    }
+    assert (finding["probability"], finding["interval"], finding["recording"]) == (None, None, None)
+
+
+def test_held_out_errors_are_in_degrees_millimetres_and_kilopascals() -> None:
+    whole = _diagnosis()
+    errors = {
+        "bend_tip.x": ChannelError("rad", np.pi / 180.0, np.pi / 360.0),
+        "marker_tip1.x": ChannelError("m", 0.004, 0.001),
+        "pressure_0": ChannelError("Pa", 900.0, 50.0),
+    }
+    told = report_of(replace(whole, heldout=replace(whole.heldout, channels=errors))).heldout
+    assert told.unit == {"bend_tip.x": "deg", "marker_tip1.x": "mm", "pressure_0": "kPa"}
+    assert told.rms_before == pytest.approx({"bend_tip.x": 1.0, "marker_tip1.x": 4.0, "pressure_0": 0.9})
+    assert told.rms_after == pytest.approx({"bend_tip.x": 0.5, "marker_tip1.x": 1.0, "pressure_0": 0.05})
+
+
+def test_a_probability_lies_between_nought_and_one() -> None:
+    whole = _diagnosis()
+    for bad in (-0.1, 1.1):
+        with pytest.raises(ValueError, match="probability"):
+            report_of(replace(whole, findings=(replace(whole.findings[0], probability=bad),)))
 
 
 def test_a_number_that_is_none_is_refused() -> None:

@@ -11,8 +11,15 @@ from softarm.estimator.diagnosis.candidates import TIED, Accepted, Candidate, Ch
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gram import Products, total
+from softarm.estimator.diagnosis.innovations import (
+    channel_errors,
+    innovation_test,
+    learnt_coefficients,
+    residuals_of,
+)
 from softarm.estimator.diagnosis.judge import bootstrap
 from softarm.estimator.diagnosis.result import (
+    ChannelErrors,
     Evidence,
     Exposure,
     Finding,
@@ -20,21 +27,17 @@ from softarm.estimator.diagnosis.result import (
     Quantity,
     Rejected,
     Rival,
-    Trace,
     Unexplained,
 )
 from softarm.estimator.diagnosis.session import channels, units
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.unnamed import Law
-from softarm.estimator.diagnosis.words import WHEN, manoeuvre
+from softarm.estimator.diagnosis.words import WHEN, dependence, manoeuvre, sentence_on
 from softarm.estimator.effects import EFFECTS, describe
 from softarm.estimator.specimen.physics import EffectName, Place
 
 Floats = NDArray[np.float64]
 
-TRACES = 4
-TRACE_CHANNELS = 3
-POINTS = 600
 MOST_UNPROVEN = 3
 """Effects that may fail on held-out data before the search ends."""
 FRAGMENT = 0.3
@@ -82,8 +85,7 @@ def held_out(search: Search, before: Fit | None, after: Fit | None, *, known: bo
         known: Whether the model without effects is the one that was known before any of the recordings in
             question was seen.
     """
-    seen = total([part for part in search.parts(after) if not part.heldout], search.evidence.size)
-    learnt = search.belief.updated(seen, search.weights.share).mean
+    learnt = learnt_coefficients(search, after)
     first, counts = _squares(search, before, search.belief.mean if known else learnt)
     last, _ = _squares(search, after, learnt)
     return Predictions(first, last, counts)
@@ -110,13 +112,24 @@ def _squares(search: Search, fit: Fit | None, common: Floats) -> tuple[Floats, F
     return np.array(squares), np.array(counts)
 
 
-def heldout_result(search: Search, predictions: Predictions, how: str) -> Heldout:
-    """Judge the whole model on held-out data."""
+def heldout_result(search: Search, fit: Fit | None, predictions: Predictions, how: str) -> Heldout:
+    """Judge the whole model on held-out data.
+
+    Args:
+        search: The search.
+        fit: All findings.
+        predictions: Costs of held-out stretches without and with them.
+        how: In words, which data these are.
+    """
     rms_before, rms_after = predictions.rms()
     interval = (0.0, 0.0)
     if len(predictions.before) and not np.array_equal(predictions.before, predictions.after):
         interval = bootstrap(search.rng, predictions.before, predictions.after)
-    return Heldout(rms_before, rms_after, interval, how)
+    learnt = learnt_coefficients(search, fit)
+    left = residuals_of(search, fit, learnt)
+    before = residuals_of(search, None, learnt if fit is None else search.belief.mean)
+    errors = channel_errors(search, before, left)
+    return Heldout(rms_before, rms_after, interval, how, errors, innovation_test(search, left))
 
 
 def proven(search: Search) -> tuple[Choice, list[EffectName]]:
@@ -191,21 +204,24 @@ def _gain(
 
 
 def findings_of(search: Search, choice: Choice) -> tuple[Finding, ...]:
-    """Tell of every accepted effect what speaks for it; the one that explains most comes first."""
+    """Describe every accepted effect with its evidence; the one that explains most comes first."""
     fit = choice.fit
     if fit is None:
         return ()
     found: list[tuple[float, Finding]] = []
     for index, accepted in enumerate(choice.accepted):
         others = [k for k in range(len(fit.hypotheses)) if k != index]
-        predictions = held_out(search, search.subset(fit, others), fit)
+        rest = search.subset(fit, others)
+        predictions = held_out(search, rest, fit)
         gain = float(predictions.before.sum() - predictions.after.sum())
-        found.append((gain, _finding(search, choice, accepted, index, predictions)))
+        learnt = learnt_coefficients(search, fit)
+        errors = channel_errors(search, residuals_of(search, rest, learnt), residuals_of(search, fit, learnt))
+        found.append((gain, _finding(search, choice, accepted, index, predictions, errors)))
     return tuple(finding for _, finding in sorted(found, key=lambda entry: -entry[0]))
 
 
 def unknown(left: Unexplained, heldout: Heldout, search_p: float, law: Law | None) -> Finding:
-    """Say that something is missing which no known effect explains.
+    """Report that something is missing which no known effect explains.
 
     Args:
         left: Where it sits and what it varies with, as far as that is known.
@@ -213,8 +229,8 @@ def unknown(left: Unexplained, heldout: Heldout, search_p: float, law: Law | Non
         search_p: Chance that the whole search finds as much where nothing is missing.
         law: A law without a name that explains it, where there is one.
     """
-    sits = f" They differ most at {describe(left.where)}, varying with {left.when}." if left.when else ""
-    differ = "Model and recordings differ, and no known effect predicts data that no fit has seen any better."
+    sits = f" They differ most at {describe(left.where)}, and {dependence(left.when)}." if left.when else ""
+    differ = "Model and recordings differ, and no known effect improves the prediction of unseen data."
     return Finding(
         effect="unknown",
         where=left.where,
@@ -222,13 +238,18 @@ def unknown(left: Unexplained, heldout: Heldout, search_p: float, law: Law | Non
         statement=differ + sits if law is None else law.tell(),
         parameters={},
         evidence=Evidence(
-            0.0 if law is None else law.delta_bic, heldout.before, heldout.after, (0.0, 0.0), search_p
+            0.0 if law is None else law.delta_bic / 2.0, heldout.before, heldout.after, (0.0, 0.0), search_p
         ),
     )
 
 
 def _finding(
-    search: Search, choice: Choice, accepted: Accepted, index: int, predictions: Predictions
+    search: Search,
+    choice: Choice,
+    accepted: Accepted,
+    index: int,
+    predictions: Predictions,
+    errors: ChannelErrors,
 ) -> Finding:
     fit = choice.fit
     assert fit is not None
@@ -240,12 +261,7 @@ def _finding(
         low, high = bootstrap(search.rng, predictions.before, predictions.after)
     rivals, rejected = _rivals(search, accepted)
     when = WHEN[effect.name]
-    tied = "; ".join(f"{r.effect} at {describe(r.where)} ({r.manoeuvre} would tell)" for r in rivals)
-    statement = (
-        f"{effect.tell(theta, hypothesis.place)} {_told(when)} With it, data that no fit "
-        f"has seen are predicted to {after:.2f} instead of {before:.2f} times their noise."
-        + (f" These data do not tell it from {tied}." if tied else "")
-    )
+    statement = f"{effect.tell(theta, hypothesis.place)} {sentence_on(when)}"
     return Finding(
         effect=effect.name,
         where=hypothesis.place,
@@ -256,7 +272,12 @@ def _finding(
             for p, value, std in zip(effect.parameters, theta, stds, strict=True)
         },
         evidence=Evidence(
-            accepted.candidate.delta_bic, before, after, (low, high), accepted.judgement.search_p
+            accepted.candidate.delta_bic / 2.0,
+            before,
+            after,
+            (low, high),
+            accepted.judgement.search_p,
+            errors,
         ),
         confusable_with=rivals,
         rejected=rejected,
@@ -267,6 +288,7 @@ def _finding(
 def _rivals(search: Search, accepted: Accepted) -> tuple[tuple[Rival, ...], tuple[Rejected, ...]]:
     winner = accepted.candidate
     own = search.evidence.library.hypotheses[winner.number]
+    pneumatic = len(search.evidence.stages[0].world.pressure_limits) > 0
     rivals: dict[str, Rival] = {}
     rejected: list[Rejected] = []
     for candidate in accepted.field:
@@ -275,15 +297,15 @@ def _rivals(search: Search, accepted: Accepted) -> tuple[tuple[Rival, ...], tupl
             continue
         lost = winner.delta_bic - candidate.delta_bic
         if _tied(winner, candidate, own.name, other.name) and other.name != own.name:
-            rival = Rival(other.name, other.place, manoeuvre(own.name, other.name), lost)
-            rivals.setdefault(other.name, rival)
+            words = manoeuvre(own.name, other.name, pneumatic=pneumatic)
+            rivals.setdefault(other.name, Rival(other.name, other.place, words, lost / 2.0))
         else:
-            rejected.append(Rejected(other.name, other.place, lost))
-    return tuple(rivals.values()), tuple(sorted(rejected, key=lambda entry: entry.delta_bic))
+            rejected.append(Rejected(other.name, other.place, lost / 2.0))
+    return tuple(rivals.values()), tuple(sorted(rejected, key=lambda entry: entry.log_bayes_factor))
 
 
 def _tied(winner: Candidate, other: Candidate, own: EffectName, rival: EffectName) -> bool:
-    """Tell whether a rival is as good: nearly the same gain, or a class that looks alike by nature."""
+    """Return whether a rival is as good: nearly the same gain, or a class that looks alike by nature."""
     share = other.gain / max(winner.gain, 1e-9)
     alike = set(EFFECTS[own].equivalence) & set(EFFECTS[rival].equivalence)
     return share >= TIED or (bool(alike) and share >= 0.9)
@@ -321,16 +343,6 @@ def _exposure(search: Search, choice: Choice, index: int) -> Exposure | None:
     )
 
 
-def _told(when: str) -> str:
-    return (
-        "The mismatch is always there." if when == "constant" else f"The mismatch varies with {_the(when)}."
-    )
-
-
-def _the(when: str) -> str:
-    return when if when.startswith("time since") else f"the {when}"
-
-
 def exposing_variable(stage: Stage, name: str, place: Place) -> tuple[str, str, Floats]:
     """Give the variable against which an effect's residual shows best: its name, unit and values."""
     regime = WHEN[name]
@@ -348,39 +360,3 @@ def exposing_variable(stage: Stage, name: str, place: Place) -> tuple[str, str, 
         bend = np.linalg.norm(stage.arm.baseline.strains[..., :2], axis=-1)[:, -1]
         return "bend of the last segment", "rad", bend
     return "time", "s", session.clock - session.clock[0]
-
-
-def traces_of(search: Search, choice: Choice) -> tuple[Trace, ...]:
-    """Give the channels that are furthest off, before and after, of some recordings, held-out ones first."""
-    after = search.residuals(choice.fit)
-    parts = [part for part in search.parts(choice.fit) if not part.heldout]
-    common = search.belief.updated(total(parts, search.evidence.size), search.weights.share).mean
-    chosen = sorted(
-        (k for k, stage in enumerate(search.evidence.stages) if not stage.session.nominal),
-        key=lambda k: (not search.evidence.stages[k].session.heldout.any(), k),
-    )[:TRACES]
-    found = []
-    for number in chosen:
-        stage = search.evidence.stages[number]
-        names = channels(stage.suite)
-        scale = np.array([search.weights.scale[name] for name in names])
-        off = np.nanmean((search.evidence.residuals[number] / scale) ** 2, axis=0)
-        every = max(1, stage.session.samples // POINTS)
-        shared = search.evidence.columns[number] @ common
-        reading = stage.reading_rows
-        for row in np.argsort(-np.nan_to_num(off))[:TRACE_CHANNELS].tolist():
-            plain = search.evidence.residuals[number][:, row]
-            left = after[number][:, row] - shared[:, row]
-            found.append(
-                Trace(
-                    stage.session.name,
-                    names[row],
-                    units(stage.suite)[row],
-                    stage.session.clock[::every] - stage.session.clock[0],
-                    reading[::every, row],
-                    (reading[:, row] - plain)[::every],
-                    (reading[:, row] - left)[::every],
-                    stage.session.heldout[::every],
-                )
-            )
-    return tuple(found)

@@ -15,12 +15,12 @@ from softarm.estimator.diagnosis.conclude import (
     held_out,
     heldout_result,
     proven,
-    traces_of,
     unknown,
 )
 from softarm.estimator.diagnosis.evidence import Evidence
 from softarm.estimator.diagnosis.form import form_columns
 from softarm.estimator.diagnosis.gram import total
+from softarm.estimator.diagnosis.innovations import learnt_coefficients, residuals_of, worst_stretch
 from softarm.estimator.diagnosis.judge import HETEROGENEITY
 from softarm.estimator.diagnosis.library import Library, build_library, library_columns
 from softarm.estimator.diagnosis.locate import locate
@@ -28,6 +28,7 @@ from softarm.estimator.diagnosis.nominal import belief_before, evidence_of_chang
 from softarm.estimator.diagnosis.result import (
     Baseline,
     Diagnosis,
+    Finding,
     LocationMap,
     NotTestable,
     Unexplained,
@@ -40,8 +41,9 @@ from softarm.estimator.diagnosis.stage import Model, Stage
 from softarm.estimator.diagnosis.stuck import Stuck, find_stuck, stuck_findings, without_stuck
 from softarm.estimator.diagnosis.swapped import refuse_swapped
 from softarm.estimator.diagnosis.swing import fit_swing, swinging
+from softarm.estimator.diagnosis.traces import traces_of
 from softarm.estimator.diagnosis.unnamed import Law, better_law
-from softarm.estimator.diagnosis.words import EXCITATION
+from softarm.estimator.diagnosis.words import possible
 from softarm.estimator.effects import EFFECTS, describe
 from softarm.estimator.effects.augmented import PlacedEffect
 from softarm.estimator.errors import InputError
@@ -101,7 +103,7 @@ def diagnose(
         seed: Of everything random.
         notes: What was noticed of the recordings.
         effects: Effects to try; all when left out.
-        advance: Told what is being done.
+        advance: Is called with what is being done.
     """
     rng = np.random.default_rng(seed)
     limits = np.array(model.specimen.pressure_limits)
@@ -214,8 +216,13 @@ def _outcome(
     baseline = _baseline(suspects, evidence.floors)
     changed = law is not None or remainder > STRUCTURE or _changed(search, choice)
     verdict = _verdict(choice, changed=changed, found=bool(findings))
-    unexplained = _unexplained(verdict, remainder, left_map, law)
-    heldout = heldout_result(search, predictions, how)
+    heldout = heldout_result(search, choice.fit, predictions, how)
+    left = residuals_of(search, choice.fit, learnt_coefficients(search, choice.fit))
+    unexplained = replace(
+        _unexplained(verdict, heldout.after, left_map, law),
+        over_nominal=remainder if len(suspects) < len(evidence.stages) else None,
+        worst=worst_stretch(search, left),
+    )
     if verdict == "unexplained":
         findings = (unknown(unexplained, heldout, choice.alarm_p, law),)
     diagnosis = Diagnosis(
@@ -228,9 +235,9 @@ def _outcome(
         findings=findings,
         heldout=heldout,
         unexplained=unexplained,
-        not_testable=_not_testable(search),
+        not_testable=_not_testable(search, findings),
         notes=tuple(notes),
-        traces=traces_of(search, choice),
+        traces=traces_of(search, choice.fit),
     )
     fit = choice.fit
     known = len(evidence.fitted.values)
@@ -304,17 +311,21 @@ def _verdict(choice: Choice, *, changed: bool, found: bool) -> Verdict:
     return "unexplained" if changed or (doubtful and choice.alarm_p < SIGNIFICANT) else "consistent"
 
 
-def _unexplained(verdict: Verdict, remainder: float, found: LocationMap, law: Law | None) -> Unexplained:
+def _unexplained(verdict: Verdict, after: float, found: LocationMap, law: Law | None) -> Unexplained:
     if law is not None:
-        return Unexplained(remainder, law.place, law.regime, found)
+        return Unexplained(after, law.place, law.regime, found)
     best = found.best
     if verdict in ("consistent", "explained") or best is None or best.p_value > SIGNIFICANT:
-        return Unexplained(remainder, Place(), "", found)
-    return Unexplained(remainder, best.place, best.regime, found)
+        return Unexplained(after, Place(), "", found)
+    return Unexplained(after, best.place, best.regime, found)
 
 
-def _not_testable(search: Search) -> tuple[NotTestable, ...]:
-    """List effects of which a typical size would not show anywhere."""
+def _not_testable(search: Search, findings: Sequence[Finding]) -> tuple[NotTestable, ...]:
+    """List effects of which a typical size would not show anywhere.
+
+    What was found or is a rival of a finding shows; what has no place on the arm, or was not tried, is not
+    listed.
+    """
     suspects = [stage.session for stage in search.evidence.stages if not stage.session.nominal]
     limits = _common_world(search.evidence.stages).world.pressure_limits
     there = excitation(suspects, limits)
@@ -326,12 +337,16 @@ def _not_testable(search: Search) -> tuple[NotTestable, ...]:
         own = search.evidence.nuisances + column
         gains[name] = max(gains[name], search.weights.share * float(seen.matrix[own, own]))
     found = []
+    pneumatic = len(limits) > 0
+    tried = {hypothesis.name for hypothesis in search.evidence.library.hypotheses}
+    shown = {finding.effect for finding in findings}
+    shown |= {rival.effect for finding in findings for rival in finding.confusable_with}
     for effect in EFFECTS.values():
         name = effect.name
-        if gains[name] >= DETECTABLE or name == "sensor_stuck":
+        if gains[name] >= DETECTABLE or name in shown or name not in tried:
             continue
-        lacking = sorted(EXCITATION[need] for need in effect.needs - there)
-        found.append(NotTestable(name, "; ".join(lacking) or "a larger response of the sensors"))
+        lacking = possible(effect.needs - there, pneumatic=pneumatic)
+        found.append(NotTestable(name, "; ".join(lacking) or "larger motion than was recorded"))
     return tuple(found)
 
 

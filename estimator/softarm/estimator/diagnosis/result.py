@@ -1,4 +1,4 @@
-"""What a diagnosis says: how far the model is off, where, which physics explains it, and what is left.
+"""The result of a diagnosis: how far the model is off, where, which physics explains it, and what is left.
 
 Residuals are measured minus predicted: metres for markers and positions, radians for rotations and bends,
 pascals for the pressures behind the valves. Normalised residuals are divided by the noise of their channel.
@@ -156,6 +156,58 @@ class Exposure:
 
 
 @dataclass(frozen=True)
+class ChannelError:
+    """Error of one channel on data that no fit and no choice has seen, in the channel's unit.
+
+    Args:
+        unit: ``m``, ``rad`` or ``Pa``.
+        before: Root mean square of the residual without what is judged.
+        after: The same with it.
+    """
+
+    unit: str
+    before: float
+    after: float
+
+
+ChannelErrors = Mapping[str, ChannelError]
+
+
+@dataclass(frozen=True)
+class InnovationTest:
+    """Whether held-out residuals, over the standard deviation that the choice assumed, are white noise.
+
+    Args:
+        variance: Mean square of the standardised residuals of each channel; 1 where the noise is as assumed.
+        correlation: Their correlation between neighbouring samples; 0 where the noise is white.
+    """
+
+    variance: Mapping[str, float] = field(default_factory=dict)
+    correlation: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of time in which a channel is off.
+
+    Args:
+        recording: Name of the recording.
+        channel: Name of the channel.
+        unit: Its unit: ``m``, ``rad`` or ``Pa``.
+        start: Seconds from the start of the recording.
+        end: The same.
+        rms: Root mean square of the residual in it, in ``unit``.
+    """
+
+    recording: str
+    channel: str
+    unit: str
+    start: float
+    end: float
+    rms: float
+
+
+@dataclass(frozen=True)
 class Quantity:
     """A parameter with its standard deviation."""
 
@@ -169,19 +221,22 @@ class Evidence:
     """Why a finding is believed.
 
     Args:
-        delta_bic: Gain of the Bayesian information criterion over the model without it, with the effective
-            number of samples.
+        log_bayes_factor: Natural logarithm of the Bayes factor against the model without it, as half the gain
+            of the Bayesian information criterion with the effective number of samples (Schwarz 1978; Kass and
+            Raftery, J. Am. Stat. Assoc. 90 (1995) 773, section 4.1.3).
         heldout_before: Normalised rms on held-out data without the finding, all others kept.
         heldout_after: The same with it.
         heldout_gain_ci95: Bootstrap interval over blocks of the relative gain 1 - after / before.
         search_p: Chance that the whole search finds as much where nothing is missing.
+        channels: Error of each channel without the finding, all others kept, and with it.
     """
 
-    delta_bic: float
+    log_bayes_factor: float
     heldout_before: float
     heldout_after: float
     heldout_gain_ci95: tuple[float, float]
     search_p: float
+    channels: ChannelErrors = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -192,22 +247,22 @@ class Rival:
         effect: Its name.
         where: Where it would act.
         manoeuvre: What would tell the two apart, in words.
-        delta_bic: By how much it lost against the finding.
+        log_bayes_factor: Natural logarithm of the Bayes factor of the finding against it.
     """
 
     effect: EffectName
     where: Place
     manoeuvre: str
-    delta_bic: float
+    log_bayes_factor: float
 
 
 @dataclass(frozen=True)
 class Rejected:
-    """An alternative that lost against a finding, by how much."""
+    """An alternative that lost against a finding, and the logarithm of the Bayes factor between them."""
 
     effect: EffectName
     where: Place
-    delta_bic: float
+    log_bayes_factor: float
 
 
 @dataclass(frozen=True)
@@ -224,6 +279,9 @@ class Finding:
         confusable_with: What these data cannot tell from it.
         rejected: What lost, the closest first.
         exposure: The residual against the variable that exposes it, where there is one.
+        probability: Posterior probability that it acts at this place; ``None`` where none was computed.
+        interval: From when to when [s], of an ``event`` alone.
+        recording: In which recording, of an ``event`` alone.
     """
 
     effect: EffectName
@@ -235,6 +293,9 @@ class Finding:
     confusable_with: tuple[Rival, ...] = ()
     rejected: tuple[Rejected, ...] = ()
     exposure: Exposure | None = None
+    probability: float | None = None
+    interval: tuple[float, float] | None = None
+    recording: str | None = None
 
 
 @dataclass(frozen=True)
@@ -246,12 +307,16 @@ class Heldout:
         after: With all findings.
         gain_ci95: Bootstrap interval over blocks of 1 - after / before.
         how_split: In words, which data these are.
+        channels: Error of each channel before and after.
+        innovations: Whether what is left is noise.
     """
 
     before: float
     after: float
     gain_ci95: tuple[float, float]
     how_split: str
+    channels: ChannelErrors = field(default_factory=dict)
+    innovations: InnovationTest = field(default_factory=InnovationTest)
 
 
 @dataclass(frozen=True)
@@ -263,12 +328,17 @@ class Unexplained:
         where: Where most of it sits, empty where nothing significant is left.
         when: What it varies with, empty likewise.
         map: The location map of what is left.
+        over_nominal: What no known effect explains, as a multiple of the same in nominal recordings; ``None``
+            where there are none.
+        worst: The stretch and channel with the largest error that is left, over noise.
     """
 
     normalised_rms: float
     where: Place = field(default_factory=Place)
     when: str = ""
     map: LocationMap = LocationMap()
+    over_nominal: float | None = None
+    worst: Stretch | None = None
 
 
 @dataclass(frozen=True)

@@ -50,12 +50,12 @@ class Law:
     nearest: tuple[EffectName, ...] = ()
 
     def tell(self) -> str:
-        """Say what is seen, and how far what has a name falls short of it."""
-        told = f"Some law of the {self.regime} at {describe(self.place)} is at work that the library lacks."
+        """Describe what is seen, and how far the known effects fall short of it."""
+        seen = f"Something that depends on the {self.regime} acts at {describe(self.place)}."
         if not self.nearest:
-            return f"{told} No known effect explains it."
-        names = ", ".join(self.nearest)
-        return f"{told} The nearest that has a name, {names}, explains far less, and so is not reported."
+            return f"{seen} No known effect explains it."
+        names = ", ".join(name.replace("_", " ") for name in self.nearest)
+        return f"{seen} No known effect explains it; a free law fits far better than the closest, {names}."
 
 
 def better_law(search: Search, choice: Choice) -> Law | None:

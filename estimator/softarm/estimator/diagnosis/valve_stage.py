@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from softarm.estimator.diagnosis.admit import Admitted
 from softarm.estimator.diagnosis.result import (
     Baseline,
+    ChannelError,
     Diagnosis,
     Evidence,
     Finding,
@@ -132,7 +133,7 @@ def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple
         found += _ceiling(chamber, own, known, evidence)
         if nominal and not known:
             continue
-        if evidence.delta_bic >= LEAST_BIC and evidence.heldout_after < evidence.heldout_before:
+        if 2.0 * evidence.log_bayes_factor >= LEAST_BIC and evidence.heldout_after < evidence.heldout_before:
             found += _steady(chamber, own, known, scatter, evidence)
             found += _delays(chamber, own, known, evidence)
     return tuple(found)
@@ -198,6 +199,10 @@ def valve_diagnosis(
             after,
             (float(gains.min()), float(gains.max())),
             "each valve's law is learnt from the first half of its activity and judged on the second",
+            {
+                name: _channel_error(errors[[f"pressure_{split.valve.chamber}" == name for split in splits]])
+                for name in rms
+            },
         ),
         unexplained=Unexplained(after),
         notes=(*admitted.notes, "The recordings hold valves alone, no motion of the arm."),
@@ -225,7 +230,7 @@ def _ceiling(chamber: int, own: Sequence[Split], known: Sequence[Split], evidenc
     ceiling = float(np.median(ceilings))
     if max(float(split.asked.max()) for split in own) - ceiling <= LEAST_LOSS:
         return []
-    words = f"The pressure in chamber {chamber} never passes {ceiling:.0f} Pa, whatever is asked."
+    words = f"The pressure in chamber {chamber} stops at {1e-3 * ceiling:.1f} kPa, below its set-point."
     quantity = {"ceiling": Quantity(ceiling, 100.0, "Pa")}
     return [_finding("pressure_saturation", chamber, words, quantity, evidence, "pressure level")]
 
@@ -245,10 +250,10 @@ def _steady(
         return []
     shut = any(split.valve.deadband > LEAST_BAND - (change - float(np.median(ours))) for split in own)
     if shut and change < 0.0:
-        words = f"The first {-change:.0f} Pa of the set-point of chamber {chamber} do nothing."
+        words = f"The first {-1e-3 * change:.2f} kPa of the set-point of chamber {chamber} have no effect."
         quantity = {"band": Quantity(-change, spread, "Pa")}
         return [_finding("valve_deadband", chamber, words, quantity, evidence, "pressure level")]
-    words = f"While open, the valve of chamber {chamber} is off by {change:+.0f} Pa."
+    words = f"While it is open, the valve of chamber {chamber} is off by {1e-3 * change:+.2f} kPa."
     deadband = Rival("valve_deadband", Place(chamber=chamber), "a staircase of small pressures", 0.0)
     quantity = {"bias": Quantity(change, spread, "Pa")}
     rivals = (deadband,) if change < 0.0 else ()
@@ -271,7 +276,7 @@ def _delays(
     if late + slower <= least:
         return []
     words = (
-        f"The valve of chamber {chamber} answers {1e3 * dead:.0f} ms after its set-point and then follows "
+        f"The valve of chamber {chamber} responds {1e3 * dead:.0f} ms after its set-point, and then settles "
         f"with a time constant of {1e3 * lag:.0f} ms."
     )
     quantities = {
@@ -300,6 +305,12 @@ def _summary(values: Sequence[float]) -> tuple[float, float]:
     return float(np.median(values)), spread / np.sqrt(len(values))
 
 
+def _channel_error(pairs: Floats) -> ChannelError:
+    """Pool the errors of set-point and of law [Pa], shape (recordings, 2)."""
+    before, after = np.sqrt(np.mean(pairs**2, axis=0)).tolist()
+    return ChannelError("Pa", before, after)
+
+
 def _evidence(own: Sequence[Split]) -> Evidence:
     pairs = np.array([split.errors() for split in own])
     noise = np.array([max(split.valve.noise, RESOLUTION) for split in own])
@@ -310,7 +321,9 @@ def _evidence(own: Sequence[Split]) -> Evidence:
     effective = max(count / 50.0, 2.0)
     gain = effective * (before**2 - after**2) / max(after**2, 1.0)
     low, high = (float(gains.min()), float(gains.max())) if len(gains) > 1 else (float(gains[0]),) * 2
-    return Evidence(gain - 4.0 * np.log(effective), before, after, (low, high), float("nan"))
+    channel = {f"pressure_{own[0].valve.chamber}": _channel_error(pairs)}
+    log_bayes_factor = gain / 2.0 - 2.0 * np.log(effective)
+    return Evidence(log_bayes_factor, before, after, (low, high), float("nan"), channel)
 
 
 def _finding(
@@ -322,5 +335,5 @@ def _finding(
     when: str,
     rivals: tuple[Rival, ...] = (),
 ) -> Finding:
-    statement = f"{words} Seen between set-point and measured pressure: it is in the valve, not in the arm."
+    statement = f"{words} Set-point and measured pressure show it, so it is in the valve and not in the arm."
     return Finding(effect, Place(chamber=chamber), when, statement, quantities, evidence, rivals)

@@ -1,4 +1,6 @@
-"""Plain words for places, regimes and what tells two effects apart."""
+"""Plain words for what effects depend on, and for the manoeuvre that separates two of them."""
+
+from collections.abc import Iterable
 
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen.physics import EffectName
@@ -38,7 +40,7 @@ WHEN: dict[str, str] = {
 """What each effect depends on."""
 
 EXCITATION: dict[str, str] = {
-    "rest": "20 s of rest, vented",
+    "rest": "20 s at rest, vented",
     "pressure_steps": "steps of pressure",
     "holds": "holds of 10 s and more",
     "two_rates": "ramps at two rates",
@@ -52,13 +54,46 @@ EXCITATION: dict[str, str] = {
     "motion": "motion of the arm",
 }
 """What recordings may lack, in words."""
+WITHOUT_CHAMBERS = frozenset({"rest", "mount_turned", "long_run", "motion"})
+"""Excitation that an arm without chambers can be given."""
+PNEUMATIC = ("chamber", "pressure", "valve", "vent", "hose", "ramp", "hold")
+"""Words that show that a manoeuvre needs chambers."""
 
 
-def manoeuvre(one: EffectName, other: EffectName) -> str:
-    """Say what would tell two effects apart."""
+def dependence(when: str) -> str:
+    """Return a clause on what a mismatch depends on."""
+    if when == "constant":
+        return "the mismatch is constant"
+    return f"the mismatch varies with {when if when.startswith('time since') else f'the {when}'}"
+
+
+def sentence_on(when: str) -> str:
+    """Return ``dependence`` as a sentence."""
+    words = dependence(when)
+    return f"{words[:1].upper()}{words[1:]}."
+
+
+def possible(needs: Iterable[str], *, pneumatic: bool) -> list[str]:
+    """Return, in words and sorted, the excitation among some that an arm can be given.
+
+    Args:
+        needs: Keys of ``EXCITATION``.
+        pneumatic: Whether the arm has chambers.
+    """
+    return [EXCITATION[need] for need in sorted(needs) if pneumatic or need in WITHOUT_CHAMBERS]
+
+
+def manoeuvre(one: EffectName, other: EffectName, *, pneumatic: bool = True) -> str:
+    """Return the manoeuvre that separates two effects.
+
+    Args:
+        one: The effect that was found.
+        other: Its rival.
+        pneumatic: Whether the arm has chambers; where it has none, no pressures are asked for.
+    """
     for first, second in ((one, other), (other, one)):
         for rival, words in EFFECTS[first].splits:
-            if rival == second:
+            if rival == second and (pneumatic or not any(word in words for word in PNEUMATIC)):
                 return words
     needs = EFFECTS[other].needs - EFFECTS[one].needs or EFFECTS[other].needs
-    return "; ".join(EXCITATION[need] for need in sorted(needs)) or "another kind of run"
+    return "; ".join(possible(needs, pneumatic=pneumatic)) or "a different kind of motion"

@@ -24,7 +24,7 @@ EFFECT = Effect(
     parameters=(Parameter("compliance", "rad/(N m)", 0.05, 0.0, 5.0, spread=0.2),),
     places=everywhere,
     act=act,
-    statement="The mount of {where} yields by {compliance} rad per newton metre.",
+    statement="The mount yields: it turns by {compliance} of moment on it.",
     source="Linear elasticity",
     equivalence=("weight",),
     needs=frozenset({"mount_turned"}),

@@ -37,7 +37,7 @@ EFFECT = Effect(
     ),
     places=everywhere,
     act=act,
-    statement="The base is tilted by ({tilt_x}, {tilt_y}) rad against the model's.",
+    statement="The base is tilted relative to the model, by {tilt_x} about x and {tilt_y} about y.",
     source="Kinematics",
     equivalence=("constant_offset",),
     needs=frozenset({"mount_turned"}),

@@ -32,7 +32,8 @@ EFFECT = Effect(
     parameters=(Parameter("share", "1", 0.08, -1.0, 1.0, spread=0.1),),
     places=whole_segments_and_chambers,
     act=act,
-    statement="Pressure in {where} also bends the other segment, with the share {share}.",
+    statement="Pressure in {where} also acts on the other segment: for each pascal, the nearest chamber "
+    "there acts as if it had {share:number} Pa more.",
     source="Observed on a two-segment arm whose supply lines pass the upper segment",
     equivalence=("crosstalk_or_scale",),
     needs=frozenset({"each_chamber"}),

@@ -24,7 +24,7 @@ EFFECT = Effect(
     parameters=(Parameter("gain", "1", 0.08, -0.9, 2.0, spread=0.1),),
     places=whole_and_chambers,
     act=act,
-    statement="Pressure in {where} acts with a gain that differs from the model's by {gain}.",
+    statement="Pressure in {where} has {gain:less|more} effect than in the model.",
     source="Virtual work of a pressure",
     equivalence=(
         "uniform_gain",

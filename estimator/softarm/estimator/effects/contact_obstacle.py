@@ -40,8 +40,8 @@ EFFECT = Effect(
     ),
     places=moving_sections,
     act=act,
-    statement="Something is in the way of {where}: beyond {distance} m in the direction {azimuth} rad "
-    "it is pushed back with {stiffness} N/m.",
+    statement="An obstacle pushes {where} back: it starts {distance} from the rest position in the "
+    "direction of {azimuth} and has a stiffness of {stiffness}.",
     source="Penalty contact with a half space",
     innate=False,
     needs=frozenset({"each_chamber"}),

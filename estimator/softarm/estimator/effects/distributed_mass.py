@@ -24,7 +24,7 @@ EFFECT = Effect(
     parameters=(Parameter("change", "1", 0.1, -0.9, 2.0, spread=0.1),),
     places=everywhere,
     act=act,
-    statement="The mass of {where} differs from the model's by the share {change}.",
+    statement="The mass of {where} is {change:lower|higher} than in the model.",
     source="Statics",
     equivalence=(
         "weight",

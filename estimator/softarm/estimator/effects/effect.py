@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.effects.amounts import Amount
 from softarm.estimator.effects.world import Spot, World
 from softarm.estimator.specimen.physics import EffectName, Place
 
@@ -106,7 +107,8 @@ class Effect:
         parameters: Its parameters.
         places: Gives the places where it may act.
         act: The effect itself, of signals, parameters, place and memory.
-        statement: Plain sentence, with the fields ``where`` and the parameters' names.
+        statement: Plain sentence with the fields ``where`` and the parameters' names, in the forms of
+            ``Amount``.
         source: Where the equation comes from.
         equivalence: Structural classes: effects that share one look alike to orientation and pressure.
         innate: Whether an arm that is well may have a little of it.
@@ -137,12 +139,14 @@ class Effect:
         return np.array([0.0 if p.role == "amplitude" else p.typical for p in self.parameters])
 
     def tell(self, theta: Floats, place: Place) -> str:
-        """Say in plain words what is the matter."""
-        values = {p.name: f"{v:.3g}" for p, v in zip(self.parameters, theta, strict=True)}
-        return self.statement.format(where=describe(place), **values)
+        """Describe the effect with these parameters at a place in one plain sentence."""
+        values = {p.name: Amount(float(v), p.unit) for p, v in zip(self.parameters, theta, strict=True)}
+        sentence = self.statement.format(where=describe(place), **values)
+        return sentence[:1].upper() + sentence[1:]
 
 
 def describe(place: Place) -> str:
-    """Name a place in plain words."""
+    """Name a place in plain words: ``chamber 2``, ``the lower segment``, ``sensor bend_tip, axis x``."""
     named = place.model_dump(exclude_none=True)
-    return ", ".join(f"{kind} {value}" for kind, value in named.items()) or "the whole arm"
+    words = [f"the {v} {k}" if k in ("segment", "section") else f"{k} {v}" for k, v in named.items()]
+    return ", ".join(words) or "the whole arm"

@@ -29,7 +29,8 @@ EFFECT = Effect(
     ),
     places=moving_sections,
     act=act,
-    statement="A steady force acts on {where}: ({force_x}, {force_y}, {force_z}) N.",
+    statement="A constant force acts on {where}: ({force_x:number}, {force_y:number}, {force_z:number}) N "
+    "along x, y and z of the base.",
     source="Statics",
     needs=frozenset({"motion"}),
     splits=(

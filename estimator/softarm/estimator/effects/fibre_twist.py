@@ -28,7 +28,7 @@ EFFECT = Effect(
     parameters=(Parameter("turn", "rad/Pa", 1e-06, -0.0001, 0.0001, spread=2e-06),),
     places=whole_and_segments,
     act=act,
-    statement="Fibres of {where} turn pressure into twist, {turn} rad per pascal.",
+    statement="The fibres of {where} convert pressure into twist: {turn}.",
     source="F. Connolly, C. J. Walsh, K. Bertoldi, PNAS 114 (2017) 51",
     needs=frozenset({"motion"}),
     splits=(("frame_misalignment", "bends in two azimuths at one sum of pressures"),),

@@ -31,7 +31,7 @@ EFFECT = Effect(
     parameters=(Parameter("yaw", "rad", 0.05, -1.6, 1.6, spread=0.1),),
     places=sensors,
     act=act,
-    statement="{where} is mounted turned about the arm's axis by {yaw} rad.",
+    statement="{where} is mounted {yaw} off about the axis of the arm.",
     source="Kinematics",
     needs=frozenset({"each_chamber"}),
     splits=(

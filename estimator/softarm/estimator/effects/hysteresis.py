@@ -41,8 +41,8 @@ EFFECT = Effect(
     ),
     places=whole_and_segments,
     act=act,
-    statement="The material of {where} has hysteresis: its bend lags behind the load by up to "
-    "{strength} times {reach} rad, at any rate.",
+    statement="The material of {where} has hysteresis: after each reversal its bend lags behind the load by "
+    "up to {strength:percent} of {reach}, at any rate.",
     source="Y. K. Wen, J. Eng. Mech. 102 (1976) 249; M. Ismail et al., Arch. Comput. Meth. Eng. 16 (2009)",
     equivalence=("memory_at_one_rate",),
     needs=frozenset({"two_rates", "two_amplitudes"}),

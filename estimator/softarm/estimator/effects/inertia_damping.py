@@ -33,8 +33,8 @@ EFFECT = Effect(
     ),
     places=whole_and_segments,
     act=act,
-    statement="Inertia and damping of {where} show: it follows a load with an inverse angular frequency"
-    " of {inertia_time} s and a damping time of {damping_time} s.",
+    statement="{where} moves with inertia and damping that the model leaves out: the inverse of its angular "
+    "frequency is {inertia_time}, its damping time {damping_time}.",
     source="J. W. Strutt (Rayleigh), The Theory of Sound, 1877",
     equivalence=("delay",),
     needs=frozenset({"pressure_steps"}),

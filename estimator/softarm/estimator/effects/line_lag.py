@@ -26,7 +26,7 @@ EFFECT = Effect(
     parameters=(Parameter("lag", "s", 0.3, 0.0, 20.0, spread=0.5),),
     places=whole_and_chambers,
     act=act,
-    statement="The line to {where} is slow: pressure arrives with a time constant of {lag} s.",
+    statement="Pressure arrives late in {where}: the line has a time constant of {lag}.",
     source="Isothermal filling through a restriction, linearised (ISO 6358)",
     equivalence=("delay",),
     needs=frozenset({"pressure_steps"}),

@@ -33,8 +33,8 @@ EFFECT = Effect(
     ),
     places=whole_and_chambers,
     act=act,
-    statement="{where} leaks: a held pressure sinks by the share {share} with a time constant of "
-    "{time_constant} s.",
+    statement="{where} leaks: a held pressure falls by {share:percent} with a time constant of "
+    "{time_constant}.",
     source="Two linear restrictions on one volume",
     equivalence=("leak_or_gain",),
     needs=frozenset({"holds"}),

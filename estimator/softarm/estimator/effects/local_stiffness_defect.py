@@ -40,8 +40,8 @@ EFFECT = Effect(
     ),
     places=segments,
     act=act,
-    statement="The wall of {where} is defective on one side: about the axis at {azimuth} rad it has lost the "
-    "share {depth} of its stiffness, and it bends about that axis when it is stretched.",
+    statement="The wall of {where} is defective on one side: its bending stiffness about the axis at "
+    "{azimuth} is {depth:higher|lower}, and it bends about that axis when it is stretched.",
     source="Rank-one change of the stiffness of a thin ring; J. Sherman and W. J. Morrison, Ann. Math. Stat. "
     "21 (1950) 124",
     needs=frozenset({"each_chamber"}),

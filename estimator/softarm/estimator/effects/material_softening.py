@@ -33,8 +33,9 @@ EFFECT = Effect(
     ),
     places=whole_and_segments,
     act=act,
-    statement="The material of {where} softens as it strains: at a bend of one radian it bends further by "
-    "{growth} of that, growing with the bend to the power {exponent}, and more where it is stretched.",
+    statement="The material of {where} softens with strain: at a bend of one radian it bends "
+    "{growth:percent} further than a linear material would. The effect grows with the bend to the power "
+    "{exponent}, and with stretch.",
     source="W. Ramberg and W. R. Osgood, NACA Technical Note 902 (1943); O. H. Yeoh, Rubber Chem. Technol. "
     "66 (1993) 754",
     needs=frozenset({"large_pressures"}),

@@ -38,8 +38,8 @@ EFFECT = Effect(
     parameters=(Parameter("growth", "1/rad2", 0.2, 0.0, 20.0, spread=0.5),),
     places=whole_and_segments,
     act=act,
-    statement="The material of {where} stiffens as it strains: its stiffness grows by {growth} per square"
-    " radian of bend, and more where it is stretched.",
+    statement="The material of {where} stiffens with strain: its stiffness grows by {growth:percent} at a "
+    "bend of one radian, with the square of the bend, and with stretch.",
     source="Leading term of O. H. Yeoh, Rubber Chem. Technol. 66 (1993) 754",
     needs=frozenset({"large_pressures"}),
     splits=(

@@ -38,8 +38,8 @@ EFFECT = Effect(
     ),
     places=whole_and_segments,
     act=act,
-    statement="The material of {where} shows the Mullins effect: strains below the largest one so far "
-    "meet up to {strength} less stiffness, over a width of {width} rad of bend.",
+    statement="The material of {where} shows the Mullins effect: below the largest strain so far its "
+    "stiffness is up to {strength:percent} lower, over a bend of {width}.",
     source="R. W. Ogden, D. G. Roxburgh, Proc. R. Soc. A 455 (1999) 2861",
     needs=frozenset({"growing_cycles"}),
     splits=(

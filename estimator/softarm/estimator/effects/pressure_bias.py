@@ -26,7 +26,7 @@ EFFECT = Effect(
     parameters=(Parameter("bias", "Pa", -600.0, -20000.0, 20000.0, spread=1000.0),),
     places=whole_and_chambers,
     act=act,
-    statement="The pressure in {where} is off by {bias} Pa whenever it is not vented.",
+    statement="The pressure in {where} is off by {bias} whenever the chamber is not vented.",
     source="Valve bank steps: errors of -450 to -850 Pa",
     needs=frozenset({"rest"}),
     splits=(

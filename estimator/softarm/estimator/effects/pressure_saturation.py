@@ -25,8 +25,7 @@ EFFECT = Effect(
     parameters=(Parameter("shortfall", "Pa", 20000.0, 0.0, 500000.0, spread=20000.0),),
     places=whole_and_chambers,
     act=act,
-    statement="The pressure in {where} never comes nearer than {shortfall} Pa to the limit that it "
-    "should reach.",
+    statement="The pressure in {where} stops {shortfall} below its limit.",
     source="Valve or supply limit",
     innate=False,
     needs=frozenset({"large_pressures"}),

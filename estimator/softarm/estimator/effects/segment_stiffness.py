@@ -24,7 +24,7 @@ EFFECT = Effect(
     parameters=(Parameter("change", "1", 0.1, -0.8, 4.0, spread=0.2),),
     places=segments,
     act=act,
-    statement="The stiffness of {where} differs from the model's by the share {change}.",
+    statement="The stiffness of {where} is {change:lower|higher} than in the model.",
     source="Linear elasticity",
     equivalence=("uniform_gain",),
     needs=frozenset({"motion"}),

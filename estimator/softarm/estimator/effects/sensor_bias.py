@@ -30,7 +30,7 @@ EFFECT = Effect(
     ),
     places=sensors,
     act=act,
-    statement="{where} has an offset of ({bias_x}, {bias_y}) rad.",
+    statement="{where} reads with a constant offset of {bias_x} in x and {bias_y} in y.",
     source="Kinematics",
     equivalence=("constant_offset",),
     needs=frozenset({"rest"}),

@@ -30,7 +30,7 @@ EFFECT = Effect(
     ),
     places=sensors,
     act=act,
-    statement="{where} drifts by ({rate_x}, {rate_y}) rad per second.",
+    statement="{where} drifts by {rate_x} in x and {rate_y} in y.",
     source="Kinematics",
     needs=frozenset({"long_run"}),
     splits=(

@@ -47,7 +47,7 @@ EFFECT = Effect(
     parameters=(Parameter("delay", "s", 0.1, 0.0, 1.0, spread=0.1),),
     places=sensors,
     act=act,
-    statement="{where} reports late, by {delay} s.",
+    statement="{where} reports its readings {delay} late.",
     source="Transport delay",
     equivalence=("delay",),
     needs=frozenset({"pressure_steps"}),

@@ -35,7 +35,7 @@ EFFECT = Effect(
     parameters=(Parameter("scale", "1", 0.05, -0.9, 2.0, spread=0.1),),
     places=sensors,
     act=act,
-    statement="{where} shows the share {scale} more than the truth.",
+    statement="{where} reads {scale:too low|too high}.",
     source="Kinematics",
     equivalence=("crosstalk_or_scale",),
     needs=frozenset({"motion"}),

@@ -32,7 +32,7 @@ EFFECT = Effect(
     ),
     places=sensors,
     act=act,
-    statement="{where} is stuck from {since} s on: the share {share} of its reading no longer moves.",
+    statement="{where} is stuck from {since} on: {share:percent} of its reading no longer follows the arm.",
     source="Fault model of stuck sensors",
     needs=frozenset({"motion"}),
     splits=(("sensor_scale", "move the arm after a rest"),),

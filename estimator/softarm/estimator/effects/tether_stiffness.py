@@ -36,8 +36,8 @@ EFFECT = Effect(
     ),
     places=moving_sections,
     act=act,
-    statement="Hoses or a cord pull {where} in the direction {azimuth} rad: once it is {slack} m away from "
-    "there they pull with {stiffness} N/m.",
+    statement="Hoses or a cord pull {where} in the direction of {azimuth}: beyond {slack} of slack they "
+    "pull with {stiffness}.",
     source="Unilateral spring",
     innate=False,
     needs=frozenset({"large_pressures"}),

@@ -32,8 +32,8 @@ EFFECT = Effect(
     ),
     places=whole_and_segments,
     act=act,
-    statement="The stiffness of {where} changes with the clock, whatever the load, by the share {change} in"
-    " the end, with a time constant of {time_constant} s.",
+    statement="The stiffness of {where} drifts over the run, independent of load: in the end it is "
+    "{change:lower|higher}, with a time constant of {time_constant}.",
     source="First-order temperature dependence of the modulus; Newton's law of cooling",
     needs=frozenset({"long_run"}),
     splits=(

@@ -26,7 +26,7 @@ EFFECT = Effect(
     parameters=(Parameter("mass", "kg", 0.02, -0.1, 2.0, spread=0.05),),
     places=moving_sections,
     act=act,
-    statement="A weight that the model does not know hangs at {where}: {mass} kg.",
+    statement="{where} carries a mass that is not in the model: {mass}.",
     source="Statics",
     equivalence=("weight",),
     needs=frozenset({"mount_turned"}),

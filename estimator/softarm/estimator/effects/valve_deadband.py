@@ -24,7 +24,7 @@ EFFECT = Effect(
     parameters=(Parameter("band", "Pa", 1500.0, 0.0, 20000.0, spread=1500.0),),
     places=whole_and_chambers,
     act=act,
-    statement="The valve of {where} has a dead band: the first {band} Pa of its set-point do nothing.",
+    statement="The valve of {where} has a dead band: the first {band} of its set-point have no effect.",
     source="M. Bartys et al., Control Eng. Pract. 14 (2006) 577 (DAMADICS actuator faults)",
     needs=frozenset({"small_pressures"}),
     splits=(

@@ -34,8 +34,9 @@ EFFECT = Effect(
     ),
     places=whole_and_segments,
     act=act,
-    statement="The material of {where} creeps: after a step its strain grows by a further {strength} of the "
-    "elastic one, with a time constant of {time_constant} s; the strain at once changes by {instant_change}.",
+    statement="The material of {where} creeps: after a step its strain grows by a further "
+    "{strength:percent} of the elastic strain, with a time constant of {time_constant}. The immediate "
+    "strain is {instant_change:lower|higher} than in the model.",
     source="W. N. Findley et al., Creep and Relaxation of Nonlinear Viscoelastic Materials, 1976",
     equivalence=("memory_at_one_rate",),
     needs=frozenset({"holds"}),

@@ -55,4 +55,4 @@ def write_digest(digest: str, out: Path) -> None:
 def _sources() -> Iterator[Path]:
     """List the source files on which a diagnosis depends."""
     yield from sorted(Path(estimator.__path__[0]).rglob("*.py"))
-    yield from sorted(Path(__file__).parent.glob("*.py"))
+    yield from sorted(path for path in Path(__file__).parent.iterdir() if path.is_file())

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from softarm.estimator.diagnosis.result import Diagnosis, Finding
+from softarm.estimator.effects.amounts import readable
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen.physics import EffectName, Place
 
@@ -14,6 +15,9 @@ SCHEMA: Literal["softarm.diagnosis/1"] = "softarm.diagnosis/1"
 FILE = "report.json"
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
+Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+Unit = Literal["deg", "mm", "kPa"]
+UNITS: dict[str, Unit] = {"rad": "deg", "m": "mm", "Pa": "kPa"}
 
 
 class _Part(BaseModel):
@@ -47,9 +51,9 @@ class ParameterPart(_Part):
 
 
 class EvidencePart(_Part):
-    """Why a finding is believed."""
+    """Why a finding is believed; the Bayes factor as its natural logarithm."""
 
-    delta_bic: Number
+    log_bayes_factor: Number
     heldout_before: Number
     heldout_after: Number
     heldout_gain_ci95: tuple[Number, Number]
@@ -67,7 +71,7 @@ class RejectedPart(_Part):
     """An alternative that lost, and by how much."""
 
     effect: EffectName
-    delta_bic: Number
+    log_bayes_factor: Number
 
 
 class FindingPart(_Part):
@@ -78,6 +82,9 @@ class FindingPart(_Part):
     when: str
     statement: str
     parameters: dict[str, ParameterPart]
+    probability: Probability | None
+    interval: tuple[Number, Number] | None
+    recording: str | None
     evidence: EvidencePart
     confusable_with: list[ConfusablePart]
     rejected: list[RejectedPart]
@@ -86,10 +93,20 @@ class FindingPart(_Part):
 class HeldoutPart(_Part):
     """Prediction of data that no fit and no choice has seen."""
 
+    rms_before: dict[str, Number]
+    rms_after: dict[str, Number]
+    unit: dict[str, Unit]
     normalised_rms_before: Number
     normalised_rms_after: Number
     gain_ci95: tuple[Number, Number]
     how_split: str
+
+
+class NoisePart(_Part):
+    """Standardised residuals of held-out data: 1 and 0 where the noise is as assumed and white."""
+
+    innovation_variance: dict[str, Number]
+    innovation_correlation: dict[str, Number]
 
 
 class UnexplainedPart(_Part):
@@ -110,10 +127,11 @@ class Report(_Part):
     baseline: BaselinePart
     findings: list[FindingPart]
     heldout: HeldoutPart
+    calibration_of_noise: NoisePart
     unexplained: UnexplainedPart
 
     def dump(self) -> str:
-        """Give the text of ``report.json``."""
+        """Return the text of ``report.json``."""
         return json.dumps(self.model_dump(by_alias=True, mode="json"), indent=2) + "\n"
 
 
@@ -132,10 +150,17 @@ def report_of(diagnosis: Diagnosis) -> Report:
         ),
         findings=[_finding(finding) for finding in diagnosis.findings],
         heldout=HeldoutPart(
+            rms_before={name: readable(one.unit)[0] * one.before for name, one in heldout.channels.items()},
+            rms_after={name: readable(one.unit)[0] * one.after for name, one in heldout.channels.items()},
+            unit={name: UNITS[one.unit] for name, one in heldout.channels.items()},
             normalised_rms_before=heldout.before,
             normalised_rms_after=heldout.after,
             gain_ci95=heldout.gain_ci95,
             how_split=heldout.how_split,
+        ),
+        calibration_of_noise=NoisePart(
+            innovation_variance=dict(heldout.innovations.variance),
+            innovation_correlation=dict(heldout.innovations.correlation),
         ),
         unexplained=UnexplainedPart(
             normalised_rms=left.normalised_rms, where=_where(left.where), when=left.when
@@ -175,8 +200,11 @@ def _finding(finding: Finding) -> FindingPart:
             name: ParameterPart(value=q.value, std=q.std, unit=q.unit)
             for name, q in finding.parameters.items()
         },
+        probability=finding.probability,
+        interval=finding.interval,
+        recording=finding.recording,
         evidence=EvidencePart(
-            delta_bic=evidence.delta_bic,
+            log_bayes_factor=evidence.log_bayes_factor,
             heldout_before=evidence.heldout_before,
             heldout_after=evidence.heldout_after,
             heldout_gain_ci95=evidence.heldout_gain_ci95,
@@ -185,5 +213,7 @@ def _finding(finding: Finding) -> FindingPart:
             ConfusablePart(effect=rival.effect, where=_where(rival.where), manoeuvre=rival.manoeuvre)
             for rival in finding.confusable_with
         ],
-        rejected=[RejectedPart(effect=r.effect, delta_bic=r.delta_bic) for r in finding.rejected],
+        rejected=[
+            RejectedPart(effect=r.effect, log_bayes_factor=r.log_bayes_factor) for r in finding.rejected
+        ],
     )

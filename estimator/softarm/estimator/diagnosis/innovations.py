@@ -1,0 +1,136 @@
+"""What is left of data that no fit has seen: its size by channel, whether it is noise, where it is worst."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.gram import total
+from softarm.estimator.diagnosis.result import ChannelError, InnovationTest, Stretch
+from softarm.estimator.diagnosis.session import channels, units
+from softarm.estimator.diagnosis.stage import Stage
+
+Floats = NDArray[np.float64]
+Residuals = Sequence[Floats]
+
+
+def learnt_coefficients(search: Search, fit: Fit | None) -> Floats:
+    """Return the common coefficients that the searched stretches show with some effects, shape (columns,)."""
+    seen = total([part for part in search.parts(fit) if not part.heldout], search.evidence.size)
+    return search.belief.updated(seen, search.weights.share).mean
+
+
+def residuals_of(search: Search, fit: Fit | None, coefficients: Floats) -> list[Floats]:
+    """Compute measured minus predicted with some effects and common coefficients.
+
+    Returns:
+        Of each session, shape (samples, rows).
+    """
+    return [
+        left - columns @ coefficients
+        for left, columns in zip(search.residuals(fit), search.evidence.columns, strict=True)
+    ]
+
+
+def channel_errors(search: Search, before: Residuals, after: Residuals) -> dict[str, ChannelError]:
+    """Compute the error of each channel on held-out data.
+
+    Args:
+        search: The search.
+        before: Residuals of each session without what is judged, shape (samples, rows).
+        after: The same with it.
+    """
+    squares: dict[str, list[Floats]] = {}
+    kinds: dict[str, str] = {}
+    for number, stage in _questioned(search):
+        seen = stage.session.heldout
+        both = np.stack([before[number][seen], after[number][seen]])
+        for row, (name, unit) in enumerate(zip(channels(stage.suite), units(stage.suite), strict=True)):
+            good = np.isfinite(both[..., row]).all(axis=0)
+            squares.setdefault(name, []).append(both[:, good, row] ** 2)
+            kinds[name] = unit
+    errors = {}
+    for name, parts in squares.items():
+        whole = np.concatenate(parts, axis=1)
+        if whole.shape[1]:
+            first, last = np.sqrt(whole.mean(axis=1)).tolist()
+            errors[name] = ChannelError(kinds[name], first, last)
+    return errors
+
+
+def innovation_test(search: Search, residuals: Residuals) -> InnovationTest:
+    """Compare held-out residuals with white noise of the standard deviation that the choice assumed.
+
+    The mean square is about zero, so that a constant error counts. Neighbouring samples are correlated within
+    stretches, not across what lies between them.
+
+    Args:
+        search: The search.
+        residuals: Of each session with all findings, shape (samples, rows).
+    """
+    variances: dict[str, list[Floats]] = {}
+    products: dict[str, list[Floats]] = {}
+    for number, stage in _questioned(search):
+        scaled = residuals[number] / _assumed(search, stage)
+        for block in np.unique(stage.session.blocks[stage.session.heldout]):
+            own = scaled[(stage.session.blocks == block) & stage.session.heldout]
+            for name, column in zip(channels(stage.suite), own.T, strict=True):
+                pairs = column[1:] * column[:-1]
+                variances.setdefault(name, []).append(column[np.isfinite(column)] ** 2)
+                products.setdefault(name, []).append(pairs[np.isfinite(pairs)])
+    variance = {name: _mean(parts) for name, parts in variances.items()}
+    kept = {name: value for name, value in variance.items() if np.isfinite(value) and value > 0.0}
+    correlation = {name: _mean(products[name]) / value for name, value in kept.items()}
+    finite = {
+        name: float(np.clip(value, -1.0, 1.0)) for name, value in correlation.items() if np.isfinite(value)
+    }
+    return InnovationTest(kept, finite)
+
+
+def worst_stretch(search: Search, residuals: Residuals) -> Stretch | None:
+    """Find the stretch of time and the channel whose error is the largest multiple of the noise.
+
+    Args:
+        search: The search.
+        residuals: Of each session with all findings, shape (samples, rows).
+    """
+    found: tuple[float, Stretch] | None = None
+    for number, stage in enumerate(search.evidence.stages):
+        session = stage.session
+        if session.nominal:
+            continue
+        scale = np.array([search.weights.scale[name] for name in channels(stage.suite)])
+        for block in np.unique(session.blocks):
+            own = session.blocks == block
+            finite = np.isfinite(residuals[number][own])
+            squares = np.where(finite, residuals[number][own], 0.0) ** 2
+            rms = np.sqrt(squares.sum(axis=0) / np.maximum(finite.sum(axis=0), 1))
+            row = int(np.argmax(rms / scale))
+            time = session.clock[own] - session.clock[0]
+            if found is None or rms[row] / scale[row] > found[0]:
+                place = (session.name, channels(stage.suite)[row], units(stage.suite)[row])
+                found = (
+                    float(rms[row] / scale[row]),
+                    Stretch(*place, float(time[0]), float(time[-1]), float(rms[row])),
+                )
+    return found[1] if found else None
+
+
+def _questioned(search: Search) -> Iterator[tuple[int, Stage]]:
+    """List the sessions in question that have held-out samples, with their numbers."""
+    for number, stage in enumerate(search.evidence.stages):
+        if not stage.session.nominal and stage.session.heldout.any():
+            yield number, stage
+
+
+def _assumed(search: Search, stage: Stage) -> Floats:
+    """Return the standard deviation that the choice assumed, whatever the residual, shape (samples, rows)."""
+    row = [search.weights.scale[name] for name in channels(stage.suite)]
+    return np.asarray(np.hypot(row, stage.unrest), dtype=np.float64)
+
+
+def _mean(parts: Sequence[Floats]) -> float:
+    values = np.concatenate(parts) if parts else np.zeros(0)
+    return float(values.mean()) if len(values) else float("nan")

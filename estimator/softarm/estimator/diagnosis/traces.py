@@ -1,0 +1,59 @@
+"""Channels before and after, of the recordings and channels in which the findings change most."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.innovations import learnt_coefficients, residuals_of
+from softarm.estimator.diagnosis.result import Trace
+from softarm.estimator.diagnosis.session import channels, units
+
+Floats = NDArray[np.float64]
+
+MOST = 4
+POINTS = 2000
+
+
+def traces_of(search: Search, fit: Fit | None) -> tuple[Trace, ...]:
+    """Return the channels that the findings change most; without findings, those that are furthest off.
+
+    Each channel is shown once, in the recording where it changes most.
+
+    Args:
+        search: The search.
+        fit: All findings.
+    """
+    after = residuals_of(search, fit, learnt_coefficients(search, fit))
+    ranked: list[tuple[float, int, int]] = []
+    for number, stage in enumerate(search.evidence.stages):
+        if stage.session.nominal:
+            continue
+        scale = np.array([search.weights.scale[name] for name in channels(stage.suite)])
+        first = np.nansum((search.evidence.residuals[number] / scale) ** 2, axis=0)
+        last = np.nansum((after[number] / scale) ** 2, axis=0) if fit is not None else np.zeros(len(scale))
+        ranked += [(float(gain), number, row) for row, gain in enumerate((first - last).tolist())]
+    chosen: dict[str, Trace] = {}
+    for _, number, row in sorted(ranked, reverse=True):
+        name = channels(search.evidence.stages[number].suite)[row]
+        if name not in chosen and len(chosen) < MOST:
+            chosen[name] = _trace(search, after[number], number, row)
+    return tuple(chosen.values())
+
+
+def _trace(search: Search, after: Floats, number: int, row: int) -> Trace:
+    """Thin one row of a session out to what a picture can show."""
+    stage = search.evidence.stages[number]
+    session = stage.session
+    reading = stage.reading_rows[:, row]
+    thin = slice(None, None, max(1, session.samples // POINTS))
+    return Trace(
+        session.name,
+        channels(stage.suite)[row],
+        units(stage.suite)[row],
+        (session.clock - session.clock[0])[thin],
+        reading[thin],
+        (reading - search.evidence.residuals[number][:, row])[thin],
+        (reading - after[:, row])[thin],
+        session.heldout[thin],
+    )

@@ -1,0 +1,247 @@
+"""A diagnosis in sentences: each states only what the numbers in it show. Page and terminal share them."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from softarm.estimator.diagnosis.result import (
+    ChannelError,
+    ChannelErrors,
+    Diagnosis,
+    Finding,
+    InnovationTest,
+    Quantity,
+    Stretch,
+)
+from softarm.estimator.diagnosis.words import dependence
+from softarm.estimator.effects.amounts import readable
+from softarm.estimator.effects.effect import describe
+
+NEAR_NOISE = 1.5
+"""Multiple of the noise up to which an error counts as down to the noise."""
+STRENGTHS = ((2.0, "decisive"), (1.0, "strong"), (0.5, "substantial"), (-np.inf, "weak"))
+"""Least decimal logarithm of a Bayes factor and its name: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995),
+section 3.2, who call the last "not worth more than a bare mention"."""
+WHITE_VARIANCE = (0.5, 2.0)
+WHITE_CORRELATION = 0.3
+"""Variance and correlation of innovations between which they are called white noise of the assumed size."""
+
+
+def number(value: float) -> str:
+    """Write a number with three digits and without an exponent."""
+    return f"{value:,.0f}" if abs(value) >= 1000.0 else f"{float(f'{value:.3g}'):g}"
+
+
+def amount(value: float, unit: str) -> str:
+    """Write a value in an SI unit in the unit in which people read it."""
+    factor, name = readable(unit)
+    return f"{number(factor * value)} {name}".strip()
+
+
+def quantity(one: Quantity) -> str:
+    """Write a parameter with its standard deviation."""
+    factor, name = readable(one.unit)
+    return f"{factor * one.value:.4g} ± {factor * one.std:.2g} {name}".strip()
+
+
+def plain(name: str) -> str:
+    """Write the name of an effect as words."""
+    return name.replace("_", " ")
+
+
+def place(finding: Finding) -> str:
+    """Name a finding and its place."""
+    return f"{plain(finding.effect)}, {describe(finding.where)}"
+
+
+def strength(log_bayes_factor: float) -> str:
+    """Name the strength of evidence of a Bayes factor, given by its natural logarithm."""
+    decimal = log_bayes_factor / np.log(10.0)
+    return next(name for least, name in STRENGTHS if decimal >= least)
+
+
+def evidence(log_bayes_factor: float) -> str:
+    """Write the strength of evidence and the Bayes factor behind it."""
+    return f"{strength(log_bayes_factor)} (ln B = {number(log_bayes_factor)})"
+
+
+def by_unit(channels: ChannelErrors) -> dict[str, tuple[float, float]]:
+    """Pool the errors before and after over the channels of each SI unit."""
+    pooled = {}
+    for unit in sorted({one.unit for one in channels.values()}):
+        own = [one for one in channels.values() if one.unit == unit]
+        before, after = (_rms([getattr(one, which) for one in own]) for which in ("before", "after"))
+        pooled[unit] = (before, after)
+    return pooled
+
+
+def physical(channels: ChannelErrors) -> str:
+    """Write the pooled errors before and after: ``from 2.3 to 0.9 degrees and from 14 to 3 mm``."""
+    parts = []
+    for unit, (before, after) in by_unit(channels).items():
+        factor, name = readable(unit)
+        parts.append(f"from {number(factor * before)} to {number(factor * after)} {name}")
+    return " and ".join(parts)
+
+
+def verdict(diagnosis: Diagnosis) -> str:
+    """Return the verdict in sentences that are true of the numbers in them."""
+    heldout, left = diagnosis.heldout, diagnosis.unexplained
+    after = f"{number(heldout.after)} times the noise"
+    fall = f"falls from {number(heldout.before)} to {after}"
+    known = (
+        f" What is left is {number(left.over_nominal)} times what the model leaves of the recordings in the "
+        "known state."
+        if left.over_nominal is not None
+        else ""
+    )
+    if diagnosis.verdict == "consistent":
+        if heldout.after <= NEAR_NOISE:
+            return f"The model agrees with the recordings: the error on unseen data is {after}."
+        return (
+            f"No missing physics was found. The error on unseen data is {after}, so a change that is smaller "
+            f"than this error of the model would not show.{known}"
+        )
+    if diagnosis.verdict == "unexplained":
+        return (
+            "The model is missing physics that no known effect explains: the error on unseen data is "
+            f"{after}.{known}"
+        )
+    if heldout.after >= heldout.before:
+        return (
+            "The findings below show in the readings themselves. The error of the model on unseen data stays "
+            f"at {after}."
+        )
+    if diagnosis.verdict == "partly_explained":
+        return (
+            "The model is missing physics. The findings below explain part of the mismatch: the error on "
+            f"unseen data {fall}, and some structure is left.{known}"
+        )
+    if heldout.after <= NEAR_NOISE:
+        return (
+            "The model was missing physics. The findings below explain the mismatch down to the noise: the "
+            f"error on unseen data {fall}."
+        )
+    return (
+        "The model was missing physics. The findings below explain the mismatch, but not down to the noise: "
+        f"the error on unseen data {fall}.{known}"
+    )
+
+
+def gain(before: float, after: float, interval: tuple[float, float]) -> str:
+    """Write a relative fall of an error with its interval."""
+    if after >= before:
+        return "The error on unseen data does not fall."
+    low, high = (100.0 * bound for bound in interval)
+    whole = 100.0 * (1.0 - after / max(before, 1e-12))
+    falls = "The error on unseen data falls by"
+    if low == high:
+        return f"{falls} {whole:.0f} % (too few stretches of unseen data for an interval)."
+    digits = next((d for d in (0, 1) if f"{low:.{d}f}" != f"{high:.{d}f}"), 2)
+    spread = f"95 % interval over stretches of time: {low:.{digits}f} to {high:.{digits}f} %"
+    return f"{falls} {whole:.{digits}f} % ({spread})."
+
+
+def share(finding: Finding, diagnosis: Diagnosis) -> float:
+    """Return the share of the error before any finding that is back when this finding alone is left out."""
+    own = finding.evidence
+    whole = max(diagnosis.heldout.before, own.heldout_before, 1e-12)
+    return max(own.heldout_before - own.heldout_after, 0.0) / whole
+
+
+def most_changed(channels: ChannelErrors) -> tuple[str, ChannelError] | None:
+    """Return the channel whose error a finding lowers by the largest factor, with its name."""
+    if not channels:
+        return None
+    name = max(channels, key=lambda one: channels[one].before / max(channels[one].after, 1e-15))
+    return name, channels[name]
+
+
+def effect_on_error(finding: Finding, diagnosis: Diagnosis) -> str:
+    """Write what a finding does to the error on unseen data, in physical units and over the noise."""
+    own = finding.evidence
+    ratio = f"{number(own.heldout_before)} instead of {number(own.heldout_after)} times the noise"
+    best = most_changed(own.channels)
+    channel = ""
+    if best is not None:
+        factor, unit = readable(best[1].unit)
+        before, after = number(factor * best[1].before), number(factor * best[1].after)
+        channel = f" In {best[0]}, which it changes most, it would be {before} instead of {after} {unit}."
+    return (
+        f"Without this finding, and with all others, the error on unseen data would be {ratio}: the finding "
+        f"removes {100.0 * share(finding, diagnosis):.0f} % of the mismatch.{channel}"
+    )
+
+
+def evidence_sentence(finding: Finding) -> str:
+    """Write how strong the evidence for a finding is."""
+    own = finding.evidence
+    words = f"The evidence for it is {evidence(own.log_bayes_factor)}."
+    if finding.probability is not None:
+        words += f" The probability that it acts there is {100.0 * finding.probability:.0f} %."
+    return words
+
+
+def noise(test: InnovationTest) -> str:
+    """Write whether what is left is white noise of the assumed size."""
+    if not test.variance:
+        return "Whether what is left is noise was not tested."
+    variances, correlations = list(test.variance.values()), list(test.correlation.values())
+    span = (
+        f"over channels, the variance of standardised residuals lies between {number(min(variances))} and "
+        f"{number(max(variances))} (1 expected)"
+    )
+    if correlations:
+        span += (
+            ", the correlation of neighbouring samples between "
+            f"{min(correlations):.2f} and {max(correlations):.2f} (0 expected)"
+        )
+    sized = min(variances) >= WHITE_VARIANCE[0] and max(variances) <= WHITE_VARIANCE[1]
+    white = max(map(abs, correlations), default=0.0) <= WHITE_CORRELATION
+    if sized and white:
+        return f"What is left is white noise of the assumed size: {span}."
+    return (
+        f"What is left is not white noise of the assumed size: {span}. Standard deviations may be too small."
+    )
+
+
+def remaining(diagnosis: Diagnosis) -> str:
+    """Write what is left with all findings, where and when."""
+    left = diagnosis.unexplained
+    words = f"With all findings the error on unseen data is {number(left.normalised_rms)} times the noise."
+    if left.when:
+        words += f" Most of it sits at {describe(left.where)}; {dependence(left.when)}."
+    worst = left.worst
+    if worst is not None:
+        words += (
+            f" The largest error is in {worst.channel} of {worst.recording}, {_span(worst)}: "
+            f"{amount(worst.rms, worst.unit)} rms."
+        )
+    return words
+
+
+def _span(stretch: Stretch) -> str:
+    if stretch.end - stretch.start < 0.1:
+        return f"at {stretch.start:.1f} s"
+    return f"from {stretch.start:.1f} to {stretch.end:.1f} s"
+
+
+def finding_line(index: int, finding: Finding, diagnosis: Diagnosis) -> str:
+    """Write a finding in one line with its size and what it removes."""
+    sizes = ", ".join(f"{plain(name)} {quantity(one)}" for name, one in finding.parameters.items())
+    removes = f"; removes {100.0 * share(finding, diagnosis):.0f} % of the mismatch" if sizes else ""
+    return f"{index}. {place(finding)}{': ' if sizes else ''}{sizes}{removes}"
+
+
+def summary(diagnosis: Diagnosis) -> list[str]:
+    """Write a diagnosis in a few lines: verdict, findings, error before and after."""
+    lines = [f"{diagnosis.specimen}: {plain(diagnosis.verdict)}. {verdict(diagnosis)}"]
+    lines += [finding_line(k, one, diagnosis) for k, one in enumerate(diagnosis.findings, start=1)]
+    if diagnosis.heldout.channels:
+        lines.append(f"Error on unseen data, before and after: {physical(diagnosis.heldout.channels)}.")
+    lines.append(remaining(diagnosis))
+    return lines
+
+
+def _rms(values: Iterable[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(list(values)))))

@@ -1,0 +1,117 @@
+"""Sentences are true of their numbers, and page, terminal and ``report.json`` hold the same numbers."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from softarm.analysis.diagnosis import sentences
+from softarm.analysis.diagnosis.html import page
+from softarm.analysis.diagnosis.report import report_of
+from softarm.estimator.diagnosis.result import InnovationTest
+from softarm.estimator.specimen import load_specimen
+from tests.service.diagnosis.made_diagnosis import (
+    consistent,
+    diagnosis,
+    explained,
+    unexplained,
+    without_chambers,
+)
+
+EVERY = [consistent, diagnosis, explained, unexplained, without_chambers]
+
+
+@pytest.mark.parametrize(("after", "down"), [(0.9, True), (1.1, True), (1.8, False), (29.8, False)])
+def test_down_to_the_noise_is_said_only_where_the_error_is_near_it(after: float, down: bool):
+    words = sentences.verdict(explained(after))
+    assert ("but not down to the noise" not in words) is down
+    assert f"from 40 to {after:g} times the noise" in words
+
+
+def test_a_verdict_with_nominal_recordings_compares_with_them():
+    assert "What is left is 0.31 times what the model leaves of the recordings in the known state." in (
+        sentences.verdict(without_chambers())
+    )
+
+
+def test_consistent_says_how_far_the_model_is_off():
+    words = sentences.verdict(consistent())
+    assert "4 times the noise" in words
+    assert "agrees" not in words
+    heldout = replace(consistent().heldout, before=1.05, after=1.0)
+    assert "agrees with the recordings" in sentences.verdict(replace(consistent(), heldout=heldout))
+
+
+@pytest.mark.parametrize("made", EVERY)
+def test_page_terminal_and_json_agree(made):
+    one = made()
+    report = json.loads(report_of(one).dump())
+    terminal = " ".join(sentences.summary(one))
+    text = page(one, load_specimen("beam" if made is without_chambers else "sopra"))
+    for key in ("normalised_rms_before", "normalised_rms_after"):
+        shown = sentences.number(report["heldout"][key])
+        assert shown in text
+        assert shown in terminal
+    for channel, unit in report["heldout"]["unit"].items():
+        assert unit in ("deg", "mm")
+        for key in ("rms_before", "rms_after"):
+            shown = sentences.number(report["heldout"][key][channel])
+            assert f"{shown} degrees" in text
+            assert shown in terminal
+    assert report["unexplained"]["normalised_rms"] == report["heldout"]["normalised_rms_after"]
+    for finding in report["findings"]:
+        assert sentences.plain(finding["effect"]) in text
+        assert sentences.plain(finding["effect"]) in terminal
+
+
+@pytest.mark.parametrize(
+    ("interval", "words"),
+    [
+        ((0.55, 0.71), "falls by 66 % (95 % interval over stretches of time: 55 to 71 %)"),
+        ((0.871, 0.874), "falls by 65.6 % (95 % interval over stretches of time: 87.1 to 87.4 %)"),
+        ((0.87, 0.87), "falls by 66 % (too few stretches of unseen data for an interval)"),
+        ((0.87, 0.87000001), "falls by 65.62 % (95 % interval over stretches of time: 87.00 to 87.00 %)"),
+    ],
+)
+def test_a_gain_is_one_interval_whose_bounds_differ(interval, words):
+    assert words in sentences.gain(3.2, 1.1, interval)
+
+
+def test_no_gain_is_not_called_one():
+    assert sentences.gain(3.0, 3.1, (-0.1, 0.05)) == "The error on unseen data does not fall."
+
+
+def test_what_a_finding_removes_follows_from_the_report():
+    one = diagnosis()
+    (finding,) = one.findings
+    assert sentences.share(finding, one) == pytest.approx((3.2 - 1.1) / 3.2)
+    assert "removes 66 % of the mismatch" in sentences.effect_on_error(finding, one)
+    assert "In bend_tip.x, which it changes most, it would be 1.26 instead of 0.458 degrees." in (
+        sentences.effect_on_error(finding, one)
+    )
+
+
+@pytest.mark.parametrize(
+    ("log_bayes_factor", "name"),
+    [(0.5, "weak"), (1.2, "substantial"), (3.0, "strong"), (5.0, "decisive"), (1530.0, "decisive")],
+)
+def test_bayes_factors_have_the_names_of_kass_and_raftery(log_bayes_factor, name):
+    assert sentences.strength(log_bayes_factor) == name
+
+
+def test_innovations_are_called_white_only_where_they_are():
+    white = InnovationTest({"a": 0.9, "b": 1.2}, {"a": 0.1, "b": -0.05})
+    assert sentences.noise(white).startswith("What is left is white noise of the assumed size")
+    for other in (
+        InnovationTest({"a": 6.0}, {"a": 0.1}),
+        InnovationTest({"a": 1.0}, {"a": 0.9}),
+        InnovationTest({"a": 0.1}, {"a": 0.0}),
+    ):
+        assert "not white noise" in sentences.noise(other)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"), [(1530.4, "1,530"), (0.00123, "0.00123"), (29.83, "29.8"), (87.0, "87")]
+)
+def test_numbers_have_no_exponents(value, words):
+    assert sentences.number(value) == words
