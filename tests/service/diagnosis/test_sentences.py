@@ -29,7 +29,7 @@ def test_down_to_the_noise_is_said_only_where_the_error_is_near_it(after: float,
 
 
 def test_a_verdict_with_nominal_recordings_compares_with_them():
-    assert "What is left is 0.31 times what the model leaves of the recordings in the known state." in (
+    assert "is 0.31 times the same part in the recordings in the known state." in (
         sentences.verdict(without_chambers())
     )
 

@@ -157,7 +157,7 @@ def diagnose(
     if dropped:
         notes = (
             *notes,
-            f"Fitted but not proven on held-out data, and so not reported: {', '.join(dropped)}.",
+            f"Fitted, but not proven on held-out data and so not reported: {', '.join(dropped)}.",
         )
     law = better_law(search, choice)
     if law is not None:
@@ -191,10 +191,10 @@ def _notes(width: float, known: Sequence[Session]) -> list[str]:
     if any(session.nominal for session in known):
         names = ", ".join(session.name for session in known)
         return [
-            f"Judged against {names}: what they show as well is not reported; from run to run, "
-            f"{width:.0%} of every effect's typical size counts as nothing new."
+            f"The reference is {names}: what these recordings also show is not reported. Changes of up to "
+            f"{width:.0%} of an effect's typical size occur from run to run and do not count."
         ]
-    return ["No nominal recording was given: the specimen itself is what the recordings are judged against."]
+    return ["No nominal recording was given, so the reference is the specimen itself."]
 
 
 def _outcome(
@@ -251,7 +251,7 @@ def _outcome(
 
 
 def disagreement(search: Search, choice: Choice) -> list[str]:
-    """Say where the best candidate was turned down because recordings show it in different sizes."""
+    """Report where the best candidate was rejected because recordings show it in different sizes."""
     if choice.turned_down is None or choice.turned_down[1].spread <= HETEROGENEITY:
         return []
     hypothesis = search.evidence.library.hypotheses[choice.turned_down[0].number]

@@ -55,10 +55,10 @@ class Swing:
     frequency: float
 
     def tell(self) -> str:
-        """Say it in plain words."""
+        """Describe it in one plain sentence."""
         return (
-            f"Motion matters: the model swings, at {self.frequency:.1f} Hz at first, with {self.mass:.2f} "
-            "times the weighed masses."
+            f"The arm swings in these recordings; the model swings too, at a lowest frequency of "
+            f"{self.frequency:.1f} Hz, with {self.mass:.2f} times the weighed masses."
         )
 
 

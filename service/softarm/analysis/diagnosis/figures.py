@@ -61,7 +61,7 @@ def image(draw: Callable[Arguments, Figure]) -> Callable[Arguments, str]:
 
 @image
 def draw_trace(trace: Trace) -> Figure:
-    """Draw a channel before and after with its residuals below; of long recordings the worst stretch enlarged."""
+    """Draw a channel before and after, its residuals, and of long recordings the worst stretch enlarged."""
     near = worst_window(trace)
     views = [slice(None)]
     if near.stop - near.start < LARGEST_ZOOM * len(trace.time):

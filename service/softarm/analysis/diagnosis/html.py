@@ -56,7 +56,7 @@ def page(diagnosis: Diagnosis, specimen: Specimen) -> str:
 
 
 def _cells(found: LocationMap) -> list[Cell]:
-    """Return the largest cell of each place and axis: regimes that the recordings do not separate remove alike."""
+    """Return the largest cell of each place and axis; recordings often cannot separate its regimes."""
     largest: dict[tuple[str, str, str], Cell] = {}
     for cell in found.cells:
         largest.setdefault((cell.kind, cell.name, cell.axis), cell)

@@ -90,8 +90,8 @@ def verdict(diagnosis: Diagnosis) -> str:
     after = f"{number(heldout.after)} times the noise"
     fall = f"falls from {number(heldout.before)} to {after}"
     known = (
-        f" What is left is {number(left.over_nominal)} times what the model leaves of the recordings in the "
-        "known state."
+        " The part of it that no known effects explain, however combined, is "
+        f"{number(left.over_nominal)} times the same part in the recordings in the known state."
         if left.over_nominal is not None
         else ""
     )
