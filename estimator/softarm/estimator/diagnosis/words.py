@@ -54,8 +54,11 @@ EXCITATION: dict[str, str] = {
     "motion": "motion of the arm",
 }
 """What recordings may lack, in words."""
-WITHOUT_CHAMBERS = frozenset({"rest", "mount_turned", "long_run", "motion"})
-"""Excitation that an arm without chambers can be given."""
+WITHOUT_CHAMBERS: dict[str, str] = {
+    "rest": "20 s at rest",
+    **{need: EXCITATION[need] for need in ("mount_turned", "long_run", "motion")},
+}
+"""The same of an arm without chambers."""
 PNEUMATIC = ("chamber", "pressure", "valve", "vent", "hose", "ramp", "hold")
 """Words that show that a manoeuvre needs chambers."""
 
@@ -80,7 +83,8 @@ def possible(needs: Iterable[str], *, pneumatic: bool) -> list[str]:
         needs: Keys of ``EXCITATION``.
         pneumatic: Whether the arm has chambers.
     """
-    return [EXCITATION[need] for need in sorted(needs) if pneumatic or need in WITHOUT_CHAMBERS]
+    known = EXCITATION if pneumatic else WITHOUT_CHAMBERS
+    return [known[need] for need in sorted(needs) if need in known]
 
 
 def manoeuvre(one: EffectName, other: EffectName, *, pneumatic: bool = True) -> str:

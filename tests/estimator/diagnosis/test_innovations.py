@@ -1,0 +1,90 @@
+"""Errors by channel, the test for white noise and the worst stretch, on residuals that are known."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from softarm.estimator.diagnosis.innovations import channel_errors, innovation_test, worst_stretch
+from softarm.estimator.diagnosis.session import channels
+from tests.estimator.diagnosis.linear_arm import session
+
+ASSUMED = 0.01
+BENDS = ("bend_intermediate.x", "bend_intermediate.y", "bend_tip.x", "bend_tip.y")
+
+
+@pytest.fixture(scope="module")
+def search():
+    """The parts of a search that are read: two sessions, the second one in question, half of it held out."""
+    known, asked = session("known", 1, nominal=True), session("run", 2)
+    asked = replace(asked, heldout=asked.blocks % 2 == 0)
+    stages = [
+        SimpleNamespace(session=one, suite=one.suite, unrest=np.zeros((one.samples, 4)))
+        for one in (known, asked)
+    ]
+    assert channels(asked.suite) == BENDS
+    return SimpleNamespace(
+        evidence=SimpleNamespace(stages=stages), weights=SimpleNamespace(scale=dict.fromkeys(BENDS, ASSUMED))
+    )
+
+
+def noise(search, size: float, memory: float = 0.0) -> list[np.ndarray]:
+    """Draw residuals of a first-order autoregressive process with a standard deviation and a correlation."""
+    rng = np.random.default_rng(4)
+    found = []
+    for stage in search.evidence.stages:
+        left = rng.normal(0.0, size, (stage.session.samples, 4))
+        for k in range(1, len(left)):
+            left[k] = memory * left[k - 1] + np.sqrt(1.0 - memory**2) * left[k]
+        found.append(left)
+    return found
+
+
+def test_white_noise_of_the_assumed_size_has_variance_1_and_no_correlation(search):
+    test = innovation_test(search, noise(search, ASSUMED))
+    assert set(test.variance) == set(test.correlation) == set(BENDS)
+    assert list(test.variance.values()) == pytest.approx([1.0] * 4, abs=0.5)
+    assert list(test.correlation.values()) == pytest.approx([0.0] * 4, abs=0.35)
+
+
+def test_noise_that_is_larger_and_correlated_shows_as_such(search):
+    test = innovation_test(search, noise(search, 3.0 * ASSUMED, memory=0.9))
+    assert min(test.variance.values()) > 3.0
+    assert min(test.correlation.values()) > 0.6
+
+
+def test_what_a_swing_leaves_uncertain_counts_in_the_assumed_noise(search):
+    doubtful = [
+        SimpleNamespace(**{**vars(s), "unrest": np.full_like(s.unrest, np.sqrt(3.0) * ASSUMED)})
+        for s in search.evidence.stages
+    ]
+    other = SimpleNamespace(evidence=SimpleNamespace(stages=doubtful), weights=search.weights)
+    left = noise(search, ASSUMED)
+    whole, half = innovation_test(search, left).variance, innovation_test(other, left).variance
+    assert half == pytest.approx({name: value / 4.0 for name, value in whole.items()})
+
+
+def test_errors_are_those_of_held_out_samples_of_recordings_in_question(search):
+    first, last = noise(search, ASSUMED), noise(search, ASSUMED)
+    seen = ~search.evidence.stages[1].session.heldout
+    first[0][:], first[1][seen], first[1][~seen] = 9.0, 9.0, 0.04
+    last[0][:], last[1][seen], last[1][~seen] = 9.0, 9.0, -0.01
+    first[1][np.flatnonzero(~seen)[0], 0] = np.nan
+    errors = channel_errors(search, first, last)
+    assert {name: (e.unit, e.before, e.after) for name, e in errors.items()} == {
+        name: ("rad", pytest.approx(0.04), pytest.approx(0.01)) for name in BENDS
+    }
+
+
+def test_the_worst_stretch_is_found_by_recording_channel_and_time(search):
+    left = noise(search, 0.1 * ASSUMED)
+    left[0][:] = 5.0  # a nominal recording is not in question
+    asked = search.evidence.stages[1].session
+    chosen = asked.blocks == asked.blocks[asked.samples // 2]
+    left[1][chosen, 2] = 0.3
+    worst = worst_stretch(search, left)
+    time = asked.clock[chosen] - asked.clock[0]
+    assert (worst.recording, worst.channel, worst.unit) == ("run", "bend_tip.x", "rad")
+    assert (worst.start, worst.end) == (time[0], time[-1])
+    assert worst.rms == pytest.approx(0.3)
