@@ -119,9 +119,10 @@ def command(
     request = Request(recordings, nominal, robot, seed, effects)
     digest = digest_of(request)
     earlier = done_before(out, digest) if out is not None and not force else None
-    if earlier is not None and (write_specimen is None or write_specimen.exists()):
+    if out is not None and earlier is not None and (write_specimen is None or write_specimen.exists()):
         say(f"{out} holds this diagnosis already; --force does it again")
-        click.echo(earlier.dump() if as_json else earlier.verdict.replace("_", " "), nl=not as_json)
+        words = f"{earlier.specimen}: {earlier.verdict.replace('_', ' ')}.\nReport: {out / HTML}"
+        click.echo(earlier.dump() if as_json else words, nl=not as_json)
         return 0
     if write_specimen is not None:
         refuse_existing(write_specimen, force=force)

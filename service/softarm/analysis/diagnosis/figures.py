@@ -4,7 +4,7 @@ from base64 import b64encode
 from collections.abc import Callable, Mapping
 from functools import wraps
 from io import BytesIO
-from typing import ParamSpec
+from typing import Any, ParamSpec
 
 import matplotlib as mpl
 import numpy as np
@@ -32,7 +32,7 @@ ZOOM = 0.08
 LEAST_ZOOM = 20
 LARGEST_ZOOM = 0.5
 """Fewest samples of a zoom, and the share of a recording from which a zoom shows nothing more."""
-STYLE = {
+STYLE: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "softarm",
     "text.parse_math": False,  # names of channels may hold any character
@@ -83,7 +83,7 @@ def draw_trace(trace: Trace) -> Figure:
     if len(views) > 1:
         panels[0, 1].set_title("largest mismatch, enlarged", fontsize=9, loc="left")
         for axes in panels[:, 0]:
-            edge = {"fill": False, "edgecolor": "#777777", "linestyle": ":", "linewidth": 1.0}
+            edge: Any = {"fill": False, "edgecolor": "#777777", "linestyle": ":", "linewidth": 1.0}
             axes.axvspan(trace.time[near][0], trace.time[near][-1], **edge)
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3, frameon=False)
     return figure
@@ -94,13 +94,13 @@ def _draw_view(upper: Axes, lower: Axes, trace: Trace, view: slice) -> None:
     factor = readable(trace.unit)[0]
     time = trace.time[view]
     measured, before, after = (factor * v[view] for v in (trace.measured, trace.before, trace.after))
-    style = {"marker": "."} if len(time) <= FEW else {}
-    upper.plot(time, measured, color=MEASURED, linewidth=1.4, label="measured", **style)
-    upper.plot(time, before, color=BEFORE, linewidth=1.0, label="model before", **style)
-    upper.plot(time, after, color=AFTER, linewidth=1.0, label="model after", **style)
+    marker = "." if len(time) <= FEW else ""
+    upper.plot(time, measured, color=MEASURED, linewidth=1.4, label="measured", marker=marker)
+    upper.plot(time, before, color=BEFORE, linewidth=1.0, label="model before", marker=marker)
+    upper.plot(time, after, color=AFTER, linewidth=1.0, label="model after", marker=marker)
     lower.axhline(0.0, color="#888888", linewidth=0.6)
-    lower.plot(time, measured - before, color=BEFORE, linewidth=0.9, **style)
-    lower.plot(time, measured - after, color=AFTER, linewidth=0.9, **style)
+    lower.plot(time, measured - before, color=BEFORE, linewidth=0.9, marker=marker)
+    lower.plot(time, measured - after, color=AFTER, linewidth=0.9, marker=marker)
     lower.set_xlabel("time [s]")
     for axes in (upper, lower):
         _shade(axes, time, trace.heldout[view])

@@ -1,0 +1,62 @@
+"""``softarm diagnose`` from recorded valves to what it prints and writes."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from softarm.cli import run
+
+STEP = 0.05
+
+
+@pytest.fixture
+def valve(tmp_path: Path) -> Path:
+    """A valve that is 3 kPa too low while it is open, recorded without an arm."""
+    rng = np.random.default_rng(3)
+    held = np.repeat(rng.uniform(10e3, 60e3, 30), 80)
+    held[:40] = 0.0
+    time = STEP * np.arange(len(held))
+    pressure = np.zeros(len(held))
+    for k in range(1, len(held)):
+        wanted = max(held[k - 1] - 3e3, 0.0)
+        pressure[k] = pressure[k - 1] + (wanted - pressure[k - 1]) * STEP / 0.1
+    pressure += rng.normal(0.0, 60.0, len(held))
+    rows = [f"{t:.2f},{c:.0f},{p:.1f}" for t, c, p in zip(time, held, pressure, strict=True)]
+    folder = tmp_path / "valve"
+    folder.mkdir()
+    (folder / "recording.csv").write_text("\n".join(["t_s,pressure_cmd_0_pa,pressure_0_pa", *rows]) + "\n")
+    return folder
+
+
+def test_terminal_json_and_page_hold_the_same_diagnosis(
+    valve: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert run(["diagnose", str(valve), "--specimen", "sopra", "--out", str(out), "--jobs", "1"]) == 0
+    printed = capsys.readouterr().out
+    report = json.loads((out / "report.json").read_text())
+    effects = {finding["effect"]: finding for finding in report["findings"]}
+    bias = effects["pressure_bias"]["parameters"]["bias"]
+    assert bias["value"] == pytest.approx(-3000.0, abs=300.0)
+    assert f"bias {1e-3 * bias['value']:.4g} ±" in printed
+    assert "kPa; removes" in printed
+    assert report["heldout"]["unit"] == {"pressure_0": "kPa"}
+    after = report["heldout"]["rms_after"]["pressure_0"]
+    assert f"to {after:.3g} kPa" in printed
+    assert printed.rstrip().endswith(f"Report: {out / 'report.html'}")
+    page = (out / "report.html").read_text()
+    assert all(finding["statement"].split(".")[0] in page for finding in report["findings"])
+
+
+def test_a_second_run_names_the_report_that_is_there(
+    valve: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["diagnose", str(valve), "--specimen", "sopra", "--out", str(tmp_path / "out"), "--jobs", "1"]
+    assert run(command) == 0
+    first = capsys.readouterr().out
+    assert run(command) == 0
+    again = capsys.readouterr()
+    assert "holds this diagnosis already" in again.err
+    assert again.out.splitlines()[-1] == first.splitlines()[-1]
