@@ -138,7 +138,9 @@ def draw_exposure(exposure: Exposure) -> Figure:
     axes.margins(0.05, 0.1)
     axes.set_xlabel(f"{exposure.variable} [{name}]" if name else exposure.variable)
     axes.set_ylabel(f"residual [{unit}]")
-    axes.legend(frameon=False, loc="best")
+    for handle in axes.legend(frameon=False, loc="best", markerscale=5.0 / np.sqrt(size)).legend_handles:
+        if handle is not None:
+            handle.set_alpha(1.0)
     axes.grid(visible=True, alpha=0.3, linewidth=0.5)
     return figure
 
