@@ -124,26 +124,9 @@ class CommandHandler:
         self._began_ns = context.clock_ns()
         self._saving, self._opening = asyncio.Lock(), asyncio.Lock()
         self._recording_lease: str | None = None
+        # One table of verbs, that of the API: the method of `teach/start` is `_teach_start`.
         self._handlers: dict[str, Callable[[Any], Answer | Awaitable[Answer]]] = {
-            "arm": self._arm,
-            "disarm": self._disarm,
-            "clear": self._clear,
-            "set_pressures": self._set_pressures,
-            "teach/start": self._teach_start,
-            "teach/hold": self._teach_hold,
-            "teach/save": self._teach_save,
-            "teach/list": self._teach_list,
-            "teach/goto": self._teach_goto,
-            "teach/release": self._teach_release,
-            "estimate/tare": self._tare,
-            "experiment/begin": self._experiment_begin,
-            "experiment/end": self._experiment_end,
-            "calibrate/rest": self._rest,
-            "record/start": self._record_start,
-            "record/stop": self._record_stop,
-            "device/reconnect": self._device_reconnect,
-            "lease/acquire": self._lease_acquire,
-            "lease/release": self._lease_release,
+            verb: getattr(self, f"_{verb.replace('/', '_')}") for verb in VERBS if verb != "stop"
         }
 
     async def answer(self, verb: str, payload: bytes) -> Applied | Refused:
@@ -339,7 +322,7 @@ class CommandHandler:
         controller.keep_asked(self._context.clock_ns(), RELEASE_LIFETIME_S)
         return {"asked_pa": controller.asked.tolist(), "lifetime_s": RELEASE_LIFETIME_S}
 
-    def _tare(self, request: Request) -> Answer:
+    def _estimate_tare(self, request: Request) -> Answer:
         del request
         tare = self._context.estimator_state.tare_now()
         if tare is None:
@@ -355,7 +338,7 @@ class CommandHandler:
         self._context.controller.fire(Trigger.EXPERIMENT_END, f"{request.client} ends", request.client)
         return {}
 
-    def _rest(self, request: Request) -> Answer:
+    def _calibrate_rest(self, request: Request) -> Answer:
         del request
         if self._context.controller.modes.mode is not Mode.IDLE:
             raise RefusalError("wrong_mode", "the arm must hang vented and free", "disarm first")
