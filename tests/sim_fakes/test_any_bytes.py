@@ -3,7 +3,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softarm.fakes.devices import Surroundings, build_instrument, catalogue
+from softarm.fakes.devices import DeviceSurroundings, build_instrument, catalogue
 from softarm.fakes.faults import FaultBoard
 from softarm.fakes.parts import PART_OF_KIND, SerialPart
 from softarm.fakes.qtm.discovery import discovery_reply
@@ -70,7 +70,7 @@ def test_discovery(datagram):
 def test_serial_instruments(kind, portions):
     part = check_scenario({"device": [{"name": "it", "kind": kind}]}).device[0]
     arm = StillArm()
-    instrument = build_instrument(part, Surroundings(arm, 1), FaultBoard("it", catalogue(part)))
+    instrument = build_instrument(part, DeviceSurroundings(arm, 1), FaultBoard("it", catalogue(part)))
     instrument.power_on(0.0)
     for portion in portions:
         assert len(instrument.receive(1.0, portion, arm.state)) < 4096

@@ -7,7 +7,7 @@ import struct
 import numpy as np
 import pytest
 
-from softarm.fakes.devices import Surroundings, build_instrument, catalogue
+from softarm.fakes.devices import DeviceSurroundings, build_instrument, catalogue
 from softarm.fakes.faults import FaultBoard
 from softarm.fakes.plant.state import Cord, PlantInputs
 from softarm.fakes.scenario import check_scenario
@@ -20,7 +20,7 @@ def make(kind, **keys):
     part = check_scenario({"device": [{"name": "it", "kind": kind, **keys}]}).device[0]
     faults = FaultBoard("it", catalogue(part))
     arm = StillArm()
-    return build_instrument(part, Surroundings(arm, 1), faults), arm
+    return build_instrument(part, DeviceSurroundings(arm, 1), faults), arm
 
 
 def pull(arm, newtons):

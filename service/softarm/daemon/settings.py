@@ -11,13 +11,13 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=40)]
 
 
-class Table(BaseModel):
+class StrictTable(BaseModel):
     """What every table of the configuration is: frozen, without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class ControlSettings(Table):
+class ControlSettings(StrictTable):
     """The ``[control]`` table."""
 
     rate_hz: Positive = 100.0
@@ -36,7 +36,7 @@ class ControlSettings(Table):
     """Largest correction of a chamber by that feedback."""
 
 
-class SafetySettings(Table):
+class SafetySettings(StrictTable):
     """The ``[safety]`` table."""
 
     lease_s: Positive = 1.0
@@ -51,7 +51,7 @@ class SafetySettings(Table):
     """What is written to the valves expires after so long unless the loop renews it."""
 
 
-class PageSettings(Table):
+class PageSettings(StrictTable):
     """The ``[page]`` table: where ``softarm page --config`` serves the operator page."""
 
     host: str = "127.0.0.1"
@@ -60,7 +60,7 @@ class PageSettings(Table):
     """Its TCP port; each arm of a host needs its own."""
 
 
-class SensorSettings(Table):
+class SensorSettings(StrictTable):
     """One of ``[[sensors]]``: which reading of which device is which measurement."""
 
     kind: Literal["pose", "orientation", "bend", "gauge"]
@@ -78,7 +78,7 @@ class SensorSettings(Table):
     periods of a slower device."""
 
 
-class ServiceConfig(Table):
+class ServiceConfig(StrictTable):
     """Everything that a service runs on.
 
     Args:

@@ -10,7 +10,7 @@ from softarm.api.messages import Estimate, Message, Mismatch, State
 from softarm.client.client import STALE_S, SoftarmClient
 from softarm.estimator.specimen import Specimen
 from softarm.page.panel import Panel
-from softarm.page.scene import Scene
+from softarm.page.scene import ArmScene
 from softarm.page.server import open_server, page_origins
 
 Kind = TypeVar("Kind", bound=Message)
@@ -35,7 +35,7 @@ class Page:
         specimen = Specimen.model_validate_json(client.ask("specimen"))
         self._client = client
         self._server = open_server(host, port, f"softarm {client.keys.arm}", allowed)
-        self._scene = Scene(self._server, specimen)
+        self._scene = ArmScene(self._server, specimen)
         self._panel = Panel(self._server, client, len(specimen.chambers))
         self._sections: State | None = None
         self._exit = ExitStack()

@@ -45,7 +45,7 @@ def load_deviation(load: LoadEstimate) -> float:
     return float(np.sqrt(max(sum(known) / len(known), 0.0))) if known else 0.0
 
 
-class Scene:
+class ArmScene:
     """What the browser shows in 3-D.
 
     Args:

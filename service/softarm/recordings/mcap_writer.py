@@ -44,7 +44,7 @@ class Stream:
 
 
 @dataclass(frozen=True)
-class Stamp:
+class RecordTimes:
     """When a reading was taken.
 
     Args:
@@ -131,7 +131,7 @@ class StreamWriter:
         channel = self._writer.register_channel(stream.topic, "json", schema, metadata)
         self._channels[stream.topic] = (channel, stream.fields)
 
-    def write(self, topic: str, values: Sequence[float], stamp: Stamp) -> None:
+    def write(self, topic: str, values: Sequence[float], stamp: RecordTimes) -> None:
         """Write one message of an announced stream; NaN stands for a lost reading."""
         channel, fields = self._channels[topic]
         message = self._stamped(stamp) | {
@@ -140,25 +140,25 @@ class StreamWriter:
         }
         self._add(channel, message, stamp)
 
-    def write_document(self, topic: str, document: Mapping[str, Any], stamp: Stamp) -> None:
+    def write_document(self, topic: str, document: Mapping[str, Any], stamp: RecordTimes) -> None:
         """Write a message of another kind, such as a change of mode; tables leave it out."""
         if topic not in self._documents:
             schema = self._writer.register_schema(f"softarm.{topic}", "jsonschema", b'{"type": "object"}')
             self._documents[topic] = self._writer.register_channel(topic, "json", schema)
         self._add(self._documents[topic], {**self._stamped(stamp), **document}, stamp)
 
-    def _stamped(self, stamp: Stamp) -> dict[str, Any]:
+    def _stamped(self, stamp: RecordTimes) -> dict[str, Any]:
         live = {} if self._start is None else {HOST_STAMP: stamp.host_ns, DEVICE_STAMP: stamp.device_ns}
         return {TIME: stamp.t_s, **live}
 
-    def _times(self, stamp: Stamp) -> tuple[int, int]:
+    def _times(self, stamp: RecordTimes) -> tuple[int, int]:
         """Return log and publish time: arrival and measurement by the wall clock in a live recording [ns]."""
         if self._start is None:
             return stamp.host_ns, stamp.device_ns
         measured_ns = self._start.unix_ns + round(stamp.t_s * NANOSECONDS)
         return stamp.host_ns + self._start.unix_minus_monotonic_ns, measured_ns
 
-    def _add(self, channel: int, message: Mapping[str, Any], stamp: Stamp) -> None:
+    def _add(self, channel: int, message: Mapping[str, Any], stamp: RecordTimes) -> None:
         data = json.dumps(message, separators=(",", ":"), allow_nan=False).encode()
         log_ns, publish_ns = self._times(stamp)
         self._writer.add_message(channel, log_ns, data, publish_ns, stamp.sequence)
@@ -215,7 +215,7 @@ def write_recording(
         range(len(recording.time)), recording.time.tolist(), count(), strict=False
     ):
         stamp_ns = begin_ns + round(t_s * NANOSECONDS)
-        stamp = Stamp(t_s, stamp_ns, stamp_ns, sequence)
+        stamp = RecordTimes(t_s, stamp_ns, stamp_ns, sequence)
         for topic, keep in present.items():
             if keep[index]:
                 writer.write(topic, rows[topic][index], stamp)

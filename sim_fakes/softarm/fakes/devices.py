@@ -49,7 +49,7 @@ VALVES = 16
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class DeviceSurroundings:
     """What devices are built into.
 
     Args:
@@ -90,7 +90,7 @@ def catalogue(part: DevicePart) -> tuple[Fault, ...]:
     return fixed[type(part)]
 
 
-def build_node(part: ValvesPart, around: Surroundings, faults: FaultBoard) -> CpxNode:
+def build_node(part: ValvesPart, around: DeviceSurroundings, faults: FaultBoard) -> CpxNode:
     """Build a terminal.
 
     Raises:
@@ -113,7 +113,7 @@ def build_node(part: ValvesPart, around: Surroundings, faults: FaultBoard) -> Cp
     return CpxNode(bank, faults, part.watchdog_ms)
 
 
-def build_measurement(part: QtmPart, around: Surroundings, faults: FaultBoard) -> MotionMeasurement:
+def build_measurement(part: QtmPart, around: DeviceSurroundings, faults: FaultBoard) -> MotionMeasurement:
     """Build the measurement of a motion capture.
 
     Raises:
@@ -127,7 +127,7 @@ def build_measurement(part: QtmPart, around: Surroundings, faults: FaultBoard) -
     return MotionMeasurement(bodies, sections, cameras, faults, seed_of(around.seed, part.name), around.see)
 
 
-def build_instrument(part: SerialPart, around: Surroundings, faults: FaultBoard) -> Instrument:
+def build_instrument(part: SerialPart, around: DeviceSurroundings, faults: FaultBoard) -> Instrument:
     """Build a serial instrument.
 
     Raises:

@@ -12,7 +12,7 @@ from pathlib import Path
 from softarm.estimator.errors import InputError
 from softarm.fakes.clock import Clock, LoopClock
 from softarm.fakes.devices import (
-    Surroundings,
+    DeviceSurroundings,
     build_instrument,
     build_measurement,
     build_node,
@@ -81,7 +81,7 @@ class Rig:
         self._tasks: asyncio.TaskGroup | None = None
         self._ends: dict[tuple[str, str], float] = {}
         self.world = FakeArmWorld(self.plant, None, (), scenario.step_s)
-        around = Surroundings(self.plant, scenario.seed, self.signals.see)
+        around = DeviceSurroundings(self.plant, scenario.seed, self.signals.see)
         for part in scenario.device:
             self._build(part, around)
         for effect, value in scenario.plant.switches.items():
@@ -170,7 +170,7 @@ class Rig:
         below = dict(zip(self.plant.segments, self.plant.sections[1:], strict=True))
         return tuple(below[segment] if segment else "" for segment in reversed(part.sensors))
 
-    def _build(self, part: DevicePart, around: Surroundings) -> None:
+    def _build(self, part: DevicePart, around: DeviceSurroundings) -> None:
         board, scenario = self.boards[part.name], self.scenario
         if isinstance(part, ValvesPart):
             node = build_node(part, around, board)

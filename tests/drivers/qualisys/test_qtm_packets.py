@@ -13,7 +13,7 @@ from qtm_rt.receiver import Receiver
 
 from softarm.drivers.framing import FrameFault
 from softarm.drivers.qualisys.bodies import BodyFrame, Component, decode_bodies
-from softarm.drivers.qualisys.discovery import Host, encode_discover, parse_reply
+from softarm.drivers.qualisys.discovery import QtmHost, encode_discover, parse_reply
 from softarm.drivers.qualisys.packets import Packet, PacketKind, PacketParser, encode_command, packet_text
 
 Vectors = dict[str, Any]
@@ -204,7 +204,7 @@ def test_the_public_client_reads_the_same_numbers() -> None:
 def test_discovery_replies() -> None:
     text = b"Host, QTM 2.5 (build 568), 5 cameras\0"
     reply = struct.pack("<II", 10 + len(text), 1) + text + struct.pack(">H", 22222)
-    assert parse_reply(reply, "10.0.0.1") == Host("10.0.0.1", 22222, text[:-1].decode())
+    assert parse_reply(reply, "10.0.0.1") == QtmHost("10.0.0.1", 22222, text[:-1].decode())
     for damaged in (reply[:-1], reply[:8], b"", reply.replace(b"\0\x56", b"aa"), bytes(4000)):
         assert isinstance(parse_reply(damaged, "10.0.0.1"), FrameFault)
 
@@ -212,4 +212,4 @@ def test_discovery_replies() -> None:
 @quick
 @given(st.binary(max_size=100))
 def test_any_discovery_reply(data: bytes) -> None:
-    assert isinstance(parse_reply(data, "::1"), Host | FrameFault)
+    assert isinstance(parse_reply(data, "::1"), QtmHost | FrameFault)

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from softarm.api.commands import VERBS, Applied
-from softarm.daemon.control.host_watch import Host, HostWatch
+from softarm.daemon.control.host_watch import HostLoad, HostWatch
 from softarm.daemon.control.poses import PoseStore
 from softarm.daemon.control.surroundings import Clocks, Surroundings
 from softarm.daemon.control.tick import Tick, Ticker
 from softarm.daemon.estimation.worker import WorkerState
 from softarm.daemon.loop import ControlLoop
 from softarm.daemon.safety.modes import Mode
-from softarm.daemon.safety.observation import Device
-from tests.service.standins import Estimator, Instruments, setup_in
+from softarm.daemon.safety.observation import DeviceStatus
+from tests.service.standins import Instruments, StandInEstimator, setup_in
 
 TICK_NS = 10_000_000
 UNIX_NS = 10**18
@@ -43,7 +43,7 @@ class Outlet:
 class Arm:
     """A control loop whose clock the test moves."""
 
-    def __init__(self, folder, clocks=None, host=Host):
+    def __init__(self, folder, clocks=None, host=HostLoad):
         self.now_ns, self.index, self.sequence, self.lease = 10**9, 0, 0, None
         self.outlet, self.ready = Outlet(), []
         clocks = clocks or Clocks(lambda: self.now_ns, lambda: UNIX_NS)
@@ -51,7 +51,7 @@ class Arm:
             setup_in(folder),
             Surroundings(
                 lambda readings: Instruments(readings, clocks.monotonic_ns),
-                Estimator,
+                StandInEstimator,
                 self.outlet,
                 "",
                 lambda: self.ready.append(self.loop.mode),
@@ -258,12 +258,14 @@ def test_a_disk_that_hangs_does_not_hang_the_look_at_it(tmp_path):
         return 5
 
     with HostWatch(tmp_path, hanging) as watch:
-        assert watch.newest == Host()
+        assert watch.newest == HostLoad()
         free.set()
 
 
 async def test_a_device_that_is_unplugged_is_found_and_can_be_reconnected(arm):
-    arm.instruments.status = (Device("gauge", connected=False, error="cannot be reached", cure="plug it in"),)
+    arm.instruments.status = (
+        DeviceStatus("gauge", connected=False, error="cannot be reached", cure="plug it in"),
+    )
     arm.step(10)
     (finding,) = [f for f in arm.outlet.of("state")[-1].findings if f.where == "gauge"]
     assert (finding.code, finding.severity) == ("device_lost", "warning")

@@ -14,7 +14,7 @@ from softarm.daemon.control.recorder import PART_SUFFIX, Document, Recorder, Rec
 from softarm.daemon.control.recording_header import recording_header
 from softarm.daemon.control.streams import RecordedStreams
 from softarm.recordings import load_recording, save_recording
-from softarm.recordings.mcap_writer import Stamp, Start, Stream
+from softarm.recordings.mcap_writer import RecordTimes, Start, Stream
 
 DEPLOYED = Path(__file__).parents[3] / "deploy" / "config" / "sopra.toml"
 UNIX_NS = 1_790_000_000_000_000_000
@@ -22,7 +22,7 @@ PRESSURES = Stream("pressures", ("chamber_0_pa", "chamber_1_pa"), "fake+modbus:/
 
 
 def sample(index):
-    stamp = Stamp(index * 0.01, index * 10_000_000, index * 10_000_000, index)
+    stamp = RecordTimes(index * 0.01, index * 10_000_000, index * 10_000_000, index)
     return Sample(PRESSURES, (1000.0 * index, float("nan")), stamp)
 
 
@@ -215,7 +215,7 @@ def test_every_recording_says_when_where_and_by_whom_it_was_made(tmp_path):
     start = Start(7_000_000_000, UNIX_NS)
     recorder = Recorder(tmp_path, header=recording_header(setup), clocks=lambda: start)
     path = recorder.start("run", {}, {"started_by": "alice"})
-    stamp = Stamp(0.5, start.monotonic_ns + 510_000_000, 42, 3)
+    stamp = RecordTimes(0.5, start.monotonic_ns + 510_000_000, 42, 3)
     recorder.put(Sample(PRESSURES, (1000.0, 2000.0), stamp))
     recorder.stop()
     info = load_recording(path).info

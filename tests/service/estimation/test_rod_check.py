@@ -6,17 +6,17 @@ import pytest
 from softarm.api.modes import Mode
 from softarm.daemon.estimation.rod_check import RodCheck
 from softarm.daemon.safety.checks import check_rod
-from softarm.daemon.safety.observation import Estimator, Observation, Recorder, Valves
+from softarm.daemon.safety.observation import EstimatorHealth, RecorderHealth, ServiceHealth, Valves
 from softarm.estimator.arm import build_arm
 from softarm.estimator.model import Frames, Inputs
 from softarm.estimator.rotations import exp
 from softarm.estimator.specimen import load_specimen
 
 
-def observation(off: float | None) -> Observation:
-    estimator = Estimator(running=True, age_s=0.0, deadline_s=1.0, rod_off_degrees=off)
-    recorder = Recorder(active=False, dropped=0, error="", free_bytes=10**12)
-    return Observation(Mode.IDLE, Valves("valves", 0.0, 0.1), (), estimator, recorder, 0)
+def observation(off: float | None) -> ServiceHealth:
+    estimator = EstimatorHealth(running=True, age_s=0.0, deadline_s=1.0, rod_off_degrees=off)
+    recorder = RecorderHealth(active=False, dropped=0, error="", free_bytes=10**12)
+    return ServiceHealth(Mode.IDLE, Valves("valves", 0.0, 0.1), (), estimator, recorder, 0)
 
 
 def test_the_departure_of_turned_frames_is_their_angle() -> None:

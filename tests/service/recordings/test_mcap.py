@@ -7,15 +7,15 @@ from mcap.reader import make_reader
 
 from softarm.estimator.errors import InputError
 from softarm.recordings import load_recording, read_attachments
-from softarm.recordings.mcap_writer import NANOSECONDS, Stamp, Stream, StreamWriter
+from softarm.recordings.mcap_writer import NANOSECONDS, RecordTimes, Stream, StreamWriter
 
 PRESSURES = Stream("pressures", ("chamber_0_pa", "chamber_1_pa"), "fake+modbus://x")
 MARKER = Stream("marker/tip1", ("x_m", "y_m", "z_m"))
 
 
-def stamp(tick: int, device_delay_ns: int = 0) -> Stamp:
+def stamp(tick: int, device_delay_ns: int = 0) -> RecordTimes:
     host_ns = 5 * NANOSECONDS + tick * 10_000_000
-    return Stamp(tick * 0.01, host_ns, host_ns - device_delay_ns, tick)
+    return RecordTimes(tick * 0.01, host_ns, host_ns - device_delay_ns, tick)
 
 
 def test_every_stamp_and_schema_is_kept(tmp_path: Path) -> None:

@@ -10,23 +10,23 @@ from softarm.daemon.safety.diagnostics import HealthMonitor
 from softarm.daemon.safety.modes import PRESSURISED, Mode
 from softarm.daemon.safety.observation import (
     SETTLING_S,
-    Device,
-    Estimator,
+    DeviceStatus,
+    EstimatorHealth,
     Input,
-    Observation,
-    Recorder,
+    RecorderHealth,
+    ServiceHealth,
     Valves,
 )
 
-HEALTHY = Observation(
+HEALTHY = ServiceHealth(
     mode=Mode.ARMED,
     valves=Valves("valves", age_s=0.01, deadline_s=0.1),
     inputs=(
         Input("qtm/tip", needed=True, age_s=0.01, deadline_s=0.1),
         Input("bend", needed=False, age_s=0.01, deadline_s=0.1),
     ),
-    estimator=Estimator(running=True, age_s=0.01, deadline_s=0.2),
-    recorder=Recorder(active=False, dropped=0, error="", free_bytes=10**12),
+    estimator=EstimatorHealth(running=True, age_s=0.01, deadline_s=0.2),
+    recorder=RecorderHealth(active=False, dropped=0, error="", free_bytes=10**12),
     overruns=0,
 )
 LOST_VALVES = replace(HEALTHY.valves, age_s=1.0)
@@ -64,7 +64,7 @@ def test_dead_estimator_faults_the_modes_that_follow_the_pose(mode):
 @given(st.sampled_from(Mode))
 def test_spare_sensor_disk_and_overruns_never_fault(mode):
     spare_lost = (HEALTHY.inputs[0], replace(HEALTHY.inputs[1], age_s=None))
-    full = Recorder(active=True, dropped=3, error="no space left", free_bytes=0)
+    full = RecorderHealth(active=True, dropped=3, error="no space left", free_bytes=0)
     observation = replace(HEALTHY, mode=mode, inputs=spare_lost, recorder=full, overruns=99)
     assert faults(observation) == set()
     assert {f.code for f in HealthMonitor(ALL_CHECKS).evaluate(observation)} == {
@@ -115,8 +115,8 @@ NOTHING_YET = replace(
     mode=Mode.STARTING,
     valves=replace(HEALTHY.valves, age_s=None),
     inputs=tuple(replace(entry, age_s=None) for entry in HEALTHY.inputs),
-    estimator=Estimator(running=False, age_s=None, deadline_s=0.2, starting=True),
-    devices=(Device("gauge", connected=False),),
+    estimator=EstimatorHealth(running=False, age_s=None, deadline_s=0.2, starting=True),
+    devices=(DeviceStatus("gauge", connected=False),),
     uptime_s=0.1,
 )
 
@@ -136,7 +136,7 @@ def test_what_has_not_answered_after_a_while_is_found():
     assert {f.code for f in found} == {"valves_lost", "stale_sensor", "device_lost"}
 
 
-GAUGE = Device("gauge", connected=True, age_s=0.01)
+GAUGE = DeviceStatus("gauge", connected=True, age_s=0.01)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ _LARGEST_REPLY: Final = 2048
 
 
 @dataclass(frozen=True, slots=True)
-class Host:
+class QtmHost:
     """A computer that runs QTM.
 
     Args:
@@ -33,7 +33,7 @@ def encode_discover(reply_port: int) -> bytes:
     return _QUESTION.pack(10, PacketKind.DISCOVER) + reply_port.to_bytes(2, "big")
 
 
-def parse_reply(data: bytes, address: str) -> Host | FrameFault:
+def parse_reply(data: bytes, address: str) -> QtmHost | FrameFault:
     """Return the host that a reply describes, or what is wrong with it."""
     if not 11 <= len(data) <= _LARGEST_REPLY:
         return FrameFault("size", f"a discovery reply of {len(data)} bytes")
@@ -41,10 +41,10 @@ def parse_reply(data: bytes, address: str) -> Host | FrameFault:
     text, end, _ = data[8:-2].partition(b"\0")
     if size != len(data) or kind != PacketKind.COMMAND or not end:
         return FrameFault("discovery", "not a discovery reply")
-    return Host(address, int.from_bytes(data[-2:], "big"), text.decode(errors="replace"))
+    return QtmHost(address, int.from_bytes(data[-2:], "big"), text.decode(errors="replace"))
 
 
-async def discover(address: str, port: int = DISCOVERY_PORT, wait_s: float = 0.3) -> list[Host]:
+async def discover(address: str, port: int = DISCOVERY_PORT, wait_s: float = 0.3) -> list[QtmHost]:
     """Ask the given address, of one host or a broadcast, and collect replies.
 
     Args:
@@ -74,12 +74,12 @@ class _Replies(asyncio.DatagramProtocol):
     """Collects hosts, each once."""
 
     def __init__(self) -> None:
-        self.hosts: list[Host] = []
+        self.hosts: list[QtmHost] = []
         self.error: Exception | None = None
 
     def datagram_received(self, data: bytes, addr: tuple[str | Any, int]) -> None:
         host = parse_reply(data, addr[0])
-        if isinstance(host, Host) and host not in self.hosts and len(self.hosts) < 64:
+        if isinstance(host, QtmHost) and host not in self.hosts and len(self.hosts) < 64:
             self.hosts.append(host)
 
     def error_received(self, exc: Exception) -> None:

@@ -13,7 +13,7 @@ from softarm.daemon.control.reporting import Reporter
 from softarm.daemon.control.surroundings import Surroundings
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult
 from softarm.daemon.safety.modes import Mode
-from softarm.daemon.safety.observation import Estimator
+from softarm.daemon.safety.observation import EstimatorHealth
 
 SHAPE_RATE_HZ = 10.0
 CONTACT_EVERY_NS = 2_000_000_000
@@ -125,13 +125,13 @@ class Estimates:
                 unix_ns,
             )
 
-    def observe(self, now_ns: int) -> Estimator:
+    def observe(self, now_ns: int) -> EstimatorHealth:
         """Return the state of the estimator for the health checks."""
         age_s = None if self._last_result_ns is None else (now_ns - self._last_result_ns) * 1e-9
         result = self._estimator_state.result
         off = None if result is None or result.rod_off_rad is None else float(np.degrees(result.rod_off_rad))
         state = self.process.state
-        return Estimator(
+        return EstimatorHealth(
             state.running,
             age_s,
             self._deadline_s,

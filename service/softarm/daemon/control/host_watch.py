@@ -13,7 +13,7 @@ LOOK_EVERY_S = 1.0
 
 
 @dataclass(frozen=True)
-class Host:
+class HostLoad:
     """What the host was like when it was last looked at.
 
     Args:
@@ -39,7 +39,7 @@ class HostWatch:
         self._directory = directory
         self._free = free
         self._stop = threading.Event()
-        self.newest = Host()
+        self.newest = HostLoad()
 
     def __enter__(self) -> Self:
         threading.Thread(target=self._watch, name="softarm-host", daemon=True).start()
@@ -61,4 +61,4 @@ class HostWatch:
             free: int | None = self._free(existing)
         except OSError:
             free = None
-        self.newest = Host(free, read_pressure())
+        self.newest = HostLoad(free, read_pressure())

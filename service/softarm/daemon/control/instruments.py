@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from softarm.daemon.config import Setup
 from softarm.daemon.control.controller import ValveOutputs
-from softarm.daemon.safety.observation import Device as DeviceStatus
+from softarm.daemon.safety.observation import DeviceStatus
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.device import Device, close_all, connect_all
 from softarm.drivers.errors import DeviceErrors

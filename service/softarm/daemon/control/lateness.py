@@ -16,7 +16,7 @@ PRESSURE = Path("/proc/pressure/cpu")
 
 
 @dataclass(frozen=True)
-class Drift:
+class TickDrift:
     """How late the ticks of the last seconds came.
 
     Args:
@@ -47,13 +47,13 @@ class Lateness:
             self._ticks.popleft()
 
     @property
-    def drift(self) -> Drift | None:
+    def drift(self) -> TickDrift | None:
         """Median and 99th percentile over the last seconds; ``None`` before the first tick."""
         if not self._ticks:
             return None
         drifts = np.array([drift_ns for _, drift_ns in self._ticks]) * 1e-9
         median, p99 = np.percentile(drifts, [50.0, 99.0])
-        return Drift(float(median), float(p99))
+        return TickDrift(float(median), float(p99))
 
     def busy(self, now_ns: int) -> str:
         """Describe how the processor keeps the service waiting; empty when it does not."""

@@ -22,7 +22,7 @@ from softarm.api.modes import Mode
 from softarm.daemon.control.controller import Controller
 from softarm.daemon.control.estimator_state import EstimatorState
 from softarm.daemon.control.instruments import Source
-from softarm.daemon.control.lateness import Drift
+from softarm.daemon.control.lateness import TickDrift
 from softarm.daemon.control.mismatch import MismatchTest
 from softarm.daemon.estimation.messages import EstimationResult
 from softarm.daemon.safety.diagnostics import HealthMonitor
@@ -53,7 +53,7 @@ class Picture:
     ages_s: Mapping[str, float | None]
     ticks: int
     overruns: int
-    drift: Drift | None
+    drift: TickDrift | None
     recording: str | None
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import IO, Any
 
 from softarm.daemon.safety.checks.disk import RESERVE_BYTES
-from softarm.daemon.safety.observation import Recorder as RecorderHealth
+from softarm.daemon.safety.observation import RecorderHealth
 from softarm.recordings.info import format_info
-from softarm.recordings.mcap_writer import INFO_FILE, STARTED, Stamp, Start, Stream, StreamWriter
+from softarm.recordings.mcap_writer import INFO_FILE, STARTED, RecordTimes, Start, Stream, StreamWriter
 
 logger = logging.getLogger(__name__)
 
@@ -37,7 +37,7 @@ class Sample:
 
     stream: Stream
     values: tuple[float, ...]
-    stamp: Stamp
+    stamp: RecordTimes
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Document:
 
     topic: str
     content: Mapping[str, Any]
-    stamp: Stamp
+    stamp: RecordTimes
 
 
 Item = Sample | Document | None

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from softarm.daemon.config import SensorSettings
 from softarm.daemon.control.channels import ChannelReading
 from softarm.daemon.control.readings import channel
-from softarm.daemon.safety.observation import Device
+from softarm.daemon.safety.observation import DeviceStatus
 from softarm.drivers.errors import InterlockError
 from softarm.drivers.reading import Reading
 from softarm.estimator.errors import InputError
@@ -99,7 +99,7 @@ class ReplayedInstruments:
 
     expiries = 0
 
-    def devices(self) -> tuple[Device, ...]:
+    def devices(self) -> tuple[DeviceStatus, ...]:
         """A recording has no devices."""
         return ()
 

@@ -10,7 +10,7 @@ from softarm.daemon.control.instruments import Instruments
 from softarm.daemon.control.readings import Readings
 from softarm.daemon.safety.diagnostics import Diagnostic, HealthMonitor
 from softarm.daemon.safety.modes import PRESSURISED, Mode, Transition, Trigger
-from softarm.daemon.safety.observation import Estimator, Observation, Recorder, Valves
+from softarm.daemon.safety.observation import EstimatorHealth, RecorderHealth, ServiceHealth, Valves
 from softarm.drivers.errors import DeviceError
 
 SECOND_NS = 1_000_000_000
@@ -38,8 +38,8 @@ class SafetyInputs:
     controller: Controller
     estimator_state: EstimatorState
     health: HealthMonitor
-    estimator: Callable[[int], Estimator]
-    recorder: Callable[[], Recorder]
+    estimator: Callable[[int], EstimatorHealth]
+    recorder: Callable[[], RecorderHealth]
     valve_deadline_s: float
     report: Callable[[Diagnostic, bool], None]
     busy: Callable[[int], str] = lambda _: ""
@@ -134,7 +134,7 @@ class SafetyMonitor:
         """List what keeps the service out of a mode."""
         return self._inputs.health.faults(self.observe(now_ns, mode))
 
-    def observe(self, now_ns: int, mode: Mode) -> Observation:
+    def observe(self, now_ns: int, mode: Mode) -> ServiceHealth:
         """Picture the service.
 
         Args:
@@ -146,7 +146,7 @@ class SafetyMonitor:
         if self._began_ns is None:
             self._began_ns = now_ns
         fatal, others = instruments.valve_alarms()
-        return Observation(
+        return ServiceHealth(
             mode=mode,
             valves=Valves(
                 instruments.bank,

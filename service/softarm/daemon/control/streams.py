@@ -9,7 +9,7 @@ from softarm.daemon.control.readings import channel
 from softarm.daemon.control.recorder import Document, Recorder
 from softarm.daemon.control.recorder import Sample as RecordedSample
 from softarm.estimator.recording import BEND_SUFFIXES, POSE_SUFFIXES
-from softarm.recordings.mcap_writer import Stamp, Stream
+from softarm.recordings.mcap_writer import RecordTimes, Stream
 
 APART_NS = 1_000
 """Samples that arrived together are kept so far apart: in a recording time rises."""
@@ -59,7 +59,7 @@ class RecordedStreams:
         if len(fields) != len(reading.value):
             fields = POSE_SUFFIXES[-len(reading.value) :]
         measured_ns = self._after_last(topic, reading.measured_ns)
-        stamp = Stamp(
+        stamp = RecordTimes(
             (measured_ns - self._start_ns) * 1e-9,
             reading.host_monotonic_ns,
             reading.measured_ns if reading.device_time_ns is None else reading.device_time_ns,
@@ -97,9 +97,9 @@ class RecordedStreams:
         self._last_ns[topic] = max(time_ns, self._last_ns.get(topic, 0) + APART_NS)
         return self._last_ns[topic]
 
-    def _stamp(self, now_ns: int) -> Stamp:
+    def _stamp(self, now_ns: int) -> RecordTimes:
         self._sequence += 1
-        return Stamp((now_ns - self._start_ns) * 1e-9, now_ns, now_ns, self._sequence % 2**32)
+        return RecordTimes((now_ns - self._start_ns) * 1e-9, now_ns, now_ns, self._sequence % 2**32)
 
 
 def _place(sensor: SensorSettings) -> tuple[str, tuple[str, ...]]:

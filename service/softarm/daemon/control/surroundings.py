@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from softarm.api.messages import Message
-from softarm.daemon.control.host_watch import Host
+from softarm.daemon.control.host_watch import HostLoad
 from softarm.daemon.control.instruments import Instruments
 from softarm.daemon.control.readings import Readings
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult
@@ -74,4 +74,4 @@ class Surroundings:
     base_body: str
     ready: Callable[[], None]
     clocks: Clocks = Clocks()
-    host: Callable[[], Host] = Host
+    host: Callable[[], HostLoad] = HostLoad

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from softarm.daemon.safety.observation import Observation
+from softarm.daemon.safety.observation import ServiceHealth
 
 Severity = Literal["info", "warning", "fault"]
 CLEAR_AFTER_NS = 2_000_000_000
@@ -35,7 +35,7 @@ class Diagnostic:
         return self.code, self.where
 
 
-Check = Callable[[Observation], Iterable[Diagnostic]]
+Check = Callable[[ServiceHealth], Iterable[Diagnostic]]
 
 
 @dataclass(frozen=True)
@@ -77,16 +77,16 @@ class HealthMonitor:
         """Faults of the newest observation: what acts on the arm does not wait and does not linger."""
         return tuple(finding for finding in self._present if finding.severity == "fault")
 
-    def evaluate(self, observation: Observation) -> tuple[Diagnostic, ...]:
+    def evaluate(self, observation: ServiceHealth) -> tuple[Diagnostic, ...]:
         """Run every check on an observation without remembering anything."""
         return tuple(finding for check in self._checks for finding in check(observation))
 
-    def faults(self, observation: Observation) -> tuple[Diagnostic, ...]:
+    def faults(self, observation: ServiceHealth) -> tuple[Diagnostic, ...]:
         """List what keeps the service out of the observation's mode."""
         return tuple(f for f in self.evaluate(observation) if f.severity == "fault")
 
     def update(
-        self, observation: Observation, now_ns: int, unix_ns: int
+        self, observation: ServiceHealth, now_ns: int, unix_ns: int
     ) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
         """Run every check and remember the outcome.
 

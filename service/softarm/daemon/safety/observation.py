@@ -10,7 +10,7 @@ SETTLING_S = 5.0
 
 
 @dataclass(frozen=True)
-class Device:
+class DeviceStatus:
     """A configured instrument other than the valve bank.
 
     Args:
@@ -85,7 +85,7 @@ class Valves:
 
 
 @dataclass(frozen=True)
-class Estimator:
+class EstimatorHealth:
     """The estimator's process.
 
     Args:
@@ -108,7 +108,7 @@ class Estimator:
 
 
 @dataclass(frozen=True)
-class Recorder:
+class RecorderHealth:
     """The recorder.
 
     Args:
@@ -125,7 +125,7 @@ class Recorder:
 
 
 @dataclass(frozen=True)
-class Observation:
+class ServiceHealth:
     """The service at one tick.
 
     Args:
@@ -143,10 +143,10 @@ class Observation:
     mode: Mode
     valves: Valves
     inputs: tuple[Input, ...]
-    estimator: Estimator
-    recorder: Recorder
+    estimator: EstimatorHealth
+    recorder: RecorderHealth
     overruns: int
-    devices: tuple[Device, ...] = ()
+    devices: tuple[DeviceStatus, ...] = ()
     uptime_s: float = SETTLING_S
     busy: str = NOT_BUSY
 

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 
 from softarm.daemon.safety.diagnostics import Diagnostic
-from softarm.daemon.safety.observation import Device, Observation
+from softarm.daemon.safety.observation import DeviceStatus, ServiceHealth
 
 
-def check_devices(observation: Observation) -> Iterator[Diagnostic]:
+def check_devices(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find what is wrong with each configured instrument; what the mode needs is judged by its inputs."""
     for device in observation.devices:
         if device.sink_errors:
@@ -17,7 +17,7 @@ def check_devices(observation: Observation) -> Iterator[Diagnostic]:
         yield from _connection(device, observation)
 
 
-def _connection(device: Device, observation: Observation) -> Iterator[Diagnostic]:
+def _connection(device: DeviceStatus, observation: ServiceHealth) -> Iterator[Diagnostic]:
     if device.gave_up:
         hint = f"{device.cure}; then command device/reconnect"
         yield Diagnostic(
@@ -33,5 +33,5 @@ def _connection(device: Device, observation: Observation) -> Iterator[Diagnostic
         yield Diagnostic("device_silent", device.name, "warning", message, "check that it measures")
 
 
-def _silent(device: Device) -> bool:
+def _silent(device: DeviceStatus) -> bool:
     return device.age_s is None or device.age_s > device.deadline_s

@@ -3,14 +3,14 @@
 from collections.abc import Iterator
 
 from softarm.daemon.safety.diagnostics import Diagnostic
-from softarm.daemon.safety.observation import Observation
+from softarm.daemon.safety.observation import ServiceHealth
 
 RESERVE_BYTES = 500_000_000
 """A recording ends while so much space is left: a full disk would stop other programs too."""
 LOW_BYTES = 2 * RESERVE_BYTES
 
 
-def check_disk(observation: Observation) -> Iterator[Diagnostic]:
+def check_disk(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find too little space for a recording."""
     free = observation.recorder.free_bytes
     if free is not None and free < LOW_BYTES:

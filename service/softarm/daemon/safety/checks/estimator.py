@@ -5,14 +5,14 @@ from collections.abc import Iterator
 from softarm.api.modes import Mode
 from softarm.daemon.safety.checks.inputs import FOLLOWING_THE_POSE
 from softarm.daemon.safety.diagnostics import Diagnostic, Severity
-from softarm.daemon.safety.observation import Observation
+from softarm.daemon.safety.observation import ServiceHealth
 
 FAILURES_ALLOWED = 20
 STEERING_BY_THE_ESTIMATE = frozenset({Mode.TEACH, Mode.HOLDING})
 """Modes whose pressures come from the estimate; an experiment plays its own and may swing the arm."""
 
 
-def check_estimator(observation: Observation) -> Iterator[Diagnostic]:
+def check_estimator(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find an estimator on which the mode can no longer rely."""
     estimator = observation.estimator
     severity: Severity = "fault" if observation.mode in FOLLOWING_THE_POSE else "warning"

@@ -4,13 +4,13 @@ from collections.abc import Iterator
 
 from softarm.api.modes import Mode
 from softarm.daemon.safety.diagnostics import Diagnostic, Severity
-from softarm.daemon.safety.observation import Input, Observation
+from softarm.daemon.safety.observation import Input, ServiceHealth
 
 FOLLOWING_THE_POSE = frozenset({Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT})
 """Modes that cannot go on without knowing where the arm is."""
 
 
-def check_inputs(observation: Observation) -> Iterator[Diagnostic]:
+def check_inputs(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find stale streams; one that the mode needs is a fault."""
     blind = observation.mode in FOLLOWING_THE_POSE
     for entry in observation.inputs:

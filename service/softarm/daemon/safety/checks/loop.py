@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 
 from softarm.daemon.safety.diagnostics import Diagnostic
-from softarm.daemon.safety.observation import Observation
+from softarm.daemon.safety.observation import ServiceHealth
 
 OVERRUNS_ALLOWED = 5
 
 
-def check_loop(observation: Observation) -> Iterator[Diagnostic]:
+def check_loop(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find a loop that skipped ticks."""
     if observation.overruns > OVERRUNS_ALLOWED:
         message = f"{observation.overruns} control ticks were skipped in the last second"

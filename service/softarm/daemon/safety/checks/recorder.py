@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 
 from softarm.daemon.safety.diagnostics import Diagnostic
-from softarm.daemon.safety.observation import Observation
+from softarm.daemon.safety.observation import ServiceHealth
 
 
-def check_recorder(observation: Observation) -> Iterator[Diagnostic]:
+def check_recorder(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find a recording that failed or dropped messages; the arm is not affected."""
     recorder = observation.recorder
     if recorder.error:

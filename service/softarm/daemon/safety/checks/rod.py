@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 
 from softarm.daemon.safety.diagnostics import Diagnostic
-from softarm.daemon.safety.observation import Observation
+from softarm.daemon.safety.observation import ServiceHealth
 
 ALLOWED_DEGREES = 0.5
 
 
-def check_rod(observation: Observation) -> Iterator[Diagnostic]:
+def check_rod(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find a rod that its last comparison showed to be off."""
     off = observation.estimator.rod_off_degrees
     if off is not None and off > ALLOWED_DEGREES:

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 from softarm.daemon.safety.diagnostics import Diagnostic, Severity
 from softarm.daemon.safety.modes import PRESSURISED
-from softarm.daemon.safety.observation import Observation
+from softarm.daemon.safety.observation import ServiceHealth
 
 
-def check_valves(observation: Observation) -> Iterator[Diagnostic]:
+def check_valves(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find a valve bank that does not answer, or whose outputs are not those commanded."""
     valves = observation.valves
     severity: Severity = "fault" if observation.mode in PRESSURISED else "warning"
