@@ -5,19 +5,20 @@ import pytest
 
 from softarm.estimator.inverse import (
     Estimator,
+    Limits,
     LoadProcess,
     Prior,
+    Problem,
+    SensorObjective,
     Tolerances,
     TrackerSettings,
     Unknowns,
     forces_problem,
     independent_prior,
-    inputs_problem,
-    reach_pose,
 )
 from softarm.estimator.model import Inputs
 from softarm.estimator.rotations import exp, log
-from softarm.estimator.sensing import ActuationMap, Bend, Marker, Orientation, Scene, SectionPose, SensorSuite
+from softarm.estimator.sensing import ActuationMap, Marker, Orientation, Scene, SectionPose, SensorSuite
 
 RANDOM = np.random.default_rng(11)
 GRAVITY = np.array([0.0, 0.0, 9.81])
@@ -87,12 +88,18 @@ def test_search_from_far_out_of_balance_needs_no_equilibrium_to_start(arm) -> No
     np.testing.assert_allclose(estimate.inputs.loads, LOADS, atol=1e-6)
 
 
+def bounded_problem(unknowns: Unknowns, suite: SensorSuite, readings: np.ndarray, prior: Prior) -> Problem:
+    """Ask for pressures and loads together, the pressures within their limits."""
+    limits = Limits.free(unknowns.size).bound(slice(0, unknowns.chambers), 0.0, LIMITS)
+    return Problem(unknowns, suite, (SensorObjective(suite, readings), prior), limits, GRAVITY)
+
+
 def test_six_pressures_and_four_forces_are_too_many_for_two_orientations(arm) -> None:
     inputs, state = truth(arm)
     suite, unknowns = orientations(), Unknowns.of(6, arm.loads)
     information = np.diag(1.0 / np.concatenate([np.full(6, 2e4), np.full(4, 0.5)]) ** 2)
     prior = Prior(np.concatenate([np.full(6, 2e4), np.zeros(4)]), information)
-    problem = inputs_problem(unknowns, suite, readings_of(arm, suite, inputs, state), LIMITS, prior, GRAVITY)
+    problem = bounded_problem(unknowns, suite, readings_of(arm, suite, inputs, state), prior)
     estimate = problem.solve(arm, start(arm))
     assert estimate.converged
     assert estimate.rank <= 6
@@ -109,7 +116,7 @@ def test_pressures_and_forces_together_where_sensors_suffice(arm) -> None:
     suite = SensorSuite(tuple(SectionPose(f"pose_{k}", k, 1e-5, 1e-5) for k in range(2)))
     unknowns = Unknowns.of(6, arm.loads)
     weak = Prior(np.full(10, 0.0), np.diag(1.0 / np.concatenate([np.full(6, 1e7), np.full(4, 1e3)]) ** 2))
-    problem = inputs_problem(unknowns, suite, readings_of(arm, suite, inputs, state), LIMITS, weak, GRAVITY)
+    problem = bounded_problem(unknowns, suite, readings_of(arm, suite, inputs, state), weak)
     estimate = problem.solve(arm, start(arm, np.full(6, 1e4)))
     assert estimate.converged
     # Torsion and stretch are all but rigid: what two full poses cannot tell must show in the covariance.
@@ -148,40 +155,6 @@ def test_covariance_of_force_and_pose_is_that_of_repeated_noisy_trials(arm) -> N
     nis, freedom = np.mean(consistency, axis=0)
     assert freedom == pytest.approx(2.0, abs=0.1)
     assert nis == pytest.approx(freedom, abs=4 * np.sqrt(2 * freedom / 60))
-
-
-def test_a_wanted_pose_within_the_limits_is_reached_by_pressures_within_them(arm) -> None:
-    suite = SensorSuite((Bend("upper", 0, 1e-4), Bend("lower", 1, 1e-4, reference=0)))
-    inputs, state = truth(arm, loads=np.zeros(4))
-    target = readings_of(arm, suite, inputs, state)
-    reach = reach_pose(arm, suite, target, LIMITS, start(arm, np.zeros(6)))
-    assert reach.reachable
-    assert reach.statement == "The pose can be reached."
-    assert (reach.pressures >= 0).all()
-    found = arm.solve(Inputs(reach.pressures, np.zeros(4), GRAVITY), arm.rest())[0]
-    np.testing.assert_allclose(readings_of(arm, suite, inputs, found), target, atol=1e-4)
-
-
-def test_a_wanted_pose_is_reached_from_one_under_load_and_at_the_answer_of_a_guide(arm) -> None:
-    suite = SensorSuite((Bend("upper", 0, 1e-4), Bend("lower", 1, 1e-4, reference=0)))
-    inputs, state = truth(arm, loads=np.zeros(4))
-    target = readings_of(arm, suite, inputs, state)
-    loaded, pulled = truth(arm, pressures=np.full(6, 20e3), loads=np.array([0.2, -0.1, 0.15, 0.1]))
-    for guide in (None, arm):
-        reach = reach_pose(arm, suite, target, LIMITS, (pulled, loaded), guide=guide)
-        assert reach.reachable
-        found = arm.solve(Inputs(reach.pressures, np.zeros(4), GRAVITY), arm.rest())[0]
-        np.testing.assert_allclose(readings_of(arm, suite, inputs, found), target, atol=1e-4)
-
-
-def test_a_pose_beyond_the_limits_names_what_limits_it(arm) -> None:
-    suite = SensorSuite((Bend("upper", 0, 1e-3), Bend("lower", 1, 1e-3, reference=0)))
-    inputs, state = truth(arm, pressures=np.array([140e3, 0, 0, 10e3, 0, 0]), loads=np.zeros(4))
-    reach = reach_pose(arm, suite, readings_of(arm, suite, inputs, state), LIMITS, start(arm, np.zeros(6)))
-    assert not reach.reachable
-    assert "upper misses by" in reach.statement
-    assert "pressure_0 at its upper limit of 65000 Pa" in reach.statement
-    assert (reach.pressures <= LIMITS).all()
 
 
 def settings(time_constant: float = 1.0) -> TrackerSettings:

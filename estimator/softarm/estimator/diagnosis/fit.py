@@ -122,11 +122,6 @@ class Fit:
             self, hypotheses=(*self.hypotheses, *other.hypotheses), thetas=(*self.thetas, *other.thetas)
         )
 
-    @property
-    def parameters(self) -> int:
-        """Number of parameters."""
-        return sum(len(theta) for theta in self.thetas)
-
     def stds(self, number: int) -> Floats:
         """Give the standard deviations of one effect's parameters, shape (parameters,)."""
         ends = np.cumsum([0, *(len(theta) for theta in self.thetas)])

@@ -39,11 +39,6 @@ class Products:
     vector: Floats
     power: float
 
-    def cost(self, coefficients: Floats) -> float:
-        """Give the weighted squares that coefficients leave."""
-        c = coefficients
-        return self.power - 2.0 * float(c @ self.vector) + float(c @ self.matrix @ c)
-
 
 def products_of(
     residual: Floats,

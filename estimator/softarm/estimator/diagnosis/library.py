@@ -106,11 +106,6 @@ class Library:
             found.setdefault((direction.hypothesis, direction.shape), []).append(column)
         return [(hypothesis, shape, columns) for (hypothesis, shape), columns in found.items()]
 
-    def without(self, hypotheses: frozenset[int]) -> "Library":
-        """Leave the directions of some hypotheses out, keeping all numbers."""
-        kept = tuple(d for d in self.directions if d.hypothesis not in hypotheses)
-        return Library(self.hypotheses, kept)
-
 
 def build_library(world: World, pressures: Floats, names: Sequence[EffectName] | None = None) -> Library:
     """List the hypotheses for an arm.

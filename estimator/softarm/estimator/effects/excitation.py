@@ -2,8 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
-
-from softarm.estimator.effects.effect import Effect, Excitation
+from softarm.estimator.effects.effect import Excitation
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -56,11 +55,6 @@ def inventory(time: Floats, pressures: Floats, gravity: Floats, limits: Floats) 
     }
     found.update(name for name, there in tests.items() if there)
     return frozenset(found)
-
-
-def missing(effect: Effect, found: frozenset[Excitation]) -> frozenset[Excitation]:
-    """Give what an effect needs and a recording lacks; empty where it can be tested."""
-    return effect.needs - found
 
 
 def _longest(time: Floats, kept: Flags) -> float:

@@ -1,7 +1,6 @@
 """From readings to loads, pressures and frames: objectives and limits, one program, one search."""
 
 from softarm.estimator.inverse.compensation import Compensation, approach, replace_loads, settle
-from softarm.estimator.inverse.contact import ContactLocation, ContactSearch, locate_force
 from softarm.estimator.inverse.contact_profile import ContactPlace, ContactProfile
 from softarm.estimator.inverse.estimate import Estimate
 from softarm.estimator.inverse.limits import Limits
@@ -19,8 +18,6 @@ from softarm.estimator.inverse.problem import (
     Problem,
     forces_problem,
     independent_prior,
-    inputs_problem,
-    pose_problem,
 )
 from softarm.estimator.inverse.process import LoadProcess
 from softarm.estimator.inverse.program import (
@@ -29,18 +26,13 @@ from softarm.estimator.inverse.program import (
     build_program,
     solve_program,
 )
-from softarm.estimator.inverse.reach import Reach, reach_pose
-from softarm.estimator.inverse.rectify import REST_PARAMETERS, Rectified, rectify
 from softarm.estimator.inverse.tracker import Estimator, TrackerSettings
 from softarm.estimator.inverse.unknowns import Unknowns
 
 __all__ = [
-    "REST_PARAMETERS",
     "Compensation",
-    "ContactLocation",
     "ContactPlace",
     "ContactProfile",
-    "ContactSearch",
     "Estimate",
     "Estimator",
     "Iterate",
@@ -54,8 +46,6 @@ __all__ = [
     "Problem",
     "QuadraticProgram",
     "QuadraticSolution",
-    "Reach",
-    "Rectified",
     "Rows",
     "SensorObjective",
     "Status",
@@ -66,12 +56,7 @@ __all__ = [
     "build_program",
     "forces_problem",
     "independent_prior",
-    "inputs_problem",
-    "locate_force",
     "minimise",
-    "pose_problem",
-    "reach_pose",
-    "rectify",
     "replace_loads",
     "settle",
     "solve_program",

@@ -1,7 +1,7 @@
 """Pressures in place of loads, or towards a pose: a bounded least-squares step, and the search beyond it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -15,7 +15,6 @@ from softarm.estimator.inverse.minimise import Tolerances
 from softarm.estimator.inverse.objectives import PressureReadings, SensorObjective
 from softarm.estimator.inverse.observability import join
 from softarm.estimator.inverse.problem import Problem
-from softarm.estimator.inverse.reach import cautious
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation
 from softarm.estimator.sensing import Scene, SensorSuite
 
@@ -31,6 +30,9 @@ RELUCTANCE = 30.0
 A bend takes hundreds of them, so it is hardly held back; a twist, which no pressure makes, is not bought with
 pressures that do little else.
 """
+CAUTIOUS_RADIUS = 0.3
+"""Trust region of the search that is tried when one with long steps fails, in units of the inputs' scale."""
+CAUTIOUS_STEPS, CAUTIOUS_RETREATS = 40, 4
 
 
 @dataclass(frozen=True)
@@ -218,3 +220,8 @@ def _statement(misses: list[str], bounds: list[str]) -> str:
         return "The pose can be reached."
     why = join(bounds) if bounds else "no combination of the pressures comes nearer"
     return f"The pose cannot be reached: {join(misses)}; {why}."
+
+
+def cautious(tolerances: Tolerances) -> Tolerances:
+    """Shorten the steps: a search for a pose far away with long ones ends where the arm has none."""
+    return replace(tolerances, radius=CAUTIOUS_RADIUS, iterations=CAUTIOUS_STEPS, retreats=CAUTIOUS_RETREATS)

@@ -6,8 +6,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import interp1d
-
-from softarm.estimator.inverse.contact import CHI_SQUARE_95
 from softarm.estimator.inverse.estimate import Estimate
 from softarm.estimator.model import ArmModel, Inputs, Linearisation, Load
 from softarm.estimator.sensing import Scene, SensorSuite
@@ -20,6 +18,8 @@ LEAST_ROWS = 6
 """Fewer independent measurements cannot tell a force, its place and a mistake of the model apart."""
 FINE = 20
 """Heights looked at between two candidates."""
+CHI_SQUARE_95 = 3.841
+"""95th percentile of chi-square with one degree of freedom."""
 INTERVAL_95 = 3.92
 """Width of a 95 % interval in standard deviations."""
 FORM_SHARE = 0.3

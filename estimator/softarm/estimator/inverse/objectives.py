@@ -64,11 +64,6 @@ class Rows:
         """Weighted sum of squares at the iterate."""
         return float(self.innovation @ self.information @ self.innovation)
 
-    def cost_after(self, change: Floats) -> float:
-        """Weighted sum of squares that the linearisation predicts after a change of the inputs."""
-        left = self.innovation - self.jacobian @ change
-        return float(left @ self.information @ left)
-
 
 class Objective(Protocol):
     """Something that the inputs should meet."""

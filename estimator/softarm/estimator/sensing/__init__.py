@@ -2,7 +2,6 @@
 
 from softarm.estimator.sensing.actuation import ActuationMap
 from softarm.estimator.sensing.bend import Bend
-from softarm.estimator.sensing.gauge import GaugeForce
 from softarm.estimator.sensing.marker import Marker
 from softarm.estimator.sensing.measurement import Measurement, Scene, Sensitivity
 from softarm.estimator.sensing.orientation import Orientation
@@ -13,7 +12,6 @@ from softarm.estimator.sensing.suite import Observation, SensorSuite
 __all__ = [
     "ActuationMap",
     "Bend",
-    "GaugeForce",
     "Marker",
     "Measurement",
     "Observation",
