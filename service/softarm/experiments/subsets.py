@@ -30,10 +30,8 @@ def subset(run: Run, kind: str, noise: dict[str, float] | None = None) -> Run:
     """
     chosen: list[Measurement] = []
     columns: list[Floats] = []
-    start = 0
     for sensor in run.suite.measurements:
-        part = run.readings[:, start : start + sensor.reading_size]
-        start += sensor.reading_size
+        part = run.readings[:, run.suite.reading_slices[sensor.name]]
         taken = _taken(sensor, part, kind)
         if taken is not None:
             chosen.append(_widened(taken[0], noise or {}))

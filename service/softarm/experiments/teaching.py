@@ -142,12 +142,9 @@ def pose_of(run: Run, section: str) -> tuple[SectionPose, Floats]:
     Raises:
         InputError: The recording has no such pose.
     """
-    start = 0
     for sensor in run.suite.measurements:
-        readings = run.readings[:, start : start + sensor.reading_size]
-        start += sensor.reading_size
         if isinstance(sensor, SectionPose) and sensor.name == f"frame_{section}":
-            return sensor, readings
+            return sensor, run.readings[:, run.suite.reading_slices[sensor.name]]
     raise InputError(run.name, f"has no pose of {section}", "bring its markers into view, and record anew")
 
 

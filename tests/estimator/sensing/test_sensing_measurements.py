@@ -164,6 +164,23 @@ def test_suite_stacks_any_subset_and_leaves_absent_sensors_out() -> None:
     assert 6 not in suite.observe(at, half).rows
 
 
+def test_suite_cuts_its_readings_and_names_the_unit_of_each_row() -> None:
+    suite = SensorSuite(tuple(SENSORS))
+    at = scene()
+    readings = suite.predict(at)
+    for sensor in SENSORS:
+        own = readings[..., suite.reading_slices[sensor.name]]
+        np.testing.assert_allclose(own, sensor.predict(at))
+        assert len(suite.units[suite.slices[sensor.name]]) == sensor.size
+    assert suite.reading_size == readings.shape[-1]
+    lengths = [sensor.units for sensor in SENSORS if isinstance(sensor, Marker)]
+    assert lengths == [("m", "m", "m")] * len(lengths)
+    # Rows in metres move with the sections' places; those in radians do not.
+    twists = suite.sensitivity(at, readings).twists
+    moved = np.abs(twists.reshape(-1, *twists.shape[-2:])[:, :, [0, 1, 2, 6, 7, 8]]).max(axis=(0, 2)) > 1e-9
+    assert [unit == "m" for unit in suite.units] == moved.tolist()
+
+
 def test_suite_alignment_is_the_sensors_alignment() -> None:
     suite = SensorSuite(tuple(SENSORS))
     at, readings = scene(), suite.predict(scene())

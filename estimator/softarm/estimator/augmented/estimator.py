@@ -257,10 +257,9 @@ class AugmentedEstimator(Generic[State, Step]):
         if not sensing:
             return readings
         scene = Scene(seen.frames, np.zeros((1, 0)))
-        clean, memories, start = readings.copy(), list(self._memories), 0
+        clean, memories = readings.copy(), list(self._memories)
         for sensor in self._suite.measurements:
-            part = slice(start, start + sensor.reading_size)
-            start = part.stop
+            part = self._suite.reading_slices[sensor.name]
             plain = sensor.predict(scene)
             for k in sensing:
                 placed = self._effects[k]

@@ -65,10 +65,5 @@ def silent_at_most(time: Floats, tension: Floats) -> float:
 
 def silent_sensors(run: Run) -> tuple[str, ...]:
     """Name the sensors of a run that have no reading at all."""
-    found, start = [], 0
-    for sensor in run.suite.measurements:
-        part = run.readings[:, start : start + sensor.reading_size]
-        start += sensor.reading_size
-        if not np.isfinite(part).any():
-            found.append(sensor.name)
-    return tuple(found)
+    slices = run.suite.reading_slices
+    return tuple(name for name, own in slices.items() if not np.isfinite(run.readings[:, own]).any())

@@ -144,12 +144,11 @@ def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
         suite = own.run.suite
         kind = np.empty(suite.size, dtype="U64")
         held = own.run.pulled & ~vented(own.pressures)
-        noise, registered = np.empty(suite.size), np.zeros(suite.size)
+        registered = np.zeros(suite.size)
         for measurement in suite.measurements:
             rows = suite.slices[measurement.name]
             kind[rows] = _kinds(measurement)
             registered[rows] = measurement.registration is not None
-            noise[rows] = np.sqrt(np.diag(measurement.covariance(np.zeros(measurement.reading_size))))
         seen = np.isfinite(evaluation.innovation)
         shape = evaluation.innovation.shape
         suffix = np.where(held, HELD, PULLED if own.run.pulled else "")
@@ -162,7 +161,7 @@ def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
                 np.broadcast_to(number, shape)[seen],
                 np.char.add(kind[None, :], suffix[:, None])[seen],
                 np.broadcast_to(weight[:, None], shape)[seen],
-                np.broadcast_to(noise, shape)[seen],
+                np.broadcast_to(suite.noise, shape)[seen],
                 np.broadcast_to(own.blocks[:, None] + first_block, shape)[seen],
             )
         )

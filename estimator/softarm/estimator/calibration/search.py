@@ -83,11 +83,10 @@ def _fit_sensor(sensor: Bend, nodes: Sequence[Nodes], frames: Sequence[Frames], 
     plain = replace(sensor, in_plane=0.0, bias=np.zeros(2), mirrored=False)
     predicted, recorded, weights = [], [], []
     for own, seen in zip(nodes, frames, strict=True):
-        names = [measurement.name for measurement in own.run.suite.measurements]
-        if sensor.name not in names:
+        part = own.run.suite.reading_slices.get(sensor.name)
+        if part is None:
             continue
-        start = sum(m.reading_size for m in own.run.suite.measurements[: names.index(sensor.name)])
-        readings = own.readings[:, start : start + 2]
+        readings = own.readings[:, part]
         present = np.isfinite(readings).all(axis=1)
         scene = Scene(seen, np.zeros((len(own.time), 0)))
         predicted.append(plain.predict(scene)[present])

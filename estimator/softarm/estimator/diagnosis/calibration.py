@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.calibration.parameters import Layout, Parameter, Setting, build_layout
-from softarm.estimator.diagnosis.session import Session, units
+from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Model, Stage, build_stage, thinned
 from softarm.estimator.sensing import SensorSuite
 
@@ -191,7 +191,7 @@ def _equations(stages: Sequence[Stage], layout: Layout) -> tuple[Floats, Floats,
     lefts, columns, scales = [], [], []
     for stage in stages:
         seen = np.isfinite(stage.residual)
-        scale = np.array([SCATTER[unit] for unit in units(stage.suite)])
+        scale = np.array([SCATTER[unit] for unit in stage.suite.units])
         lefts.append(stage.residual[seen])
         columns.append(np.nan_to_num(stage.calibration_columns(layout))[seen])
         scales.append(np.broadcast_to(scale, seen.shape)[seen])

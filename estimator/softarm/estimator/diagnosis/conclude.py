@@ -29,7 +29,7 @@ from softarm.estimator.diagnosis.result import (
     Rival,
     Unexplained,
 )
-from softarm.estimator.diagnosis.session import channels, units
+from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.unnamed import Law
 from softarm.estimator.diagnosis.words import WHEN, dependence, manoeuvre, sentence_on
@@ -336,7 +336,7 @@ def _exposure(search: Search, choice: Choice, index: int) -> Exposure | None:
         name,
         unit,
         f"{stage.session.name}: {channels(stage.suite)[row]}",
-        units(stage.suite)[row],
+        stage.suite.units[row],
         values,
         before[number][:, row],
         after[number][:, row],

@@ -35,7 +35,7 @@ from softarm.estimator.diagnosis.result import (
     Verdict,
 )
 from softarm.estimator.diagnosis.ring import ring_of
-from softarm.estimator.diagnosis.session import Session, channels, units
+from softarm.estimator.diagnosis.session import Session, channels
 from softarm.estimator.diagnosis.split import excitation, hold_out
 from softarm.estimator.diagnosis.stage import Model, Stage
 from softarm.estimator.diagnosis.stuck import Stuck, find_stuck, stuck_findings, without_stuck
@@ -265,7 +265,7 @@ def _baseline(stages: Sequence[Stage], floors: Mapping[str, float]) -> Baseline:
     squares: dict[str, list[Floats]] = {}
     kinds: dict[str, str] = {}
     for stage in stages:
-        for row, (name, unit) in enumerate(zip(channels(stage.suite), units(stage.suite), strict=True)):
+        for row, (name, unit) in enumerate(zip(channels(stage.suite), stage.suite.units, strict=True)):
             column = stage.residual[:, row]
             squares.setdefault(name, []).append(column[np.isfinite(column)] ** 2)
             kinds[name] = unit

@@ -11,7 +11,7 @@ from softarm.estimator.diagnosis.belief import Belief
 from softarm.estimator.diagnosis.calibration import Fitted
 from softarm.estimator.diagnosis.gram import Products, products_of, renewed, total, with_columns
 from softarm.estimator.diagnosis.library import Library
-from softarm.estimator.diagnosis.session import channels, units
+from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights, weights_of
 
@@ -271,4 +271,4 @@ class Evidence:
 def _groups(stage: Stage) -> list[tuple[str, str]]:
     """Give sensor and unit of each row."""
     names = (name.rpartition(".")[0] for name in channels(stage.suite))
-    return list(zip(names, units(stage.suite), strict=True))
+    return list(zip(names, stage.suite.units, strict=True))

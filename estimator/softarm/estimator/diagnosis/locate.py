@@ -16,7 +16,7 @@ from softarm.estimator.diagnosis.belief import Belief, Marginal
 from softarm.estimator.diagnosis.evidence import Evidence
 from softarm.estimator.diagnosis.gram import Total, total
 from softarm.estimator.diagnosis.result import Cell, CellKind, LocationMap, Regime
-from softarm.estimator.diagnosis.session import channels, units
+from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.simulation import Drive
@@ -166,7 +166,7 @@ def spotted(stage: Stage) -> list[Spotted]:
         Spotted("chamber", str(chamber), "pressure", "Pa", by_pressure[..., chamber])
         for chamber in range(chambers)
     ]
-    for row, (channel, unit) in enumerate(zip(channels(stage.suite), units(stage.suite), strict=True)):
+    for row, (channel, unit) in enumerate(zip(channels(stage.suite), stage.suite.units, strict=True)):
         sensor, _, letter = channel.rpartition(".")
         column = np.zeros(stage.residual.shape)
         column[:, row] = 1.0

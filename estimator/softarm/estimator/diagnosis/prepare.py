@@ -228,12 +228,8 @@ def _filled(time: Floats, values: Floats, wanted: Floats) -> Floats:
 
 def _orientations(suite: SensorSuite) -> list[slice]:
     """Find the quaternions among the stacked readings."""
-    found, start = [], 0
-    for measurement in suite.measurements:
-        start += measurement.reading_size
-        if measurement.reading_size in (4, 7):
-            found.append(slice(start - 4, start))
-    return found
+    ends = [suite.reading_slices[m.name].stop for m in suite.measurements if m.reading_size in (4, 7)]
+    return [slice(end - 4, end) for end in ends]
 
 
 def _unit(suite: SensorSuite, readings: Floats) -> Floats:
@@ -256,16 +252,14 @@ def _means(columns: Floats, places: NDArray[np.int64], count: int) -> Floats:
 def _rows(session: Session) -> Floats:
     """Give readings as vectors about their first, shape (samples, rows)."""
     from_first = np.empty((session.samples, session.suite.size))
-    start = row = 0
-    for measurement in session.suite.measurements:
-        part = session.readings[:, start : start + measurement.reading_size]
-        start += measurement.reading_size
+    suite = session.suite
+    for measurement in suite.measurements:
+        part = session.readings[:, suite.reading_slices[measurement.name]]
         if measurement.reading_size in (4, 7):
             # Small turns are twice the vector part of the quaternion against the median.
             middle = np.nanmedian(part[:, -4:], axis=0)
             part = np.concatenate([part[:, :-4], 2.0 * _vector_part(part[:, -4:], middle)], axis=1)
-        from_first[:, row : row + measurement.size] = part
-        row += measurement.size
+        from_first[:, suite.slices[measurement.name]] = part
     return from_first
 
 
@@ -306,6 +300,5 @@ def _wander(session: Session) -> Floats:
 
 def _resolution(session: Session) -> Floats:
     """Give a tenth of the specimen's noise, below which no mean is believed, shape (rows,)."""
-    sizes = [np.sqrt(np.diag(m.covariance(np.zeros(m.reading_size)))) for m in session.suite.measurements]
-    smallest: Floats = 0.1 * np.concatenate(sizes)
+    smallest: Floats = 0.1 * session.suite.noise
     return smallest

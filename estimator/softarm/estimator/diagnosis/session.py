@@ -85,15 +85,3 @@ def channels(suite: SensorSuite) -> tuple[str, ...]:
     """Name the rows of a suite's innovation: ``bend_tip.x``, ``frame_tip.rz``, ``marker_tip1.y``."""
     letters = {2: ("x", "y"), 3: ("x", "y", "z"), 6: ("x", "y", "z", "rx", "ry", "rz")}
     return tuple(f"{m.name}.{letter}" for m in suite.measurements for letter in letters[m.size])
-
-
-def units(suite: SensorSuite) -> tuple[str, ...]:
-    """Give the unit of each row: ``m`` or ``rad``."""
-    found: list[str] = []
-    for measurement in suite.measurements:
-        if measurement.size == 6:
-            found += ["m"] * 3 + ["rad"] * 3
-        else:
-            length = measurement.name.startswith("marker")
-            found += ["m" if length else "rad"] * measurement.size
-    return tuple(found)

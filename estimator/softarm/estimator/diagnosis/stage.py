@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from softarm.estimator.calibration.forward import registered, rigid_motion
 from softarm.estimator.calibration.parameters import Layout, Setting
 from softarm.estimator.calibration.pressures import by_unknown
-from softarm.estimator.diagnosis.session import Session, units
+from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.solver import Solver
 from softarm.estimator.effects import World
 from softarm.estimator.effects.augmented import (
@@ -146,7 +146,7 @@ class Stage:
             change = np.abs(bends[back:] - bends[:-back]).max(axis=1)
             left[back:] = change
             left = fading(self.session.clock, left)
-        lever = np.array([LEVER if unit == "m" else 1.0 for unit in units(self.suite)])
+        lever = np.array([LEVER if unit == "m" else 1.0 for unit in self.suite.units])
         uncertain: Floats = RINGING * left[:, None] * lever
         return uncertain
 
@@ -234,14 +234,11 @@ class Stage:
 
     def _misread(self, placed: PlacedEffect, truth: Floats) -> Floats:
         """Give stacked readings as an effect of sensing turns them, shape (samples, readings)."""
-        sensor, start = placed.spot.place.sensor, 0
         readings = truth.copy()
-        for measurement in self.suite.measurements:
-            own = slice(start, start + measurement.reading_size)
-            start = own.stop
-            if measurement.name == sensor:
-                signals = signals_of(self.drive, self.world, self.arm.baseline)
-                readings[:, own], _ = placed.act(replace(signals, reading=truth[:, own]), ())
+        own = self.suite.reading_slices.get(placed.spot.place.sensor or "")
+        if own is not None:
+            signals = signals_of(self.drive, self.world, self.arm.baseline)
+            readings[:, own], _ = placed.act(replace(signals, reading=truth[:, own]), ())
         return readings
 
     @cached_property

@@ -116,9 +116,7 @@ def find_stuck(stage: Stage) -> tuple[Stuck, ...]:
     predicted = measured - left
     for measurement in stage.suite.measurements:
         rows = stage.suite.slices[measurement.name]
-        size = np.array([LEVER if measurement.size == 6 and k < 3 else 1.0 for k in range(measurement.size)])
-        if measurement.name.startswith("marker"):
-            size[:] = LEVER
+        size = np.array([LEVER if unit == "m" else 1.0 for unit in measurement.units])
         shown, wanted = measured[:, rows] / size, predicted[:, rows] / size
         for start, end in _still(time, shown, wanted):
             own = slice(start, end)
@@ -142,13 +140,10 @@ def without_stuck(stage: Stage, stuck: tuple[Stuck, ...]) -> Stage:
         return stage
     readings = stage.session.readings.copy()
     time = stage.session.clock - stage.session.clock[0]
-    start = 0
-    for measurement in stage.suite.measurements:
-        own = slice(start, start + measurement.reading_size)
-        start = own.stop
-        for one in stuck:
-            if one.sensor == measurement.name:
-                readings[(time >= one.since) & (time <= one.until), own] = np.nan
+    for one in stuck:
+        own = stage.suite.reading_slices.get(one.sensor)
+        if own is not None:
+            readings[(time >= one.since) & (time <= one.until), own] = np.nan
     return replace(stage, session=replace(stage.session, readings=readings))
 
 

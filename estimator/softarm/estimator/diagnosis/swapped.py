@@ -5,8 +5,6 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-
-from softarm.estimator.diagnosis.session import units
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
@@ -137,7 +135,7 @@ def _refusal(names: str, pair: str) -> InputError:
 
 
 def _squares(stage: Stage, left: Floats) -> float:
-    size = np.array([SIZES[unit] for unit in units(stage.suite)])
+    size = np.array([SIZES[unit] for unit in stage.suite.units])
     return float(np.nansum((left / size) ** 2))
 
 
@@ -154,10 +152,7 @@ def _exchanged(stage: Stage, one: int, other: int) -> Floats:
 def _misread(stage: Stage, one: str, other: str) -> Floats:
     """Give the residual when two sensors change places."""
     readings = stage.session.readings.copy()
-    places, start = {}, 0
-    for measurement in stage.suite.measurements:
-        places[measurement.name] = slice(start, start + measurement.reading_size)
-        start += measurement.reading_size
+    places = stage.suite.reading_slices
     if one not in places or other not in places:
         return stage.residual
     a, b = places[one], places[other]

@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-
-from softarm.estimator.diagnosis.session import units
 from softarm.estimator.diagnosis.stage import Stage, fading
 from softarm.estimator.simulation import LinearisedArm
 from softarm.estimator.simulation.inertia import Masses, Swaying
@@ -108,7 +106,7 @@ def swinging(stage: Stage, swing: Swing, masses: Masses) -> Stage:
 
 def _envelope(stage: Stage, swung: Floats) -> Floats:
     """Give how far the arm has swung of late, for each row of the predictions, shape (samples, rows)."""
-    angles = np.array([unit == "rad" for unit in units(stage.suite)])
+    angles = np.array([unit == "rad" for unit in stage.suite.units])
     seen = np.abs(swung)
     size = [seen[:, angles].max(axis=1, initial=0.0), seen[:, ~angles].max(axis=1, initial=0.0)]
     left = fading(stage.session.clock, np.stack(size, axis=-1))
@@ -160,6 +158,6 @@ def _driven(stage: Stage) -> bool:
 
 def _fast(stage: Stage, left: Floats) -> Floats:
     """Give what changes from sample to sample outside the held-out stretches, in usual sizes."""
-    scaled = left / np.array([SIZES[unit] for unit in units(stage.suite)])
+    scaled = left / np.array([SIZES[unit] for unit in stage.suite.units])
     fast: Floats = np.nan_to_num(np.diff(scaled, axis=0)[~stage.session.heldout[1:]]).ravel()
     return fast

@@ -10,7 +10,6 @@ a run of the manoeuvre adds to the difference in chi-square (T-optimality: Atkin
 62, 1975); two explanations part safely from about 25 on.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -134,7 +133,7 @@ class Trial:
         scene = Scene(Frames(rest.positions[0], rest.rotations[0]), np.zeros(0))
         for sensor in self.subject.suite.measurements:
             noise = np.sqrt(np.diag(sensor.covariance(sensor.predict(scene))))
-            rows.append(np.hypot(noise, [FLOOR[unit] for unit in _units(sensor.name, sensor.size)]))
+            rows.append(np.hypot(noise, [FLOOR[unit] for unit in sensor.units]))
         return np.concatenate(rows)
 
     @cached_property
@@ -210,12 +209,6 @@ def _bounded(placed: PlacedEffect, theta: Floats) -> Floats:
     low = np.array([p.lower for p in placed.effect.parameters])
     high = np.array([p.upper for p in placed.effect.parameters])
     return np.clip(theta, low, high)
-
-
-def _units(name: str, size: int) -> Sequence[str]:
-    if name.startswith("marker"):
-        return ["m"] * size
-    return ["m"] * 3 + ["rad"] * 3 if name.startswith("frame") else ["rad"] * size
 
 
 def _between(clock: Floats, solved: Response, time: Floats, segments: Segments) -> Response:

@@ -1,7 +1,7 @@
 """Two-axis bend of a section, from a flexible bend sensor or from two motion-capture bodies."""
 
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from softarm.estimator.rotations import exp, left_jacobian, skew
 from softarm.estimator.sensing.measurement import (
     Scene,
     Sensitivity,
+    Unit,
     no_load_rows,
     section_rotation,
     transpose,
@@ -59,6 +60,7 @@ class Bend:
 
     registration = None
     size = 2
+    units: ClassVar[tuple[Unit, ...]] = ("rad", "rad")
     reading_size = 2
     parameter_names = (
         "in_plane",

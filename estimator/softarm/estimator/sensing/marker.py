@@ -1,13 +1,13 @@
 """Position of one reflective marker on a section."""
 
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.rotations import skew
-from softarm.estimator.sensing.measurement import Scene, Sensitivity, no_load_rows, twist_rows
+from softarm.estimator.sensing.measurement import Scene, Sensitivity, Unit, no_load_rows, twist_rows
 from softarm.estimator.sensing.registration import Registration
 
 Floats = NDArray[np.float64]
@@ -35,6 +35,7 @@ class Marker:
     registration: Registration = field(default_factory=Registration)
 
     size = 3
+    units: ClassVar[tuple[Unit, ...]] = ("m", "m", "m")
     reading_size = 3
     parameter_names = ("offset_x", "offset_y", "offset_z")
 

@@ -6,7 +6,7 @@ sections changes r by -rows dx. Every function takes any number of leading axes 
 """
 
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from softarm.estimator.model import Frames
 from softarm.estimator.sensing.registration import Registration
 
 Floats = NDArray[np.float64]
+Unit = Literal["m", "rad"]
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,10 @@ class Measurement(Protocol):
     @property
     def size(self) -> int:
         """Number of entries of the innovation."""
+
+    @property
+    def units(self) -> tuple[Unit, ...]:
+        """Unit of each entry of the innovation."""
 
     @property
     def reading_size(self) -> int:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numba import njit
@@ -21,6 +21,7 @@ from softarm.estimator.rotations import (
 from softarm.estimator.sensing.measurement import (
     Scene,
     Sensitivity,
+    Unit,
     no_load_rows,
     section_rotation,
     twist_rows,
@@ -53,6 +54,7 @@ class Orientation:
     registration: Registration = field(default_factory=Registration)
 
     size = 3
+    units: ClassVar[tuple[Unit, ...]] = ("rad", "rad", "rad")
     reading_size = 4
     parameter_names = ("misalignment_x", "misalignment_y", "misalignment_z")
 

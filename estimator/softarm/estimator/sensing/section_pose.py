@@ -1,13 +1,13 @@
 """Pose of a section from motion capture."""
 
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.rotations import skew
-from softarm.estimator.sensing.measurement import Scene, Sensitivity, no_load_rows, twist_rows
+from softarm.estimator.sensing.measurement import Scene, Sensitivity, Unit, no_load_rows, twist_rows
 from softarm.estimator.sensing.orientation import Orientation
 from softarm.estimator.sensing.registration import Registration
 
@@ -41,6 +41,7 @@ class SectionPose:
     registration: Registration = field(default_factory=Registration)
 
     size = 6
+    units: ClassVar[tuple[Unit, ...]] = ("m", "m", "m", "rad", "rad", "rad")
     reading_size = 7
     parameter_names = ("offset_x", "offset_y", "offset_z", *Orientation.parameter_names)
 

@@ -11,7 +11,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import skew
 from softarm.estimator.sensing.marker import Marker
-from softarm.estimator.sensing.measurement import Measurement, Scene, Sensitivity
+from softarm.estimator.sensing.measurement import Measurement, Scene, Sensitivity, Unit
 from softarm.estimator.sensing.orientation import Orientation
 from softarm.estimator.sensing.section_pose import SectionPose
 
@@ -69,9 +69,27 @@ class SensorSuite:
         return {name: slice(a, b) for name, a, b in zip(names, ends, ends[1:], strict=False)}
 
     @cached_property
-    def _cuts(self) -> list[int]:
-        sizes = [measurement.reading_size for measurement in self.measurements]
-        return [int(end) for end in np.cumsum([0, *sizes])]
+    def reading_slices(self) -> Mapping[str, slice]:
+        """Entries of the stacked readings that belong to each sensor."""
+        ends = np.cumsum([0] + [measurement.reading_size for measurement in self.measurements]).tolist()
+        names = (measurement.name for measurement in self.measurements)
+        return {name: slice(a, b) for name, a, b in zip(names, ends, ends[1:], strict=False)}
+
+    @property
+    def reading_size(self) -> int:
+        """Number of entries of the stacked readings."""
+        return sum(measurement.reading_size for measurement in self.measurements)
+
+    @cached_property
+    def units(self) -> tuple[Unit, ...]:
+        """Unit of each row of the innovation."""
+        return tuple(unit for measurement in self.measurements for unit in measurement.units)
+
+    @cached_property
+    def noise(self) -> Floats:
+        """Standard deviation of each row's own noise, at readings of zero, shape (size,)."""
+        parts = [np.sqrt(np.diag(m.covariance(np.zeros(m.reading_size)))) for m in self.measurements]
+        return np.concatenate(parts)
 
     def stack(self, readings: Mapping[str, Floats]) -> Floats:
         """Stack readings by sensor into one vector, NaN for those left out.
@@ -90,8 +108,8 @@ class SensorSuite:
             if name not in names:
                 raise InputError("readings", f"no sensor {name!r}", f"the sensors are {', '.join(names)}")
         leading = np.broadcast_shapes(*(np.shape(reading)[:-1] for reading in readings.values()))
-        stacked = np.full((*leading, self._cuts[-1]), np.nan)
-        for index, measurement in enumerate(self.measurements):
+        stacked = np.full((*leading, self.reading_size), np.nan)
+        for measurement in self.measurements:
             reading = readings.get(measurement.name)
             if reading is None:
                 continue
@@ -99,7 +117,7 @@ class SensorSuite:
             if size != measurement.reading_size:
                 what = f"{size} numbers instead of {measurement.reading_size}"
                 raise InputError(f"reading {measurement.name}", what, "give all of them, NaN where lost")
-            stacked[..., self._cuts[index] : self._cuts[index + 1]] = reading
+            stacked[..., self.reading_slices[measurement.name]] = reading
         return stacked
 
     def predict(self, scene: Scene) -> Floats:
@@ -230,7 +248,7 @@ class SensorSuite:
         return rows
 
     def _split(self, readings: Floats) -> list[Floats]:
-        return [readings[..., a:b] for a, b in zip(self._cuts, self._cuts[1:], strict=False)]
+        return [readings[..., own] for own in self.reading_slices.values()]
 
     @cached_property
     def _registrations(self) -> list[tuple[Floats, tuple[str, ...]]]:

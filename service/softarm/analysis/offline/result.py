@@ -62,8 +62,7 @@ def sensor_rows(track: Track[State]) -> list[Cells]:
     rows: list[Cells] = []
     for measurement in track.run.suite.measurements:
         residuals = track.residuals[:, track.run.suite.slices[measurement.name]]
-        noise = np.sqrt(np.diag(measurement.covariance(np.zeros(measurement.reading_size))))
-        lengths = measurement.name.startswith("marker")
+        noise = track.run.suite.noise[track.run.suite.slices[measurement.name]]
         seen = np.isfinite(residuals).all(axis=1)
         rows.append(
             {
@@ -71,7 +70,7 @@ def sensor_rows(track: Track[State]) -> list[Cells]:
                 "samples": int(seen.sum()),
                 "residual_rms": float(np.sqrt((residuals[seen] ** 2).mean())) if seen.any() else None,
                 "noise": float(np.sqrt((noise**2).mean())),
-                "unit": "m" if lengths else "m, rad" if measurement.size == 6 else "rad",
+                "unit": ", ".join(dict.fromkeys(measurement.units)),
             }
         )
     return rows

@@ -89,13 +89,12 @@ def draw_residuals(track: Track[State], title: str) -> Figure:
     measurements = track.run.suite.measurements
     figure, all_axes = stacked(len(measurements))
     for axes, measurement in zip(all_axes, measurements, strict=True):
-        lengths = measurement.name.startswith("marker")
-        scale, unit = (MILLI, "mm") if lengths else (180 / np.pi, "degrees")
-        if measurement.size == 6:
-            scale, unit = 1.0, "m, rad"
-        noise = np.sqrt(np.diag(measurement.covariance(np.zeros(measurement.reading_size))))
+        kinds = ", ".join(dict.fromkeys(measurement.units))
+        scale, unit = {"m": (MILLI, "mm"), "rad": (180 / np.pi, "degrees")}.get(kinds, (1.0, kinds))
+        own = track.run.suite.slices[measurement.name]
+        noise = track.run.suite.noise[own]
         axes.axhspan(-2 * noise.max() * scale, 2 * noise.max() * scale, alpha=0.15, linewidth=0)
-        rows = track.residuals[:, track.run.suite.slices[measurement.name]]
+        rows = track.residuals[:, own]
         for number, column in enumerate(rows.T):
             axes.plot(track.run.time, column * scale, linewidth=0.7, label=str(number))
         label(axes, f"{measurement.name}: measured minus estimated, band: twice the noise", unit)

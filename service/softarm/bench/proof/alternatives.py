@@ -204,14 +204,9 @@ def _acting(specimen: Specimen, pressures: Floats) -> Floats:
 
 
 def _rows_of(whole: SensorSuite, part: SensorSuite) -> list[int]:
-    names = {sensor.name for sensor in part.measurements}
-    rows: list[int] = []
-    start = 0
-    for sensor in whole.measurements:
-        if sensor.name in names:
-            rows += range(start, start + sensor.reading_size)
-        start += sensor.reading_size
-    return rows
+    """List the entries of the whole suite's readings that belong to a part of it."""
+    slices = [whole.reading_slices[sensor.name] for sensor in part.measurements]
+    return [entry for own in slices for entry in range(own.start, own.stop)]
 
 
 def faded(time: Floats, values: Floats, constant: float) -> Floats:

@@ -171,10 +171,9 @@ class Solver:
         return told
 
     def _innovations(self, request: EstimationRequest, estimate: Estimate[Any]) -> dict[str, float]:
-        found, start = {}, 0
+        found = {}
         for sensor in self._suite.measurements:
-            reading = request.readings[start : start + sensor.reading_size]
-            start += sensor.reading_size
+            reading = request.readings[self._suite.reading_slices[sensor.name]]
             residual = estimate.residuals[sensor.name]
             if np.isfinite(residual).all():
                 sigma = np.sqrt(np.diag(sensor.covariance(reading)))
