@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+
 from softarm.estimator.diagnosis.stage import Stage, fading
 from softarm.estimator.simulation import LinearisedArm
 from softarm.estimator.simulation.inertia import Masses, Swaying

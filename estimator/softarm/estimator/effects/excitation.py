@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+
 from softarm.estimator.effects.effect import Excitation
 
 Floats = NDArray[np.float64]

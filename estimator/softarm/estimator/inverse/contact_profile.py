@@ -6,6 +6,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import interp1d
+
 from softarm.estimator.inverse.estimate import Estimate
 from softarm.estimator.model import ArmModel, Inputs, Linearisation, Load
 from softarm.estimator.sensing import Scene, SensorSuite
