@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from softarm.analysis.offline.alignment import quick_solver
+from softarm.analysis.offline.alignment import quick_model
 from softarm.analysis.offline.inputs import cut, load_recordings
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import track
@@ -18,25 +18,26 @@ from softarm.cli.output import json_option, progress, quick_option, say, show
 from softarm.common.tables import Cell, Table, as_markdown
 from softarm.estimator.arm import build_arm
 from softarm.estimator.calibration import (
-    BatchSolver,
     Calibrated,
     CalibrationRefusedError,
-    NodeSolver,
     Options,
     Run,
-    Solver,
     arrange,
     calibrate,
     calibrated_specimen,
 )
 from softarm.estimator.calibration.nodes import Flags, block_of, training_blocks
 from softarm.estimator.calibration.regression import fit_line
+from softarm.estimator.calibration.setting import Setting
+from softarm.estimator.calibration.unknowns import Modulus
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Inputs
+from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.recording import Floats, Recording
-from softarm.estimator.sensing import Registration, Scene
-from softarm.estimator.sensors import SpecimenSensors
+from softarm.estimator.response import BatchArmModel
+from softarm.estimator.sensing import Scene
 from softarm.estimator.specimen import Calibration, Specimen, load_specimen
+from softarm.estimator.stretch import StretchLaw
 
 BESIDE = Path(__file__).parents[3] / "shared" / "recordings"
 ARM = "sopra_2021-07-09"
@@ -102,10 +103,10 @@ def described(name: str) -> Specimen:
     return load_specimen(name).model_copy(update={"calibration": Calibration()})
 
 
-def named_solver(specimen: Specimen, advance: Callable[[float], None]) -> tuple[Solver, str]:
+def named_model(specimen: Specimen, advance: Callable[[float], None]) -> tuple[BatchArmModel, str]:
     """Give what a calibration runs on, and its name."""
-    solver = quick_solver(specimen, advance)
-    return solver, "the calibrated rod" if isinstance(solver, BatchSolver) else "finite elements"
+    model = quick_model(specimen, advance)
+    return model, "finite elements" if isinstance(model, NodeByNode) else "the calibrated rod"
 
 
 @dataclass(frozen=True)
@@ -131,8 +132,8 @@ def arm_tables(folder: Path, nodes: int, advance: Callable[[float], None]) -> tu
     """Calibrate the SoPrA arm on alternate blocks of ten seconds, predict the others, and the other way."""
     specimen = described("sopra")
     (recording,) = load_recordings([folder / ARM])
-    mesh = NodeSolver(build_arm(specimen, loads=()), advance)
-    solver, solved_by = named_solver(specimen, advance)
+    mesh = NodeByNode(build_arm(specimen, loads=()), advance)
+    solver, solved_by = named_model(specimen, advance)
     run = arrange(recording, specimen, solver.sections)
     even = training_blocks(block_of(run, run.time))
     folds, founds, checks = [], [], []
@@ -170,24 +171,24 @@ def unknown_rows(founds: Sequence[Calibrated]) -> list[dict[str, Cell]]:
     """Put what the folds found side by side: what is physical should be the same in both."""
     rows: list[dict[str, Cell]] = []
     for entry in founds[0].identified:
-        name = entry.parameter.name
+        name = entry.unknown.name
         row: dict[str, Cell] = {"unknown": name}
         for number, found in enumerate(founds):
             value = found.value(name)
             row[f"value_{number}"] = None if value is None else value.value
             row[f"std_{number}"] = None if value is None else value.std
-        unit = "factor" if entry.parameter.kind == "modulus" else entry.parameter.unit
+        unit = "factor" if isinstance(entry.unknown, Modulus) else entry.unknown.unit
         rows.append(row | {"unit": unit, "verdict_0": entry.verdict})
     return rows
 
 
 def arm_errors(
-    solver: Solver, recording: Recording, run: Run, calibrated: Specimen, train: Flags, rate: float
+    model: BatchArmModel, recording: Recording, run: Run, calibrated: Specimen, train: Flags, rate: float
 ) -> ArmErrors:
     """Compare a calibrated model and a line on training and on held-out samples.
 
     Args:
-        solver: Model of the arm.
+        model: Model of the arm.
         recording: What was recorded.
         run: The same, arranged.
         calibrated: The specimen, calibrated on the training samples.
@@ -195,10 +196,10 @@ def arm_errors(
         rate: Of the samples that count [Hz].
     """
     line = fit_line(run.pressures[train], run.readings[train])
-    slow = resample(arrange(recording, calibrated, solver.sections), rate)
+    slow = resample(arrange(recording, calibrated, model.sections), rate)
     even = training_blocks(block_of(run, slow.time))
     seen = even if train[0] == training_blocks(block_of(run, run.time))[0] else ~even
-    left = slow.readings - predict(solver, calibrated, slow)
+    left = slow.readings - predict(model, calibrated, slow)
     by_line = slow.readings - line.predict(slow.pressures)
     names = tuple(f"{m.name} {axis}" for m in run.suite.measurements for axis in "xy")
     return ArmErrors(names, _rms(by_line[seen]), _rms(by_line[~seen]), _rms(left[seen]), _rms(left[~seen]))
@@ -243,7 +244,7 @@ def segment_rows(recordings: Sequence[Recording], advance: Callable[[float], Non
     specimen = described("single_segment")
     model = build_arm(specimen, ())
     bounded = replace(model.settings, total_iterations=LINEAR_SOLVES)
-    solver = NodeSolver(replace(model, settings=bounded), advance)
+    solver = NodeByNode(replace(model, settings=bounded), advance)
     ends = [cut(recording, settled(recording, SETTLED_STEP)) for recording in recordings]
     pressures = np.array([float(np.nanmean(end.pressure(0)[0])) for end in ends])
     runs = [arrange(end, specimen, solver.sections) for end in ends]
@@ -280,14 +281,13 @@ def _length(offsets: Floats) -> float:
     return float(1e3 * np.sqrt((offsets.reshape(-1, 3) ** 2).sum(axis=1).mean()))
 
 
-def predict(solver: Solver, calibrated: Specimen, run: Run) -> Floats:
+def predict(model: BatchArmModel, calibrated: Specimen, run: Run) -> Floats:
     """Give the readings of a run that a calibrated specimen predicts, shape (samples, readings)."""
-    acting = (
-        SpecimenSensors(calibrated, solver.sections, Registration()).actuation().to_chamber(run.pressures)
-    )
-    scales = {name: value.value for name, value in calibrated.calibration.modulus_scale.items()}
-    loads = np.zeros((len(acting), len(solver.loads)))
-    found = solver.respond(scales, acting, loads, np.array(calibrated.gravity_m_s2), None)
+    gain = calibrated.calibration.stretch_gain.value
+    setting = Setting.of(calibrated, StretchLaw.of(calibrated, model.sections) if gain else None)
+    acting = setting.actuation.to_chamber(run.pressures)
+    loads = np.zeros((len(acting), len(model.loads)))
+    found = setting.model(model).evaluate(acting, loads, np.array(calibrated.gravity_m_s2))
     readings = run.suite.predict(Scene(found.frames, np.zeros((len(run.time), 0))))
     return np.where(found.converged[:, None], readings, np.nan)
 
@@ -299,7 +299,7 @@ def beam_tables(folder: Path, advance: Callable[[float], None]) -> tuple[Table, 
     model = build_arm(specimen)
     options = Options(fit_lag=False)
     runs = [arrange(cut(bare, settled(bare)), specimen, model.sections)]
-    found = calibrate(NodeSolver(model.with_loads(()), advance), specimen, runs, options)
+    found = calibrate(NodeByNode(model.with_loads(()), advance), specimen, runs, options)
     calibrated = calibrated_specimen(specimen, found)
     scale = calibrated.calibration.modulus_scale["upper"]
     young = specimen.materials[specimen.segments[0].material].young

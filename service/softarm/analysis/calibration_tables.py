@@ -36,17 +36,17 @@ def drift_table(drifts: Sequence[Drift]) -> Table:
 def calibration_tables(found: Calibrated) -> tuple[Table, ...]:
     """Arrange a calibration in tables: what was found, how well it predicts, what is missing."""
     missing = tuple(
-        f"{entry.parameter.name}: {entry.verdict}; {entry.manoeuvre}"
+        f"{entry.unknown.name}: {entry.verdict}; {entry.manoeuvre}"
         for entry in found.identified
         if entry.verdict != "determined"
     )
     lags = ", ".join("unknown" if lag is None else f"{lag * 1e3:.0f} ms" for lag in found.lags)
     unknowns: list[dict[str, str | int | float | bool | None]] = [
         {
-            "unknown": entry.parameter.name,
+            "unknown": entry.unknown.name,
             "value": entry.value,
             "std": entry.std,
-            "unit": entry.parameter.unit,
+            "unit": entry.unknown.unit,
             "verdict": entry.verdict,
             "std_over_known_before": entry.share,
         }

@@ -60,7 +60,6 @@ def command(
     from softarm.estimator.arm import build_arm
     from softarm.estimator.calibration import (
         CalibrationRefusedError,
-        NodeSolver,
         Options,
         arrange,
         calibrate,
@@ -69,6 +68,7 @@ def command(
         section_forces,
     )
     from softarm.estimator.calibration.complaints import complaints
+    from softarm.estimator.node_by_node import NodeByNode
     from softarm.estimator.specimen import save_specimen
     from softarm.recordings.files import refuse_existing
 
@@ -88,13 +88,13 @@ def command(
             say(f"{run.name}: the specimen does not name markers {', '.join(run.ignored_markers)}")
     if out is None:
         with progress(f"checking {robot.name}") as advance:
-            drifts = check_drift(NodeSolver(model, advance), robot, runs, nodes)
+            drifts = check_drift(NodeByNode(model, advance), robot, runs, nodes)
         show(drift_table(drifts), as_json=as_json)
         return int(any(drift.stale for drift in drifts))
     options = Options(nodes=nodes, search_axes=axes)
     try:
         with progress(f"calibrating {robot.name}") as advance:
-            found = calibrate(NodeSolver(model, advance), robot, runs, options)
+            found = calibrate(NodeByNode(model, advance), robot, runs, options)
     except CalibrationRefusedError as refusal:
         say(f"softarm: {refusal}")
         return 1

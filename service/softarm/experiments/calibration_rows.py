@@ -4,7 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from softarm.estimator.calibration import Calibrated, Run, Solver, check_drift
+from softarm.estimator.calibration import Calibrated, Run, check_drift
+from softarm.estimator.calibration.unknowns import Modulus
+from softarm.estimator.response import BatchArmModel
 from softarm.estimator.specimen import Specimen
 from softarm.experiments.figures import Cells
 from softarm.experiments.holds import Holds
@@ -13,7 +15,7 @@ from softarm.experiments.validation import pose_errors
 from softarm.experiments.whole_runs import sampled
 
 Runs = Callable[[str, Specimen], Run]
-Solvers = Callable[[Specimen], Solver]
+Models = Callable[[Specimen], BatchArmModel]
 SAMPLES = 6
 
 
@@ -21,10 +23,10 @@ def unknown_rows(found: Calibrated) -> list[Cells]:
     """List every unknown with its deviation, verdict and the manoeuvre that is missing."""
     return [
         {
-            "unknown": entry.parameter.name,
-            "value": float(np.exp(entry.value)) if entry.parameter.kind == "modulus" else entry.value,
+            "unknown": entry.unknown.name,
+            "value": float(np.exp(entry.value)) if isinstance(entry.unknown, Modulus) else entry.value,
             "std": entry.std,
-            "unit": "factor" if entry.parameter.kind == "modulus" else entry.parameter.unit,
+            "unit": "factor" if isinstance(entry.unknown, Modulus) else entry.unknown.unit,
             "std_over_known_before": entry.share,
             "verdict": entry.verdict,
             "manoeuvre": entry.manoeuvre,
@@ -33,9 +35,9 @@ def unknown_rows(found: Calibrated) -> list[Cells]:
     ]
 
 
-def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs, solvers: Solvers) -> list[Cells]:
+def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs, models: Models) -> list[Cells]:
     """Predict poses and pulls that no fit has seen with the paper's two calibrations and the joint one."""
-    solver = solvers(nominal)
+    solver = models(nominal)
     paper = calibrate_as_paper(solver, nominal, runs("sweep", nominal), runs("pulls", nominal))
     cases = (
         ("paper's first (pressures)", paper.shape, paper.alpha_shape.value),
@@ -44,7 +46,7 @@ def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs, solvers: Sol
     )
     rows: list[Cells] = []
     for name, specimen, alpha in cases:
-        own = solvers(specimen)
+        own = models(specimen)
         row: Cells = {"calibration": name, "alpha": alpha}
         for what, run in (("random poses", "validation"), ("pulls", "force_still")):
             holds: Holds = sampled(runs(run, specimen), SAMPLES, pulled=run == "force_still")
@@ -56,9 +58,9 @@ def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs, solvers: Sol
     return rows
 
 
-def drift_rows(specimen: Specimen, runs: Runs, solvers: Solvers) -> list[Cells]:
+def drift_rows(specimen: Specimen, runs: Runs, models: Models) -> list[Cells]:
     """Check the calibration against later recordings of the same arm."""
-    found = check_drift(solvers(specimen), specimen, [runs("validation", specimen)], nodes=16)
+    found = check_drift(models(specimen), specimen, [runs("validation", specimen)], nodes=16)
     return [
         {
             "quantity": drift.quantity,

@@ -1,7 +1,6 @@
 """Planning an excitation: from a diagnosis that leaves rivals to the manoeuvres that split them."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -9,10 +8,12 @@ from softarm.analysis.diagnosis.report import FindingPart, Report, Where
 from softarm.common.rods import known_rod, rod_for
 from softarm.estimator.arm import build_arm
 from softarm.estimator.effects import EFFECTS, Spot, World
-from softarm.estimator.effects.augmented import PlacedEffect
+from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.errors import InputError
 from softarm.estimator.excitation import Limits, Manoeuvre, Plan, Rivals, Subject, menu, plan_for, whole
-from softarm.estimator.model import Inputs
+from softarm.estimator.model import Frames
+from softarm.estimator.node_by_node import NodeByNode
+from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import Measurement, Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.simulation import Segments, SimulatedArm, section_loads
@@ -117,13 +118,18 @@ def subject_of(specimen: Specimen, sensors: Sequence[str] = ()) -> Subject:
     return Subject(arm, segments, world, suite, np.array(specimen.gravity_m_s2))
 
 
-def _arm(specimen: Specimen) -> SimulatedArm[Any, Any]:
+def _arm(specimen: Specimen) -> SimulatedArm:
     """Build the model: the calibrated rod where one is at hand, else the slower finite elements."""
-    plain: Any = rod_for(specimen) if known_rod(specimen) is not None else build_arm(specimen)
-    model = plain.with_loads(section_loads(plain.sections))
-    free = Inputs(np.zeros(model.chambers), np.zeros(len(model.loads)), np.zeros(3))
-    rest = model.linearise(model.rest(), free).frames
-    return SimulatedArm(model, Segments.of(specimen, model.sections, rest))
+    model: BatchArmModel
+    if known_rod(specimen) is not None:
+        rod = rod_for(specimen)
+        model = rod.with_loads(section_loads(rod.sections))
+    else:
+        sections = tuple(section.name for section in specimen.sections)
+        model = NodeByNode(build_arm(specimen, section_loads(sections)))
+    rest = model.evaluate(np.zeros((1, model.chambers)), np.zeros((1, len(model.loads))), np.zeros(3)).frames
+    frames = Frames(rest.positions[0], rest.rotations[0])
+    return SimulatedArm(model, Segments.of(specimen, model.sections, frames))
 
 
 def _sensor_names(report: Report) -> tuple[str, ...]:

@@ -5,13 +5,15 @@ P what is known beforehand, the fit without pose i moves the unknowns by
 (sum_{j != i} J_j^T J_j + P)^-1 sum_{j != i} J_j^T r_j and leaves r_i - J_i times that.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration import Solver
 from softarm.estimator.calibration.forward import Forward
+from softarm.estimator.calibration.layout import build_layout
 from softarm.estimator.calibration.nodes import Nodes
-from softarm.estimator.calibration.parameters import build_layout
+from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import SectionPose
 from softarm.estimator.specimen import Specimen
 from softarm.experiments.holds import Holds
@@ -20,17 +22,17 @@ from softarm.experiments.validation import PoseErrors, pose_deviation
 Floats = NDArray[np.float64]
 
 
-def leave_one_out_errors(solver: Solver, specimen: Specimen, holds: Holds) -> tuple[PoseErrors, ...]:
+def leave_one_out_errors(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple[PoseErrors, ...]:
     """Predict each held pose from a fit to the others.
 
     Args:
-        solver: Model of the specimen with ``section_forces``.
+        model: Model of the specimen with ``section_forces``.
         specimen: The calibrated robot, about which the fits are linearised.
         holds: The poses.
     """
     count = len(holds)
     nodes = Nodes(
-        holds.run,
+        replace(holds.run, gravity=np.array(specimen.gravity_m_s2)),
         holds.time,
         holds.pressures,
         holds.readings,
@@ -40,9 +42,9 @@ def leave_one_out_errors(solver: Solver, specimen: Specimen, holds: Holds) -> tu
     )
     moved = [k for k in range(holds.pressures.shape[1]) if np.ptp(holds.pressures[:, k]) > 1e3]
     layout = build_layout(
-        specimen, holds.run.suite, holds.run.pressure_source, moved, solver.factors, sections=solver.sections
+        specimen, holds.run.suite, holds.run.pressure_source, moved, model.regions, sections=model.sections
     )
-    forward = Forward(solver, layout, (nodes,), np.array(specimen.gravity_m_s2))
+    forward = Forward(model, layout, (nodes,))
     (at,) = forward.evaluate(layout.means)
     deviations = pose_deviation(specimen, holds.run.suite)
     residual = np.where(np.isfinite(at.innovation), at.innovation, 0.0) / deviations

@@ -26,7 +26,7 @@ from softarm.experiments.force_rows import PullCase, along_cord_row, follow_pull
 from softarm.experiments.holds import hold_windows, means
 from softarm.experiments.live import LiveRig, LiveRigSettings, live_rig
 from softarm.experiments.live_runs import calibrate_live, force_live, teach_live, validate_live
-from softarm.experiments.models import known_force_solver
+from softarm.experiments.models import known_force_model
 from softarm.experiments.paper import FORCE_N
 from softarm.experiments.plots import plot_prediction, plot_results
 from softarm.experiments.seed import SeedResult, series_of
@@ -106,7 +106,7 @@ def _calibrated(
 ) -> tuple[Table, ...]:
     loads = section_forces(specimen)
     runs = [arrange(recording, specimen, None, loads) for recording in recordings]
-    solver = known_force_solver(specimen, lambda _: advance())
+    solver = known_force_model(specimen, lambda _: advance())
     found = calibrate(solver, specimen, runs, Options(nodes=NODES, iterations=8))
     told = f"softarm experiment calibrate, {', '.join(run.name for run in runs)}"
     save_specimen(calibrated_specimen(specimen, found, told), out / "specimen.toml")
@@ -117,7 +117,7 @@ def _validated(specimen: Specimen, recordings: tuple[Recording, ...], result: Se
     run = arrange(recordings[0], specimen, None, section_forces(specimen))
     pose_of(run, specimen.sections[-1].name)  # the paper's figures are of the tip
     holds = means(run, hold_windows(recordings[0]))
-    errors = pose_errors(known_force_solver(specimen), specimen, holds)
+    errors = pose_errors(known_force_model(specimen), specimen, holds)
     result.add("validation", rows(errors, "held out"))
     last = errors[-1]
     result.series["validation"] = {"mm": last.millimetres.tolist(), "degrees": last.degrees.tolist()}

@@ -1,16 +1,17 @@
 """The models that experiments run on, built once per specimen."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arm import build_arm, default_loads
-from softarm.estimator.calibration import NodeSolver, Solver, section_forces
-from softarm.estimator.calibration.solver import Response
+from softarm.estimator.calibration import section_forces
 from softarm.estimator.model import ArmModel, Load
+from softarm.estimator.node_by_node import NodeByNode
+from softarm.estimator.response import ArmResponse, BatchArmModel
 from softarm.estimator.specimen import Specimen
 
 Advance = Callable[[float], None]
@@ -22,69 +23,87 @@ NEAR_PA = 15e3
 NEAR_N = 0.3
 
 
-def known_force_solver(specimen: Specimen, advance: Advance = lambda _: None) -> Solver:
-    """Give what a calibration solves: the model with three known forces on every section."""
-    return NodeSolver(build_arm(specimen, loads=section_forces(specimen)), advance)
+def known_force_model(specimen: Specimen, advance: Advance = lambda _: None) -> BatchArmModel:
+    """Return what a calibration solves: the model with three known forces on every section."""
+    return NodeByNode(build_arm(specimen, loads=section_forces(specimen)), advance)
 
 
 @dataclass
 class SharedSolutions:
-    """Answers of models of one arm, at which others of the same arm begin at nearly the same inputs.
+    """SharedSolutions of models of one arm, at which others of the same arm begin at nearly the same inputs.
 
     Args:
-        found: Pressures [Pa] and loads [N] of a batch, and the answer to it.
+        known: Pressures [Pa] and loads [N] of a batch, and the response to it.
     """
 
-    found: list[tuple[Floats, Floats, Response]] = field(default_factory=list)
+    known: list[tuple[Floats, Floats, ArmResponse]] = field(default_factory=list)
 
-    def near(self, pressures: Floats, loads: Floats) -> Response | None:
-        """Give the newest answer to a batch of the same nodes."""
-        for before, pulled, response in reversed(self.found):
+    def near(self, pressures: Floats, loads: Floats) -> ArmResponse | None:
+        """Return the newest response to a batch of the same nodes."""
+        for before, pulled, response in reversed(self.known):
             if _alike(before, pressures, NEAR_PA) and _alike(pulled, loads, NEAR_N):
                 return response
         return None
 
 
 @dataclass(frozen=True)
-class WarmSolver:
-    """A solver that begins at the answers of others; implements ``softarm.estimator.calibration.Solver``.
+class WarmModel:
+    """A model that begins at the responses of others; implements ``BatchArmModel``.
 
     Args:
-        solver: The solver.
-        answers: Their answers; its own are added.
+        model: The model.
+        responses: Their responses; its own are added.
     """
 
-    solver: Solver
-    answers: SharedSolutions
+    model: BatchArmModel
+    responses: SharedSolutions
 
     @property
     def sections(self) -> tuple[str, ...]:
         """Names of the sections."""
-        return self.solver.sections
+        return self.model.sections
 
     @property
-    def factors(self) -> tuple[str, ...]:
-        """Names of the stiffness factors."""
-        return self.solver.factors
+    def chambers(self) -> int:
+        """Number of chambers."""
+        return self.model.chambers
 
     @property
     def loads(self) -> tuple[Load, ...]:
         """Loads whose amplitudes are inputs."""
-        return self.solver.loads
+        return self.model.loads
 
-    def respond(
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the regions whose stiffness can be scaled."""
+        return self.model.regions
+
+    @property
+    def takes_eigenstrains(self) -> bool:
+        """Whether the regions can strain freely."""
+        return self.model.takes_eigenstrains
+
+    def with_scales(self, scales: Mapping[str, float]) -> "WarmModel":
+        """Return a copy with other stiffness factors, which shares the responses."""
+        return replace(self, model=self.model.with_scales(scales))
+
+    def evaluate(
         self,
-        scales: Mapping[str, float],
         pressures: Floats,
         loads: Floats,
         gravity: Floats,
-        memory: Response | None,
-    ) -> Response:
-        """Solve at many pressures and loads; see ``softarm.estimator.calibration.Solver.respond``."""
-        if memory is None:
-            memory = self.answers.near(pressures, loads)
-        response = self.solver.respond(scales, pressures, loads, gravity, memory)
-        self.answers.found.append((pressures, loads, response))
+        eigenstrains: Floats | None = None,
+        *,
+        start: ArmResponse | None = None,
+        jacobians: bool = True,
+    ) -> ArmResponse:
+        """Solve many samples; see ``BatchArmModel.evaluate``."""
+        if start is None:
+            start = self.responses.near(pressures, loads)
+        response = self.model.evaluate(
+            pressures, loads, gravity, eigenstrains, start=start, jacobians=jacobians
+        )
+        self.responses.known.append((pressures, loads, response))
         return response
 
 

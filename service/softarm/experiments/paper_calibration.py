@@ -10,12 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from softarm.estimator.calibration import Run, Solver
+from softarm.estimator.calibration import Run
 from softarm.estimator.calibration.fit import Fit, fit
 from softarm.estimator.calibration.forward import Forward
+from softarm.estimator.calibration.layout import Layout, build_layout
 from softarm.estimator.calibration.nodes import Nodes, choose_nodes
-from softarm.estimator.calibration.parameters import Layout, build_layout
+from softarm.estimator.calibration.unknowns import Gain, Modulus
 from softarm.estimator.errors import InputError
+from softarm.estimator.response import BatchArmModel
 from softarm.estimator.specimen import ChamberCalibration, Specimen, Value
 from softarm.experiments.subsets import subset
 
@@ -43,12 +45,12 @@ class PaperCalibration:
 
 
 def calibrate_as_paper(
-    solver: Solver, specimen: Specimen, sweep: Run, pulls: Run, nodes: int = 10
+    model: BatchArmModel, specimen: Specimen, sweep: Run, pulls: Run, nodes: int = 10
 ) -> PaperCalibration:
     """Calibrate twice, as the paper does.
 
     Args:
-        solver: Model of the specimen with ``section_forces``.
+        model: Model of the specimen with ``section_forces``.
         specimen: The robot, uncalibrated.
         sweep: Each chamber filled alone.
         pulls: The gauge pulls, the arm vented.
@@ -63,22 +65,24 @@ def calibrate_as_paper(
         raise InputError(
             sweep.name, f"chamber {missing} is never filled", "fill each chamber alone, from 0 to 65 kPa"
         )
-    first = _fit(solver, specimen, [subset(sweep, "orientations")], nodes, with_gains=True)
+    first = _fit(model, specimen, [subset(sweep, "orientations")], nodes, with_gains=True)
     names = _names(specimen, with_gains=True)
     scales = {s.name: np.exp(first.values[names.index(f"modulus.{s.name}")]) for s in specimen.segments}
     gains = tuple(float(first.values[names.index(f"gain.{c.index}")]) for c in specimen.chambers)
     alpha = _alpha(first, scales)
     shape = _written(specimen, alpha, gains)
-    second = _fit(solver, shape, [subset(pulls, "orientations")], nodes, with_gains=False)
+    second = _fit(model, shape, [subset(pulls, "orientations")], nodes, with_gains=False)
     after = {s.name: float(np.exp(v)) for s, v in zip(specimen.segments, second.values, strict=True)}
     alpha_force = _alpha(second, after)
     return PaperCalibration(shape, _written(specimen, alpha_force, gains), alpha, alpha_force, gains)
 
 
-def _fit(solver: Solver, specimen: Specimen, runs: Sequence[Run], nodes: int, *, with_gains: bool) -> Fit:
+def _fit(
+    model: BatchArmModel, specimen: Specimen, runs: Sequence[Run], nodes: int, *, with_gains: bool
+) -> Fit:
     chosen: tuple[Nodes, ...] = tuple(choose_nodes(run, nodes) for run in runs)
-    layout = _layout(specimen, runs[0], solver, _names(specimen, with_gains=with_gains))
-    forward = Forward(solver, layout, chosen, np.array(specimen.gravity_m_s2))
+    layout = _layout(specimen, runs[0], model, _names(specimen, with_gains=with_gains))
+    forward = Forward(model, layout, chosen)
     return fit(forward, layout.means, iterations=5)
 
 
@@ -87,14 +91,14 @@ def _names(specimen: Specimen, *, with_gains: bool) -> list[str]:
     return [f"modulus.{segment.name}" for segment in specimen.segments] + gains
 
 
-def _layout(specimen: Specimen, run: Run, solver: Solver, names: list[str]) -> Layout:
+def _layout(specimen: Specimen, run: Run, model: BatchArmModel, names: list[str]) -> Layout:
     """Tie the moduli together and the mean gain to one."""
     chambers = [chamber.index for chamber in specimen.chambers]
-    whole = build_layout(specimen, run.suite, run.pressure_source, chambers, solver.factors)
+    whole = build_layout(specimen, run.suite, run.pressure_source, chambers, model.regions)
     layout = whole.without([name for name in whole.names if name not in names])
-    count = len(layout.parameters)
-    moduli = np.array([parameter.kind == "modulus" for parameter in layout.parameters], dtype=float)
-    gains = np.array([parameter.kind == "gain" for parameter in layout.parameters], dtype=float)
+    count = len(layout.unknowns)
+    moduli = layout.of(Modulus)
+    gains = layout.of(Gain).astype(float)
     rows, means = [], []
     for index in np.flatnonzero(moduli)[1:]:
         row = np.zeros(count)

@@ -14,7 +14,6 @@ from softarm.estimator.calibration import (
     Calibrated,
     Options,
     Run,
-    Solver,
     arrange,
     calibrate,
     calibrated_specimen,
@@ -22,6 +21,7 @@ from softarm.estimator.calibration import (
 from softarm.estimator.calibration.pulls import section_forces
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
+from softarm.estimator.response import BatchArmModel
 from softarm.estimator.specimen import Specimen, load_specimen, save_specimen
 from softarm.experiments.calibration_rows import comparison_rows, drift_rows, unknown_rows
 from softarm.experiments.figures import Cells
@@ -35,7 +35,7 @@ from softarm.experiments.force_rows import (
 )
 from softarm.experiments.holds import hold_windows, means
 from softarm.experiments.leave_one_out import leave_one_out_errors
-from softarm.experiments.models import SharedSolutions, WarmSolver, known_force_solver
+from softarm.experiments.models import SharedSolutions, WarmModel, known_force_model
 from softarm.experiments.paper import FORCE_N
 from softarm.experiments.recorded import FakeRun, perform
 from softarm.experiments.subsets import SUBSETS
@@ -127,11 +127,11 @@ class SeedBench:
     def __init__(self, plan: SeedPlan) -> None:
         self.plan = plan
         self.nominal = load_specimen(plan.specimen)
-        self._answers = SharedSolutions()
+        self._responses = SharedSolutions()
 
-    def solver(self, specimen: Specimen) -> Solver:
+    def model(self, specimen: Specimen) -> BatchArmModel:
         """Give a model of the arm that begins at what others have answered."""
-        return WarmSolver(known_force_solver(specimen), self._answers)
+        return WarmModel(known_force_model(specimen), self._responses)
 
     def recording(self, name: str) -> Recording:
         """Give a recording by the name of its run."""
@@ -148,7 +148,7 @@ class SeedBench:
         """The joint calibration."""
         runs = [self.run(name, self.nominal) for name in CALIBRATION_RUNS]
         options = Options(nodes=self.plan.nodes, iterations=6)
-        return calibrate(self.solver(self.nominal), self.nominal, runs, options)
+        return calibrate(self.model(self.nominal), self.nominal, runs, options)
 
     @cached_property
     def specimen(self) -> Specimen:
@@ -196,15 +196,15 @@ def run_seed(plan: SeedPlan) -> SeedResult:
 def _calibrate(bench: SeedBench, result: SeedResult) -> None:
     found = bench.found
     result.add("unknowns", unknown_rows(found))
-    result.add("comparison", comparison_rows(bench.nominal, bench.specimen, bench.run, bench.solver))
-    result.add("drift", drift_rows(bench.specimen, bench.run, bench.solver))
+    result.add("comparison", comparison_rows(bench.nominal, bench.specimen, bench.run, bench.model))
+    result.add("drift", drift_rows(bench.specimen, bench.run, bench.model))
 
 
 def _validate(bench: SeedBench, result: SeedResult) -> None:
     specimen = bench.specimen
     recording = bench.recording("validation")
     holds = means(bench.run("validation", specimen), hold_windows(recording))
-    solver = bench.solver(specimen)
+    solver = bench.model(specimen)
     errors = pose_errors(solver, specimen, holds)
     result.add("validation", rows(errors, "held out"))
     result.add("validation", rows(leave_one_out_errors(solver, specimen, holds), "leave one out"))

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration import Solver
-from softarm.estimator.calibration.stretched import respond
+from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
+from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import Scene, SectionPose, SensorSuite
-from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import StretchLaw
 from softarm.experiments.figures import Cells, beside, error_figures, inside, without_unit
@@ -51,22 +50,16 @@ class PoseErrors:
         return np.asarray(np.degrees(np.linalg.norm(self.rotation, axis=1)))
 
 
-def predict(solver: Solver, specimen: Specimen, holds: Holds) -> tuple[Frames, NDArray[np.bool_]]:
+def predict(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple[Frames, NDArray[np.bool_]]:
     """Predict the sections' frames from pressures and known forces, and where an equilibrium was found."""
-    actuation = SpecimenSensors(specimen, solver.sections, holds.run.registration).actuation()
-    found = respond(
-        solver,
-        {name: specimen.calibration.scale(name) for name in solver.factors if name in _segments(specimen)},
-        StretchLaw.of(specimen, solver.sections),
-        actuation.to_chamber(holds.pressures),
-        np.nan_to_num(holds.loads),
-        np.array(specimen.gravity_m_s2),
-        None,
-    )
+    setting = Setting.of(specimen, StretchLaw.of(specimen, model.sections))
+    gravity, loads = np.array(specimen.gravity_m_s2), np.nan_to_num(holds.loads)
+    acting = setting.actuation.to_chamber(holds.pressures)
+    found = setting.model(model).evaluate(acting, loads, gravity)
     return found.frames, found.converged
 
 
-def pose_errors(solver: Solver, specimen: Specimen, holds: Holds) -> tuple[PoseErrors, ...]:
+def pose_errors(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple[PoseErrors, ...]:
     """Compare predicted with measured poses, section by section.
 
     The deviation is that of the calibration's scatter on unseen blocks and of the sensors.
@@ -83,7 +76,7 @@ def pose_errors(solver: Solver, specimen: Specimen, holds: Holds) -> tuple[PoseE
         )
     if not sensors:
         raise InputError(holds.run.name, "has no pose of a section", "record the bodies of the sections")
-    frames, converged = predict(solver, specimen, holds)
+    frames, converged = predict(model, specimen, holds)
     scene = Scene(frames, np.zeros((len(holds), 0)))
     innovation = holds.run.suite.sensitivity(scene, holds.readings).innovation
     innovation[~converged] = np.nan

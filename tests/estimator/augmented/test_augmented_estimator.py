@@ -8,7 +8,8 @@ import pytest
 from softarm.estimator.augmented import AugmentedEstimator, ShapedModel, Spread
 from softarm.estimator.augmented.estimator import registered_again, undo
 from softarm.estimator.effects import EFFECTS, Spot, World
-from softarm.estimator.effects.augmented import PlacedEffect, recorded_turn, simulate_with, standing_pressures
+from softarm.estimator.effects.placed import PlacedEffect
+from softarm.estimator.effects.simulate import recorded_turn, simulate_with, standing_pressures
 from softarm.estimator.errors import InputError
 from softarm.estimator.inverse import Estimator, LoadProcess, TrackerSettings
 from softarm.estimator.model import Inputs, Load
@@ -37,6 +38,7 @@ TURNED = np.array([9.81, 0.0, 0.0])
 ACTUATION = ActuationMap(np.linspace(0.9, 1.1, 6), np.linspace(-300.0, 300.0, 6), 5.0)
 SETTINGS = TrackerSettings(LoadProcess(np.full(4, 0.5), 0.0), ACTUATION, np.full(6, 65e3))
 ARM = toy()
+MODEL = ARM.model.model
 WORLD = World(
     ("upper", "lower"),
     SECTIONS,
@@ -89,8 +91,8 @@ def forces(
 def test_physics_in_the_model_is_no_longer_taken_for_a_force(name: str, theta: list[float], where: dict):
     effect = placed(name, theta, where)
     data = recorded(effect)
-    plain = AugmentedEstimator(ARM, LOADS, WORLD, (), SUITE, SETTINGS)
-    better = AugmentedEstimator(ARM, LOADS, WORLD, (effect,), SUITE, SETTINGS)
+    plain = AugmentedEstimator(MODEL, ARM.segments, LOADS, WORLD, (), SUITE, SETTINGS)
+    better = AugmentedEstimator(MODEL, ARM.segments, LOADS, WORLD, (effect,), SUITE, SETTINGS)
     wrong, right = (np.sqrt((forces(one, *data) ** 2).mean()) for one in (plain, better))
     assert wrong > 2e-3
     assert right < 0.2 * wrong
@@ -110,22 +112,30 @@ def test_a_laboratory_found_by_a_base_that_had_turned_is_turned_back(name: str, 
     turn = recorded_turn(done.drive.base_rotation, [effect])
     suite = rested.moved(np.concatenate([np.zeros(3), -turn]))
     again = registered_again(suite, ARM, WORLD, [effect], drive)
-    estimators = [AugmentedEstimator(ARM, LOADS, WORLD, (effect,), own, SETTINGS) for own in (suite, again)]
+    estimators = [
+        AugmentedEstimator(MODEL, ARM.segments, LOADS, WORLD, (effect,), own, SETTINGS)
+        for own in (suite, again)
+    ]
     wrong, right = (np.sqrt((forces(one, *data) ** 2).mean()) for one in estimators)
     assert right < 0.2 * wrong
 
 
 def test_without_effects_it_is_the_plain_estimator():
     time, measured, readings = recorded(placed("tip_payload", [0.02], {"section": "tip"}), 5)
-    wrapped = forces(AugmentedEstimator(ARM, LOADS, WORLD, (), SUITE, SETTINGS), time, measured, readings)
-    arm = type(ARM.model)(LOADS)
+    wrapped = forces(
+        AugmentedEstimator(MODEL, ARM.segments, LOADS, WORLD, (), SUITE, SETTINGS),
+        time,
+        measured,
+        readings,
+    )
+    arm = type(MODEL)(LOADS)
     plain = forces(Estimator(arm, SUITE, SETTINGS), time, measured, readings)
     assert np.allclose(wrapped, plain, atol=1e-6)
 
 
 def test_a_turned_base_turns_everything_with_it():
     turn = exp(np.array([0.1, -0.2, 0.05]))
-    shaped = ShapedModel(ARM.model, Spread(LOADS, SECTIONS), np.zeros(12), turn)
+    shaped = ShapedModel(MODEL, Spread(LOADS, SECTIONS), np.zeros(12), turn)
     inputs = Inputs(
         np.full(6, 5e3) * np.array([1, 0, 0, 0, 1, 0]), np.array([0.05, 0.0, -0.1, 0.02]), GRAVITY
     )
@@ -140,7 +150,7 @@ def test_a_turned_base_turns_everything_with_it():
     twists = (columns @ change).reshape(2, 6)
     assert np.allclose(moved.positions - step.frames.positions, twists[:, :3], atol=2e-7)
     level = exp(np.zeros(3))
-    plain = ShapedModel(ARM.model, Spread(LOADS, SECTIONS), np.zeros(12), level)
+    plain = ShapedModel(MODEL, Spread(LOADS, SECTIONS), np.zeros(12), level)
     free = Inputs(np.zeros(6), np.zeros(4), GRAVITY)
     tilted = Inputs(np.zeros(6), np.zeros(4), turn @ GRAVITY)
     one = shaped.linearise(shaped.solve(tilted, shaped.rest())[0], tilted).frames
@@ -179,7 +189,7 @@ def test_loads_must_act_on_sections():
 )
 def test_pressures_that_are_to_act_are_taken_back_through_the_physics(name, theta, where) -> None:
     effect = placed(name, theta, where)
-    estimator = AugmentedEstimator(ARM, LOADS, WORLD, (effect,), SUITE, SETTINGS)
+    estimator = AugmentedEstimator(MODEL, ARM.segments, LOADS, WORLD, (effect,), SUITE, SETTINGS)
     wanted = np.linspace(5e3, 20e3, 6)
     given = estimator.unshaped(wanted)
     assert np.abs(given - wanted).max() > 100.0
@@ -189,7 +199,7 @@ def test_pressures_that_are_to_act_are_taken_back_through_the_physics(name, thet
 
 def test_an_instant_without_any_reading_is_predicted_from_the_pressures() -> None:
     effect = placed("chamber_gain", [0.15], {"chamber": 1})
-    estimator = AugmentedEstimator(ARM, LOADS, WORLD, (effect,), SUITE, SETTINGS)
+    estimator = AugmentedEstimator(MODEL, ARM.segments, LOADS, WORLD, (effect,), SUITE, SETTINGS)
     estimate = estimator.update(0.0, SUITE.stack({}), np.full(6, 5e3), GRAVITY)
     assert estimate.converged
     np.testing.assert_allclose(estimate.inputs.loads, 0.0, atol=1e-6)

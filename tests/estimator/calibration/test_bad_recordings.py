@@ -10,7 +10,6 @@ from toy import toy
 
 from softarm.estimator.calibration import (
     CalibrationRefusedError,
-    NodeSolver,
     Options,
     Run,
     arrange,
@@ -22,6 +21,7 @@ from softarm.estimator.calibration.nodes import choose_nodes
 from softarm.estimator.calibration.scatter import PRESSURISED_PULLS, VENTED_PULLS, scatter_in
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Load
+from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen, load_specimen
 
@@ -47,7 +47,7 @@ def test_a_fit_that_does_not_converge_is_refused(sopra: Specimen) -> None:
         CalibrationRefusedError,
         match=r"does not converge: .* would still move .*; .*, and hold random poses; the old",
     ):
-        calibrate(NodeSolver(toy()), sopra, [run], Options(nodes=40, iterations=1))
+        calibrate(NodeByNode(toy()), sopra, [run], Options(nodes=40, iterations=1))
 
 
 RAMP = np.linspace(0.0, 1.5, 2000)
@@ -149,7 +149,7 @@ def test_a_sensor_that_never_answered_is_gone_on_without(sopra: Specimen) -> Non
 
 @pytest.mark.parametrize("judge", [calibrate, check_drift])
 def test_motion_without_known_forces_is_refused(
-    sopra: Specimen, judge: Callable[[NodeSolver, Specimen, list[Run]], object]
+    sopra: Specimen, judge: Callable[[NodeByNode, Specimen, list[Run]], object]
 ) -> None:
     known = sopra.calibration.model_copy(update={"scatter": {"bend_tip": 0.01}})
     specimen = sopra.model_copy(update={"calibration": known})
@@ -157,7 +157,7 @@ def test_motion_without_known_forces_is_refused(
     told = {"gauge_section": "tip"}
     run = arrange(Recording("run", recording.time, recording.columns, told), specimen, SECTIONS, LOADS)
     with pytest.raises(InputError, match=r"never known together; record them at once, with marker_hook"):
-        judge(NodeSolver(toy()), specimen, [run])
+        judge(NodeByNode(toy()), specimen, [run])
 
 
 def test_a_recording_without_fault_is_not_complained_of(sopra: Specimen) -> None:

@@ -7,7 +7,6 @@ from toy import toy
 
 from softarm.estimator.calibration import (
     CalibrationRefusedError,
-    NodeSolver,
     Options,
     Run,
     arrange,
@@ -16,11 +15,14 @@ from softarm.estimator.calibration import (
     check_drift,
 )
 from softarm.estimator.calibration.fit import fit
-from softarm.estimator.calibration.forward import Forward, by_azimuth
+from softarm.estimator.calibration.forward import Forward
+from softarm.estimator.calibration.layout import build_layout
 from softarm.estimator.calibration.nodes import choose_nodes
-from softarm.estimator.calibration.parameters import Setting, build_layout, gravity_axes
 from softarm.estimator.calibration.regression import estimate_lag
+from softarm.estimator.calibration.setting import Setting, gravity_axes
+from softarm.estimator.calibration.unknowns import by_azimuth
 from softarm.estimator.errors import InputError
+from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.recording import Recording
 from softarm.estimator.sensing import ActuationMap
 from softarm.estimator.specimen import Specimen, Value, load_specimen
@@ -36,7 +38,7 @@ def sopra() -> Specimen:
 
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_finds_moduli_gains_and_axes_wherever_they_point(sopra: Specimen, mirrored: bool) -> None:
-    found = calibrate(NodeSolver(toy()), sopra, [arrange(record(mirrored=mirrored), sopra, SECTIONS)], QUICK)
+    found = calibrate(NodeByNode(toy()), sopra, [arrange(record(mirrored=mirrored), sopra, SECTIONS)], QUICK)
     after = calibrated_specimen(sopra, found).calibration
     truth = true_specimen(mirrored).calibration
     for name, scale in SCALES.items():
@@ -57,7 +59,7 @@ def test_finds_moduli_gains_and_axes_wherever_they_point(sopra: Specimen, mirror
 
 
 def test_held_out_blocks_are_predicted_as_well_as_by_a_line_with_more_parameters(sopra: Specimen) -> None:
-    found = calibrate(NodeSolver(toy()), sopra, [arrange(record(), sopra, SECTIONS)], QUICK)
+    found = calibrate(NodeByNode(toy()), sopra, [arrange(record(), sopra, SECTIONS)], QUICK)
     assert found.fitted < found.check.line_parameters == 28
     model, line = (np.array(list(part.values())) for part in (found.check.held_out, found.check.line))
     assert np.sqrt((model**2).mean()) < 1.1 * np.sqrt((line**2).mean())
@@ -65,7 +67,7 @@ def test_held_out_blocks_are_predicted_as_well_as_by_a_line_with_more_parameters
 
 def test_poses_give_misalignment_and_offset(sopra: Specimen) -> None:
     run = arrange(record(kinds=("frame",)), sopra, SECTIONS)
-    after = calibrated_specimen(sopra, calibrate(NodeSolver(toy()), sopra, [run], QUICK)).calibration
+    after = calibrated_specimen(sopra, calibrate(NodeByNode(toy()), sopra, [run], QUICK)).calibration
     truth = true_specimen().calibration.frame("tip")
     assert after.frame("tip").misalignment_rad == pytest.approx(truth.misalignment_rad, abs=0.01)
     assert after.frame("tip").offset_m == pytest.approx(truth.offset_m, abs=1e-3)
@@ -73,8 +75,8 @@ def test_poses_give_misalignment_and_offset(sopra: Specimen) -> None:
 
 
 def test_what_is_not_excited_is_named_and_kept(sopra: Specimen) -> None:
-    found = calibrate(NodeSolver(toy()), sopra, [arrange(record(chambers=(0, 1, 2)), sopra, SECTIONS)], QUICK)
-    verdicts = {entry.parameter.name: entry for entry in found.identified}
+    found = calibrate(NodeByNode(toy()), sopra, [arrange(record(chambers=(0, 1, 2)), sopra, SECTIONS)], QUICK)
+    verdicts = {entry.unknown.name: entry for entry in found.identified}
     assert verdicts["modulus.lower"].verdict == "kept"
     assert "hold the arm still" in verdicts["modulus.lower"].manoeuvre
     assert verdicts["modulus.upper"].verdict == "determined"
@@ -88,7 +90,7 @@ def test_an_arm_at_rest_is_refused(sopra: Specimen) -> None:
     still = record(chambers=(0,), duration=15.0)
     still = Recording(still.name, still.time, {**still.columns, "pressure_0_pa": 0.0 * still.time})
     with pytest.raises(CalibrationRefusedError, match="neither a modulus nor a gain; hold the arm still"):
-        calibrate(NodeSolver(toy()), sopra, [arrange(_at_rest(still), sopra, SECTIONS)], QUICK)
+        calibrate(NodeByNode(toy()), sopra, [arrange(_at_rest(still), sopra, SECTIONS)], QUICK)
 
 
 def _at_rest(recording: Recording) -> Recording:
@@ -100,9 +102,9 @@ def _at_rest(recording: Recording) -> Recording:
 
 def test_a_second_calibration_changes_nothing(sopra: Specimen) -> None:
     run = arrange(record(), sopra, SECTIONS)
-    once = calibrated_specimen(sopra, calibrate(NodeSolver(toy()), sopra, [run], QUICK))
+    once = calibrated_specimen(sopra, calibrate(NodeByNode(toy()), sopra, [run], QUICK))
     again = arrange(record(), once, SECTIONS)
-    twice = calibrated_specimen(once, calibrate(NodeSolver(toy()), once, [again], QUICK))
+    twice = calibrated_specimen(once, calibrate(NodeByNode(toy()), once, [again], QUICK))
     for name in SCALES:
         assert twice.calibration.scale(name) == pytest.approx(once.calibration.scale(name), rel=0.02)
     assert twice.calibration.recordings == ("toy",)
@@ -110,7 +112,7 @@ def test_a_second_calibration_changes_nothing(sopra: Specimen) -> None:
 
 def test_several_short_runs_hold_out_every_other_one(sopra: Specimen) -> None:
     runs = [arrange(record(duration=9.0, seed=seed), sopra, SECTIONS) for seed in range(4)]
-    found = calibrate(NodeSolver(toy()), sopra, runs, QUICK)
+    found = calibrate(NodeByNode(toy()), sopra, runs, QUICK)
     assert found.check.held_out
     assert found.value("modulus.upper") is not None
 
@@ -121,7 +123,7 @@ def test_outliers_do_not_move_it(sopra: Specimen) -> None:
     spoilt = columns["bend_tip_x_rad"].copy()
     spoilt[200:280] += 1.0
     run = arrange(Recording("toy", recording.time, {**columns, "bend_tip_x_rad": spoilt}), sopra, SECTIONS)
-    after = calibrated_specimen(sopra, calibrate(NodeSolver(toy()), sopra, [run], QUICK)).calibration
+    after = calibrated_specimen(sopra, calibrate(NodeByNode(toy()), sopra, [run], QUICK)).calibration
     assert after.bend("tip").rotation_rad.value == pytest.approx(-1.0, abs=0.02)
     assert after.scale("lower") == pytest.approx(1.4, rel=0.05)
 
@@ -154,10 +156,10 @@ def test_jacobian_agrees_with_finite_differences(sopra: Specimen) -> None:
         sections=SECTIONS,
     )
     assert {"stretch", "bow.upper", "crosstalk.0.5"} < set(layout.names)
-    forward = Forward(NodeSolver(toy()), layout, (nodes,), np.array([0.0, 0.0, 9.81]))
+    forward = Forward(NodeByNode(toy()), layout, (nodes,))
     (at,) = forward.evaluate(layout.means, forward.evaluate(layout.means))
-    for index, parameter in enumerate(layout.parameters):
-        size = 1e-5 * parameter.spread
+    for index, unknown in enumerate(layout.unknowns):
+        size = 1e-5 * unknown.spread
         ends = []
         for sign in (-1, 1):
             moved = layout.means.copy()
@@ -165,7 +167,7 @@ def test_jacobian_agrees_with_finite_differences(sopra: Specimen) -> None:
             ends.append(forward.evaluate(moved, (at,))[0].innovation)
         slope = (ends[0] - ends[1]) / (2 * size)
         largest = max(float(np.abs(slope).max()), 1e-9)
-        assert np.abs(at.jacobian[:, :, index] - slope).max() < 2e-3 * largest, parameter.name
+        assert np.abs(at.jacobian[:, :, index] - slope).max() < 2e-3 * largest, unknown.name
 
 
 @pytest.mark.parametrize("lag", [-0.1, 0.0, 0.15])
@@ -177,9 +179,7 @@ def test_the_lag_between_the_clocks_is_found(sopra: Specimen, lag: float) -> Non
 def test_a_fit_reports_when_it_runs_out_of_iterations(sopra: Specimen) -> None:
     nodes = choose_nodes(arrange(record(), sopra, SECTIONS), 10)
     layout = build_layout(sopra, nodes.run.suite, nodes.run.pressure_source, range(6), ("upper", "lower"))
-    found = fit(
-        Forward(NodeSolver(toy()), layout, (nodes,), np.array([0.0, 0.0, 9.81])), layout.means, iterations=1
-    )
+    found = fit(Forward(NodeByNode(toy()), layout, (nodes,)), layout.means, iterations=1)
     assert found.status == "iterations_exhausted"
     assert found.iterations == 1
 
@@ -221,10 +221,10 @@ def test_streams_with_times_of_their_own_are_brought_together(sopra: Specimen) -
 
 def test_a_calibration_goes_stale_when_the_arm_changes(sopra: Specimen) -> None:
     run = arrange(record(), sopra, SECTIONS)
-    known = calibrated_specimen(sopra, calibrate(NodeSolver(toy()), sopra, [run], QUICK), "a test")
+    known = calibrated_specimen(sopra, calibrate(NodeByNode(toy()), sopra, [run], QUICK), "a test")
     assert known.calibration.provenance == "a test"
     assert set(known.calibration.scatter) == {"bend_intermediate", "bend_tip"}
-    solver = NodeSolver(toy().with_scales({n: known.calibration.scale(n) for n in SCALES}))
+    solver = NodeByNode(toy().with_scales({n: known.calibration.scale(n) for n in SCALES}))
     later = arrange(record(seed=5), known, SECTIONS)
     assert not any(drift.stale for drift in check_drift(solver, known, [later]))
     softened = {**later.__dict__, "pressures": 1.15 * later.pressures}
@@ -234,7 +234,7 @@ def test_a_calibration_goes_stale_when_the_arm_changes(sopra: Specimen) -> None:
 
 def test_a_specimen_that_was_never_calibrated_cannot_be_stale(sopra: Specimen) -> None:
     with pytest.raises(InputError, match="was never calibrated; run softarm calibrate"):
-        check_drift(NodeSolver(toy()), sopra, [arrange(record(), sopra, SECTIONS)])
+        check_drift(NodeByNode(toy()), sopra, [arrange(record(), sopra, SECTIONS)])
 
 
 def test_known_pulls_and_gravity_turn_as_told() -> None:

@@ -1,19 +1,22 @@
 """An arm known in closed form as a model and, with other physics, as the arm that is recorded."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.diagnosis.prepare import blocks_of
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Model
 from softarm.estimator.effects import EFFECTS, Effect, Spot
-from softarm.estimator.effects.augmented import PlacedEffect, simulate_with
-from softarm.estimator.sensing import Registration, SensorSuite
+from softarm.estimator.effects.placed import PlacedEffect
+from softarm.estimator.effects.simulate import simulate_with
+from softarm.estimator.response import ArmResponse
+from softarm.estimator.sensing import ActuationMap, Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
-from softarm.estimator.simulation import Drive, LinearisedArm, Response
-from softarm.estimator.specimen import load_specimen
+from softarm.estimator.simulation import Drive, LinearisedArm, SimulatedArm, section_loads
+from softarm.estimator.specimen import Specimen, load_specimen
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.simulation.straight_arm import SEGMENTS, straight_arm, world
 
@@ -25,35 +28,49 @@ STEP = 0.2
 
 
 @dataclass(frozen=True)
-class StraightArm:
-    """The straight arm with stiffness factors of its segments, for any drive."""
+class StraightModel:
+    """The straight arm with stiffness factors of its segments, for any inputs; a ``BatchArmModel``."""
 
     scales: tuple[float, float] = (1.0, 1.0)
 
-    @property
-    def segments(self):
-        return SEGMENTS
+    sections, chambers, loads = SECTIONS, 6, section_loads(SECTIONS)
+    regions = SEGMENTS.names
+    takes_eigenstrains = True
 
-    def respond(self, drive: Drive, near: Response | None = None, *, slopes: bool = True) -> Response:
+    def with_scales(self, scales: Mapping[str, float]) -> "StraightModel":
+        upper, lower = (scales.get(name, old) for name, old in zip(self.regions, self.scales, strict=True))
+        return StraightModel((upper, lower))
+
+    def evaluate(
+        self,
+        pressures: np.ndarray,
+        loads: np.ndarray,
+        gravity: np.ndarray,
+        eigenstrains: np.ndarray | None = None,
+        *,
+        start: ArmResponse | None = None,
+        jacobians: bool = True,
+    ) -> ArmResponse:
+        drive = Drive.of(np.arange(len(pressures), dtype=float), pressures, gravity, 2, 2)
+        drive = replace(drive, wrenches=loads.reshape(drive.wrenches.shape))
         plain = straight_arm(drive.time)
         arm = LinearisedArm(SEGMENTS, plain.drive, plain.baseline)
-        base = arm.respond(drive)
-        if self.scales == (1.0, 1.0):
-            return base
+        # A stiffer segment strains less by pressures, loads and gravity, but as much by eigenstrains.
         size = np.array(self.scales)[:, None]
-        return arm.respond(drive.plus(np.zeros_like(drive.wrenches), _couples(base, size)))
+        elastic = arm.respond(drive).strains / size
+        free = np.zeros_like(elastic) if eigenstrains is None else eigenstrains
+        response = arm.respond(replace(plain.drive, eigenstrains=elastic + free))
+        by_strain = plain.baseline.eigenstrain_jacobian
+        softened = np.linalg.lstsq(by_strain[0], plain.baseline.input_jacobian[0], rcond=None)[0]
+        by_input = by_strain[0] @ (softened / np.repeat(size, 4)[:, None])
+        by_factor = -np.einsum("trgk,tgk->trg", by_strain.reshape(len(pressures), -1, 2, 4), elastic)
+        return replace(
+            response, input_jacobian=np.tile(by_input, (len(pressures), 1, 1)), factor_jacobian=by_factor
+        )
 
 
-def _couples(base: Response, size: np.ndarray) -> np.ndarray:
-    """Give the couples that shrink every strain by the stiffness factor."""
-    return base.strains * (1.0 / size - 1.0) * world().stiffness
-
-
-def model() -> Model:
-    def arm(scales: Mapping[str, float], torsion: np.ndarray) -> StraightArm:
-        return StraightArm((scales.get("upper", 1.0), scales.get("lower", 1.0)))
-
-    return Model(load_specimen("sopra"), SECTIONS, arm)
+def model(specimen: Specimen | None = None) -> Model:
+    return Model(specimen or load_specimen("sopra"), StraightModel(), SEGMENTS)
 
 
 def suite() -> SensorSuite:
@@ -76,6 +93,7 @@ def session(
     *,
     nominal: bool = False,
     scales: tuple[float, float] = (1.1, 0.93),
+    setting: Setting | None = None,
 ) -> Session:
     """Record an arm that is stiffer above, softer below, and creeps a little, with other effects."""
     pressures = holds(seed)
@@ -92,9 +110,9 @@ def session(
     ]
     sensors = suite()
     drive = Drive.of(time, pressures, gravity, 2, 2)
-    found = simulate_with(
-        placed, StraightArm(scales), world(("bend_intermediate", "bend_tip")), drive, sensors
-    )
+    stretched = (setting or Setting({}, ActuationMap.identity(6))).model(StraightModel(scales))
+    arm = SimulatedArm(stretched, SEGMENTS)
+    found = simulate_with(placed, arm, world(("bend_intermediate", "bend_tip")), drive, sensors)
     readings = np.concatenate([found.readings[m.name] for m in sensors.measurements], axis=-1)
     noise = np.random.default_rng([seed, 1]).normal(0.0, NOISE, readings.shape)
     return Session(

@@ -12,7 +12,7 @@ from softarm.estimator.diagnosis.gram import products_of, total
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS
-from softarm.estimator.effects.augmented import PlacedEffect
+from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.simulation.straight_arm import world
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis.calibration import calibrate_sessions
+from softarm.estimator.diagnosis.nuisances import calibrate_sessions
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS, Spot
-from softarm.estimator.effects.augmented import PlacedEffect
+from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.rotations import exp
 from softarm.estimator.sensing import Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis.calibration import calibrate_sessions
+from softarm.estimator.diagnosis.nuisances import calibrate_sessions
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.swapped import refuse_swapped, refuse_swapped_channels

@@ -3,7 +3,8 @@
 import numpy as np
 
 from softarm.estimator.effects import EFFECTS, Spot
-from softarm.estimator.effects.augmented import PlacedEffect, Simulation, simulate_with
+from softarm.estimator.effects.placed import PlacedEffect
+from softarm.estimator.effects.simulate import Simulation, simulate_with
 from softarm.estimator.sensing import Bend, SensorSuite
 from softarm.estimator.simulation import Drive
 from softarm.estimator.specimen.physics import Place

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from softarm.estimator.effects import EFFECTS
-from softarm.estimator.effects.augmented import advance_with, simulate_with
+from softarm.estimator.effects.simulate import advance_with, simulate_with
 from softarm.estimator.simulation import Drive
 from tests.estimator.effects.effects_bench import WORLD, placed, run, step_drive
 from tests.estimator.simulation.straight_arm import straight_arm

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from softarm.estimator.effects.augmented import signals_of, simulate_with
 from softarm.estimator.effects.large_strain import losses
+from softarm.estimator.effects.placed import signals_of
+from softarm.estimator.effects.simulate import simulate_with
 from softarm.estimator.rotations import exp, to_quaternions
 from tests.estimator.effects.effects_bench import SUITE, WORLD, drive_of, placed, run, step_drive
 from tests.estimator.simulation.straight_arm import straight_arm

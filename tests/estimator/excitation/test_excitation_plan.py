@@ -7,7 +7,8 @@ import pytest
 
 from softarm.estimator.excitation import Limits, Rivals, Subject, menu, plan_for, whole
 from softarm.estimator.excitation.plan import ENOUGH
-from softarm.estimator.simulation import Drive, Response, Segments
+from softarm.estimator.response import ArmResponse
+from softarm.estimator.simulation import Drive, Segments
 from tests.estimator.effects.effects_bench import SUITE, WORLD, placed
 from tests.estimator.simulation.straight_arm import SEGMENTS, straight_arm
 
@@ -21,7 +22,9 @@ class StraightArm:
 
     segments: Segments = SEGMENTS
 
-    def respond(self, drive: Drive, near: Response | None = None, *, slopes: bool = True) -> Response:
+    def respond(
+        self, drive: Drive, near: ArmResponse | None = None, *, jacobians: bool = True
+    ) -> ArmResponse:
         return straight_arm(drive.time).respond(drive, near)
 
 

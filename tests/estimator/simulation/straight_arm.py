@@ -4,7 +4,8 @@ import numpy as np
 
 from softarm.estimator.effects import World
 from softarm.estimator.model import Frames
-from softarm.estimator.simulation import Drive, LinearisedArm, Response, Segments
+from softarm.estimator.response import ArmResponse
+from softarm.estimator.simulation import Drive, LinearisedArm, Segments
 
 HEIGHTS = np.array([0.13, 0.27])
 STIFFNESS = np.array([[0.04, 0.04, 0.03, 60.0], [0.03, 0.03, 0.02, 50.0]])
@@ -38,12 +39,13 @@ def straight_arm(time: np.ndarray) -> LinearisedArm:
     motion = by_strain @ (applied / STIFFNESS.reshape(8, 1))
     drive = Drive.of(time, np.zeros((len(time), 6)), np.zeros(3), 2, 2)
     frames = Frames(np.tile(REST.positions, (len(time), 1, 1)), np.tile(REST.rotations, (len(time), 1, 1, 1)))
-    response = Response(
+    response = ArmResponse(
         frames,
-        np.zeros((len(time), 2, 4)),
-        np.tile(motion, (len(time), 1, 1)),
-        np.tile(by_strain, (len(time), 1, 1)),
         np.ones(len(time), dtype=bool),
+        6,
+        np.tile(motion, (len(time), 1, 1)),
+        eigenstrain_jacobian=np.tile(by_strain, (len(time), 1, 1)),
+        strains=np.zeros((len(time), 2, 4)),
     )
     return LinearisedArm(SEGMENTS, drive, response)
 

@@ -5,6 +5,7 @@ import pytest
 
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames, Inputs
+from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.simulation import Drive, LinearisedArm, Segments, SimulatedArm, section_loads
 from tests.estimator.inverse.toy_arm import LENGTH, STIFFNESS, ToyArm, chain
 
@@ -27,7 +28,7 @@ class MomentArm(ToyArm):
 def toy() -> SimulatedArm:
     model = MomentArm(section_loads(SECTIONS))
     rest = Frames(np.array([[0, 0, LENGTH], [0, 0, 2 * LENGTH]], dtype=float), np.tile(np.eye(3), (2, 1, 1)))
-    return SimulatedArm(model, Segments(("upper", "lower"), (-1, 0), (0, 1), rest))
+    return SimulatedArm(NodeByNode(model), Segments(("upper", "lower"), (-1, 0), (0, 1), rest))
 
 
 def some_drive() -> Drive:
@@ -38,10 +39,12 @@ def some_drive() -> Drive:
 def test_the_response_is_that_of_the_model():
     arm, drive = toy(), some_drive()
     response = arm.respond(drive)
-    state, found = arm.model.solve(Inputs(drive.pressures[1], np.zeros(12), drive.gravity[1]), np.zeros(8))
+    state, found = arm.model.model.solve(
+        Inputs(drive.pressures[1], np.zeros(12), drive.gravity[1]), np.zeros(8)
+    )
     assert found
     assert response.converged.all()
-    assert np.allclose(response.frames.positions[1], arm.model.frames(state).positions, atol=1e-9)
+    assert np.allclose(response.frames.positions[1], arm.model.model.frames(state).positions, atol=1e-9)
 
 
 def test_stiffness_is_that_of_the_segments():
@@ -91,4 +94,4 @@ def test_the_linearised_arm_is_right_to_first_order(what: str):
 def test_a_model_with_other_loads_is_refused():
     arm = toy()
     with pytest.raises(InputError, match="section_loads"):
-        SimulatedArm(arm.model.with_loads(()), arm.segments)
+        SimulatedArm(NodeByNode(arm.model.model.with_loads(())), arm.segments)

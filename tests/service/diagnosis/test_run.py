@@ -12,7 +12,7 @@ from softarm.analysis.diagnosis.workers import Inline
 from softarm.common.shipped import fake_specimen
 from softarm.estimator.diagnosis.diagnose import Outcome
 from softarm.estimator.effects import EFFECTS, Spot, World
-from softarm.estimator.effects.augmented import PlacedEffect
+from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import Specimen, load_specimen
 from softarm.estimator.specimen.physics import Place

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from softarm.analysis.offline.track import Waypoints
-from softarm.estimator.calibration.solver import Response
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Inputs, Load
 from softarm.estimator.recording import POSE_SUFFIXES, Recording
+from softarm.estimator.response import ArmResponse
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.holds import hold_windows
 from softarm.experiments.live import LiveRig
 from softarm.experiments.live_tables import _validated
-from softarm.experiments.models import NEAR_N, NEAR_PA, SharedSolutions, WarmSolver
+from softarm.experiments.models import NEAR_N, NEAR_PA, SharedSolutions, WarmModel
 from softarm.experiments.pulls import tare
 from softarm.experiments.seed import SeedResult
 
@@ -40,32 +40,32 @@ def test_a_small_step_between_two_holds_parts_them() -> None:
 
 
 class Recorder:
-    """A solver that tells what it was given to begin at."""
+    """A model that records what it was given to begin at."""
 
-    sections, factors, loads = ("tip",), ("upper",), ()
+    sections, regions, loads, chambers = ("tip",), ("upper",), (), 6
 
     def __init__(self) -> None:
-        self.memories: list[object] = []
+        self.starts: list[object] = []
 
-    def respond(self, *args: Any) -> Response:
-        self.memories.append(args[-1])
-        return cast(Response, SimpleNamespace(number=len(self.memories)))
+    def evaluate(self, *args: Any, start: object, **options: Any) -> ArmResponse:
+        self.starts.append(start)
+        return cast(ArmResponse, SimpleNamespace(number=len(self.starts)))
 
 
-def test_a_solver_begins_at_the_newest_answer_to_nearly_the_same_nodes() -> None:
+def test_a_model_begins_at_the_newest_response_to_nearly_the_same_nodes() -> None:
     inner = Recorder()
-    solver = WarmSolver(cast(Any, inner), SharedSolutions())
+    model = WarmModel(cast(Any, inner), SharedSolutions())
     pressures, loads = np.full((2, 6), 2e4), np.zeros((2, 3))
-    first = solver.respond({}, pressures, loads, np.zeros(3), None)
-    second = solver.respond({}, pressures + 0.5 * NEAR_PA, loads, np.zeros(3), None)
-    assert inner.memories == [None, first]
-    assert solver.respond({}, pressures, loads, np.zeros(3), None) is not None
-    assert inner.memories[2] is second
+    first = model.evaluate(pressures, loads, np.zeros(3))
+    second = model.evaluate(pressures + 0.5 * NEAR_PA, loads, np.zeros(3))
+    assert inner.starts == [None, first]
+    assert model.evaluate(pressures, loads, np.zeros(3)) is not None
+    assert inner.starts[2] is second
     for other in ((pressures[:1], loads[:1]), (pressures, loads + 2 * NEAR_N), (10 * pressures, loads)):
-        solver.respond({}, *other, np.zeros(3), None)
-        assert inner.memories[-1] is None
-    solver.respond({}, pressures, loads, np.zeros(3), first)
-    assert inner.memories[-1] is first
+        model.evaluate(*other, np.zeros(3))
+        assert inner.starts[-1] is None
+    model.evaluate(pressures, loads, np.zeros(3), start=first)
+    assert inner.starts[-1] is first
 
 
 @pytest.mark.parametrize("names", [("tip_x", "tip_y"), ("tip_y", "intermediate_x", "tip_x")])

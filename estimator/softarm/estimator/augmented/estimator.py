@@ -13,22 +13,23 @@ from numpy.typing import NDArray
 
 from softarm.estimator.augmented.model import ShapedModel, ShapedStep, Spread
 from softarm.estimator.effects.accepted import accepted_physics
-from softarm.estimator.effects.augmented import (
-    PlacedEffect,
+from softarm.estimator.effects.effect import Memory
+from softarm.estimator.effects.placed import PlacedEffect, signals_of
+from softarm.estimator.effects.readings import QUATERNION, turns
+from softarm.estimator.effects.simulate import (
     advance_with,
     recorded_turn,
-    signals_of,
     simulate_with,
     standing_pressures,
 )
-from softarm.estimator.effects.effect import Memory
-from softarm.estimator.effects.readings import QUATERNION, turns
 from softarm.estimator.effects.world import World
 from softarm.estimator.inverse import Estimate, Estimator, TrackerSettings
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
+from softarm.estimator.node_by_node import NodeByNode
+from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp, from_quaternions, to_quaternions
 from softarm.estimator.sensing import Scene, SensorSuite
-from softarm.estimator.simulation import Arm, Drive, Response, Segments, SimulatedArm
+from softarm.estimator.simulation import Arm, Drive, Segments, SimulatedArm
 from softarm.estimator.simulation.compliance import bounded_inverse
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
@@ -89,7 +90,8 @@ def estimator_of(
     start = Inputs(np.zeros(model.chambers), np.zeros(len(model.loads)), np.zeros(3))
     rest = model.linearise(model.rest(), start).frames
     segments = Segments.of(specimen, model.sections, rest)
-    arm = SimulatedArm(stretched(model, specimen), segments)
+    followed = stretched(model, specimen)
+    arm = SimulatedArm(NodeByNode(followed), segments)
     names = tuple(sensor.name for sensor in suite.measurements)
     stiffness, actuation = arm.stiffness(), settings.actuation
     world = World.of(specimen, segments, model.sections, stiffness, names, pressures_measured, actuation)
@@ -100,7 +102,7 @@ def estimator_of(
         acting = actuation.to_chamber(pressures)
         drive = Drive.of(time, acting, gravity, len(model.sections), segments.count)
         suite = registered_again(suite, arm, world, effects, drive)
-    return AugmentedEstimator(arm, tuple(loads), world, effects, suite, settings)
+    return AugmentedEstimator(followed, segments, tuple(loads), world, effects, suite, settings)
 
 
 def registered_again(
@@ -115,7 +117,7 @@ def registered_again(
         effects: The effects, of which some may turn the base.
         drive: What acted along the recording without them.
     """
-    if not suite.base_recorded or all(placed.effect.hook != "support" for placed in effects):
+    if not suite.base_recorded or all(placed.field != "base_rotation" for placed in effects):
         return suite
     turned = simulate_with(effects, arm, world, drive).drive.base_rotation
     return suite.moved(np.concatenate([np.zeros(3), recorded_turn(turned, effects)]))
@@ -132,7 +134,8 @@ class AugmentedEstimator(Generic[State, Step]):
     """Follows an arm whose model contains effects.
 
     Args:
-        arm: Model of the arm without them, and its segments.
+        model: Model of the arm without them; its loads are the wrenches of its sections.
+        segments: Its segments.
         loads: The unknown loads.
         world: What the effects refer to.
         effects: The effects.
@@ -142,19 +145,21 @@ class AugmentedEstimator(Generic[State, Step]):
 
     def __init__(
         self,
-        arm: SimulatedArm[State, Step],
+        model: ArmModel[State, Step],
+        segments: Segments,
         loads: tuple[Load, ...],
         world: World,
         effects: tuple[PlacedEffect, ...],
         suite: SensorSuite,
         settings: TrackerSettings,
     ) -> None:
-        self._arm, self._world, self._effects = arm, world, effects
+        self._arm_model, self._segments = model, segments
+        self._world, self._effects = world, effects
         self._rest = world.stiffness
         self._suite, self._settings = suite, settings
-        self._spread = Spread(loads, arm.model.sections)
+        self._spread = Spread(loads, model.sections)
         self._estimator: Estimator[State, ShapedStep[State, Step]] = Estimator(
-            self._shaped(np.zeros(6 * len(arm.model.sections)), np.eye(3)), suite, settings
+            self._shaped(np.zeros(6 * len(model.sections)), np.eye(3)), suite, settings
         )
         self.reset()
 
@@ -162,10 +167,10 @@ class AugmentedEstimator(Generic[State, Step]):
         """Forget the past, that of the effects included."""
         self._estimator.reset()
         self._memories: tuple[Memory, ...] = ((),) * len(self._effects)
-        self._couples = np.zeros((1, self._arm.segments.count, 4))
+        self._couples = np.zeros((1, self._segments.count, 4))
         self._world = replace(self._world, stiffness=self._rest)
-        self._last: Response | None = None
-        self._pull = np.zeros((1, len(self._arm.model.sections), 6))
+        self._last: ArmResponse | None = None
+        self._pull = np.zeros((1, len(self._arm_model.sections), 6))
         self._turn = np.eye(3)
 
     def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> Estimate[State]:
@@ -178,7 +183,7 @@ class AugmentedEstimator(Generic[State, Step]):
         shaped, self._memories = advance_with(self._effects, self._world, pulled, seen, self._memories)
         shaped = replace(shaped, wrenches=shaped.wrenches - self._pull)
         self._couples, self._turn = shaped.couples, exp(shaped.base_rotation[0])
-        inner = self._arm.segments.wrenches(self._own(seen.frames), shaped.couples)
+        inner = self._segments.wrenches(self._own(seen.frames), shaped.couples)
         self._estimator.follow(self._shaped((shaped.wrenches + inner).ravel(), self._turn))
         given = self._settings.actuation.to_measured(shaped.pressures[0])
         estimate = self._estimator.update(
@@ -213,29 +218,29 @@ class AugmentedEstimator(Generic[State, Step]):
 
     def _bend(self, drive: Drive, estimate: Estimate[State]) -> None:
         """Take the stiffness of the segments in the pose of an estimate; the couples keep their strains."""
-        if not any(placed.effect.hook == "couple" for placed in self._effects):
+        if not any(placed.field == "eigenstrains" for placed in self._effects):
             return
         shaped = self._shaped(drive.wrenches.ravel(), self._turn)
-        step = self._arm.model.linearise(estimate.state, shaped.own_inputs(estimate.inputs))
-        rows = self._arm.segments.rows(step.frames)
+        step = self._arm_model.linearise(estimate.state, shaped.own_inputs(estimate.inputs))
+        rows = self._segments.rows(step.frames)
         _, motion = step.response(rows.reshape(-1, rows.shape[-1]))
-        by_wrench = motion[:, self._arm.model.chambers :].reshape(rows.shape)
+        by_wrench = motion[:, self._arm_model.chambers :].reshape(rows.shape)
         compliance = np.einsum("gai,gbi->gab", by_wrench, rows)
         strains = self._world.strains(self._couples)
         self._world = replace(self._world, stiffness=bounded_inverse(compliance, self._rest)[None])
         self._couples = self._world.couples(strains)
 
     def _shaped(self, wrenches: Floats, turn: Floats) -> ShapedModel[State, Step]:
-        return ShapedModel(self._arm.model, self._spread, wrenches, turn)
+        return ShapedModel(self._arm_model, self._spread, wrenches, turn)
 
     def _drive(self, time: float, acting: Floats, gravity: Floats) -> Drive:
-        sections, segments = len(self._arm.model.sections), self._arm.segments.count
+        sections, segments = len(self._arm_model.sections), self._segments.count
         plain = Drive.of(np.array([time]), acting[None], gravity, sections, segments)
         return replace(plain, couples=self._couples)
 
-    def _at_rest(self, drive: Drive) -> Response:
+    def _at_rest(self, drive: Drive) -> ArmResponse:
         """Give the response of the rested arm to the first drive."""
-        model = self._arm.model
+        model = self._arm_model
         inputs = Inputs(drive.pressures[0], np.zeros(len(model.loads)), drive.gravity[0])
         state, _ = model.solve(inputs, model.rest())
         return self._response(model.linearise(state, inputs).frames)
@@ -245,15 +250,14 @@ class AugmentedEstimator(Generic[State, Step]):
         turn = self._turn
         return Frames(frames.positions @ turn, turn.T @ frames.rotations)
 
-    def _response(self, frames: Frames) -> Response:
+    def _response(self, frames: Frames) -> ArmResponse:
         one = Frames(frames.positions[None], frames.rotations[None])
-        strains = self._arm.segments.strains(self._own(one))
-        none = np.zeros((1, 0, 0))
-        return Response(one, strains, none, none, np.ones(1, dtype=bool))
+        strains = self._segments.strains(self._own(one))
+        return ArmResponse(one, np.ones(1, dtype=bool), strains=strains)
 
-    def _undone(self, readings: Floats, drive: Drive, seen: Response) -> Floats:
+    def _undone(self, readings: Floats, drive: Drive, seen: ArmResponse) -> Floats:
         """Take the effects of the sensors out of the readings, as far as the last estimate shows them."""
-        sensing = [k for k, placed in enumerate(self._effects) if placed.effect.hook == "sensing"]
+        sensing = [k for k, placed in enumerate(self._effects) if not placed.field]
         if not sensing:
             return readings
         scene = Scene(seen.frames, np.zeros((1, 0)))
@@ -266,8 +270,8 @@ class AugmentedEstimator(Generic[State, Step]):
                 if placed.spot.place.sensor == sensor.name:
                     signals = replace(signals_of(drive, self._world, seen), reading=plain)
                     changed, memories[k] = placed.act(signals, self._memories[k])
-                    stuck = placed.effect.name == "sensor_stuck"
-                    clean[part] = np.nan if stuck else undo(clean[part], plain[0], changed[0])
+                    lost = placed.effect.hides_reading
+                    clean[part] = np.nan if lost else undo(clean[part], plain[0], changed[0])
         self._memories = tuple(memories)
         return clean
 

@@ -6,20 +6,15 @@ from softarm.estimator.calibration.drift import Drift, check_drift
 from softarm.estimator.calibration.identifiability import Identified
 from softarm.estimator.calibration.outcome import Calibrated, Check, calibrated_specimen
 from softarm.estimator.calibration.pulls import section_forces
-from softarm.estimator.calibration.solver import BatchSolver, NodeSolver, Response, Solver
 
 __all__ = [
-    "BatchSolver",
     "Calibrated",
     "CalibrationRefusedError",
     "Check",
     "Drift",
     "Identified",
-    "NodeSolver",
     "Options",
-    "Response",
     "Run",
-    "Solver",
     "arrange",
     "calibrate",
     "calibrated_specimen",

@@ -42,6 +42,8 @@ class Run:
         registration: Laboratory to base, as it was arranged.
         ignored_markers: Markers of the recording that the specimen does not name, such as one on a gauge's
             hook.
+        gravity: Gravitational acceleration in the base frame [m/s2], shape (3,): the recording's own where it
+            says how the arm was mounted.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Run:
     load_names: tuple[str, ...] = ()
     registration: Registration = field(default_factory=Registration)
     ignored_markers: tuple[str, ...] = ()
+    gravity: Floats = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
         if not self.load_names:
@@ -130,8 +133,21 @@ def arrange(
         tuple(load.name for load in loads),
         registration,
         unknown,
+        gravity_of(recording, specimen),
     )
     return run.window(np.asarray(rows))
+
+
+def gravity_of(recording: Recording, specimen: Specimen) -> Floats:
+    """Return gravity in the base frame [m/s2], shape (3,): the recording's own, else the specimen's.
+
+    Raises:
+        InputError: The recording's is not three numbers.
+    """
+    gravity = np.array(recording.info.get("gravity_m_s2", specimen.gravity_m_s2), dtype=np.float64)
+    if gravity.shape != (3,):
+        raise InputError(f"{recording.name}, gravity_m_s2", "is not three numbers", "give x, y and z")
+    return gravity
 
 
 def _pressures(recording: Recording, specimen: Specimen) -> tuple[Floats, tuple[str, ...]]:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from softarm.estimator.calibration.arrange import Run
 from softarm.estimator.calibration.fit import Fit, fit
 from softarm.estimator.calibration.forward import Evaluation, Forward
-from softarm.estimator.calibration.identifiability import KEPT, MANOEUVRES, fitted, identify, kept
+from softarm.estimator.calibration.identifiability import KEPT, fitted, identify, kept
+from softarm.estimator.calibration.layout import Layout, build_layout
 from softarm.estimator.calibration.nodes import (
     BLOCK,
     NEVER_TOGETHER,
@@ -19,16 +20,16 @@ from softarm.estimator.calibration.nodes import (
     training_blocks,
 )
 from softarm.estimator.calibration.outcome import Calibrated, Check
-from softarm.estimator.calibration.parameters import Layout, build_layout
 from softarm.estimator.calibration.pulled_first import FEWEST_PULLS, told_by_pulls
 from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.regression import estimate_lag, fit_line
 from softarm.estimator.calibration.scatter import rms, scatter_by_condition
 from softarm.estimator.calibration.search import AxesFit, search_axes
-from softarm.estimator.calibration.solver import Solver
 from softarm.estimator.calibration.start import sized_by_bends, solvable, with_bends_kept
+from softarm.estimator.calibration.unknowns import Gain, Modulus
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
+from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import Bend, SensorSuite
 from softarm.estimator.specimen import Specimen
 
@@ -69,7 +70,7 @@ class Options:
 
 
 def calibrate(
-    solver: Solver,
+    model: BatchArmModel,
     specimen: Specimen,
     runs: Sequence[Run],
     options: Options | None = None,
@@ -77,7 +78,7 @@ def calibrate(
     """Fit moduli, chamber gains and biases, and the alignment of sensors to recordings.
 
     Args:
-        solver: Model of the specimen.
+        model: Model of the specimen.
         specimen: The robot; its calibration is what is known beforehand.
         runs: The recordings, arranged.
         options: What to do.
@@ -91,7 +92,7 @@ def calibrate(
     nodes = _choose(runs, lags, options.nodes)
     train = training_flags(nodes)
     unseen = tuple(~flags for flags in train)
-    forward = _forward(solver, specimen, nodes)
+    forward = _forward(model, specimen, nodes)
     known = forward.layout.means
     first = solvable(forward, known)
     before = forward.evaluate(first)
@@ -101,7 +102,7 @@ def calibrate(
         solved = tuple(flags & part.converged for flags, part in zip(train, before, strict=True))
         gains = search_axes(nodes[0].run.suite, _parts(nodes, solved), _frames(before, solved))
         nodes = tuple(replace(own, run=_with_axes(own.run, gains)) for own in nodes)
-        forward = _forward(solver, specimen, nodes)
+        forward = _forward(model, specimen, nodes)
     known_before = forward.layout
     sized = sized_by_bends(specimen, known_before, first, gains)
     told = told_by_pulls(forward, sized, before, train)
@@ -118,7 +119,7 @@ def calibrate(
     final = fit(everything, trained.values, iterations=options.iterations, evaluations=near)
     _require_convergence(final, layout)
     covariance = told.widened(layout, final.covariance)
-    dropped = [p for p in forward.layout.parameters if p.name not in layout.names]
+    dropped = [p for p in forward.layout.unknowns if p.name not in layout.names]
     return Calibrated(
         identified=(
             *map(fitted, identify(_known_of(known_before, layout), final.values, covariance)),
@@ -173,15 +174,15 @@ def _worth(run: Run) -> float:
     return PULLED_WORTH if run.pulled else 1.0
 
 
-def _forward(solver: Solver, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Forward:
+def _forward(model: BatchArmModel, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Forward:
     pressures = np.concatenate([own.pressures for own in nodes])
     moved = [k for k in range(pressures.shape[1]) if np.ptp(pressures[:, k]) > LEAST_PRESSURE_SPREAD]
     sources = nodes[0].run.pressure_source
     measurements = {m.name: m for own in nodes for m in own.run.suite.measurements}
     suite = SensorSuite(tuple(measurements.values()))
     pulled = bool(sum((np.abs(own.loads) > LEAST_PULL).any(axis=1).sum() for own in nodes) > FEWEST_PULLS)
-    layout = build_layout(specimen, suite, sources, moved, solver.factors, pulled, solver.sections)
-    return Forward(solver, layout, nodes, np.array(specimen.gravity_m_s2))
+    layout = build_layout(specimen, suite, sources, moved, model.regions, pulled, model.sections)
+    return Forward(model, layout, nodes)
 
 
 def _axes_wanted(specimen: Specimen, options: Options) -> bool:
@@ -218,9 +219,9 @@ def _fit_determined(
     part = _part(forward, train)
     found = fit(part, start, iterations=options.iterations, evaluations=_subset(before, train))
     verdicts = identify(known, found.values, found.covariance)
-    lost = {entry.parameter.name for entry in verdicts if entry.share > KEPT}
+    lost = {entry.unknown.name for entry in verdicts if entry.share > KEPT}
     layout = part.layout.without(lost)
-    if not lost or not layout.parameters:
+    if not lost or not layout.unknowns:
         return found, layout
     remaining = np.array([name not in lost for name in part.layout.names])
     again = replace(part, layout=layout)
@@ -291,11 +292,10 @@ def _joined(
     """Give evaluations of all nodes with the model's states of the last evaluations of both parts."""
     found = []
     for every, seen, unseen, flags in zip(whole, trained, held_out, train, strict=True):
-        parts = {True: iter(seen.response.memory), False: iter(unseen.response.memory)}
-        converged = np.empty(len(flags), dtype=bool)
-        converged[flags], converged[~flags] = seen.converged, unseen.converged
-        memory = tuple(next(parts[bool(flag)]) for flag in flags)
-        found.append(replace(every, response=replace(every.response, memory=memory, converged=converged)))
+        converged, states = every.converged.copy(), every.response.states.copy()
+        for chosen, part in ((flags, seen), (~flags, unseen)):
+            converged[chosen], states[chosen] = part.converged, part.response.states
+        found.append(replace(every, response=replace(every.response, states=states, converged=converged)))
     return tuple(found)
 
 
@@ -315,22 +315,22 @@ def _require_solutions(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]
 
 
 def _require_excitation(layout: Layout) -> None:
-    if any(parameter.kind in ("modulus", "gain") for parameter in layout.parameters):
+    if any(layout.of(Modulus) | layout.of(Gain)):
         return
     raise CalibrationRefusedError(
-        "calibration", "the recordings determine neither a modulus nor a gain", MANOEUVRES["modulus"]
+        "calibration", "the recordings determine neither a modulus nor a gain", Modulus.manoeuvre
     )
 
 
 def _require_convergence(found: Fit, layout: Layout) -> None:
     moves = found.unsettled
     if moves.max(initial=0.0) > UNSETTLED:
-        parameter = layout.parameters[int(np.argmax(moves))]
+        unknown = layout.unknowns[int(np.argmax(moves))]
         raise CalibrationRefusedError(
             "calibration",
-            f"the fit does not converge: after {found.iterations} iterations {parameter.name} would still "
+            f"the fit does not converge: after {found.iterations} iterations {unknown.name} would still "
             f"move by {moves.max():.1f} of its standard deviations",
-            f"{MANOEUVRES[parameter.kind]}, and hold random poses",
+            f"{unknown.manoeuvre}, and hold random poses",
         )
 
 

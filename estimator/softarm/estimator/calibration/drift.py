@@ -9,13 +9,13 @@ from scipy.stats import f as fisher
 
 from softarm.estimator.calibration.arrange import Run
 from softarm.estimator.calibration.forward import Forward
+from softarm.estimator.calibration.layout import build_layout
 from softarm.estimator.calibration.nodes import NEVER_TOGETHER, TOGETHER, Nodes, choose_nodes
 from softarm.estimator.calibration.outcome import quantity_of
-from softarm.estimator.calibration.parameters import build_layout
 from softarm.estimator.calibration.regression import estimate_lag
 from softarm.estimator.calibration.scatter import rms
-from softarm.estimator.calibration.solver import Solver
 from softarm.estimator.errors import InputError
+from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.specimen import Specimen
 
@@ -53,12 +53,12 @@ class Drift:
 
 
 def check_drift(
-    solver: Solver, specimen: Specimen, runs: Sequence[Run], nodes: int = 60
+    model: BatchArmModel, specimen: Specimen, runs: Sequence[Run], nodes: int = 60
 ) -> tuple[Drift, ...]:
     """Compare recordings with what the specimen's calibration predicts for them.
 
     Args:
-        solver: Model of the specimen, with its calibration.
+        model: Model of the specimen, with its calibration.
         specimen: The calibrated robot.
         runs: New recordings, arranged for it.
         nodes: Largest number of samples over all.
@@ -72,7 +72,7 @@ def check_drift(
             f"specimen {specimen.name}", "was never calibrated", "run softarm calibrate on it first"
         )
     chosen = _nodes(runs, nodes)
-    evaluations = _forward(solver, specimen, chosen).evaluate(np.zeros(0))
+    evaluations = _forward(model, specimen, chosen).evaluate(np.zeros(0))
     groups: dict[str, list[float]] = {}
     for name, value in rms(evaluations, chosen).items():
         groups.setdefault(quantity_of(name), []).append(value)
@@ -103,12 +103,12 @@ def _nodes(runs: Sequence[Run], count: int) -> tuple[Nodes, ...]:
     return tuple(own for own in chosen if len(own.time))
 
 
-def _forward(solver: Solver, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Forward:
+def _forward(model: BatchArmModel, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Forward:
     """Settle every unknown at its calibrated value."""
     measurements = {m.name: m for own in nodes for m in own.run.suite.measurements}
     suite = SensorSuite(tuple(measurements.values()))
     layout = build_layout(
-        specimen, suite, nodes[0].run.pressure_source, (), solver.factors, sections=solver.sections
+        specimen, suite, nodes[0].run.pressure_source, (), model.regions, sections=model.sections
     )
     settled = layout.without(layout.names)
-    return Forward(solver, settled, nodes, np.array(specimen.gravity_m_s2))
+    return Forward(model, settled, nodes)

@@ -6,7 +6,7 @@ is never exact, so the sensors' own noise would make it overconfident) and tau t
 the same thing, from the residuals' correlation in time.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,12 +16,17 @@ from softarm.estimator.calibration.forward import Evaluation, Forward
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.scatter import vented
 from softarm.estimator.sensing import Measurement, SectionPose
+from softarm.estimator.statistics import (
+    MAD_TO_STD,
+    correlation_length,
+    huber_loss,
+    huber_weight,
+    weighted_median,
+)
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-HUBER = 1.5  # in units of the scatter
-NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
 PULLED = ", pulled"
 """Runs with known forces have a scatter of their own: the arm hangs near rest, where a model is truer."""
 HELD = ", held"
@@ -48,6 +53,7 @@ class Rows:
         rigid: Derivative by a rigid motion of the arm, for sensors in the laboratory frame, shape (rows, 6).
         run: Number of its run, shape (rows,).
         kind: What each row shares its scatter with: rows of one kind of sensor and unit.
+        unit: Unit of each row.
         weight: Weight of its node, shape (rows,).
         noise: Standard deviation of its sensor's own noise, shape (rows,).
         block: Number of its block, over all runs, shape (rows,).
@@ -58,9 +64,33 @@ class Rows:
     rigid: Floats
     run: NDArray[np.int64]
     kind: NDArray[np.str_]
+    unit: NDArray[np.str_]
     weight: Floats
     noise: Floats
     block: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How far residuals scatter, and how many of them say the same thing.
+
+    Args:
+        sizes: Scatter of each kind of row, or of each unit.
+        correlated: Number of nodes that say the same thing.
+    """
+
+    sizes: Mapping[str, float]
+    correlated: float = 1.0
+
+    @classmethod
+    def of(cls, rows: "Rows", evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> "Scatter":
+        """Estimate both from residuals."""
+        return cls(_scatter(rows), mean_correlation_length(evaluations, nodes))
+
+    def along(self, rows: "Rows") -> Floats:
+        """Return the scatter of each row, shape (rows,)."""
+        keys = rows.kind if set(rows.kind.tolist()) <= set(self.sizes) else rows.unit
+        return np.array([self.sizes[str(key)] for key in keys])
 
 
 @dataclass(frozen=True)
@@ -72,8 +102,7 @@ class Fit:
         covariance: Their covariance: the larger of that of the curvature and that of the blocks'
             disagreement, shape (unknowns, unknowns).
         evaluations: The model there, per run.
-        scatter: Scatter of the residuals of each kind of sensor [its unit].
-        correlated: Number of nodes that say the same thing.
+        scatter: Scatter of the residuals.
         status: ``converged`` or ``iterations_exhausted``.
         iterations: Number of evaluations of the model at all nodes.
         unsettled: Step that is left of each unknown, over its standard deviation, shape (unknowns,).
@@ -82,8 +111,7 @@ class Fit:
     values: Floats
     covariance: Floats
     evaluations: tuple[Evaluation, ...]
-    scatter: dict[str, float]
-    correlated: float
+    scatter: Scatter
     status: str
     iterations: int
     unsettled: Floats
@@ -96,6 +124,7 @@ def fit(
     iterations: int = 15,
     tolerance: float = 0.05,
     evaluations: Sequence[Evaluation] | None = None,
+    scatter: Scatter | None = None,
 ) -> Fit:
     """Fit the unknowns to the nodes.
 
@@ -105,17 +134,15 @@ def fit(
         iterations: Largest number of evaluations.
         tolerance: A step shorter than this share of every standard deviation ends the search.
         evaluations: An earlier evaluation for a warm start of the model.
+        scatter: Scatter of the residuals; estimated along the way where it is left out.
     """
-    values, damping, count = start, FIRST_DAMPING, 1
-    scatter: dict[str, float] = {}
-    correlated = 1.0
+    values, damping, count, estimated = start, FIRST_DAMPING, 1, scatter is None
     current = forward.evaluate(values, evaluations)
     while True:
         rows = collect(current, forward.nodes)
-        if count <= SETTLING:
-            scatter = _scatter(rows)
-            correlated = correlation_length(current, forward.nodes)
-        normal, gradient, cost = _normal_equations(forward, rows, values, scatter, correlated)
+        if scatter is None or (estimated and count <= SETTLING):
+            scatter = Scatter.of(rows, current, forward.nodes)
+        normal, gradient, cost = _normal_equations(forward, rows, values, scatter)
         step, unsettled = _step(normal, gradient, damping)
         settled = bool(unsettled.max(initial=0.0) < tolerance)
         if settled or count >= iterations:
@@ -123,17 +150,24 @@ def fit(
         candidate = forward.evaluate(values + step, current)
         count += 1
         new_rows = collect(candidate, forward.nodes)
-        _, _, new_cost = _normal_equations(forward, new_rows, values + step, scatter, correlated)
+        _, _, new_cost = _normal_equations(forward, new_rows, values + step, scatter)
         if len(new_rows.innovation) >= 0.9 * len(rows.innovation) and new_cost <= cost * (1 + 1e-9):
             values, current, damping = values + step, candidate, max(damping * 0.2, 1e-9)
         elif damping < LARGEST_DAMPING:
             damping = max(damping * 10.0, 1e-2)
         else:
             break
-    covariance = _covariance(forward, rows, scatter, correlated, normal)
-    covariance += _registration_covariance(forward, rows, scatter, correlated, normal)
+    covariance = _covariance(forward, rows, scatter, normal)
+    covariance += _registration_covariance(forward, rows, scatter, normal)
     status = "converged" if settled else "iterations_exhausted"
-    return Fit(values, covariance, current, scatter, correlated, status, count, unsettled)
+    return Fit(values, covariance, current, scatter, status, count, unsettled)
+
+
+def robust_cost(
+    forward: Forward, evaluations: Sequence[Evaluation], values: Floats, scatter: Scatter
+) -> float:
+    """Compute what a fit minimises, at values that were evaluated."""
+    return _normal_equations(forward, collect(evaluations, forward.nodes), values, scatter)[2]
 
 
 def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
@@ -152,7 +186,6 @@ def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
         seen = np.isfinite(evaluation.innovation)
         shape = evaluation.innovation.shape
         suffix = np.where(held, HELD, PULLED if own.run.pulled else "")
-        weight = own.weights * np.where(held, HELD_WORTH, 1.0)
         parts.append(
             Rows(
                 evaluation.innovation[seen],
@@ -160,7 +193,8 @@ def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
                 (evaluation.rigid * registered[:, None])[seen],
                 np.broadcast_to(number, shape)[seen],
                 np.char.add(kind[None, :], suffix[:, None])[seen],
-                np.broadcast_to(weight[:, None], shape)[seen],
+                np.broadcast_to(np.array(suite.units), shape)[seen],
+                np.broadcast_to(own.weights[:, None], shape)[seen],
                 np.broadcast_to(suite.noise, shape)[seen],
                 np.broadcast_to(own.blocks[:, None] + first_block, shape)[seen],
             )
@@ -169,35 +203,18 @@ def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
     return Rows(
         *(
             np.concatenate([getattr(part, name) for part in parts])
-            for name in ("innovation", "jacobian", "rigid", "run", "kind", "weight", "noise", "block")
+            for name in ("innovation", "jacobian", "rigid", "run", "kind", "unit", "weight", "noise", "block")
         )
     )
 
 
-def correlation_length(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> float:
-    """Give the number of consecutive nodes that say the same thing: 1 + 2 sum of autocorrelations.
-
-    Summed up to the first that is not positive (Geyer's initial sequence), averaged over the sensors' rows.
-    """
+def mean_correlation_length(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> float:
+    """Compute the number of consecutive nodes that say the same thing, averaged over the sensors' rows."""
     lengths: list[float] = []
     for evaluation, own in zip(evaluations, nodes, strict=True):
         root = np.sqrt(own.weights)[:, None] * np.nan_to_num(evaluation.innovation)
-        lengths.extend(map(_integrated_correlation, root.T))
+        lengths.extend(map(correlation_length, root.T))
     return float(np.mean(lengths)) if lengths else 1.0
-
-
-def _integrated_correlation(values: Floats) -> float:
-    count = len(values)
-    power = float(values @ values)
-    if count < 4 or power == 0.0:
-        return 1.0
-    total = 1.0
-    for lag in range(1, count // 2):
-        correlation = float(values[lag:] @ values[:-lag]) / power
-        if correlation <= 0.0:
-            break
-        total += 2.0 * correlation
-    return min(total, count / 2)
 
 
 def _kinds(measurement: Measurement) -> list[str]:
@@ -214,35 +231,34 @@ def _scatter(rows: Rows) -> dict[str, float]:
     for name in np.unique(rows.kind):
         own = rows.kind == name
         sizes, weights = np.abs(rows.innovation[own]), rows.weight[own]
-        order = np.argsort(sizes)
-        middle = np.searchsorted(np.cumsum(weights[order]), 0.5 * weights.sum())
-        median = float(sizes[order][min(int(middle), len(sizes) - 1)])
+        median = weighted_median(sizes, weights)
         trusted = PULL_TRUST if str(name).endswith(PULLED) else 1.0
-        scatter[str(name)] = max(trusted * NORMAL_MAD * median, float(rows.noise[own].max()))
+        scatter[str(name)] = max(trusted * MAD_TO_STD * median, float(rows.noise[own].max()))
     return scatter
 
 
-def _whitened(rows: Rows, scatter: dict[str, float]) -> tuple[Floats, Floats]:
-    """Give residuals over their scatter and the Huber weights times the nodes' weights, shape (rows,)."""
-    scale = np.array([scatter[str(name)] for name in rows.kind])
+def _whitened(rows: Rows, scatter: Scatter) -> tuple[Floats, Floats, Floats]:
+    """Return the scatter, residuals over it, and the weights of nodes and loss, each of shape (rows,)."""
+    scale = scatter.along(rows)
     whitened = rows.innovation / scale
-    huber = np.minimum(1.0, HUBER / np.maximum(np.abs(whitened), 1e-12))
-    return whitened, rows.weight * huber
+    return scale, whitened, _node_weight(rows) * huber_weight(whitened) / scatter.correlated
+
+
+def _node_weight(rows: Rows) -> Floats:
+    return rows.weight * np.where(np.char.endswith(rows.kind, HELD), HELD_WORTH, 1.0)
 
 
 def _normal_equations(
-    forward: Forward, rows: Rows, values: Floats, scatter: dict[str, float], correlated: float
+    forward: Forward, rows: Rows, values: Floats, scatter: Scatter
 ) -> tuple[Floats, Floats, float]:
-    whitened, weight = _whitened(rows, scatter)
-    scale = np.array([scatter[str(name)] for name in rows.kind])
+    scale, whitened, weight = _whitened(rows, scatter)
     jacobian = rows.jacobian / scale[:, None]
     known, known_rows = forward.layout.prior_rows(values)
-    weighted = jacobian.T * (weight / correlated)
+    weighted = jacobian.T * weight
     normal = weighted @ jacobian + known_rows.T @ known_rows
     gradient = weighted @ whitened + known_rows.T @ known
-    size = np.abs(whitened)
-    loss = np.where(size <= HUBER, size**2, 2.0 * HUBER * size - HUBER**2)
-    return normal, gradient, float((rows.weight * loss).sum() / correlated + known @ known)
+    cost = float((_node_weight(rows) * huber_loss(whitened)).sum()) / scatter.correlated
+    return normal, gradient, cost + float(known @ known)
 
 
 def _step(normal: Floats, gradient: Floats, damping: float) -> tuple[Floats, Floats]:
@@ -254,9 +270,7 @@ def _step(normal: Floats, gradient: Floats, damping: float) -> tuple[Floats, Flo
     return step, shares
 
 
-def _covariance(
-    forward: Forward, rows: Rows, scatter: dict[str, float], correlated: float, normal: Floats
-) -> Floats:
+def _covariance(forward: Forward, rows: Rows, scatter: Scatter, normal: Floats) -> Floats:
     """Give the covariance: that of the curvature, widened to what blocks of ten seconds disagree by.
 
     The second is the cluster-robust estimate H^-1 (sum_b g_b g_b^T) H^-1 with g_b a block's gradient
@@ -266,9 +280,8 @@ def _covariance(
     blocks = np.unique(rows.block)
     if len(blocks) < 3:
         return curvature
-    whitened, weight = _whitened(rows, scatter)
-    scale = np.array([scatter[str(name)] for name in rows.kind])
-    scores = rows.jacobian * (weight * whitened / scale / correlated)[:, None]
+    scale, whitened, weight = _whitened(rows, scatter)
+    scores = rows.jacobian * (weight * whitened / scale)[:, None]
     gradients = np.array([scores[rows.block == block].sum(axis=0) for block in blocks])
     spread = curvature @ (gradients.T @ gradients) @ curvature * len(blocks) / (len(blocks) - 1)
     prior = np.diag(forward.layout.prior_covariance())
@@ -280,22 +293,19 @@ def _covariance(
     return covariance
 
 
-def _registration_covariance(
-    forward: Forward, rows: Rows, scatter: dict[str, float], correlated: float, normal: Floats
-) -> Floats:
+def _registration_covariance(forward: Forward, rows: Rows, scatter: Scatter, normal: Floats) -> Floats:
     """Give what the errors of the laboratory's registrations add: they move all readings of a run together.
 
     An error e of covariance C moves the fit by H^-1 J^T W R e, with R the derivative by a rigid motion.
     """
-    _, weight = _whitened(rows, scatter)
-    scale = np.array([scatter[str(name)] for name in rows.kind])
+    scale, _, weight = _whitened(rows, scatter)
     total = np.zeros_like(normal)
     for number, own in enumerate(forward.nodes):
         covariances = [m.registration.covariance for m in own.run.suite.measurements if m.registration]
         part = rows.run == number
         if not covariances or not part.any():
             continue
-        weighted = rows.jacobian[part].T * (weight[part] / scale[part] ** 2 / correlated)
+        weighted = rows.jacobian[part].T * (weight[part] / scale[part] ** 2)
         gain = np.linalg.solve(normal, weighted @ rows.rigid[part])
         total += gain @ covariances[0] @ gain.T
     return total

@@ -6,26 +6,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration.parameters import Layout, Parameter
+from softarm.estimator.calibration.layout import Layout
+from softarm.estimator.calibration.unknowns import Unknown
 
 Floats = NDArray[np.float64]
 Verdict = Literal["determined", "weakly determined", "kept"]
 
 DETERMINED = 0.5
 KEPT = 0.9
-MANOEUVRES = {
-    "modulus": "hold the arm still at several pressures of its chambers between zero and their limit",
-    "gain": "raise this chamber alone in steps up to its limit, each held for 5 s",
-    "bias": "hold zero pressure for 10 s, then raise this chamber alone in small steps",
-    "curve": "raise single chambers in steps over their whole range, each held for 5 s",
-    "bow": "raise single chambers in steps over their whole range, each held for 5 s",
-    "crosstalk": "raise each chamber alone up to its limit, and hold random poses, all sections in view",
-    "stretch": "pull on the vented arm and on the pressurised one, and hold random poses without",
-    "base": "bend each segment by more than 20 degrees in three directions, each held for 5 s",
-    "gravity": "hang a known weight, or pull with the gauge in three directions, each held for 5 s",
-    "cord": "pull with the gauge by more than 0.2 N in two directions, the hook's marker in view",
-    "alignment": "bend the segment by more than 10 degrees in two directions, each held for 5 s",
-}
 
 
 @dataclass(frozen=True)
@@ -33,7 +21,7 @@ class Identified:
     """What is known of one unknown after the fit.
 
     Args:
-        parameter: The unknown.
+        unknown: The unknown.
         value: Its value.
         std: Its standard deviation.
         share: That over what was known beforehand.
@@ -41,7 +29,7 @@ class Identified:
         manoeuvre: What to record to determine it better; empty where it is determined.
     """
 
-    parameter: Parameter
+    unknown: Unknown
     value: float
     std: float
     share: float
@@ -60,19 +48,19 @@ def identify(layout: Layout, values: Floats, covariance: Floats) -> tuple[Identi
     known = np.sqrt(np.diag(layout.prior_covariance()))
     deviations = np.sqrt(np.diag(covariance))
     return tuple(
-        _judge(parameter, float(value), float(std), float(std / spread))
-        for parameter, value, std, spread in zip(layout.parameters, values, deviations, known, strict=True)
+        _judge(unknown, float(value), float(std), float(std / spread))
+        for unknown, value, std, spread in zip(layout.unknowns, values, deviations, known, strict=True)
     )
 
 
-def _judge(parameter: Parameter, value: float, std: float, share: float) -> Identified:
+def _judge(unknown: Unknown, value: float, std: float, share: float) -> Identified:
     verdict: Verdict = "determined"
     if share > KEPT:
         verdict = "kept"
     elif share > DETERMINED:
         verdict = "weakly determined"
-    manoeuvre = "" if verdict == "determined" else MANOEUVRES[parameter.kind]
-    return Identified(parameter, value, std, share, verdict, manoeuvre)
+    manoeuvre = "" if verdict == "determined" else unknown.manoeuvre
+    return Identified(unknown, value, std, share, verdict, manoeuvre)
 
 
 def fitted(entry: Identified) -> Identified:
@@ -80,6 +68,6 @@ def fitted(entry: Identified) -> Identified:
     return replace(entry, verdict="weakly determined") if entry.verdict == "kept" else entry
 
 
-def kept(parameter: Parameter) -> Identified:
+def kept(unknown: Unknown) -> Identified:
     """Report an unknown that was settled at what was known beforehand."""
-    return Identified(parameter, parameter.mean, parameter.spread, 1.0, "kept", MANOEUVRES[parameter.kind])
+    return Identified(unknown, unknown.mean, unknown.spread, 1.0, "kept", unknown.manoeuvre)

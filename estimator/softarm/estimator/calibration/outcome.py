@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.calibration.identifiability import Identified
-from softarm.estimator.calibration.parameters import gravity_axes
+from softarm.estimator.calibration.setting import gravity_axes
+from softarm.estimator.calibration.unknowns import Modulus
 from softarm.estimator.rotations import exp, from_quaternions, log
 from softarm.estimator.specimen import (
     BendCalibration,
@@ -80,8 +81,8 @@ class Calibrated:
     def value(self, name: str) -> Value | None:
         """Give a fitted unknown and its deviation; ``None`` where it was kept or is no unknown."""
         for entry in self.identified:
-            if entry.parameter.name == name and entry.verdict != "kept":
-                if entry.parameter.kind == "modulus":
+            if entry.unknown.name == name and entry.verdict != "kept":
+                if isinstance(entry.unknown, Modulus):
                     factor = float(np.exp(entry.value))
                     return Value(value=factor, std=factor * entry.std)
                 return Value(value=entry.value, std=entry.std)
@@ -177,7 +178,7 @@ def _bends(specimen: Specimen, found: Calibrated) -> tuple[BendCalibration, ...]
 
 def _frames(specimen: Specimen, found: Calibrated) -> tuple[FrameCalibration, ...]:
     entries = {entry.section: entry for entry in specimen.calibration.frames}
-    names = {entry.parameter.name for entry in found.identified}
+    names = {entry.unknown.name for entry in found.identified}
     for section in (section.name for section in specimen.sections):
         kinds = [kind for kind in ("frame", "orientation") if f"{kind}_{section}.misalignment_x" in names]
         if not kinds:

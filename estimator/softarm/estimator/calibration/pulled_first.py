@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from softarm.estimator.calibration.fit import fit
 from softarm.estimator.calibration.forward import Evaluation, Forward
+from softarm.estimator.calibration.layout import Layout
 from softarm.estimator.calibration.nodes import Nodes
-from softarm.estimator.calibration.parameters import Layout
 from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.scatter import vented
+from softarm.estimator.calibration.unknowns import Modulus, PressureUnknown
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -24,7 +25,6 @@ Flags = NDArray[np.bool_]
 FEWEST_PULLS = 5  # nodes at which a known force must act before it counts as telling the moduli
 HELD = 0.002  # of a modulus' logarithm that pressures may move it from what pulls told
 ITERATIONS = 20
-OF_PRESSURES = ("gain", "bias", "curve", "bow", "crosstalk", "stretch")
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class Told:
         values = dict(zip(layout.names, self.values.tolist(), strict=True))
         return replace(
             layout,
-            parameters=tuple(
+            unknowns=tuple(
                 replace(p, mean=values[p.name], spread=HELD) if p.name in self.spreads else p
-                for p in layout.parameters
+                for p in layout.unknowns
             ),
         )
 
@@ -74,16 +74,16 @@ def told_by_pulls(
     near = tuple(own.keep(f) for own, f in zip(before, pulled, strict=True) if f.any())
     if sum(len(nodes.time) for nodes in part) <= FEWEST_PULLS:
         return Told(start, {})
-    out = {p.name for p in forward.layout.parameters if p.kind in OF_PRESSURES}
+    out = {u.name for u in forward.layout.unknowns if isinstance(u, PressureUnknown)}
     layout = forward.layout.without(out)
     inside = np.array([name not in out for name in forward.layout.names])
-    pulls = Forward(forward.solver, layout, part, forward.gravity)
+    pulls = Forward(forward.model, layout, part)
     found = fit(pulls, start[inside], iterations=ITERATIONS, evaluations=near)
     values = start.copy()
     values[inside] = found.values
     deviations = np.sqrt(np.diag(found.covariance)).tolist()
-    moduli = zip(layout.parameters, deviations, strict=True)
-    return Told(values, {p.name: deviation for p, deviation in moduli if p.kind == "modulus"})
+    moduli = zip(layout.unknowns, deviations, strict=True)
+    return Told(values, {p.name: deviation for p, deviation in moduli if isinstance(p, Modulus)})
 
 
 def _vented_pulls(nodes: Nodes) -> Flags:

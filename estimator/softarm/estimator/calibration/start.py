@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.calibration.fit import Scatter, robust_cost
 from softarm.estimator.calibration.forward import Forward
+from softarm.estimator.calibration.layout import Layout
 from softarm.estimator.calibration.nodes import Nodes
-from softarm.estimator.calibration.parameters import Layout
 from softarm.estimator.calibration.search import AxesFit
+from softarm.estimator.calibration.unknowns import Modulus
 from softarm.estimator.specimen import Specimen
 
 Floats = NDArray[np.float64]
@@ -19,7 +21,7 @@ STIFFER = (1.0, 1.4, 2.0, 2.8)
 PROBES = 6
 
 
-def solvable(forward: Forward, known: Floats) -> Floats:
+def solvable(forward: Forward, known: Floats, factors: Sequence[float] = STIFFER) -> Floats:
     """Stiffen the segments until the model has an equilibrium at the highest pressures.
 
     A model that is too soft has none: its chambers would have run away at pressures that the arm was seen
@@ -27,14 +29,27 @@ def solvable(forward: Forward, known: Floats) -> Floats:
     """
     probes = tuple(own.keep(flags) for own, flags in zip(forward.nodes, _highest(forward.nodes), strict=True))
     probes = tuple(own for own in probes if len(own.time))
-    modulus = np.array([parameter.kind == "modulus" for parameter in forward.layout.parameters])
+    modulus = forward.layout.of(Modulus)
     values = known
-    for factor in STIFFER:
+    for factor in factors:
         values = known + np.log(factor) * modulus
         found = replace(forward, nodes=probes).evaluate(values)
         if all(evaluation.converged.all() for evaluation in found):
             break
     return values
+
+
+def best_scaled(forward: Forward, factors: Sequence[float], scatter: Scatter) -> Floats:
+    """Begin with that common factor of all moduli which loses the fewest equilibria, then fits best."""
+    modulus = forward.layout.of(Modulus)
+    tried = []
+    for number, factor in enumerate(factors):
+        values = forward.layout.means + np.log(factor) * modulus
+        evaluations = forward.evaluate(values)
+        lost = sum(int((~evaluation.converged).sum()) for evaluation in evaluations)
+        tried.append((lost, robust_cost(forward, evaluations, values, scatter), number, values))
+    best: Floats = min(tried, key=lambda one: one[:3])[3]
+    return best
 
 
 def _highest(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
@@ -48,19 +63,16 @@ def _highest(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
 
 def sized_by_bends(specimen: Specimen, layout: Layout, first: Floats, found: Mapping[str, AxesFit]) -> Floats:
     """Begin with moduli that give the bends their recorded size, and with the biases that remain."""
-    values = layout.means.copy()
-    for index, parameter in enumerate(layout.parameters):
-        if parameter.kind == "modulus":
-            values[index] = first[index]
+    values = np.where(layout.of(Modulus), first, layout.means)
     sections = [section.name for section in specimen.sections]
-    for index, parameter in enumerate(layout.parameters):
-        if parameter.kind == "modulus":
-            name = f"bend_{_section_below(specimen, parameter.target, sections)}"
+    for index, unknown in enumerate(layout.unknowns):
+        if isinstance(unknown, Modulus):
+            name = f"bend_{_section_below(specimen, unknown.segment, sections)}"
             if name in found:
                 values[index] -= float(np.clip(np.log(max(found[name].gain, 1e-3)), -1.0, 1.0))
         for axis, letter in enumerate("xy"):
-            sensor = parameter.target.removesuffix(f".bias_{letter}")
-            if sensor != parameter.target and sensor in found:
+            sensor = unknown.name.removesuffix(f".bias_{letter}")
+            if sensor != unknown.name and sensor in found:
                 values[index] = found[sensor].bias[axis]
     return values
 

@@ -24,7 +24,7 @@ from softarm.estimator.diagnosis.judge import CERTAIN, Judgement, judge
 from softarm.estimator.diagnosis.nominal import UNKNOWN
 from softarm.estimator.diagnosis.ring import Ring
 from softarm.estimator.diagnosis.screen import null_scores, screen
-from softarm.estimator.diagnosis.stage import ANSWERING, Stage
+from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.effects import Effect
 
@@ -39,12 +39,8 @@ TRIED = 4
 LEAST_BIC = 10.0
 SECOND = 0.5
 """Share of an accepted effect's gain that decides for another one so."""
-SWINGING = ("tip_payload", "distributed_mass", "base_compliance")
-"""Effects beside those of the material that change how the arm swings."""
 SWUNG = 0.05
 """Share of the gain of an effect that changes the swing below which a delay beside it is its consequence."""
-ALONG = 0.2
-"""Lateral share of a force up to which it acts along the arm."""
 CLOSE = 0.8
 """Share of the best gain in the criterion below which a hypothesis is no candidate."""
 MOVING = 0.5
@@ -219,7 +215,7 @@ class Search:
     def solvable(self, fit: Fit) -> bool:
         """Tell whether the effects of a fit can be solved on the model itself."""
         kinds = {h.effect.hook for h in fit.hypotheses}
-        return kinds <= self.solve and not any(h.name in ANSWERING for h in fit.hypotheses)
+        return kinds <= self.solve and not any(h.effect.responds_to_own_effect for h in fit.hypotheses)
 
     @cached_property
     def price(self) -> float:
@@ -271,15 +267,14 @@ class Search:
         material = [
             one.candidate.delta_bic for one in accepted if self.effect(one.candidate).hook == "couple"
         ]
-        if not material or self.effect(candidate).name != "external_force":
+        if not material or not self.effect(candidate).along_arm(candidate.fit.thetas[-1]):
             return False
-        x, y, z = candidate.fit.thetas[-1].tolist()
-        return bool(np.hypot(x, y) < ALONG * abs(z) and candidate.delta_bic < SECOND * max(material))
+        return candidate.delta_bic < SECOND * max(material)
 
     def changes_swing(self, candidate: Candidate) -> bool:
         """Tell whether a candidate changes stiffness or mass, and with them how the arm swings."""
         effect = self.effect(candidate)
-        return effect.hook == "couple" or effect.name in SWINGING
+        return effect.hook == "couple" or effect.changes_inertia
 
     def only_moves(self, candidate: Candidate) -> bool:
         """Tell whether a candidate leaves the arm at rest as it is."""

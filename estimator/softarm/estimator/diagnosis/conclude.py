@@ -32,7 +32,7 @@ from softarm.estimator.diagnosis.result import (
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.unnamed import Law
-from softarm.estimator.diagnosis.words import WHEN, dependence, manoeuvre, sentence_on
+from softarm.estimator.diagnosis.words import dependence, manoeuvre, sentence_on
 from softarm.estimator.effects import EFFECTS, describe
 from softarm.estimator.specimen.physics import EffectName, Place
 
@@ -260,7 +260,7 @@ def _finding(
     if len(predictions.before) > 1:
         low, high = bootstrap(search.rng, predictions.before, predictions.after)
     rivals, rejected = _rivals(search, accepted)
-    when = WHEN[effect.name]
+    when = effect.when
     statement = f"{effect.tell(theta, hypothesis.place)} {sentence_on(when)}"
     return Finding(
         effect=effect.name,
@@ -345,7 +345,7 @@ def _exposure(search: Search, choice: Choice, index: int) -> Exposure | None:
 
 def exposing_variable(stage: Stage, name: str, place: Place) -> tuple[str, str, Floats]:
     """Give the variable against which an effect's residual shows best: its name, unit and values."""
-    regime = WHEN[name]
+    regime = EFFECTS[name].when
     session = stage.session
     if regime == "pressure level":
         if place.chamber is not None:

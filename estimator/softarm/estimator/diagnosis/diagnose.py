@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.diagnosis.calibration import Fitted, calibrate_sessions
 from softarm.estimator.diagnosis.candidates import Choice
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.conclude import (
@@ -25,6 +24,7 @@ from softarm.estimator.diagnosis.judge import HETEROGENEITY
 from softarm.estimator.diagnosis.library import Library, build_library, library_columns
 from softarm.estimator.diagnosis.locate import locate
 from softarm.estimator.diagnosis.nominal import belief_before, evidence_of_change
+from softarm.estimator.diagnosis.nuisances import Nuisances, calibrate_sessions
 from softarm.estimator.diagnosis.result import (
     Baseline,
     Diagnosis,
@@ -45,7 +45,7 @@ from softarm.estimator.diagnosis.traces import traces_of
 from softarm.estimator.diagnosis.unnamed import Law, better_law
 from softarm.estimator.diagnosis.words import possible
 from softarm.estimator.effects import EFFECTS, describe
-from softarm.estimator.effects.augmented import PlacedEffect
+from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.errors import InputError
 from softarm.estimator.simulation.inertia import Masses
 from softarm.estimator.specimen.physics import EffectName, Place
@@ -80,7 +80,7 @@ class Outcome:
     diagnosis: Diagnosis
     accepted: tuple[PlacedEffect, ...]
     stds: tuple[tuple[float, ...], ...]
-    fitted: Fitted | None = None
+    fitted: Nuisances | None = None
     covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
 
@@ -131,12 +131,12 @@ def diagnose(
     advance("trying effects")
     changes = list(executor.map(_columns, [(stage, library) for stage in stages]))
     columns = tuple(
-        np.concatenate([stage.calibration_columns(fitted.layout), form_columns(stage), own], axis=-1).astype(
+        np.concatenate([fitted.layout.jacobian(stage.prediction), form_columns(stage), own], axis=-1).astype(
             np.float32
         )
         for stage, own in zip(stages, changes, strict=True)
     )
-    forms = columns[0].shape[-1] - len(fitted.vector) - len(library.directions)
+    forms = columns[0].shape[-1] - len(fitted.values) - len(library.directions)
     residuals = tuple(stage.residual for stage in stages)
     evidence = Evidence(model.specimen.name, stages, fitted, library, residuals, columns, forms)
     weights = evidence.weigh()

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.diagnosis.belief import Belief
-from softarm.estimator.diagnosis.calibration import Fitted
 from softarm.estimator.diagnosis.gram import Products, products_of, renewed, total, with_columns
 from softarm.estimator.diagnosis.library import Library
+from softarm.estimator.diagnosis.nuisances import Nuisances
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights, weights_of
@@ -51,7 +51,7 @@ class Evidence:
 
     specimen: str
     stages: tuple[Stage, ...]
-    fitted: Fitted
+    fitted: Nuisances
     library: Library
     residuals: tuple[Floats, ...]
     columns: tuple[Singles, ...]
@@ -68,7 +68,7 @@ class Evidence:
     @property
     def calibrations(self) -> int:
         """Number of columns of the calibration."""
-        return len(self.fitted.vector)
+        return len(self.fitted.values)
 
     @property
     def size(self) -> int:

@@ -1,4 +1,4 @@
-"""Model form: what any smooth law of pressures and strains could change of each segment's free strains.
+"""Model form: what any smooth law of pressures and strains could change of each segment's eigenstrains.
 
 A model of walls and windings is never exact. Where nominal recordings show the arm, the error of its law is
 learnt from them as eps_i = u_i + sum_k c_ik phi_k, with phi_k the monomials up to the third degree in the
@@ -33,13 +33,13 @@ def form_columns(stage: Stage) -> Floats:
     Returns:
         Shape (samples, rows, columns).
     """
-    by_free = stage.by_free
+    by_eigenstrain = stage.by_eigenstrain
     size = np.array([STRAIN, STRAIN, STRAIN, ELONGATION])
     columns = []
     for g in range(len(stage.world.segments)):
         features = monomials(stage, g)
         for axis in range(4):
-            own = SPREAD * size[axis] * by_free[..., 4 * g + axis]
+            own = SPREAD * size[axis] * by_eigenstrain[..., 4 * g + axis]
             columns.append(own[..., None] * features[:, None, :])
     predicted = np.nan_to_num(stage.reading_rows - stage.residual)
     late = -CLOCK * np.gradient(predicted, stage.session.clock, axis=0)

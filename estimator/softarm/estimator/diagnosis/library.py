@@ -14,30 +14,11 @@ from numpy.typing import NDArray
 
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS, Effect, Spot, World
-from softarm.estimator.effects.augmented import PlacedEffect
+from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.specimen.physics import EffectName, Place
 
 Floats = NDArray[np.float64]
 
-AROUND = tuple(np.radians(np.arange(-180.0, 180.0, 45.0)).tolist())
-"""Directions in the cross-section in which what acts on one side is tried [rad]."""
-SHAPES: dict[str, tuple[tuple[float, ...], ...]] = {
-    "viscoelastic_creep": ((0.7,), (2.0,), (6.0,), (20.0,), (60.0,)),
-    "hysteresis": ((0.03,), (0.1,), (0.3,)),
-    "mullins_softening": ((0.15,), (0.5,)),
-    "material_softening": ((1.0,), (2.0,)),
-    "line_leak": ((0.3,), (3.0,), (30.0,)),
-    "thermal_drift": ((150.0,), (600.0,), (3000.0,)),
-    "base_tilt": ((0.0,), (1.0,)),
-    "tether_stiffness": tuple((slack, angle) for slack in (0.0, 0.02, 0.04) for angle in AROUND),
-    "local_stiffness_defect": tuple((float(angle),) for angle in np.radians(np.arange(-150.0, 181.0, 60.0))),
-    "contact_obstacle": tuple((distance, angle) for distance in (0.01, 0.03, 0.05, 0.07) for angle in AROUND),
-}
-"""Values of the shape parameters, in their order, at which an effect is tried."""
-CUT = (0.9, 0.75, 0.6)
-"""Shares of the highest recorded pressure at which a saturation is tried."""
-APART = ("sensor_stuck",)
-"""Found by looking at the readings themselves, not by a fit."""
 RUNAWAY = 10.0
 """Change of a prediction [rad, m] by a typical effect that cannot be meant."""
 SMALL = 0.5
@@ -120,7 +101,7 @@ def build_library(world: World, pressures: Floats, names: Sequence[EffectName] |
     hypotheses: list[Hypothesis] = []
     directions: list[Direction] = []
     for name, effect in EFFECTS.items():
-        if name in APART or (names is not None and name not in names):
+        if not effect.by_fit or (names is not None and name not in names):
             continue
         for place in effect.places(world):
             if not _driven(effect, place, world, highest):
@@ -150,35 +131,24 @@ def library_columns(stage: Stage, library: Library) -> Floats:
 
 
 def _driven(effect: Effect, place: Place, world: World, highest: Floats) -> bool:
-    if effect.hook not in ("command", "pressure") and effect.name != "fibre_twist":
+    if not effect.driven:
         return True
     spot = Spot(world, place)
     return bool((highest[spot.chambers] > 1000.0).any())
 
 
 def _directions(number: int, effect: Effect, place: Place, world: World, highest: Floats) -> list[Direction]:
-    if effect.name == "pressure_saturation":
-        return _saturations(number, place, world, highest)
+    if effect.presences is not None:
+        present = effect.presences(Spot(world, place), highest)
+        return [Direction(number, shape, -1, theta, 1.0, 1.0) for shape, theta in enumerate(present)]
     amplitudes = [k for k, p in enumerate(effect.parameters) if p.role == "amplitude"]
     shapes = [k for k, p in enumerate(effect.parameters) if p.role == "shape"]
     found = []
-    for shape, values in enumerate(SHAPES.get(effect.name, ((),))):
+    for shape, values in enumerate(effect.shapes):
         for k in amplitudes:
             theta = effect.neutral
             theta[shapes] = values
             typical = abs(effect.parameters[k].typical)
             theta[k] = SMALL * typical
             found.append(Direction(number, shape, k, theta, SMALL * typical, typical))
-    return found
-
-
-def _saturations(number: int, place: Place, world: World, highest: Floats) -> list[Direction]:
-    spot = Spot(world, place)
-    own = highest[spot.chambers]
-    limits = world.pressure_limits[spot.chambers]
-    found = []
-    for shape, share in enumerate(CUT):
-        shortfall = float((limits - share * own).max())
-        if shortfall > 0.0:
-            found.append(Direction(number, shape, -1, np.array([shortfall]), 1.0, 1.0))
     return found

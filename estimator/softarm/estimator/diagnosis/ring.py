@@ -41,14 +41,9 @@ class Ring:
         """Give the logarithm of the ratio that effects predict."""
         mass, stiffness = self.mass, 1.0
         for hypothesis, theta in zip(hypotheses, thetas, strict=True):
-            if hypothesis.name == "tip_payload":
-                mass += float(theta[0])
-            elif hypothesis.name == "distributed_mass":
-                mass *= 1.0 + float(theta[0])
-            elif hypothesis.name == "segment_stiffness":
-                stiffness *= 1.0 + float(theta[0])
-            elif hypothesis.name == "local_stiffness_defect":
-                stiffness *= 1.0 - float(theta[0])
+            change = hypothesis.effect.modal(theta)
+            mass = mass * change.mass_ratio + change.added_mass
+            stiffness *= change.stiffness_ratio
         return 0.5 * float(np.log(max(stiffness, 1e-6) * self.mass / max(mass, 1e-6)))
 
     def gain(self, predicted: float) -> float:
@@ -111,5 +106,5 @@ def _compliance(stage: Stage) -> float:
     response = stage.arm.baseline
     sections = response.frames.positions.shape[1]
     tip = 6 * (sections - 1)
-    block = response.by_wrench[0, tip : tip + 2, tip : tip + 2]
+    block = response.load_jacobian[0, tip : tip + 2, tip : tip + 2]
     return float(np.linalg.eigvalsh(0.5 * (block + block.T))[-1])

@@ -7,7 +7,7 @@ import numpy as np
 
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.effects import EFFECTS
-from softarm.estimator.effects.excitation import inventory
+from softarm.estimator.effects.excitation import inventory, mount_turned
 
 SHARE = 0.15
 """Share of the recordings in question that are held out whole."""
@@ -50,10 +50,7 @@ def excitation(sessions: Sequence[Session], limits: np.ndarray) -> frozenset[str
     for session in sessions:
         if session.pressures.shape[1]:
             found |= inventory(session.clock, session.pressures, session.gravity, limits)
-    gravity = np.concatenate([session.gravity for session in sessions])
-    sizes = np.maximum(np.linalg.norm(gravity, axis=1), 1e-12)
-    cosine = (gravity @ gravity[0]) / (sizes * sizes[0])
-    if float(cosine.min()) < 0.88:
+    if mount_turned(np.concatenate([session.gravity for session in sessions])):
         found.add("mount_turned")
     clock = np.concatenate([session.clock for session in sessions])
     if float(np.ptp(clock)) >= 600.0:

@@ -1,29 +1,24 @@
 """A session on the calibrated model: the prediction, the residual, and what effects would change."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration.forward import registered, rigid_motion
-from softarm.estimator.calibration.parameters import Layout, Setting
-from softarm.estimator.calibration.pressures import by_unknown
+from softarm.estimator.calibration.setting import Setting
+from softarm.estimator.calibration.unknowns import Prediction
+from softarm.estimator.diagnosis.exact_model import ExactModel
 from softarm.estimator.diagnosis.session import Session
-from softarm.estimator.diagnosis.solver import Solver
 from softarm.estimator.effects import World
-from softarm.estimator.effects.augmented import (
-    PRESSURES,
-    PlacedEffect,
-    recorded_turn,
-    signals_of,
-    simulate_with,
-)
+from softarm.estimator.effects.placed import PlacedEffect, signals_of
+from softarm.estimator.effects.simulate import recorded_turn, simulate_with
 from softarm.estimator.model import Frames
+from softarm.estimator.response import BatchArmModel
 from softarm.estimator.rotations import exp
 from softarm.estimator.sensing import Scene, SensorSuite
-from softarm.estimator.simulation import Arm, Drive, LinearisedArm
+from softarm.estimator.simulation import Arm, Drive, LinearisedArm, Segments, SimulatedArm
 from softarm.estimator.simulation.compliance import stiffness_along
 from softarm.estimator.specimen import Specimen
 
@@ -34,26 +29,32 @@ SUDDEN, RINGDOWN = 0.2, 0.7
 RINGING = 0.2
 LEVER = 0.1
 """See ``Stage.unrest``: [s], [s], a share, [m]."""
-ANSWERING = ("contact_obstacle", "tether_stiffness")
-"""Effects whose own consequence changes what they do: how far they push depends on how far they moved."""
 
 
 @dataclass(frozen=True)
 class Model:
-    """The model of a specimen whose segments' stiffness can be scaled.
+    """The model of a specimen, to be calibrated and diagnosed.
 
     Args:
         specimen: The robot.
-        sections: Names of the sections whose frames it gives.
-        arm: Gives the arm with stiffness factors of segments and each segment's torsional compliance beyond
-            the model's, shape (segments,); a model that cannot twist leaves that out.
+        model: Solves many samples; its loads are ``section_loads``.
+        segments: The segments between its sections.
         fast: Whether it solves thousands of samples in seconds.
     """
 
     specimen: Specimen
-    sections: tuple[str, ...]
-    arm: Callable[[Mapping[str, float], Floats], Arm]
+    model: BatchArmModel
+    segments: Segments
     fast: bool = False
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections whose frames it gives."""
+        return self.model.sections
+
+    def arm(self, setting: Setting) -> Arm:
+        """Return the calibrated arm: stiffness, torsion and the worth of pressures under stretch."""
+        return SimulatedArm(setting.model(self.model), self.segments)
 
 
 @dataclass(frozen=True)
@@ -96,16 +97,15 @@ class Stage:
         """Derivative of the predictions by the segments' couples, shape (samples, rows, 4 segments)."""
         response = self.arm.baseline
         samples, sections = response.frames.positions.shape[:2]
-        by_wrench = self.by_twist @ response.by_wrench
+        by_wrench = self.by_twist @ response.load_jacobian
         strains = self.arm.segments.rows(response.frames).reshape(samples, -1, 6 * sections)
         by_couple: Floats = by_wrench @ np.swapaxes(strains, 1, 2)
         return by_couple
 
     @cached_property
-    def by_free(self) -> Floats:
-        """Derivative of the predictions by free strains, shape (samples, rows, 4 segments)."""
-        by_free: Floats = self.by_twist @ self.arm.baseline.by_free
-        return by_free
+    def by_eigenstrain(self) -> Floats:
+        """Derivative of the predictions by eigenstrains, shape (samples, rows, 4 segments)."""
+        return self.prediction.eigenstrain_jacobian
 
     def innovation(self, readings: Floats) -> Floats:
         """Compare stacked readings with the prediction without effects, shape (samples, rows)."""
@@ -160,14 +160,14 @@ class Stage:
             exact: Correct that by what the model itself says at some samples, but for sensors and effects
                 that answer.
         """
-        answering = [placed for placed in effects if placed.effect.name in ANSWERING]
+        answering = [placed for placed in effects if placed.effect.responds_to_own_effect]
         sensing = [placed for placed in effects if placed.effect.hook == "sensing"]
         inner = [placed for placed in effects if placed not in (*answering, *sensing)]
         none = np.zeros(self.residual.shape)
         first: Floats = sum((self.first_order(placed) for placed in inner), none)
         if exact and inner:
-            beyond = self._solved(inner) - self._solved_plain - first[self._solver.nodes]
-            first = first + self._solver.between(beyond)
+            beyond = self._solved(inner) - self._solved_plain - first[self._exact.nodes]
+            first = first + self._exact.between(beyond)
         others: Floats = sum((self.first_order(placed) for placed in sensing), none)
         return first + others + (self._simulated(answering) if answering else none)
 
@@ -177,9 +177,9 @@ class Stage:
         return self.innovation(readings)
 
     @cached_property
-    def _solver(self) -> Solver:
+    def _exact(self) -> ExactModel:
         """The model itself along the session."""
-        return Solver(self.exact, self.drive, self.arm.baseline, self.world)
+        return ExactModel(self.exact, self.drive, self.arm.baseline, self.world)
 
     @cached_property
     def _solved_plain(self) -> Floats:
@@ -188,8 +188,8 @@ class Stage:
 
     def _solved(self, effects: Sequence[PlacedEffect]) -> Floats:
         """Give what the model itself says under effects, against the prediction, shape (nodes, rows)."""
-        nodes = self._solver.nodes
-        drive, response = self._solver.under(effects)
+        nodes = self._exact.nodes
+        drive, response = self._exact.under(effects)
         back = np.swapaxes(exp(self._usual(drive, effects)[nodes]), -1, -2)
         frames = Frames(
             np.einsum("tij,tsj->tsi", back, response.frames.positions),
@@ -207,25 +207,26 @@ class Stage:
         What it sees of the response is the response without it: for a material effect exactly what it asks
         for, for loads and supports that depend on the response the first step towards it.
         """
-        hook = placed.effect.hook
-        response, drive = self.arm.baseline, self.drive
-        if hook == "sensing":
+        if not placed.field:
             return self.innovation(self._misread(placed, self.base))
-        signals = signals_of(drive, self.world, response)
-        value, _ = placed.act(signals, ())
-        chambers = drive.pressures.shape[1]
-        if hook in PRESSURES:
-            return _applied(self.by_input[..., :chambers], value - drive.pressures)
-        if hook == "gravity":
-            return _applied(self.by_input[..., -3:], value)
-        if hook == "load":
-            own = value.reshape(drive.samples, -1)
-            return _applied(self.by_input[..., chambers : chambers + own.shape[1]], own)
-        if hook == "couple":
-            return _applied(self.by_free, (value - signals.strains).reshape(drive.samples, -1))
-        turned = replace(drive, base_rotation=drive.base_rotation + value.reshape(drive.samples, 3))
-        usual = replace(drive, base_rotation=self._usual(turned, (placed,)))
-        return _applied(self.by_twist, self.arm.twists(turned) - self.arm.rigid(usual))
+        drive = self.drive
+        change, _ = placed.change(signals_of(drive, self.world, self.arm.baseline))
+        if placed.field == "base_rotation":
+            turned = placed.apply(drive, change)
+            usual = replace(drive, base_rotation=self._usual(turned, (placed,)))
+            return _applied(self.by_twist, self.arm.twists(turned) - self.arm.rigid(usual))
+        return _applied(self.by_drive[placed.field], change.reshape(drive.samples, -1))
+
+    @property
+    def by_drive(self) -> dict[str, Floats]:
+        """Derivatives of the predictions by the parts of the drive that act through deformation."""
+        chambers = self.drive.pressures.shape[1]
+        return {
+            "pressures": self.by_input[..., :chambers],
+            "wrenches": self.by_input[..., chambers:-3],
+            "gravity": self.by_input[..., -3:],
+            "eigenstrains": self.by_eigenstrain,
+        }
 
     def _usual(self, drive: Drive, effects: Sequence[PlacedEffect]) -> Floats:
         """Give the turn of the base that the laboratory's registration has taken out, shape (samples, 3)."""
@@ -250,52 +251,28 @@ class Stage:
     @cached_property
     def by_input(self) -> Floats:
         """Derivative of the predictions by pressures, wrenches and gravity, shape (samples, rows, inputs)."""
-        by_input: Floats = self.by_twist @ self.arm.baseline.motion
+        by_input: Floats = self.by_twist @ self.arm.baseline.input_jacobian
         return by_input
 
-    def calibration_columns(self, layout: Layout) -> Floats:
-        """Differentiate the predictions by the unknowns of a calibration, then by each segment's torsion.
+    @cached_property
+    def prediction(self) -> Prediction:
+        """What the calibrated model predicts along the session, for derivatives by a calibration's unknowns.
 
-        Returns:
-            Shape (samples, rows, unknowns + segments).
+        The sensors are differentiated about the prediction, not the readings, which effects have changed.
         """
-        response, pressures = self.arm.baseline, self.session.pressures
-        rows, by_pressure = self.by_twist, self.by_input[..., : pressures.shape[1]]
-        by_alignment = self.suite.parameter_rows(self.scene, self.base)
-        by_base = -registered(self.suite)[:, None] * (rows @ rigid_motion(response.frames))
-        names = self.suite.parameter_names
-        known = len(layout.parameters)
-        columns = np.zeros((*rows.shape[:2], known + len(self.world.segments)))
-        for index, parameter in enumerate(layout.parameters):
-            target = parameter.target
-            match parameter.kind:
-                case "modulus":
-                    columns[..., index] = self._by_stiffness(target)
-                case "gain" | "curve" | "bias":
-                    pushed = by_unknown(parameter, self.setting, response.frames, pressures)
-                    columns[..., index] = _applied(by_pressure, pushed)
-                case "base":
-                    columns[..., index] = by_base[..., int(target)]
-                case "alignment" if target in names:
-                    columns[..., index] = by_alignment[..., names.index(target)]
-        for index in range(len(self.world.segments)):
-            twist = self.arm.baseline.strains[:, index, 2]
-            columns[..., known + index] = self.by_free[..., 4 * index + 2] * twist[:, None]
-        return columns
-
-    def _by_stiffness(self, segment: str) -> Floats:
-        """Differentiate by the logarithm of a segment's stiffness.
-
-        Where the model does not tell, all strains of the segment shrink alike.
-        """
-        index = self.world.segments.index(segment)
-        known = self.arm.baseline.by_stiffness
-        if known is not None:
-            by_stiffness: Floats = (self.by_twist @ known)[..., index]
-            return by_stiffness
-        own = slice(4 * index, 4 * index + 4)
-        shrunk: Floats = -np.einsum("trk,tk->tr", self.by_free[..., own], self.arm.baseline.strains[:, index])
-        return shrunk
+        session = self.session
+        loads = session.wrenches.reshape(session.samples, -1)
+        return Prediction(
+            self.setting,
+            self.suite,
+            self.arm.baseline,
+            session.pressures,
+            loads,
+            session.gravity[0],
+            self.base,
+            np.zeros(self.by_twist.shape[:2]),
+            self.by_twist,
+        )
 
 
 def _applied(slopes: Floats, change: Floats) -> Floats:
@@ -304,21 +281,20 @@ def _applied(slopes: Floats, change: Floats) -> Floats:
     return applied
 
 
-def build_stage(model: Model, session: Session, setting: Setting, torsion: Floats) -> Stage:
+def build_stage(model: Model, session: Session, setting: Setting) -> Stage:
     """Solve the calibrated model along a session and linearise it there.
 
     Args:
         model: The model.
         session: The session.
         setting: Calibration.
-        torsion: Torsional compliance of each segment beyond the model's, shape (segments,).
     """
-    arm = model.arm(setting.scales, torsion)
+    arm = model.arm(setting)
     drive = session.drive(setting.actuation, arm.segments.count)
     response = arm.respond(drive)
     suite = setting.aligned(session.suite)
     sensors = tuple(m.name for m in suite.measurements)
-    stiffness = stiffness_along(arm.segments, response.frames, response.by_wrench)
+    stiffness = stiffness_along(arm.segments, response.frames, response.load_jacobian)
     world = World.of(
         model.specimen, arm.segments, model.sections, stiffness, sensors, actuation=setting.actuation
     )

@@ -95,7 +95,7 @@ def by_bend(stage: Stage, segment: int, knots: Floats) -> Floats:
     """Let a segment bend further in its own direction, shape (samples, rows, knots)."""
     size = bend(stage, segment)
     along = stage.arm.baseline.strains[:, segment, :2] / np.maximum(size, 1e-6)[:, None]
-    slope = np.einsum("tra,ta->tr", stage.by_free[..., 4 * segment : 4 * segment + 2], along)
+    slope = np.einsum("tra,ta->tr", stage.by_eigenstrain[..., 4 * segment : 4 * segment + 2], along)
     columns: Floats = slope[..., None] * np.maximum(size[:, None] - knots, 0.0)[:, None]
     return columns
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.statistics import correlation_length
+
 Floats = NDArray[np.float64]
 
 
@@ -56,21 +58,3 @@ def weights_of(
         for name, parts in squares.items()
     }
     return Weights(scale, 1.0 / max(float(np.mean(lengths)), 1.0))
-
-
-def correlation_length(values: Floats) -> float:
-    """Give the number of consecutive samples that say the same: 1 + 2 sum of autocorrelations.
-
-    Summed up to the first that is not positive (Geyer's initial sequence).
-    """
-    filled = np.nan_to_num(values)
-    power = float(filled @ filled)
-    count = len(filled)
-    if count < 4 or power == 0.0:
-        return 1.0
-    size = 2 ** int(np.ceil(np.log2(2 * count)))
-    spectrum = np.abs(np.fft.rfft(filled, size)) ** 2
-    correlation = np.fft.irfft(spectrum)[: count // 2] / power
-    below = np.flatnonzero(correlation <= 0.0)
-    end = int(below[0]) if len(below) else len(correlation)
-    return float(min(1.0 + 2.0 * correlation[1:end].sum(), count / 2))

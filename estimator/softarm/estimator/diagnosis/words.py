@@ -5,40 +5,6 @@ from collections.abc import Iterable
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen.physics import EffectName
 
-WHEN: dict[str, str] = {
-    "viscoelastic_creep": "time since a change",
-    "hysteresis": "direction of change",
-    "mullins_softening": "largest strain so far",
-    "material_softening": "pose",
-    "material_stiffening": "pose",
-    "segment_stiffness": "pose",
-    "local_stiffness_defect": "pose",
-    "inertia_damping": "rate",
-    "tip_payload": "constant",
-    "external_force": "constant",
-    "contact_obstacle": "pose",
-    "distributed_mass": "constant",
-    "base_tilt": "constant",
-    "base_compliance": "pose",
-    "tether_stiffness": "pose",
-    "chamber_gain": "pressure level",
-    "chamber_crosstalk": "pressure level",
-    "pressure_bias": "pressure level",
-    "pressure_saturation": "pressure level",
-    "line_lag": "rate",
-    "line_leak": "pressure level",
-    "valve_deadband": "pressure level",
-    "frame_misalignment": "pose",
-    "sensor_bias": "constant",
-    "sensor_drift": "time of the run",
-    "sensor_scale": "pose",
-    "sensor_latency": "rate",
-    "sensor_stuck": "time of the run",
-    "thermal_drift": "time of the run",
-    "fibre_twist": "pressure level",
-}
-"""What each effect depends on."""
-
 EXCITATION: dict[str, str] = {
     "rest": "20 s at rest, vented",
     "pressure_steps": "steps of pressure",

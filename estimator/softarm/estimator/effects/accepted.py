@@ -3,8 +3,8 @@
 import numpy as np
 
 from softarm.estimator.effects import EFFECTS
-from softarm.estimator.effects.augmented import PlacedEffect
 from softarm.estimator.effects.effect import Effect
+from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.effects.world import Spot, World
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import Specimen

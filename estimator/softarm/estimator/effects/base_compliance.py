@@ -32,4 +32,6 @@ EFFECT = Effect(
         ("distributed_mass", "markers on the base"),
         ("tip_payload", "markers on the base"),
     ),
+    when="pose",
+    changes_inertia=True,
 )

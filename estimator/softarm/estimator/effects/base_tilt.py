@@ -22,7 +22,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 
 
 def hidden(theta: Floats) -> Floats:
-    """Give the rotation that the recorded base does not show [rad], shape (3,)."""
+    """Return the rotation that the recorded base does not show [rad], shape (3,)."""
     tilt_x, tilt_y, beneath = theta.tolist()
     return np.array([beneath * tilt_x, beneath * tilt_y, 0.0])
 
@@ -42,4 +42,6 @@ EFFECT = Effect(
     equivalence=("constant_offset",),
     needs=frozenset({"mount_turned"}),
     splits=(("sensor_bias", "mount turned by 90 degrees"),),
+    shapes=((0.0,), (1.0,)),
+    hidden_rotation=hidden,
 )

@@ -38,4 +38,6 @@ EFFECT = Effect(
     equivalence=("crosstalk_or_scale",),
     needs=frozenset({"each_chamber"}),
     splits=(("sensor_scale", "drive the lower segment alone, mount turned"),),
+    when="pressure level",
+    driven=True,
 )

@@ -35,4 +35,6 @@ EFFECT = Effect(
         ("local_stiffness_defect", "bend the arm by gravity, mount turned"),
         ("line_leak", "close the valve at pressure for 30 s"),
     ),
+    when="pressure level",
+    driven=True,
 )

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.world import (
+    AROUND,
     Spot,
     moving_sections,
 )
@@ -49,4 +50,7 @@ EFFECT = Effect(
         ("material_stiffening", "reach one pose by different chambers"),
         ("tether_stiffness", "the opposite side of the workspace"),
     ),
+    when="pose",
+    shapes=tuple((distance, angle) for distance in (0.01, 0.03, 0.05, 0.07) for angle in AROUND),
+    responds_to_own_effect=True,
 )

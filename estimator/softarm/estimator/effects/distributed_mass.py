@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ModalChange, Parameter, Signals
 from softarm.estimator.effects.world import (
     Spot,
     everywhere,
@@ -32,4 +32,6 @@ EFFECT = Effect(
     ),
     needs=frozenset({"mount_turned"}),
     splits=(("tip_payload", "mount turned, or a known weight on and off"),),
+    changes_inertia=True,
+    modal=lambda theta: ModalChange(mass_ratio=1.0 + float(theta[0])),
 )

@@ -88,6 +88,21 @@ class Parameter:
     spread: float = 1.0
 
 
+@dataclass(frozen=True)
+class ModalChange:
+    """What an effect does to the slowest swing of a released arm.
+
+    Args:
+        added_mass: Mass added at the tip [kg].
+        mass_ratio: Factor on the mass that swings.
+        stiffness_ratio: Factor on the stiffness against which it swings.
+    """
+
+    added_mass: float = 0.0
+    mass_ratio: float = 1.0
+    stiffness_ratio: float = 1.0
+
+
 Act = Callable[[Signals, Floats, Spot, Memory], tuple[Floats, Memory]]
 
 
@@ -98,8 +113,8 @@ class Effect:
     What ``act`` returns depends on the hook: ``pressure`` the new pressures (samples, chambers), as does
     ``command``, which acts before the pressure sensors and so not on measured pressures; ``gravity`` a change
     of gravity (samples, 3), ``support`` a rotation of the base (samples, 3), ``load`` wrenches on the
-    sections (samples, sections, 6), ``couple`` the strains (samples, segments, 4) into which the free strains
-    turn, ``sensing`` the new reading.
+    sections (samples, sections, 6), ``couple`` the strains (samples, segments, 4) into which those
+    without the effect turn, ``sensing`` the new reading.
 
     Args:
         name: Name in the vocabulary.
@@ -114,6 +129,19 @@ class Effect:
         innate: Whether an arm that is well may have a little of it.
         needs: Excitation without which it cannot be tested.
         splits: Rival effect to the manoeuvre that tells the two apart.
+        when: What it depends on, in plain words.
+        shapes: Sets of its shape parameters, in their order, at which it is tried.
+        presences: Gives parameters at which an effect that is no small change of anything is tried as simply
+            present, of its place and the highest recorded pressures [Pa].
+        driven: Whether it can only show where a chamber at its place was pressurised.
+        by_fit: Whether a fit finds it; else the readings themselves show it.
+        responds_to_own_effect: Whether how far it pushes depends on how far it has moved the arm.
+        changes_inertia: Whether it changes mass or support, and with them how the arm swings.
+        modal: Gives what it does to the swing of the arm, of its parameters.
+        along_arm: Gives whether it only stretches the arm, of its parameters.
+        hidden_rotation: Gives the rotation of the base that a recorded base does not show [rad], shape (3,),
+            of its parameters.
+        hides_reading: Whether its sensor's reading says nothing of the arm any more.
     """
 
     name: EffectName
@@ -127,6 +155,17 @@ class Effect:
     innate: bool = True
     needs: frozenset[Excitation] = frozenset()
     splits: tuple[tuple[EffectName, str], ...] = ()
+    when: str = "constant"
+    shapes: tuple[tuple[float, ...], ...] = ((),)
+    presences: Callable[[Spot, Floats], tuple[Floats, ...]] | None = None
+    driven: bool = False
+    by_fit: bool = True
+    responds_to_own_effect: bool = False
+    changes_inertia: bool = False
+    modal: Callable[[Floats], ModalChange] = lambda _: ModalChange()
+    along_arm: Callable[[Floats], bool] = lambda _: False
+    hidden_rotation: Callable[[Floats], Floats] = lambda _: np.zeros(3)
+    hides_reading: bool = False
 
     @property
     def typical(self) -> Floats:

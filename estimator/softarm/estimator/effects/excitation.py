@@ -51,7 +51,7 @@ def inventory(time: Floats, pressures: Floats, gravity: Floats, limits: Floats) 
         "large_pressures": bool((pressures.max(axis=0) > 0.6 * limits).any()),
         "small_pressures": bool(((pressures > QUIET) & (pressures < SMALL)).any()),
         "each_chamber": bool(alone.any(axis=0).all()),
-        "mount_turned": _turned(gravity),
+        "mount_turned": mount_turned(gravity),
         "long_run": bool(time[-1] - time[0] >= LONG),
     }
     found.update(name for name, there in tests.items() if there)
@@ -102,7 +102,8 @@ def _peaks(pressure: Floats) -> Floats:
     return np.array([pressure[start:end].max() for start, end in edges.reshape(-1, 2)])
 
 
-def _turned(gravity: Floats) -> bool:
+def mount_turned(gravity: Floats) -> bool:
+    """Return whether gravity, shape (samples, 3), ever points ``TURN`` away from its first direction."""
     sizes = np.linalg.norm(gravity, axis=1)
     cosine = (gravity @ gravity[0]) / np.maximum(sizes * sizes[0], 1e-12)
-    return bool(np.arccos(np.clip(cosine, -1.0, 1.0)).max() > TURN)
+    return bool(np.arccos(np.clip(cosine, -1.0, 1.0)).max() > TURN) if sizes[0] > 0.0 else False

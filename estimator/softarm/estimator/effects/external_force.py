@@ -19,6 +19,16 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
     return wrenches, memory
 
 
+ALONG = 0.2
+"""Lateral share of a force up to which it acts along the arm."""
+
+
+def along(theta: Floats) -> bool:
+    """Return whether the force only stretches the arm."""
+    x, y, z = theta.tolist()
+    return bool(np.hypot(x, y) < ALONG * abs(z))
+
+
 EFFECT = Effect(
     name="external_force",
     hook="load",
@@ -37,4 +47,5 @@ EFFECT = Effect(
         ("tip_payload", "mount turned"),
         ("contact_obstacle", "reach one pose by different chambers"),
     ),
+    along_arm=along,
 )

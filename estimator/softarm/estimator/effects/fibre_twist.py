@@ -32,4 +32,6 @@ EFFECT = Effect(
     source="F. Connolly, C. J. Walsh, K. Bertoldi, PNAS 114 (2017) 51",
     needs=frozenset({"motion"}),
     splits=(("frame_misalignment", "bends in two azimuths at one sum of pressures"),),
+    when="pressure level",
+    driven=True,
 )

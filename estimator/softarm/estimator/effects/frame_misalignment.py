@@ -38,4 +38,5 @@ EFFECT = Effect(
         ("fibre_twist", "bends in two azimuths at one sum of pressures"),
         ("chamber_crosstalk", "each chamber alone, mount turned"),
     ),
+    when="pose",
 )

@@ -50,4 +50,6 @@ EFFECT = Effect(
         ("viscoelastic_creep", "ramps at two rates, then holds of three time constants"),
         ("line_lag", "ramps of 10 and 100 s against measured pressures"),
     ),
+    when="direction of change",
+    shapes=((0.03,), (0.1,), (0.3,)),
 )

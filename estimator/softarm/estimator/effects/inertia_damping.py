@@ -42,4 +42,5 @@ EFFECT = Effect(
         ("line_lag", "release a weight, or compare with measured pressures"),
         ("sensor_latency", "two kinds of sensor on one motion"),
     ),
+    when="rate",
 )

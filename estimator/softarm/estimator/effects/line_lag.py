@@ -34,4 +34,6 @@ EFFECT = Effect(
         ("inertia_damping", "compare with measured pressures, or release a weight"),
         ("sensor_latency", "compare with measured pressures"),
     ),
+    when="rate",
+    driven=True,
 )

@@ -42,4 +42,7 @@ EFFECT = Effect(
         ("chamber_gain", "close the valve at pressure for 30 s"),
         ("viscoelastic_creep", "compare with measured pressures"),
     ),
+    when="pressure level",
+    shapes=((0.3,), (3.0,), (30.0,)),
+    driven=True,
 )

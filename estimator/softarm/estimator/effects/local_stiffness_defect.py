@@ -10,7 +10,7 @@ with q = D / (1 - D) and D the share of bending stiffness lost about the axis.
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ModalChange, Parameter, Signals
 from softarm.estimator.effects.world import (
     Spot,
     segments,
@@ -49,4 +49,7 @@ EFFECT = Effect(
         ("chamber_gain", "bend the arm by gravity, mount turned"),
         ("contact_obstacle", "mount turned by 90 degrees"),
     ),
+    when="pose",
+    shapes=tuple((float(angle),) for angle in np.radians(np.arange(-150.0, 181.0, 60.0))),
+    modal=lambda theta: ModalChange(stiffness_ratio=1.0 - float(theta[0])),
 )

@@ -43,4 +43,6 @@ EFFECT = Effect(
         ("chamber_gain", "each chamber alone from small to large pressures"),
         ("mullins_softening", "the same cycles a second time"),
     ),
+    when="pose",
+    shapes=((1.0,), (2.0,)),
 )

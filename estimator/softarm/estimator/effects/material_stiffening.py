@@ -47,4 +47,5 @@ EFFECT = Effect(
         ("contact_obstacle", "reach one pose by different chambers"),
         ("valve_deadband", "two opposite chambers together"),
     ),
+    when="pose",
 )

@@ -46,4 +46,6 @@ EFFECT = Effect(
         ("viscoelastic_creep", "growing cycles on the rested arm, repeated at once"),
         ("material_stiffening", "the same cycles a second time"),
     ),
+    when="largest strain so far",
+    shapes=((0.15,), (0.5,)),
 )

@@ -33,4 +33,6 @@ EFFECT = Effect(
         ("sensor_bias", "vent, then command small pressures"),
         ("valve_deadband", "a staircase of small pressures"),
     ),
+    when="pressure level",
+    driven=True,
 )

@@ -19,6 +19,17 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
     return np.minimum(signals.pressures, np.where(shortfall > 0.0, ceiling, np.inf)), memory
 
 
+CUT = (0.9, 0.75, 0.6)
+"""Shares of the highest recorded pressure at which a saturation is tried."""
+
+
+def cuts(spot: Spot, highest: Floats) -> tuple[Floats, ...]:
+    """List shortfalls [Pa] that would cut the recorded pressures, each of shape (1,)."""
+    limits = spot.world.pressure_limits[spot.chambers]
+    shortfalls = [float((limits - share * highest[spot.chambers]).max()) for share in CUT]
+    return tuple(np.array([shortfall]) for shortfall in shortfalls if shortfall > 0.0)
+
+
 EFFECT = Effect(
     name="pressure_saturation",
     hook="command",
@@ -33,4 +44,7 @@ EFFECT = Effect(
         ("material_stiffening", "raise each chamber alone to its limit"),
         ("chamber_gain", "each chamber alone at several levels"),
     ),
+    when="pressure level",
+    presences=cuts,
+    driven=True,
 )

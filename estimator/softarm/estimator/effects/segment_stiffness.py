@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ModalChange, Parameter, Signals
 from softarm.estimator.effects.world import (
     Spot,
     segments,
@@ -29,4 +29,6 @@ EFFECT = Effect(
     equivalence=("uniform_gain",),
     needs=frozenset({"motion"}),
     splits=(("chamber_gain", "a known weight on and off"),),
+    when="pose",
+    modal=lambda theta: ModalChange(stiffness_ratio=1.0 + float(theta[0])),
 )

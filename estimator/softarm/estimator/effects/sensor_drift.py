@@ -37,4 +37,5 @@ EFFECT = Effect(
         ("thermal_drift", "return to zero pressure every few minutes"),
         ("viscoelastic_creep", "two kinds of sensor on one motion"),
     ),
+    when="time of the run",
 )

@@ -55,4 +55,5 @@ EFFECT = Effect(
         ("line_lag", "compare with measured pressures"),
         ("inertia_damping", "two kinds of sensor on one motion"),
     ),
+    when="rate",
 )

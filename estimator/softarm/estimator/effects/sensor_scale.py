@@ -43,4 +43,5 @@ EFFECT = Effect(
         ("chamber_crosstalk", "drive the lower segment alone, mount turned"),
         ("segment_stiffness", "two kinds of sensor on one motion"),
     ),
+    when="pose",
 )

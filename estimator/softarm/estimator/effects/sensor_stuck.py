@@ -36,4 +36,7 @@ EFFECT = Effect(
     source="Fault model of stuck sensors",
     needs=frozenset({"motion"}),
     splits=(("sensor_scale", "move the arm after a rest"),),
+    when="time of the run",
+    by_fit=False,
+    hides_reading=True,
 )

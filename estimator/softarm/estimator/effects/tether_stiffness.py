@@ -11,6 +11,7 @@ from softarm.estimator.effects import contact_obstacle
 from softarm.estimator.effects.contact_obstacle import SOFTEST
 from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
 from softarm.estimator.effects.world import (
+    AROUND,
     Spot,
     moving_sections,
 )
@@ -45,4 +46,7 @@ EFFECT = Effect(
         ("material_stiffening", "loosen the hoses and repeat"),
         ("contact_obstacle", "the opposite side of the workspace"),
     ),
+    when="pose",
+    shapes=tuple((slack, angle) for slack in (0.0, 0.02, 0.04) for angle in AROUND),
+    responds_to_own_effect=True,
 )

@@ -40,4 +40,6 @@ EFFECT = Effect(
         ("viscoelastic_creep", "repeat the first minutes after an hour"),
         ("sensor_drift", "return to zero pressure every few minutes"),
     ),
+    when="time of the run",
+    shapes=((150.0,), (600.0,), (3000.0,)),
 )

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ModalChange, Parameter, Signals
 from softarm.estimator.effects.world import (
     Spot,
     moving_sections,
@@ -34,4 +34,6 @@ EFFECT = Effect(
         ("distributed_mass", "mount turned, or a known weight on and off"),
         ("base_compliance", "markers on the base"),
     ),
+    changes_inertia=True,
+    modal=lambda theta: ModalChange(added_mass=float(theta[0])),
 )

@@ -31,4 +31,6 @@ EFFECT = Effect(
         ("pressure_bias", "a staircase of small pressures"),
         ("material_stiffening", "a staircase of small pressures"),
     ),
+    when="pressure level",
+    driven=True,
 )

@@ -44,4 +44,6 @@ EFFECT = Effect(
         ("hysteresis", "ramps at two rates, then holds of three time constants"),
         ("thermal_drift", "repeat the hold after an hour of the same load"),
     ),
+    when="time since a change",
+    shapes=((0.7,), (2.0,), (6.0,), (20.0,), (60.0,)),
 )

@@ -159,6 +159,10 @@ class Spot:
         return len(self.world.sections) - 1 if named is None else self.world.sections.index(named)
 
 
+AROUND = tuple(np.radians(np.arange(-180.0, 180.0, 45.0)).tolist())
+"""Directions in the cross-section in which what acts on one side is tried [rad]."""
+
+
 def everywhere(world: World) -> tuple[Place, ...]:  # noqa: ARG001
     """The arm as a whole."""
     return (Place(),)

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from softarm.estimator.effects.augmented import PlacedEffect
 from softarm.estimator.effects.effect import describe
+from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.excitation.manoeuvre import Manoeuvre
 from softarm.estimator.excitation.separation import Subject, Trial
 

@@ -16,13 +16,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.augmented import PlacedEffect, simulate_with
+from softarm.estimator.effects.placed import PlacedEffect
+from softarm.estimator.effects.simulate import simulate_with
 from softarm.estimator.effects.world import World
 from softarm.estimator.excitation.manoeuvre import Manoeuvre
 from softarm.estimator.model import Frames
+from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp, log
 from softarm.estimator.sensing import Scene, SensorSuite
-from softarm.estimator.simulation import Arm, Drive, LinearisedArm, Response, Segments
+from softarm.estimator.simulation import Arm, Drive, LinearisedArm, Segments
 
 Floats = NDArray[np.float64]
 
@@ -75,7 +77,7 @@ class Subject:
         wrenches[:, -1, :3] = manoeuvre.force_at(time)
         return replace(drive, wrenches=wrenches)
 
-    def _stations(self, manoeuvre: Manoeuvre) -> tuple[Floats, Response]:
+    def _stations(self, manoeuvre: Manoeuvre) -> tuple[Floats, ArmResponse]:
         """Solve the model at the distinct states that a path passes, close enough to interpolate."""
         times = [0.0]
         for begin, end, low, high in zip(
@@ -211,7 +213,7 @@ def _bounded(placed: PlacedEffect, theta: Floats) -> Floats:
     return np.clip(theta, low, high)
 
 
-def _between(clock: Floats, solved: Response, time: Floats, segments: Segments) -> Response:
+def _between(clock: Floats, solved: ArmResponse, time: Floats, segments: Segments) -> ArmResponse:
     """Interpolate the response between the times at which it was solved."""
     after = np.clip(np.searchsorted(clock, time, side="right"), 1, len(clock) - 1)
     before = after - 1
@@ -222,6 +224,9 @@ def _between(clock: Floats, solved: Response, time: Floats, segments: Segments) 
     gap = high.frames.positions - low.frames.positions
     frames = Frames(low.frames.positions + share[:, None, None] * gap, rotations)
     part = share[:, None, None]
-    motion = low.motion + part * (high.motion - low.motion)
-    by_free = low.by_free + part * (high.by_free - low.by_free)
-    return Response(frames, segments.strains(frames), motion, by_free, low.converged & high.converged)
+    between = {
+        name: getattr(low, name) + part * (getattr(high, name) - getattr(low, name))
+        for name in ("input_jacobian", "eigenstrain_jacobian")
+    }
+    strains, converged = segments.strains(frames), low.converged & high.converged
+    return ArmResponse(frames, converged, low.chambers, strains=strains, **between)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames, Inputs, Load
+from softarm.estimator.response import ArmResponse
 from softarm.estimator.rod.arrays import Actions, Drive, Laws, Work, new_work
 from softarm.estimator.rod.balance import respond, respond_all
 from softarm.estimator.rod.chain import Chain
@@ -22,6 +23,8 @@ larger where only the response is wanted."""
 ITERATIONS = 25
 SHARES = ((3, 0), (4, 1), (5, 2), (2, 5))
 """Component of the wrench and strain it makes, for each free strain: two bends, the twist, the elongation."""
+TWIST_TERM = (0, 0, 0, 6)
+"""Term of a link law that stands for the moment about the arm's axis."""
 CONTINUATION = (1, 4, 16, 64)
 """Numbers of load steps that ``solve`` tries in turn."""
 
@@ -54,27 +57,6 @@ class RodStep:
 
 
 @dataclass(frozen=True)
-class Batch:
-    """Answers for many samples.
-
-    Args:
-        frames: Frames of the sections, arrays with a leading axis (samples,).
-        motion: Section twists per unit of each pressure, load, component of gravity and stiffness factor of
-            each region, shape (samples, 6 sections, inputs + 3 + regions).
-        by_free: Section twists per unit of the free strains of each region, shape (samples, 6 sections,
-            regions, 4).
-        converged: Shape (samples,).
-        states: Strains of the links, shape (samples, links, 6).
-    """
-
-    frames: Frames
-    motion: Floats
-    by_free: Floats
-    converged: NDArray[np.bool_]
-    states: Floats
-
-
-@dataclass(frozen=True)
 class CalibratedRod:
     """A Cosserat rod whose link laws were fitted to a finite-element model; implements ``ArmModel``.
 
@@ -91,6 +73,8 @@ class CalibratedRod:
     laws: Laws
     loads: tuple[Load, ...]
     reach: Floats
+
+    takes_eigenstrains = True
 
     @property
     def sections(self) -> tuple[str, ...]:
@@ -137,6 +121,16 @@ class CalibratedRod:
             factors[[region == name for region in self.chain.regions]] = factor
         return replace(self, laws=self.laws._replace(stiffness=factors))
 
+    def with_torsion(self, compliances: Mapping[str, float]) -> "CalibratedRod":
+        """Return a rod whose regions twist by a further share under a moment about the arm's axis."""
+        term = np.flatnonzero((self.laws.table == TWIST_TERM).all(axis=1))
+        if not len(term):
+            return self
+        coefficients = self.laws.coefficients.copy()
+        for link, region in enumerate(self.chain.regions):
+            coefficients[link, term[0], 2] *= 1.0 + compliances.get(region, 0.0)
+        return replace(self, laws=self.laws._replace(coefficients=coefficients))
+
     def rest(self) -> Floats:
         """Return the unloaded state."""
         return np.zeros((self.chain.links, 6))
@@ -180,50 +174,61 @@ class CalibratedRod:
         pressures: Floats,
         loads: Floats,
         gravity: Floats,
-        free: Floats | None = None,
+        eigenstrains: Floats | None = None,
         *,
-        start: Floats | None = None,
-        slopes: bool = True,
-    ) -> Batch:
+        start: ArmResponse | None = None,
+        jacobians: bool = True,
+    ) -> ArmResponse:
         """Solve many samples in one compiled loop.
 
         Args:
             pressures: Gauge pressures [Pa], shape (samples, chambers).
             loads: Load amplitudes [N or N m], shape (samples, loads).
             gravity: Gravitational acceleration in the base frame [m/s2], shape (3,) or (samples, 3).
-            free: What the material of each region strains beside what its law gives: two bends and the twist
-                [rad], and its elongation [m], shape (samples, regions, 4).
-            start: States to begin with, shape (samples, links, 6); each sample begins from the one before
-                where they are left out.
-            slopes: Differentiate; else the derivatives have no columns.
+            eigenstrains: What the material of each region strains beside what its law gives: two bends and
+                the twist [rad], and its elongation [m], shape (samples, regions, 4).
+            start: A response whose states, shape (samples, links, 6), the solves begin with; each sample
+                begins from the one before where it is left out.
+            jacobians: Differentiate; else the derivatives have no columns.
 
         Returns:
-            Frames and their derivatives by inputs, gravity, stiffness factors and free strains.
+            Frames and their derivatives by inputs, gravity, stiffness factors and eigenstrains.
         """
         samples, sections, links = len(pressures), len(self.sections), self.chain.links
         columns = self.chambers + len(self.loads) + 3
         units, owner = self._units_and_gravity
         places = np.empty((samples, sections, 3))
         rotations = np.empty((samples, sections, 3, 3))
-        strains = np.full((samples, links, 6), np.nan) if start is None else np.array(start)
+        strains = np.full((samples, links, 6), np.nan)
+        if start is not None:
+            # A state that is no equilibrium would begin worse than that of the sample before.
+            strains = np.where(start.converged[:, None, None], start.states, np.nan)
         shapes = self._shapes
         ways = shapes.shape[1]
-        width = columns + links + ways if slopes else 0
-        sizes = np.zeros((samples, ways)) if free is None else _dense(free).reshape(samples, ways)
+        width = columns + links + ways if jacobians else 0
+        sizes = np.zeros((samples, ways))
+        if eigenstrains is not None:
+            sizes = _dense(eigenstrains).reshape(samples, ways)
         twists = np.zeros((samples, 6 * sections, width))
         counts = np.zeros(samples, dtype=np.int64)
         respond_all(
             self._lengths, self._actions, self.laws, _dense(pressures), _dense(loads),
             _dense(np.broadcast_to(gravity, (samples, 3))), sizes, units, owner, columns, shapes,
-            self.chain.section_station, self.chain.section_offset, TOLERANCE if slopes else COARSE,
+            self.chain.section_station, self.chain.section_offset, TOLERANCE if jacobians else COARSE,
             ITERATIONS, self._work(self.rest()), strains, places, rotations, twists, counts,
         )  # fmt: skip
-        by_factor, by_free = twists[..., columns : columns + links], twists[..., columns + links :]
-        by_region = by_factor @ self._membership if slopes else by_factor
-        motion = np.concatenate([twists[..., :columns], by_region], axis=-1)
-        by_free = by_free.reshape(samples, 6 * sections, ways // 4 if slopes else 0, 4)
-        frames = Frames(places, rotations @ self.chain.section_rotation)
-        return Batch(frames, motion, by_free, counts > 0, strains)
+        by_link = twists[..., columns : columns + links]
+        # The chain rule turns a derivative by the factor into one by its logarithm.
+        by_region = by_link @ (self._membership * self.factors) if jacobians else by_link
+        return ArmResponse(
+            Frames(places, rotations @ self.chain.section_rotation),
+            counts > 0,
+            self.chambers,
+            twists[..., :columns],
+            by_region,
+            twists[..., columns + links :],
+            states=strains,
+        )
 
     def _from_rest(self, inputs: Inputs, steps: int) -> tuple[Floats, bool]:
         step = self.linearise(

@@ -1,4 +1,4 @@
-"""How segments yield to their own couples in every pose, and what free strains make of the sections."""
+"""How segments yield to their own couples in every pose, and what eigenstrains make of the sections."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ def stiffness_along(segments: Segments, frames: Frames, by_wrench: Floats) -> Fl
     Args:
         segments: The segments.
         frames: Frames of the sections, arrays with a leading axis (samples,).
-        by_wrench: As of ``Response``.
+        by_wrench: ``ArmResponse.load_jacobian`` of a model whose loads are ``section_loads``.
     """
     rows = segments.rows(frames)
     compliance = np.einsum("tgai,tij,tgbj->tgab", rows, by_wrench, rows)
@@ -44,7 +44,7 @@ def bounded_inverse(compliance: Floats, usual: Floats) -> Floats:
 
 
 def yielding(segments: Segments, frames: Frames, by_wrench: Floats) -> Floats:
-    """Give the twists of sections per unit of free strains that act as couples.
+    """Give the twists of sections per unit of eigenstrains that act as couples.
 
     Returns:
         Shape (samples, 6 sections, 4 segments).
@@ -53,5 +53,5 @@ def yielding(segments: Segments, frames: Frames, by_wrench: Floats) -> Floats:
     by_couple = by_wrench @ np.swapaxes(segments.rows(frames).reshape(samples, -1, by_wrench.shape[-1]), 1, 2)
     each = by_couple.reshape(samples, -1, segments.count, 4)
     stiffness = stiffness_along(segments, frames, by_wrench)
-    by_free: Floats = np.einsum("trgi,tgij->trgj", each, stiffness).reshape(samples, by_couple.shape[1], -1)
-    return by_free
+    by_eigenstrain = np.einsum("trgi,tgij->trgj", each, stiffness)
+    return np.asarray(by_eigenstrain.reshape(samples, by_couple.shape[1], -1))

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from softarm.estimator.model import Frames
+from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import skew
-from softarm.estimator.simulation.drive import Response
 from softarm.estimator.simulation.segments import Segments
 from softarm.estimator.specimen import Specimen
 
@@ -69,11 +69,11 @@ class Swaying:
     mass: Floats
 
     @classmethod
-    def of(cls, response: Response, segments: Segments, masses: Masses) -> "Swaying":
+    def of(cls, response: ArmResponse, segments: Segments, masses: Masses) -> "Swaying":
         """Reduce the arm to its strains in every pose."""
         frames = response.frames
         samples, sections = frames.positions.shape[:2]
-        by_wrench = _filled(response.by_wrench, response.converged)
+        by_wrench = _filled(response.load_jacobian, response.converged)
         rows = segments.rows(frames).reshape(samples, -1, 6 * sections)
         turned = by_wrench @ np.swapaxes(rows, 1, 2)
         compliance = rows @ turned

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.model import Frames
+from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp
-from softarm.estimator.simulation.drive import Drive, Response
+from softarm.estimator.simulation.drive import Drive
 from softarm.estimator.simulation.segments import Segments
 
 Floats = NDArray[np.float64]
@@ -21,12 +22,12 @@ class LinearisedArm:
     Args:
         segments: The segments.
         drive: Baseline drive.
-        baseline: Response to it.
+        baseline: ArmResponse to it.
     """
 
     segments: Segments
     drive: Drive
-    baseline: Response
+    baseline: ArmResponse
 
     def twists(self, drive: Drive) -> Floats:
         """Give the sections' twists, shape (samples, 6 sections), by the change from the baseline drive."""
@@ -35,11 +36,11 @@ class LinearisedArm:
     def respond(
         self,
         drive: Drive,
-        near: Response | None = None,  # noqa: ARG002
+        near: ArmResponse | None = None,  # noqa: ARG002
         *,
-        slopes: bool = True,  # noqa: ARG002
-    ) -> Response:
-        """Answer a drive to first order."""
+        jacobians: bool = True,  # noqa: ARG002
+    ) -> ArmResponse:
+        """Compute the response to a drive to first order."""
         elastic = self._elastic(drive)
         parts = (elastic + self.rigid(drive)).reshape(drive.samples, -1, 6)
         frames = Frames(
@@ -68,9 +69,9 @@ class LinearisedArm:
             wrenches.reshape(base.samples, -1) + couples,
             gravity,
         ]
-        twists: Floats = np.einsum("tri,ti->tr", self.baseline.motion, np.concatenate(change, axis=1))
-        free = (drive.free - base.free).reshape(base.samples, -1)
-        yielded: Floats = np.einsum("tri,ti->tr", self.baseline.by_free, free)
+        twists: Floats = np.einsum("tri,ti->tr", self.baseline.input_jacobian, np.concatenate(change, axis=1))
+        eigenstrains = (drive.eigenstrains - base.eigenstrains).reshape(base.samples, -1)
+        yielded: Floats = np.einsum("tri,ti->tr", self.baseline.eigenstrain_jacobian, eigenstrains)
         return twists + yielded
 
     def rigid(self, drive: Drive) -> Floats:

@@ -12,14 +12,15 @@ from softarm.estimator.diagnosis.stage import Model
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.geometry import Resolution
 from softarm.estimator.model import Frames, Inputs, Load
+from softarm.estimator.response import ArmResponse
 from softarm.estimator.rod import FittedRod, Recipe, fit_rod, sampled_model
 from softarm.estimator.rod.model import CalibratedRod
 from softarm.estimator.rod.samples import Plan
-from softarm.estimator.simulation import Answers, Arm, Segments, SimulatedArm, linear_motion, section_loads
+from softarm.estimator.simulation import Segments, section_loads
 from softarm.estimator.specimen import Specimen
 
 Floats = NDArray[np.float64]
-Answer = tuple[Floats, Floats, Floats, bool]
+Answer = tuple[Floats, Floats, Floats, Floats, bool]
 
 PRESSURE_GRAIN = 20.0
 LOAD_GRAIN = 1e-5
@@ -30,8 +31,6 @@ BUDGET = 150.0
 """Seconds for which finite elements are solved at all, so that a diagnosis ends."""
 QUICK_RAYS = 14
 """Rays of samples of a rod that nobody fitted before: a diagnosis must end."""
-TWIST = (0, 0, 0, 6)
-"""Term of a link law that stands for the moment about the arm's axis."""
 
 
 def quick_rod(specimen: Specimen, tell: Callable[[str], None]) -> FittedRod:
@@ -50,40 +49,24 @@ def rod_model(specimen: Specimen, rod: CalibratedRod) -> Model:
     rod = rod.with_loads(section_loads(tuple(rod.sections)))
     step = rod.linearise(rod.rest(), Inputs(np.zeros(rod.chambers), np.zeros(len(rod.loads)), np.zeros(3)))
     segments = Segments.of(specimen, tuple(rod.sections), step.frames)
-
-    def arm(scales: Mapping[str, float], torsion: Floats) -> Arm:
-        scaled = rod.with_scales({name: f for name, f in scales.items() if name in rod.regions})
-        return SimulatedArm(_twisted(scaled, segments, torsion), segments)
-
-    return Model(specimen, tuple(rod.sections), arm, fast=True)
-
-
-def _twisted(rod: CalibratedRod, segments: Segments, torsion: Floats) -> CalibratedRod:
-    """Scale how far each segment twists under a moment about its axis."""
-    laws = rod.laws
-    term = np.flatnonzero((laws.table == TWIST).all(axis=1))
-    if not torsion.any() or not len(term):
-        return rod
-    coefficients = laws.coefficients.copy()
-    for name, more in zip(segments.names, torsion.tolist(), strict=True):
-        own = [link for link, region in enumerate(rod.chain.regions) if region == name]
-        coefficients[own, term[0], 2] *= 1.0 + more
-    return replace(rod, laws=laws._replace(coefficients=coefficients))
+    return Model(specimen, rod, segments, fast=True)
 
 
 @dataclass(frozen=True)
 class SparseModel:
-    """Finite elements that solve equal inputs only once.
+    """Finite elements that solve equal inputs only once; implements ``BatchArmModel``.
 
     Args:
         model: The model with ``section_loads``.
-        solved: Answers so far by their inputs.
+        solved: Answers so far by stiffness factors and inputs; copies with other factors share them.
         deadline: Time of ``time.monotonic`` from which inputs that are not solved yet count as lost.
     """
 
     model: FiniteElementModel
-    solved: dict[tuple[int, ...], Answer]
+    solved: dict[tuple[float, ...], Answer]
     deadline: float = float("inf")
+
+    takes_eigenstrains = False
 
     @property
     def sections(self) -> tuple[str, ...]:
@@ -91,49 +74,66 @@ class SparseModel:
         return tuple(self.model.sections)
 
     @property
+    def chambers(self) -> int:
+        """Number of chambers."""
+        return self.model.chambers
+
+    @property
     def loads(self) -> tuple[Load, ...]:
         """Loads whose amplitudes are inputs."""
         return self.model.loads
 
-    def rest(self) -> FiniteElementState:
-        """Give the unloaded state."""
-        return self.model.rest()
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the stiffness factors."""
+        return tuple(self.model.parameters)
 
-    def evaluate(self, pressures: Floats, loads: Floats, gravity: Floats) -> Answers:
-        """Solve samples with pressures, load amplitudes and gravity of shape (samples, ...)."""
-        grains = np.concatenate(
-            [
-                np.round(pressures / PRESSURE_GRAIN),
-                np.round(loads / LOAD_GRAIN),
-                np.round(gravity / LOAD_GRAIN),
-            ],
-            axis=1,
-        ).astype(np.int64)
-        found = []
-        state = self.model.rest()
-        for key, p, amplitude, g in zip(map(tuple, grains.tolist()), pressures, loads, gravity, strict=True):
+    def with_scales(self, scales: Mapping[str, float]) -> "SparseModel":
+        """Return a copy with other stiffness factors."""
+        known = {name: round(factor, 6) for name, factor in scales.items() if name in self.regions}
+        return replace(self, model=self.model.with_scales(known))
+
+    def evaluate(
+        self,
+        pressures: Floats,
+        loads: Floats,
+        gravity: Floats,
+        eigenstrains: Floats | None = None,
+        *,
+        start: ArmResponse | None = None,  # noqa: ARG002
+        jacobians: bool = True,  # noqa: ARG002
+    ) -> ArmResponse:
+        """Solve many samples; see ``BatchArmModel.evaluate``."""
+        assert eigenstrains is None, "finite elements take no eigenstrains here"
+        every = np.broadcast_to(gravity, (len(pressures), 3))
+        grains = np.round(np.hstack([pressures / PRESSURE_GRAIN, loads / LOAD_GRAIN, every / LOAD_GRAIN]))
+        answers, state = [], self.model.rest()
+        factors = tuple(self.model.scales.tolist())
+        for grain, inputs in zip(grains.tolist(), map(Inputs, pressures, loads, every), strict=True):
+            key = (*factors, *grain)
             if key not in self.solved and time.monotonic() > self.deadline:
                 self.solved[key] = self._unsolved()
             elif key not in self.solved:
-                self.solved[key], state = self._solve(Inputs(p, amplitude, g), state)
-            found.append(self.solved[key])
-        places, turns, motions, good = zip(*found, strict=True)
-        return Answers(
-            Frames(np.array(places), np.array(turns)), np.array(motions), np.array(good, dtype=bool)
-        )
+                self.solved[key], state = self._solve(inputs, state)
+            answers.append(self.solved[key])
+        positions, rotations, by_input, by_factor, converged = map(np.array, zip(*answers, strict=True))
+        frames = Frames(positions, rotations)
+        return ArmResponse(frames, converged.astype(bool), self.chambers, by_input, by_factor)
 
     def _unsolved(self) -> Answer:
         frames = self.model.section_frames(self.model.rest())
-        inputs = self.model.chambers + len(self.model.loads) + 3
-        motion = np.zeros((6 * len(self.model.sections), inputs))
-        return frames.positions, frames.rotations, motion, False
+        rows, inputs = 6 * len(self.sections), self.chambers + len(self.loads) + 3
+        none = np.zeros((rows, inputs)), np.zeros((rows, len(self.regions)))
+        return frames.positions, frames.rotations, *none, False
 
     def _solve(self, inputs: Inputs, state: FiniteElementState) -> tuple[Answer, FiniteElementState]:
         model = self.model
-        state, good = model.solve(inputs, state)
-        frames, motion = linear_motion(model, state, inputs)
-        answer = (frames.positions, frames.rotations, motion, bool(good))
-        return answer, state if good else model.rest()
+        state, converged = model.solve(inputs, state)
+        step = model.linearise(state, inputs)
+        _, by_inputs, by_gravity, by_factor = step.full_response(np.eye(6 * len(model.sections)))
+        derivatives = np.column_stack([by_inputs, by_gravity]), by_factor * model.scales
+        answer = (step.frames.positions, step.frames.rotations, *derivatives, bool(converged))
+        return answer, state if converged else model.rest()
 
 
 def finite_element_model(specimen: Specimen) -> Model:
@@ -142,15 +142,4 @@ def finite_element_model(specimen: Specimen) -> Model:
     sections = tuple(build_arm(specimen, (), coarse).sections)
     fem = build_arm(specimen, section_loads(sections), coarse)
     segments = Segments.of(specimen, sections, fem.section_frames(fem.rest()))
-    deadline = time.monotonic() + BUDGET
-    made: dict[tuple[tuple[str, float], ...], Arm] = {}
-
-    def arm(scales: Mapping[str, float], torsion: Floats) -> Arm:  # noqa: ARG001
-        known = {name: round(f, 6) for name, f in scales.items() if name in fem.parameters}
-        key = tuple(sorted(known.items()))
-        if key not in made:
-            model = SparseModel(fem.with_scales(known), {}, deadline)
-            made[key] = SimulatedArm(model, segments)  # type: ignore[arg-type]
-        return made[key]
-
-    return Model(specimen, sections, arm)
+    return Model(specimen, SparseModel(fem, {}, time.monotonic() + BUDGET), segments)

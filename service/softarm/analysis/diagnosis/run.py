@@ -14,7 +14,6 @@ from softarm.analysis.diagnosis.models import finite_element_model, quick_rod, r
 from softarm.analysis.offline.inputs import load_recordings
 from softarm.common.rods import known_rod, trusted
 from softarm.estimator.calibration import (
-    BatchSolver,
     Calibrated,
     CalibrationRefusedError,
     Check,
@@ -145,9 +144,8 @@ def with_axes(
         recording.window(np.asarray(blocks_of(recording.time) % 4 != 2)) for recording in admitted.suspects
     )
     runs = [arrange(recording, specimen, sections) for recording in chosen]
-    solver = BatchSolver(rod.with_loads(()))
     try:
-        found = calibrate(solver, specimen, runs, Options(search_axes=True))
+        found = calibrate(rod.with_loads(()), specimen, runs, Options(search_axes=True))
     except CalibrationRefusedError as refusal:
         return specimen, f"The axes of the bends stay as described: {refusal}"
     words = (

@@ -8,19 +8,18 @@ from softarm.analysis.offline.track import actuation
 from softarm.common.rods import known_trusted_rod
 from softarm.estimator.arm import build_arm
 from softarm.estimator.calibration import (
-    BatchSolver,
     CalibrationRefusedError,
-    NodeSolver,
     Options,
     Run,
-    Solver,
     arrange,
     calibrate,
     calibrated_specimen,
 )
 from softarm.estimator.calibration.nodes import choose_nodes
 from softarm.estimator.calibration.search import search_axes
+from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.recording import Recording
+from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import Bend, Scene
 from softarm.estimator.specimen import Specimen
 
@@ -53,14 +52,14 @@ def aligned(
     lasts = float(recording.time[-1] - recording.time[0])
     if not recording.bends or specimen.calibration.recordings or lasts < LEAST_DURATION:
         return specimen, ""
-    solver = quick_solver(specimen, advance)
-    run = arrange(recording, specimen, solver.sections)
-    foreign = _foreign(solver, specimen, run)
+    model = quick_model(specimen, advance)
+    run = arrange(recording, specimen, model.sections)
+    foreign = _foreign(model, specimen, run)
     if not foreign:
         return specimen, ""
     what = f"{recording.name}: {specimen.name} as described does not predict {' and '.join(foreign)}"
     try:
-        found = calibrate(solver, specimen, [run], Options(nodes=NODES))
+        found = calibrate(model, specimen, [run], Options(nodes=NODES))
     except CalibrationRefusedError as refusal:
         return specimen, f"{what}, and cannot be fitted to it: {refusal.what}"
     return calibrated_specimen(specimen, found), (
@@ -69,22 +68,22 @@ def aligned(
     )
 
 
-def quick_solver(specimen: Specimen, advance: Callable[[float], None]) -> Solver:
+def quick_model(specimen: Specimen, advance: Callable[[float], None]) -> BatchArmModel:
     """Give the rod where it is known and near the finite elements, else these."""
     rod = known_trusted_rod(specimen)
     if rod is not None:
-        return BatchSolver(rod.with_loads(()))
-    return NodeSolver(build_arm(specimen, loads=()), advance)
+        return rod.with_loads(())
+    return NodeByNode(build_arm(specimen, loads=()), advance)
 
 
-def _foreign(solver: Solver, specimen: Specimen, run: Run) -> tuple[str, ...]:
+def _foreign(model: BatchArmModel, specimen: Specimen, run: Run) -> tuple[str, ...]:
     """Name the bends that pressures predict badly, and far better with axes, gain and bias of their own."""
     nodes = choose_nodes(run, PROBES)
     none = np.zeros((len(nodes.time), 0))
     gravity = np.array(specimen.gravity_m_s2)
     pressures = actuation(specimen, run).to_chamber(nodes.pressures)
-    found = solver.respond({}, pressures, none, gravity, None)
-    solved, answer = nodes.keep(found.converged), found.keep(found.converged)
+    found = model.evaluate(pressures, none, gravity)
+    solved, answer = nodes.keep(found.converged), found.at(found.converged)
     if len(solved.time) < 0.5 * PROBES:
         return tuple(m.name for m in run.suite.measurements if isinstance(m, Bend))
     left = solved.readings - run.suite.predict(Scene(answer.frames, none[found.converged]))

@@ -20,7 +20,7 @@ from softarm.bench.proof.trial import WRITTEN, Folders, diagnosed
 from softarm.common.tables import Cell, Table
 from softarm.estimator.calibration import arrange
 from softarm.estimator.effects.accepted import accepted_physics
-from softarm.estimator.effects.augmented import simulate_with
+from softarm.estimator.effects.simulate import simulate_with
 from softarm.estimator.sensing import Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.simulation import Drive, LinearisedArm

@@ -12,52 +12,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects import base_tilt
-from softarm.estimator.effects.effect import Effect, Memory, Signals
-from softarm.estimator.effects.world import Spot, World
-from softarm.estimator.sensing import SensorSuite
-from softarm.estimator.sensing.measurement import Scene
-from softarm.estimator.simulation import Arm, Drive, Response
+from softarm.estimator.effects.effect import Memory
+from softarm.estimator.effects.placed import PlacedEffect, signals_of
+from softarm.estimator.effects.world import World
+from softarm.estimator.response import ArmResponse
+from softarm.estimator.sensing import Scene, SensorSuite
+from softarm.estimator.simulation import Arm, Drive
 
 Floats = NDArray[np.float64]
 
 ITERATIONS = 40
 TOLERANCE = 1e-7
 """Change of a strain [rad, m], a base rotation [rad] or a wrench [N, N m] that ends the search."""
-FIRST_STEP = {"couple": 1.0, "load": 1e-4, "support": 1.0}
+FIRST_STEP = {"eigenstrains": 1.0, "wrenches": 1e-4, "base_rotation": 1.0}
 """Share of the first gap to take: a stiff contact taken whole would throw the arm off the wall for good."""
 
 SMALLEST_STEP = 1e-6
-PRESSURES = ("pressure", "command")
-"""Where effects enter that change pressures."""
-
-
-@dataclass(frozen=True)
-class PlacedEffect:
-    """An effect at a place, with its parameters.
-
-    Args:
-        effect: The effect.
-        spot: Where it acts.
-        theta: Its parameters, shape (parameters,).
-    """
-
-    effect: Effect
-    spot: Spot
-    theta: Floats
-
-    def act(self, signals: Signals, memory: Memory) -> tuple[Floats, Memory]:
-        """Run the effect over a stretch of time.
-
-        What changes pressures changes those in the chambers. A calibration says what these are worth, and its
-        curve, be it of the winding or of the rubber, goes with the pressure that is there.
-        """
-        actuation = self.spot.world.actuation
-        if self.effect.hook not in PRESSURES or actuation is None:
-            return self.effect.act(signals, self.theta, self.spot, memory)
-        inside = actuation.to_measured(signals.pressures)
-        changed, memory = self.effect.act(replace(signals, pressures=inside), self.theta, self.spot, memory)
-        return signals.pressures + actuation.to_chamber(changed) - actuation.to_chamber(inside), memory
 
 
 @dataclass(frozen=True)
@@ -74,7 +44,7 @@ class Simulation:
     """
 
     drive: Drive
-    response: Response
+    response: ArmResponse
     readings: Mapping[str, Floats]
     memories: tuple[Memory, ...]
     settled: bool
@@ -88,7 +58,7 @@ def simulate_with(
     drive: Drive,
     suite: SensorSuite | None = None,
     memories: Sequence[Memory] | None = None,
-    near: Response | None = None,
+    near: ArmResponse | None = None,
 ) -> Simulation:
     """Simulate an arm with effects.
 
@@ -107,7 +77,7 @@ def simulate_with(
     before = tuple(memories) if memories is not None else ((),) * len(effects)
     after = list(before)
     drive = _shape_drive(effects, world, drive, before, after)
-    base, shares = drive, {k: _no_share(e, drive) for k, e in enumerate(effects) if _answers(e)}
+    base, shares = drive, {k: _no_share(e, drive) for k, e in enumerate(effects) if e.answers}
     old: dict[int, tuple[Floats, Floats]] = {}
     response = arm.respond(drive, near)
     passes, settled = 1, not shares
@@ -120,9 +90,9 @@ def simulate_with(
         if settled:
             break
         for k, gap in gaps.items():
-            step = _relaxed(gap, old.get(k), FIRST_STEP[effects[k].effect.hook])
+            step = _relaxed(gap, old.get(k), FIRST_STEP[effects[k].field])
             old[k] = (gap, step)
-            shares[k] = shares[k] + step[:, None] * gap
+            shares[k] = shares[k] + _spread(step, gap) * gap
         drive = _loaded(base, effects, shares)
         response = arm.respond(drive, response)
         passes += 1
@@ -134,7 +104,7 @@ def advance_with(
     effects: Sequence[PlacedEffect],
     world: World,
     drive: Drive,
-    response: Response,
+    response: ArmResponse,
     memories: Sequence[Memory] | None = None,
 ) -> tuple[Drive, tuple[Memory, ...]]:
     """Shape one instant's drive by effects, as seen in the last known response: the seam for a live loop.
@@ -143,7 +113,7 @@ def advance_with(
         effects: The effects.
         world: What they refer to.
         drive: What acts without them, one sample, with the couples that this function gave before.
-        response: Response of the instant before, one sample.
+        response: ArmResponse of the instant before, one sample.
         memories: Memories of the instant before.
 
     Returns:
@@ -154,14 +124,14 @@ def advance_with(
     base = _shape_drive(effects, world, replace(drive, couples=np.zeros_like(drive.couples)), before, after)
     shares = {}
     for k, effect in enumerate(effects):
-        if _answers(effect):
+        if effect.answers:
             # All material effects together own the couples: each sees the strain without any of them.
-            known = world.strains(drive.couples).reshape(drive.samples, -1)
-            own = known if effect.effect.hook == "couple" else _no_share(effect, drive)
+            material = effect.field == "eigenstrains"
+            own = world.strains(drive.couples) if material else _no_share(effect, drive)
             shares[k], after[k] = _share(effect, world, drive, response, own, before[k])
     shaped = _loaded(base, effects, shares)
-    couples = shaped.couples + world.couples(shaped.free)
-    return replace(shaped, couples=couples, free=np.zeros_like(couples)), tuple(after)
+    couples = shaped.couples + world.couples(shaped.eigenstrains)
+    return replace(shaped, couples=couples, eigenstrains=np.zeros_like(couples)), tuple(after)
 
 
 def standing_pressures(effects: Sequence[PlacedEffect], world: World, drive: Drive) -> Floats:
@@ -180,28 +150,9 @@ def recorded_turn(base_rotation: Floats, effects: Sequence[PlacedEffect]) -> Flo
     Returns:
         Shape (3,).
     """
-    tilts = [placed.theta for placed in effects if placed.effect.name == "base_tilt"]
-    shown: Floats = base_rotation.mean(axis=0) - sum(map(base_tilt.hidden, tilts), np.zeros(3))
+    hidden = [placed.effect.hidden_rotation(placed.theta) for placed in effects]
+    shown: Floats = base_rotation.mean(axis=0) - sum(hidden, np.zeros(3))
     return shown
-
-
-def _answers(placed: PlacedEffect) -> bool:
-    return placed.effect.hook in FIRST_STEP
-
-
-def signals_of(drive: Drive, world: World, response: Response | None = None) -> Signals:
-    """Gather what effects see; without a response, that of an arm at rest at the base."""
-    samples = drive.samples
-    if response is None:
-        strains = np.zeros((samples, len(world.segments), 4))
-        positions = np.zeros((samples, len(world.sections), 3))
-    else:
-        strains, positions = response.strains, response.frames.positions
-    force = drive.wrenches[..., :3] + world.masses[:, None] * drive.gravity[:, None, :]
-    moment = (np.cross(positions, force) + drive.wrenches[..., 3:]).sum(axis=1)
-    return Signals(
-        drive.time, drive.pressures, drive.gravity, strains, positions, moment, np.zeros((samples, 0))
-    )
 
 
 def _shape_drive(
@@ -211,57 +162,52 @@ def _shape_drive(
     before: tuple[Memory, ...],
     after: list[Memory],
 ) -> Drive:
-    """Let effects act on pressures and gravity."""
+    """Let effects act on pressures and gravity, which no response changes."""
     for k, placed in enumerate(effects):
-        hook = placed.effect.hook
-        if hook == "pressure" or (hook == "command" and not world.pressures_measured):
-            pressures, after[k] = placed.act(signals_of(drive, world), before[k])
-            drive = replace(drive, pressures=pressures)
-        elif hook == "gravity":
-            change, after[k] = placed.act(signals_of(drive, world), before[k])
-            drive = replace(drive, gravity=drive.gravity + change)
+        # What happens before a pressure sensor is part of what it measured.
+        measured = placed.effect.hook == "command" and world.pressures_measured
+        if placed.field and not placed.answers and not measured:
+            change, after[k] = placed.change(signals_of(drive, world), before[k])
+            drive = placed.apply(drive, change)
     return drive
 
 
 def _no_share(placed: PlacedEffect, drive: Drive) -> Floats:
-    """No strain, wrench or rotation by an effect, shape (samples, size)."""
-    shapes = {"couple": drive.couples, "load": drive.wrenches, "support": drive.base_rotation}
-    return np.zeros((drive.samples, shapes[placed.effect.hook][0].size))
+    """No strain, wrench or rotation by an effect, in the shape of its part of the drive."""
+    return np.zeros_like(getattr(drive, placed.field))
 
 
 def _share(
-    placed: PlacedEffect, world: World, drive: Drive, response: Response, own: Floats, before: Memory
+    placed: PlacedEffect, world: World, drive: Drive, response: ArmResponse, own: Floats, before: Memory
 ) -> tuple[Floats, Memory]:
-    """Give what an effect adds in a response that already holds its own share."""
+    """Compute what an effect adds in a response that already holds its own share."""
     signals = signals_of(drive, world, response)
-    if placed.effect.hook != "couple":
-        value, memory = placed.act(signals, before)
-        return value.reshape(drive.samples, -1), memory
-    free = signals.strains - own.reshape(signals.strains.shape)
-    strains, memory = placed.act(replace(signals, strains=free), before)
-    return (strains - free).reshape(drive.samples, -1), memory
+    if placed.field == "eigenstrains":
+        signals = replace(signals, strains=signals.strains - own)
+    share, memory = placed.change(signals, before)
+    return share.reshape(own.shape), memory
+
+
+def _spread(step: Floats, gap: Floats) -> Floats:
+    """Give a number of each sample the dimensions of a gap."""
+    return step.reshape(-1, *(1 for _ in gap.shape[1:]))
 
 
 def _relaxed(gap: Floats, old: tuple[Floats, Floats] | None, first: float) -> Floats:
     """Give the share of each sample's gap to take (Aitken), shape (samples,)."""
     if old is None:
         return np.full(len(gap), first)
-    turned = gap - old[0]
-    square = (turned**2).sum(axis=1)
-    step = -old[1] * (old[0] * turned).sum(axis=1) / np.where(square > 0.0, square, 1.0)
+    before = old[0].reshape(len(gap), -1)
+    change = gap.reshape(len(gap), -1) - before
+    square = (change**2).sum(axis=1)
+    step = -old[1] * (before * change).sum(axis=1) / np.where(square > 0.0, square, 1.0)
     return np.where(square > 0.0, np.clip(step, SMALLEST_STEP, 2.0), 1.0)
 
 
 def _loaded(drive: Drive, effects: Sequence[PlacedEffect], shares: dict[int, Floats]) -> Drive:
     """Add the effects' shares to a drive."""
     for k, share in shares.items():
-        hook = effects[k].effect.hook
-        if hook == "couple":
-            drive = drive.strained(share.reshape(drive.free.shape))
-        elif hook == "load":
-            drive = drive.plus(share.reshape(drive.wrenches.shape), np.zeros_like(drive.couples))
-        else:
-            drive = replace(drive, base_rotation=drive.base_rotation + share)
+        drive = effects[k].apply(drive, share)
     return drive
 
 
@@ -269,7 +215,7 @@ def _readings(
     effects: Sequence[PlacedEffect],
     world: World,
     drive: Drive,
-    response: Response,
+    response: ArmResponse,
     suite: SensorSuite | None,
     before: tuple[Memory, ...],
     after: list[Memory],

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.effects import World
-from softarm.estimator.effects.augmented import PRESSURES, PlacedEffect, signals_of
+from softarm.estimator.effects.placed import PlacedEffect, signals_of
 from softarm.estimator.model import Frames
-from softarm.estimator.simulation import Arm, Drive, Response
+from softarm.estimator.response import ArmResponse
+from softarm.estimator.simulation import Arm, Drive
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -23,19 +24,19 @@ SETTLED_STRAIN, SETTLED_WRENCH = 1e-4, 1e-5
 
 
 @dataclass(frozen=True)
-class Solver:
+class ExactModel:
     """A model along a session.
 
     Args:
         arm: The model.
         drive: What acts on it without effects.
-        baseline: Its response to that, which holds no free strains.
+        baseline: Its response to that, which holds no eigenstrains.
         world: What effects may refer to.
     """
 
     arm: Arm
     drive: Drive
-    baseline: Response
+    baseline: ArmResponse
     world: World
 
     @cached_property
@@ -51,7 +52,7 @@ class Solver:
         nodes: Indices = np.minimum(drawn, len(time) - 1)
         return nodes
 
-    def under(self, effects: Sequence[PlacedEffect]) -> tuple[Drive, Response]:
+    def under(self, effects: Sequence[PlacedEffect]) -> tuple[Drive, ArmResponse]:
         """Solve the model under effects that see its own response.
 
         Effects keep their memory along all samples: between the nodes they see the response without them,
@@ -62,17 +63,17 @@ class Solver:
         """
         plain, near = self.baseline, self.baseline.at(self.nodes)
         drive = self._shaped(effects, plain)
-        response = self.arm.respond(drive.at(self.nodes), near, slopes=False)
+        response = self.arm.respond(drive.at(self.nodes), near, jacobians=False)
         for _ in range(PASSES if effects else 0):
-            strained = self.between(response.strains - drive.free[self.nodes] - near.strains)
+            strained = self.between(response.strains - drive.eigenstrains[self.nodes] - near.strains)
             moved = self.between(response.frames.positions - near.frames.positions)
             there = Frames(plain.frames.positions + moved, plain.frames.rotations)
             again = self._shaped(effects, replace(plain, frames=there, strains=plain.strains + strained))
             if _settled(drive, again):
                 break
             drive = again
-            begun = replace(near, states=response.states)
-            response = self.arm.respond(drive.at(self.nodes), begun, slopes=False)
+            begun = near.with_states(response.states)
+            response = self.arm.respond(drive.at(self.nodes), begun, jacobians=False)
         return drive, response
 
     def between(self, values: Floats) -> Floats:
@@ -85,27 +86,17 @@ class Solver:
             columns.append(known)
         return np.stack(columns, axis=-1).reshape(len(clock), *values.shape[1:])
 
-    def _shaped(self, effects: Sequence[PlacedEffect], seen: Response) -> Drive:
+    def _shaped(self, effects: Sequence[PlacedEffect], seen: ArmResponse) -> Drive:
         """Let effects act on the drive, as they see it in a response."""
         drive, signals = self.drive, signals_of(self.drive, self.world, seen)
         for placed in effects:
-            hook = placed.effect.hook
-            value, _ = placed.act(replace(signals, pressures=drive.pressures), ())
-            if hook in PRESSURES:
-                drive = replace(drive, pressures=value)
-            elif hook == "gravity":
-                drive = replace(drive, gravity=drive.gravity + value)
-            elif hook == "load":
-                drive = drive.plus(value.reshape(drive.wrenches.shape), np.zeros_like(drive.couples))
-            elif hook == "couple":
-                drive = drive.strained(value - signals.strains)
-            else:
-                drive = replace(drive, base_rotation=drive.base_rotation + value.reshape(drive.samples, 3))
+            change, _ = placed.change(replace(signals, pressures=drive.pressures))
+            drive = placed.apply(drive, change)
         return drive
 
 
 def _settled(drive: Drive, again: Drive) -> bool:
     """Tell whether effects do the same in two responses."""
-    strain = float(np.abs(again.free - drive.free).max(initial=0.0))
+    strain = float(np.abs(again.eigenstrains - drive.eigenstrains).max(initial=0.0))
     wrench = float(np.abs(again.wrenches - drive.wrenches).max(initial=0.0))
     return strain < SETTLED_STRAIN and wrench < SETTLED_WRENCH

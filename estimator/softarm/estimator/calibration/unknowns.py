@@ -1,0 +1,451 @@
+"""The unknowns of a calibration: each says what its value changes in the model, and how readings follow.
+
+With y the readings and x the stacked section twists, an unknown u that acts on the pressures P changes them
+by dy/du = (dy/dx)(dx/dP)(dP/du); ``Prediction`` holds the first two factors.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.calibration.setting import Setting
+from softarm.estimator.model import Frames
+from softarm.estimator.response import ArmResponse
+from softarm.estimator.rotations import skew
+from softarm.estimator.sensing import ActuationMap, Marker, Scene, SectionPose, SensorSuite
+
+Floats = NDArray[np.float64]
+
+LOWEST_TORSION, HIGHEST_TORSION = -0.7, 4.0  # shares of the model's compliance that a segment may have more
+SINGLE_STEPS = "raise single chambers in steps over their whole range, each held for 5 s"
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a calibrated model predicts at many nodes, and how that changes.
+
+    Args:
+        setting: The calibration.
+        suite: The sensors, aligned.
+        response: The model's response.
+        pressures: Recorded pressures [Pa], shape (nodes, chambers).
+        loads: Known loads as recorded, shape (nodes, loads).
+        gravity: As described [m/s2], shape (3,).
+        readings: Stacked readings about which the sensors are differentiated, shape (nodes, readings).
+        innovation: Measured minus predicted, NaN where absent, shape (nodes, rows).
+        twists: Derivative of the prediction by the section twists, shape (nodes, rows, 6 sections).
+    """
+
+    setting: Setting
+    suite: SensorSuite
+    response: ArmResponse
+    pressures: Floats
+    loads: Floats
+    gravity: Floats
+    readings: Floats
+    innovation: Floats
+    twists: Floats
+
+    @cached_property
+    def pressure_jacobian(self) -> Floats:
+        """Derivative by the pressures on unstretched chambers, shape (nodes, rows, chambers)."""
+        return self.twists @ self.response.pressure_jacobian
+
+    @cached_property
+    def factor_jacobian(self) -> Floats:
+        """Derivative by the logarithms of the stiffness factors, shape (nodes, rows, regions)."""
+        return self.twists @ self.response.factor_jacobian
+
+    @cached_property
+    def eigenstrain_jacobian(self) -> Floats:
+        """Derivative by the regions' eigenstrains, shape (nodes, rows, 4 regions)."""
+        return self.twists @ self.response.eigenstrain_jacobian
+
+    @cached_property
+    def alignment_jacobian(self) -> Floats:
+        """Derivative by the sensors' own parameters, shape (nodes, rows, parameters)."""
+        scene = Scene(self.response.frames, np.zeros((len(self.pressures), 0)))
+        return np.nan_to_num(self.suite.parameter_rows(scene, self.readings))
+
+    @cached_property
+    def rigid_jacobian(self) -> Floats:
+        """Derivative by a rigid motion (v, w) of the whole arm, shape (nodes, rows, 6)."""
+        rigid: Floats = self.twists @ rigid_motion(self.response.frames)
+        return rigid
+
+    @cached_property
+    def base_jacobian(self) -> Floats:
+        """Derivative by a motion of the base under the registered sensors, shape (nodes, rows, 6)."""
+        moved = self.rigid_jacobian - lever(self.suite, np.nan_to_num(self.innovation))
+        base: Floats = -registered(self.suite)[:, None] * moved
+        return base
+
+    @cached_property
+    def tilt_jacobian(self) -> Floats:
+        """Derivative by the rotation of gravity about its two axes, shape (nodes, rows, 2)."""
+        tilts = -skew(self.setting.gravity(self.gravity)) @ self.setting.gravity_axes.T
+        tilted: Floats = self.twists @ self.response.gravity_jacobian @ tilts
+        return tilted
+
+    @cached_property
+    def azimuth_jacobian(self) -> Floats:
+        """Derivative by a rotation of all pulls about z, shape (nodes, rows)."""
+        return by_azimuth(self.twists @ self.response.load_jacobian, self.setting.pulls(self.loads))
+
+
+@dataclass(frozen=True)
+class Unknown(ABC):
+    """One unknown of a calibration.
+
+    Args:
+        name: Such as ``modulus.upper``, ``gain.3``, ``bend_tip.in_plane``.
+        unit: Its unit; a modulus is the logarithm of a factor.
+        mean: Its value before any recording.
+        spread: Standard deviation of that.
+    """
+
+    name: str
+    unit: str
+    mean: float
+    spread: float
+
+    manoeuvre: ClassVar[str]
+    """What to record so that it can be determined."""
+
+    @abstractmethod
+    def apply(self, setting: Setting, value: float) -> Setting:
+        """Return a setting in which the unknown has a value."""
+
+    @abstractmethod
+    def derivative(self, at: Prediction) -> Floats:
+        """Differentiate the predicted readings, shape (nodes, rows)."""
+
+
+@dataclass(frozen=True)
+class Modulus(Unknown):
+    """Logarithm of a segment's stiffness factor.
+
+    Args:
+        segment: Name of the segment.
+        index: Its number among the model's regions.
+    """
+
+    segment: str = ""
+    index: int = 0
+
+    manoeuvre = "hold the arm still at several pressures of its chambers between zero and their limit"
+
+    def apply(self, setting: Setting, value: float) -> Setting:
+        """Return a setting with the segment's stiffness factor."""
+        return replace(setting, scales={**setting.scales, self.segment: float(np.exp(value))})
+
+    def derivative(self, at: Prediction) -> Floats:
+        """Differentiate the predicted readings, shape (nodes, rows)."""
+        return at.factor_jacobian[..., self.index]
+
+
+@dataclass(frozen=True)
+class Torsion(Unknown):
+    """Share of a segment's torsional compliance that the model lacks.
+
+    Args:
+        segment: Name of the segment.
+        index: Its number among the segments of the response.
+    """
+
+    segment: str = ""
+    index: int = 0
+
+    manoeuvre = "record the poses of sections, yaw included, at pressures of single chambers"
+
+    def apply(self, setting: Setting, value: float) -> Setting:
+        """Return a setting with the segment's torsional compliance."""
+        bounded = float(np.clip(value, LOWEST_TORSION, HIGHEST_TORSION))
+        return replace(setting, torsion={**setting.torsion, self.segment: bounded})
+
+    def derivative(self, at: Prediction) -> Floats:
+        """Differentiate the predicted readings: a softer segment twists further by its share."""
+        twist = at.response.strains[:, self.index, 2]
+        return at.eigenstrain_jacobian[..., 4 * self.index + 2] * twist[:, None]
+
+
+@dataclass(frozen=True)
+class PressureUnknown(Unknown):
+    """An unknown between the recorded pressures and those on the model's unstretched chambers."""
+
+    @abstractmethod
+    def change(self, at: Prediction) -> Floats:
+        """Differentiate the pressures on unstretched chambers [Pa per unit], shape (nodes, chambers)."""
+
+    def derivative(self, at: Prediction) -> Floats:
+        """Differentiate the predicted readings, shape (nodes, rows)."""
+        slope: Floats = np.einsum("trc,tc->tr", at.pressure_jacobian, self.change(at))
+        return slope
+
+
+@dataclass(frozen=True)
+class ChamberUnknown(PressureUnknown):
+    """A coefficient of the map from recorded pressures, common to some chambers.
+
+    Args:
+        chambers: Indices of the chambers.
+    """
+
+    chambers: tuple[int, ...] = ()
+
+    coefficient: ClassVar[str]
+    """Name of the coefficient in ``ActuationMap``."""
+
+    def apply(self, setting: Setting, value: float) -> Setting:
+        """Return a setting with the coefficient."""
+        actuation = setting.actuation
+        array = np.array(np.broadcast_to(getattr(actuation, self.coefficient), len(actuation.gain)))
+        array[list(self.chambers)] = value
+        return replace(setting, actuation=_replaced(actuation, self.coefficient, array))
+
+    def change(self, at: Prediction) -> Floats:
+        """Differentiate the pressures; only those of its chambers change."""
+        whole = self.slope(at.setting.actuation, at.pressures)
+        change = np.zeros_like(at.pressures)
+        change[:, list(self.chambers)] = whole[:, list(self.chambers)]
+        return change
+
+    @abstractmethod
+    def slope(self, actuation: ActuationMap, measured: Floats) -> Floats:
+        """Differentiate every chamber's pressure by its coefficient, shape (nodes, chambers)."""
+
+
+@dataclass(frozen=True)
+class Gain(ChamberUnknown):
+    """Gain of a chamber at zero pressure."""
+
+    manoeuvre = "raise this chamber alone in steps up to its limit, each held for 5 s"
+    coefficient = "gain"
+
+    def slope(self, actuation: ActuationMap, measured: Floats) -> Floats:
+        """Differentiate by the gain."""
+        return np.asarray(measured * (1.0 + (actuation.curve + actuation.bow * measured) * measured))
+
+
+@dataclass(frozen=True)
+class Bias(ChamberUnknown):
+    """Bias of a chamber's pressure."""
+
+    manoeuvre = "hold zero pressure for 10 s, then raise this chamber alone in small steps"
+    coefficient = "bias"
+
+    def slope(self, actuation: ActuationMap, measured: Floats) -> Floats:  # noqa: ARG002
+        """Differentiate by the bias."""
+        return np.ones_like(measured)
+
+
+@dataclass(frozen=True)
+class LinearGrowth(ChamberUnknown):
+    """Relative growth of the gains of a segment's chambers with the pressure."""
+
+    manoeuvre = SINGLE_STEPS
+    coefficient = "curve"
+
+    def slope(self, actuation: ActuationMap, measured: Floats) -> Floats:
+        """Differentiate by the growth."""
+        return np.asarray(actuation.gain * measured**2)
+
+
+@dataclass(frozen=True)
+class QuadraticGrowth(ChamberUnknown):
+    """Relative growth of the gains of a segment's chambers with the square of the pressure."""
+
+    manoeuvre = SINGLE_STEPS
+    coefficient = "bow"
+
+    def slope(self, actuation: ActuationMap, measured: Floats) -> Floats:
+        """Differentiate by the growth."""
+        return np.asarray(actuation.gain * measured**3)
+
+
+@dataclass(frozen=True)
+class Crosstalk(PressureUnknown):
+    """Share of one chamber's pressure that acts in another.
+
+    Args:
+        acts_in: Index of the chamber that it acts in.
+        comes_from: Index of the chamber whose pressure it is.
+    """
+
+    acts_in: int = 0
+    comes_from: int = 0
+
+    manoeuvre = "raise each chamber alone up to its limit, and hold random poses, all sections in view"
+
+    def apply(self, setting: Setting, value: float) -> Setting:
+        """Return a setting with the share."""
+        actuation = setting.actuation
+        shares = np.array(np.broadcast_to(actuation.crosstalk, (len(actuation.gain),) * 2))
+        shares[self.acts_in, self.comes_from] = value
+        return replace(setting, actuation=_replaced(actuation, "crosstalk", shares))
+
+    def change(self, at: Prediction) -> Floats:
+        """Differentiate the pressures."""
+        change = np.zeros_like(at.pressures)
+        change[:, self.acts_in] = at.pressures[:, self.comes_from]
+        return change
+
+
+@dataclass(frozen=True)
+class StretchGain(PressureUnknown):
+    """Relative growth of a pressure's worth per unit of its chamber's stretch."""
+
+    manoeuvre = "pull on the vented arm and on the pressurised one, and hold random poses without"
+
+    def apply(self, setting: Setting, value: float) -> Setting:
+        """Return a setting with the gain; a setting without a stretch law stays as it is."""
+        return (
+            setting
+            if setting.stretch is None
+            else replace(setting, stretch=replace(setting.stretch, gain=value))
+        )
+
+    def change(self, at: Prediction) -> Floats:
+        """Differentiate the pressures: as if those on unstretched chambers had grown."""
+        law = at.setting.stretch
+        assert law is not None  # else it is no unknown
+        stretches = law.stretches(at.response.frames)
+        acting = at.setting.actuation.to_chamber(at.pressures)
+        return np.asarray(acting * stretches / (1.0 + law.gain * stretches))
+
+
+@dataclass(frozen=True)
+class Alignment(Unknown):
+    """A sensor's own parameter, ``<sensor>.<parameter>``."""
+
+    manoeuvre = "bend the segment by more than 10 degrees in two directions, each held for 5 s"
+
+    def apply(self, setting: Setting, value: float) -> Setting:
+        """Return a setting with the parameter."""
+        return replace(setting, alignment={**setting.alignment, self.name: value})
+
+    def derivative(self, at: Prediction) -> Floats:
+        """Differentiate the predicted readings; a suite without the sensor does not change."""
+        if self.name not in at.suite.parameter_names:
+            return np.zeros(at.twists.shape[:2])
+        return at.alignment_jacobian[..., at.suite.parameter_names.index(self.name)]
+
+
+@dataclass(frozen=True)
+class BaseMount(Unknown):
+    """How the body on the base is mounted: a component of the twist that registered readings move by.
+
+    Args:
+        axis: Component: shift along x, y, z [m], then rotation about them [rad].
+    """
+
+    axis: int = 0
+
+    manoeuvre = "bend each segment by more than 20 degrees in three directions, each held for 5 s"
+
+    def apply(self, setting: Setting, value: float) -> Setting:
+        """Return a setting with the component."""
+        return replace(setting, base=_entered(setting.base, self.axis, value))
+
+    def derivative(self, at: Prediction) -> Floats:
+        """Differentiate the predicted readings, shape (nodes, rows)."""
+        return at.base_jacobian[..., self.axis]
+
+
+@dataclass(frozen=True)
+class GravityTilt(Unknown):
+    """Rotation of gravity about one of the two axes across it.
+
+    Args:
+        axis: Number of the axis.
+    """
+
+    axis: int = 0
+
+    manoeuvre = "hang a known weight, or pull with the gauge in three directions, each held for 5 s"
+
+    def apply(self, setting: Setting, value: float) -> Setting:
+        """Return a setting with the rotation."""
+        return replace(setting, gravity_tilt=_entered(setting.gravity_tilt, self.axis, value))
+
+    def derivative(self, at: Prediction) -> Floats:
+        """Differentiate the predicted readings, shape (nodes, rows)."""
+        return at.tilt_jacobian[..., self.axis]
+
+
+@dataclass(frozen=True)
+class CordAzimuth(Unknown):
+    """Rotation of all known pulls about the base frame's z."""
+
+    manoeuvre = "pull with the gauge by more than 0.2 N in two directions, the hook's marker in view"
+
+    def apply(self, setting: Setting, value: float) -> Setting:
+        """Return a setting with the rotation."""
+        return replace(setting, cord_azimuth=value)
+
+    def derivative(self, at: Prediction) -> Floats:
+        """Differentiate the predicted readings, shape (nodes, rows)."""
+        return at.azimuth_jacobian
+
+
+def registered(suite: SensorSuite) -> Floats:
+    """Return which rows of a suite rest on the laboratory's registration, 1 or 0, shape (rows,)."""
+    flags = np.zeros(suite.size)
+    for measurement in suite.measurements:
+        flags[suite.slices[measurement.name]] = measurement.registration is not None
+    return flags
+
+
+def lever(suite: SensorSuite, innovation: Floats) -> Floats:
+    """Compute how much further a rotation of the registration moves measured points than predicted ones.
+
+    A rotation w moves a measured point y by w x y and a predicted one, p = y - innovation, by w x p.
+
+    Returns:
+        Per shift and rotation as ``rigid_motion`` has them, shape (nodes, rows, 6).
+    """
+    more = np.zeros((*innovation.shape, 6))
+    for measurement in suite.measurements:
+        if isinstance(measurement, SectionPose | Marker):
+            first = suite.slices[measurement.name].start
+            more[:, first : first + 3, 3:] = skew(innovation[:, first : first + 3])
+    return more
+
+
+def by_azimuth(load_jacobian: Floats, pulls: Floats) -> Floats:
+    """Differentiate readings by a rotation of all pulls about z, shape (nodes, rows).
+
+    Args:
+        load_jacobian: Readings per unit of each load, shape (nodes, rows, loads).
+        pulls: Forces, three components a section, shape (nodes, loads).
+    """
+    if not pulls.size:
+        return np.zeros(load_jacobian.shape[:2])
+    forces = pulls.reshape(len(pulls), -1, 3)
+    change = np.cross([0.0, 0.0, 1.0], forces).reshape(pulls.shape)
+    moved: Floats = (load_jacobian @ change[..., None])[..., 0]
+    return moved
+
+
+def rigid_motion(frames: Frames) -> Floats:
+    """Return the stacked section twists of a rigid motion (v, w) of all, shape (..., 6 sections, 6)."""
+    sections = frames.positions.shape[-2]
+    motion = np.zeros((*frames.positions.shape[:-2], sections, 6, 6))
+    motion[...] = np.eye(6)
+    motion[..., :3, 3:] = -skew(frames.positions)
+    return motion.reshape(*frames.positions.shape[:-2], 6 * sections, 6)
+
+
+def _replaced(actuation: ActuationMap, coefficient: str, value: Floats) -> ActuationMap:
+    changed: dict[str, Any] = {coefficient: value}
+    return replace(actuation, **changed)
+
+
+def _entered(vector: Floats, index: int, value: float) -> Floats:
+    changed = vector.copy()
+    changed[index] = value
+    return changed

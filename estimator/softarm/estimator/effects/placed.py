@@ -1,0 +1,98 @@
+"""An effect at a place, and the one way in which it acts on what drives the arm."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.effects.effect import Effect, Hook, Memory, Signals
+from softarm.estimator.effects.world import Spot, World
+from softarm.estimator.response import ArmResponse
+from softarm.estimator.simulation import Drive
+
+Floats = NDArray[np.float64]
+
+FIELDS: Mapping[Hook, str] = {
+    "command": "pressures",
+    "pressure": "pressures",
+    "gravity": "gravity",
+    "load": "wrenches",
+    "couple": "eigenstrains",
+    "support": "base_rotation",
+}
+"""Part of a ``Drive`` that an effect changes, by its hook; an effect of sensing changes none."""
+ANSWERING = frozenset({"wrenches", "eigenstrains", "base_rotation"})
+"""Parts that may depend on the arm's response."""
+
+
+@dataclass(frozen=True)
+class PlacedEffect:
+    """An effect at a place, with its parameters.
+
+    Args:
+        effect: The effect.
+        spot: Where it acts.
+        theta: Its parameters, shape (parameters,).
+    """
+
+    effect: Effect
+    spot: Spot
+    theta: Floats
+
+    @property
+    def field(self) -> str:
+        """Part of a ``Drive`` that it changes; empty for an effect of sensing."""
+        return FIELDS.get(self.effect.hook, "")
+
+    @property
+    def answers(self) -> bool:
+        """Whether what it does may depend on the arm's response."""
+        return self.field in ANSWERING
+
+    def act(self, signals: Signals, memory: Memory) -> tuple[Floats, Memory]:
+        """Run the effect over a stretch of time.
+
+        What changes pressures changes those in the chambers. A calibration says what these are worth, and its
+        curve, be it of the winding or of the rubber, goes with the pressure that is there.
+        """
+        actuation = self.spot.world.actuation
+        if self.field != "pressures" or actuation is None:
+            return self.effect.act(signals, self.theta, self.spot, memory)
+        inside = actuation.to_measured(signals.pressures)
+        changed, memory = self.effect.act(replace(signals, pressures=inside), self.theta, self.spot, memory)
+        return signals.pressures + actuation.to_chamber(changed) - actuation.to_chamber(inside), memory
+
+    def change(self, signals: Signals, memory: Memory = ()) -> tuple[Floats, Memory]:
+        """Compute what the effect adds to its part of the drive, and its memory after the last sample.
+
+        An effect on pressures or on the material returns the new value; the others return their share.
+        """
+        value, memory = self.act(signals, memory)
+        if self.field == "pressures":
+            return value - signals.pressures, memory
+        if self.field == "eigenstrains":
+            return value - signals.strains, memory
+        return value, memory
+
+    def apply(self, drive: Drive, change: Floats) -> Drive:
+        """Add a change to the effect's part of a drive."""
+        before: Floats = getattr(drive, self.field)
+        after: dict[str, Any] = {self.field: before + change.reshape(before.shape)}
+        return replace(drive, **after)
+
+
+def signals_of(drive: Drive, world: World, response: ArmResponse | None = None) -> Signals:
+    """Gather what effects see; without a response, that of an arm at rest at the base."""
+    samples = drive.samples
+    if response is None:
+        strains = np.zeros((samples, len(world.segments), 4))
+        positions = np.zeros((samples, len(world.sections), 3))
+    else:
+        strains, positions = response.strains, response.frames.positions
+    force = drive.wrenches[..., :3] + world.masses[:, None] * drive.gravity[:, None, :]
+    moment = (np.cross(positions, force) + drive.wrenches[..., 3:]).sum(axis=1)
+    return Signals(
+        drive.time, drive.pressures, drive.gravity, strains, positions, moment, np.zeros((samples, 0))
+    )

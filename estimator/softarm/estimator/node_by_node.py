@@ -1,0 +1,188 @@
+"""A model that solves one sample at a time, made to answer many."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, Self, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
+from softarm.estimator.response import ArmResponse
+from softarm.estimator.rotations import exp
+
+Floats = NDArray[np.float64]
+
+NEAR = 1e-3  # out-of-balance force over the applied one, at which a Newton step leaves about its square
+NEWTON_STEPS = 12
+LARGEST_MOVE = 0.01  # rad or m; a Newton step that still moves a section by more is taken, not extrapolated
+GRAVITY_STEP = 0.5  # m/s2, of the difference that gives the derivative by gravity
+
+State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
+
+
+class FullLinearisation(Protocol):
+    """A linearisation that also knows gravity and the stiffness factors."""
+
+    def full_response(self, rows: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Project the motion of the sections on rows.
+
+        Returns:
+            Drift and change per input as ``Linearisation.response`` gives them, the change per component of
+            gravity, shape (outputs, 3), and per stiffness factor, shape (outputs, parameters).
+        """
+
+
+class ScaledModel(Protocol):
+    """A model whose regions' stiffness can be scaled."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the stiffness factors."""
+
+    @property
+    def scales(self) -> Floats:
+        """Values of the stiffness factors, shape (parameters,)."""
+
+    def with_scales(self, scales: Mapping[str, float]) -> Self:
+        """Return a copy with other stiffness factors."""
+
+
+@dataclass(frozen=True)
+class NodeByNode:
+    """Solves a model sample by sample, each begun from its own last state or from its neighbour's.
+
+    It implements ``BatchArmModel``; stiffness factors are those of a ``ScaledModel``, and none of others.
+
+    Args:
+        model: The model.
+        advance: Called with 1 after each sample.
+    """
+
+    model: ArmModel[Any, Any]
+    advance: Callable[[float], None] = lambda _: None
+
+    takes_eigenstrains = False
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections."""
+        return tuple(self.model.sections)
+
+    @property
+    def chambers(self) -> int:
+        """Number of chambers."""
+        return self.model.chambers
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Loads whose amplitudes are inputs."""
+        return tuple(self.model.loads)
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the regions whose stiffness can be scaled."""
+        return tuple(getattr(self.model, "parameters", ()))
+
+    def with_scales(self, scales: Mapping[str, float]) -> Self:
+        """Return a copy with other stiffness factors."""
+        known = {name: factor for name, factor in scales.items() if name in self.regions}
+        return replace(self, model=cast(Any, self.model).with_scales(known)) if known else self
+
+    def evaluate(
+        self,
+        pressures: Floats,
+        loads: Floats,
+        gravity: Floats,
+        eigenstrains: Floats | None = None,
+        *,
+        start: ArmResponse | None = None,
+        jacobians: bool = True,  # noqa: ARG002
+    ) -> ArmResponse:
+        """Solve many samples; see ``BatchArmModel.evaluate``.
+
+        What the last Newton step of a sample still moves is extrapolated.
+        """
+        assert eigenstrains is None, "this model takes no eigenstrains"
+        samples, rows = len(pressures), 6 * len(self.sections)
+        frames = Frames(np.zeros((samples, rows // 6, 3)), np.zeros((samples, rows // 6, 3, 3)))
+        found = ArmResponse(
+            frames,
+            np.zeros(samples, dtype=bool),
+            self.chambers,
+            np.zeros((samples, rows, self.chambers + len(self.loads) + 3)),
+            np.zeros((samples, rows, len(self.regions))),
+            states=np.empty(samples, dtype=object),
+        )
+        state = self.model.rest()
+        every = np.broadcast_to(gravity, (samples, 3))
+        for index, inputs in enumerate(map(Inputs, pressures, loads, every)):
+            if start is not None and start.converged[index]:
+                state = start.states[index]
+            state = self._solve(found, index, state, inputs)
+            found.states[index] = state
+            self.advance(1)
+        return found
+
+    def _solve(self, found: ArmResponse, index: int, start: object, inputs: Inputs) -> object:
+        """Solve a sample and enter it into the response."""
+        state, step, found.converged[index] = settle(self.model, start, inputs)
+        found.frames.positions[index] = step.frames.positions
+        found.frames.rotations[index] = step.frames.rotations
+        if not found.converged[index]:
+            return state
+        for _ in range(NEWTON_STEPS):
+            drift, *jacobians = full_response(self.model, state, step, inputs)
+            if np.abs(drift).max() <= LARGEST_MOVE:
+                break
+            state = self.model.advance(step, np.zeros(self.chambers + len(self.loads)))
+            step = self.model.linearise(state, inputs)
+        move = drift.reshape(-1, 6)
+        found.frames.positions[index] = step.frames.positions + move[:, :3]
+        found.frames.rotations[index] = exp(move[:, 3:]) @ step.frames.rotations
+        by_inputs, by_gravity, by_factors = jacobians
+        found.input_jacobian[index] = np.column_stack([by_inputs, by_gravity])
+        # The chain rule turns a derivative by the factor into one by its logarithm.
+        found.factor_jacobian[index] = by_factors * getattr(self.model, "scales", np.zeros(0))
+        return state
+
+
+def settle(model: ArmModel[State, Step], start: State, inputs: Inputs) -> tuple[State, Step, bool]:
+    """Bring a state near equilibrium by Newton steps, else by the model's own solver.
+
+    Nearness is enough: what remains is one Newton step, which the linearisation gives as its drift.
+
+    Returns:
+        The state, the model linearised there, and whether it is near equilibrium.
+    """
+    state, last = start, np.inf
+    for _ in range(NEWTON_STEPS):
+        step = model.linearise(state, inputs)
+        if step.residual_norm < NEAR:
+            return state, step, True
+        if not step.residual_norm < last:
+            break
+        last = step.residual_norm
+        state = model.advance(step, np.zeros(model.chambers + len(model.loads)))
+    state, converged = model.solve(inputs, start)
+    return state, model.linearise(state, inputs), converged
+
+
+def full_response(
+    model: ArmModel[State, Step], state: State, step: Step, inputs: Inputs
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return drift and derivatives of the section twists; see ``FullLinearisation.full_response``.
+
+    A model that does not differentiate by gravity is linearised again under three others.
+    """
+    eye = np.eye(6 * len(model.sections))
+    full = getattr(step, "full_response", None)
+    if full is not None:
+        return cast(FullLinearisation, step).full_response(eye)
+    drift, by_inputs = step.response(eye)
+    by_gravity = []
+    for axis in np.eye(3):
+        nearby = model.linearise(state, replace(inputs, gravity=inputs.gravity + GRAVITY_STEP * axis))
+        by_gravity.append((nearby.response(eye)[0] - drift) / GRAVITY_STEP)
+    return drift, by_inputs, np.column_stack(by_gravity), np.zeros((len(eye), 0))

@@ -1,0 +1,141 @@
+"""What an arm does at many samples, how that changes, and the models that solve many samples at once."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.model import Frames, Load
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+
+
+def _no_columns() -> Floats:
+    return np.zeros((0, 0, 0))
+
+
+@dataclass(frozen=True)
+class ArmResponse:
+    """What an arm does at many samples, with the derivatives of its section twists.
+
+    A twist is a translation [m], then a rotation vector [rad], in the base frame; those of all sections are
+    stacked. A derivative that a model does not give, or that nobody asked for, has no columns.
+
+    Args:
+        frames: Frames of the sections, arrays with a leading axis (samples,).
+        converged: Where an equilibrium was found, shape (samples,).
+        chambers: Number of chambers.
+        input_jacobian: Section twists per unit of each pressure, each load and each component of gravity,
+            shape (samples, 6 sections, chambers + loads + 3).
+        factor_jacobian: Section twists per unit of the logarithm of each region's stiffness factor, shape
+            (samples, 6 sections, regions).
+        eigenstrain_jacobian: Section twists per unit of each region's eigenstrains, shape (samples,
+            6 sections, 4 regions).
+        strains: Generalised strains of the segments where they are known: rotation vector of the lower end
+            seen from the upper one [rad], then elongation [m]; shape (samples, segments, 4).
+        states: The model's state at each sample, to begin other solves with, shape (samples, ...).
+    """
+
+    frames: Frames
+    converged: Flags
+    chambers: int = 0
+    input_jacobian: Floats = field(default_factory=_no_columns)
+    factor_jacobian: Floats = field(default_factory=_no_columns)
+    eigenstrain_jacobian: Floats = field(default_factory=_no_columns)
+    strains: Floats = field(default_factory=_no_columns)
+    states: NDArray[Any] = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return len(self.converged)
+
+    @property
+    def pressure_jacobian(self) -> Floats:
+        """Section twists per unit of each pressure, shape (samples, 6 sections, chambers)."""
+        return self.input_jacobian[..., : self.chambers]
+
+    @property
+    def load_jacobian(self) -> Floats:
+        """Section twists per unit of each load, shape (samples, 6 sections, loads)."""
+        return self.input_jacobian[..., self.chambers : -3]
+
+    @property
+    def gravity_jacobian(self) -> Floats:
+        """Section twists per component of gravity, shape (samples, 6 sections, 3)."""
+        return self.input_jacobian[..., -3:]
+
+    def at(self, chosen: Flags | Indices) -> "ArmResponse":
+        """Select samples by flags or numbers."""
+        kept: dict[str, Any] = {n: array[chosen] for n, array in self._arrays.items() if len(array)}
+        frames = Frames(self.frames.positions[chosen], self.frames.rotations[chosen])
+        return replace(self, frames=frames, converged=self.converged[chosen], **kept)
+
+    def with_states(self, states: NDArray[Any]) -> "ArmResponse":
+        """Return the response with other states to begin at, shape (samples, ...)."""
+        return replace(self, states=states)
+
+    @property
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        names = ("input_jacobian", "factor_jacobian", "eigenstrain_jacobian", "strains", "states")
+        return {name: getattr(self, name) for name in names}
+
+
+class BatchArmModel(Protocol):
+    """A model of the arm that solves many samples in one call, such as the calibrated rod."""
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections."""
+
+    @property
+    def chambers(self) -> int:
+        """Number of chambers."""
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Loads whose amplitudes are inputs."""
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the regions whose stiffness can be scaled."""
+
+    @property
+    def takes_eigenstrains(self) -> bool:
+        """Whether its regions can strain freely."""
+
+    def with_scales(self, scales: Mapping[str, float]) -> Self:
+        """Return a copy with other stiffness factors of some regions."""
+
+    def evaluate(
+        self,
+        pressures: Floats,
+        loads: Floats,
+        gravity: Floats,
+        eigenstrains: Floats | None = None,
+        *,
+        start: ArmResponse | None = None,
+        jacobians: bool = True,
+    ) -> ArmResponse:
+        """Solve many samples.
+
+        Args:
+            pressures: Gauge pressures in the chambers [Pa], shape (samples, chambers).
+            loads: Amplitudes of the model's loads [N or N m], shape (samples, loads).
+            gravity: Gravitational acceleration in the base frame [m/s2], shape (3,) or (samples, 3).
+            eigenstrains: What the material of each region strains beside what its law gives: two bends, the
+                twist [rad] and the elongation [m], shape (samples, regions, 4).
+            start: An earlier response to the same samples, whose states the solves begin from.
+            jacobians: Whether the derivatives are wanted.
+        """
+
+
+class TorsionModel(Protocol):
+    """A model whose segments' torsional compliance can be changed."""
+
+    def with_torsion(self, compliances: Mapping[str, float]) -> Self:
+        """Return a copy in which regions twist by a further share under a moment about the arm's axis."""

@@ -1,0 +1,120 @@
+"""A model of many samples whose pressures are worth more as their chambers are stretched."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.model import Frames, Load
+from softarm.estimator.node_by_node import LARGEST_MOVE
+from softarm.estimator.response import ArmResponse, BatchArmModel
+from softarm.estimator.rotations import exp
+from softarm.estimator.stretch.law import StretchLaw
+
+Floats = NDArray[np.float64]
+
+PASSES = 6
+
+
+@dataclass(frozen=True)
+class StretchedBatch:
+    """A model whose pressures follow the stretch of their chambers; implements ``BatchArmModel``.
+
+    Args:
+        model: The model, which knows nothing of the stretch.
+        law: How far each chamber is stretched, and what its pressure is worth then.
+    """
+
+    model: BatchArmModel
+    law: StretchLaw
+
+    @property
+    def sections(self) -> tuple[str, ...]:
+        """Names of the sections."""
+        return self.model.sections
+
+    @property
+    def chambers(self) -> int:
+        """Number of chambers."""
+        return self.model.chambers
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """Loads whose amplitudes are inputs."""
+        return self.model.loads
+
+    @property
+    def regions(self) -> tuple[str, ...]:
+        """Names of the regions whose stiffness can be scaled."""
+        return self.model.regions
+
+    @property
+    def takes_eigenstrains(self) -> bool:
+        """Whether the regions can strain freely."""
+        return self.model.takes_eigenstrains
+
+    def with_scales(self, scales: Mapping[str, float]) -> Self:
+        """Return a copy with other stiffness factors of some regions."""
+        return replace(self, model=self.model.with_scales(scales))
+
+    def evaluate(
+        self,
+        pressures: Floats,
+        loads: Floats,
+        gravity: Floats,
+        eigenstrains: Floats | None = None,
+        *,
+        start: ArmResponse | None = None,
+        jacobians: bool = True,  # noqa: ARG002
+    ) -> ArmResponse:
+        """Solve many samples at pressures on unstretched chambers; see ``BatchArmModel.evaluate``.
+
+        The pressures are made with the stretches of ``start``; what these have changed by since is made up
+        for by one Newton step, as long as that is short. The derivatives are needed for it, wanted or not.
+        """
+        law = self.law
+        stretches = np.zeros_like(pressures)
+        if start is not None:
+            stretches = np.where(start.converged[:, None], law.stretches(start.frames), 0.0)
+        for _ in range(PASSES):
+            effective = law.worth(pressures, stretches)
+            inner = self.model.evaluate(effective, loads, gravity, eigenstrains, start=start)
+            move, following = self._following(pressures, stretches, inner)
+            if np.abs(move[inner.converged]).max(initial=0.0) < LARGEST_MOVE:
+                break
+            start = inner
+            stretches = np.where(inner.converged[:, None], law.stretches(inner.frames), 0.0)
+        return self._followed(inner, move, following)
+
+    def _following(self, pressures: Floats, stretches: Floats, inner: ArmResponse) -> tuple[Floats, Floats]:
+        """Let the pressures follow the stretch.
+
+        With C the twists per unit of pressure, E the rows of the stretches and G = g p, all motion m becomes
+        A m, A = 1 + C G (1 - E C G)^-1 E, and the stretches' change q since they were taken moves by A C G q.
+
+        Returns:
+            That move of the section twists, shape (samples, 6 sections), and A, shape (samples, 6 sections,
+            same).
+        """
+        rows = self.law.rows(inner.frames)
+        pushed = inner.pressure_jacobian * (self.law.gain * pressures)[:, None, :]
+        remaining = np.eye(pressures.shape[1]) - rows @ pushed
+        following = np.eye(rows.shape[-1]) + pushed @ np.linalg.solve(remaining, rows)
+        change = (self.law.stretches(inner.frames) - stretches)[..., None]
+        move: Floats = (following @ (pushed @ change))[..., 0]
+        return move, following
+
+    def _followed(self, inner: ArmResponse, move: Floats, following: Floats) -> ArmResponse:
+        twists = move.reshape(len(move), -1, 6)
+        positions = inner.frames.positions + twists[..., :3]
+        frames = Frames(positions, exp(twists[..., 3:]) @ inner.frames.rotations)
+        by_input = following @ inner.input_jacobian
+        by_input[..., : self.chambers] *= (1.0 + self.law.gain * self.law.stretches(frames))[:, None, :]
+        wanted = {
+            name: following @ jacobian
+            for name in ("factor_jacobian", "eigenstrain_jacobian")
+            if len(jacobian := getattr(inner, name))
+        }
+        return replace(inner, frames=frames, input_jacobian=by_input, **wanted)

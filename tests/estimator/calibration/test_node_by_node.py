@@ -1,0 +1,38 @@
+"""A model that solves one sample at a time, made to answer many."""
+
+import numpy as np
+from toy import toy, twists
+
+from softarm.estimator.model import Frames
+from softarm.estimator.node_by_node import NodeByNode
+from softarm.estimator.response import ArmResponse
+
+GRAVITY = np.array([0.0, 0.0, 9.81])
+
+
+def solved(pressures: np.ndarray, **scales: float) -> ArmResponse:
+    return NodeByNode(toy()).with_scales(scales).evaluate(pressures, np.zeros((len(pressures), 0)), GRAVITY)
+
+
+def test_a_response_keeps_chosen_samples() -> None:
+    whole = solved(np.arange(18.0).reshape(3, 6) * 1e3)
+    part = whole.at(np.array([True, False, True]))
+    assert len(part.states) == part.samples == 2
+    np.testing.assert_array_equal(part.frames.positions, whole.frames.positions[[0, 2]])
+
+
+def test_pressures_and_stiffness_factors_move_the_sections_as_differences_say() -> None:
+    pressures = np.full((1, 6), 3e4) * [1, 0, 0.5, 0, 1, 0]
+    at = solved(pressures, upper=1.1)
+    here = Frames(at.frames.positions[0], at.frames.rotations[0])
+    softer = solved(pressures, upper=1.1 * np.exp(1e-5))
+    np.testing.assert_allclose(at.factor_jacobian[0, :, 0], twists(here, softer.frames)[0] / 1e-5, atol=1e-4)
+    fuller = solved(pressures + np.eye(6)[2], upper=1.1)
+    np.testing.assert_allclose(at.pressure_jacobian[0, :, 2], twists(here, fuller.frames)[0], atol=1e-9)
+    assert at.load_jacobian.shape[-1] == 0
+    assert not at.gravity_jacobian.any()
+
+
+def test_a_region_of_another_model_is_left_out() -> None:
+    model = NodeByNode(toy())
+    assert model.with_scales({"foreign": 2.0}) is model
