@@ -52,6 +52,13 @@ def test_a_slack_gauge_is_no_load() -> None:
     assert not any("gauge" in note for note in found.notes)
 
 
+def test_a_saturated_gauge_is_refused_as_a_calibration_refuses_it() -> None:
+    gauge = _gauge(0.0)
+    gauge["gauge_cord_n"] = np.minimum(0.8 * np.sin(0.9 * TIME) ** 2, 0.4)
+    with pytest.raises(InputError, match="saturated gauge"):
+        prepare(_recording(gauge, gauge_section="tip"), SOPRA, SECTIONS, nominal=False)
+
+
 def test_bends_that_repeat_the_frames_are_left_out() -> None:
     zero = np.zeros(len(TIME))
     bends = {f"bend_tip_{axis}_rad": zero for axis in "xy"}

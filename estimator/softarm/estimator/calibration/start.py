@@ -64,10 +64,9 @@ def _highest(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
 def sized_by_bends(specimen: Specimen, layout: Layout, first: Floats, found: Mapping[str, AxesFit]) -> Floats:
     """Begin with moduli that give the bends their recorded size, and with the biases that remain."""
     values = np.where(layout.of(Modulus), first, layout.means)
-    sections = [section.name for section in specimen.sections]
     for index, unknown in enumerate(layout.unknowns):
         if isinstance(unknown, Modulus):
-            name = f"bend_{_section_below(specimen, unknown.segment, sections)}"
+            name = f"bend_{specimen.section_below(specimen.segment(unknown.segment).to_m)}"
             if name in found:
                 values[index] -= float(np.clip(np.log(max(found[name].gain, 1e-3)), -1.0, 1.0))
         for axis, letter in enumerate("xy"):
@@ -86,9 +85,3 @@ def with_bends_kept(specimen: Specimen, layout: Layout, sized: Floats, told: Flo
             ratio = np.exp(moved.get(f"modulus.{chamber.segment}", 0.0))
             values[layout.names.index(f"gain.{chamber.index}")] *= np.clip(ratio, 0.5, 2.0)
     return values
-
-
-def _section_below(specimen: Specimen, segment: str, sections: Sequence[str]) -> str:
-    end = specimen.segment(segment).to_m
-    below = [name for name in sections if specimen.section(name).from_m >= end - 1e-9]
-    return min(below, key=lambda name: specimen.section(name).from_m, default="")

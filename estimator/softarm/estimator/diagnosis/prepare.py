@@ -1,16 +1,19 @@
 """From a recording to a session: sensors that say something of their own, known loads, means over windows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration import Run, arrange
+from softarm.estimator.calibration import Run, arrange, section_forces
+from softarm.estimator.calibration.pulls import HOOK, LEAST_PULL, gauged_section
 from softarm.estimator.diagnosis.session import Floats, Indices, Session
 from softarm.estimator.errors import InputError
+from softarm.estimator.model import Load
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
-from softarm.estimator.sensing import Registration, SensorSuite
+from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.specimen import Specimen
 
 Flags = NDArray[np.bool_]
@@ -20,8 +23,6 @@ BLOCK = 10.0
 LEAST_BLOCKS = 6
 SAME = np.radians(0.2)
 """Bends that repeat what frames say to within this are left out."""
-TAUT = 0.02
-"""A gauge that pulls harder [N] counts as a load."""
 RINGING = 0.11
 """Windows longer than this [s] are there to average a ring away."""
 QUIETEST, QUIET_SIZE = 10.0, 0.1257
@@ -48,31 +49,29 @@ def prepare(
 ) -> Prepared:
     """Arrange a recording for a diagnosis, at its own rate.
 
-    Gravity is the recording's ``gravity_m_s2`` where it has one, else the specimen's. A force gauge whose
-    hook is seen as a marker becomes a known load on ``gauge_section``.
+    Gravity is the recording's ``gravity_m_s2`` where it has one, else the specimen's. A force gauge becomes a
+    known load as in a calibration.
 
     Raises:
-        InputError: The recording does not fit the specimen or holds no motion.
+        InputError: The recording does not fit the specimen, holds no motion, or a gauge was saturated.
     """
     notes: list[str] = []
-    known = _without_unknown_markers(recording, specimen, notes)
-    run = arrange(_without_repeated_bends(known, specimen, notes), specimen, sections)
-    present = np.isfinite(run.pressures).all(axis=1)
+    known = _without_unknown_gauges(_without_unknown_markers(recording, specimen, notes), specimen, notes)
+    forces = section_forces(specimen)
+    run = arrange(_without_repeated_bends(known, specimen, notes), specimen, sections, forces)
+    present = np.isfinite(run.pressures).all(axis=1) & np.isfinite(run.loads).all(axis=1)
     run = run.window(np.asarray(present))
     if len(run.time) < 2:
         raise InputError(recording.name, "pressures and motion are never present together", "record both")
     samples = len(run.time)
-    gravity = np.array(recording.info.get("gravity_m_s2", specimen.gravity_m_s2), dtype=np.float64)
-    if gravity.shape != (3,):
-        raise InputError(f"{recording.name}, gravity_m_s2", "is not three numbers", "give x, y and z")
     start = float(recording.info.get("session_start_s", 0.0))
     session = Session(
         name=recording.name,
         nominal=nominal,
         clock=run.time + start,
         pressures=run.pressures,
-        gravity=np.tile(gravity, (samples, 1)),
-        wrenches=_gauge_wrenches(recording, run, sections, notes),
+        gravity=np.tile(run.gravity, (samples, 1)),
+        wrenches=_wrenches(run, forces, sections),
         suite=run.suite,
         readings=run.readings,
         sigma=np.zeros(run.suite.size),
@@ -135,7 +134,7 @@ def blocks_of(time: Floats) -> Indices:
 
 def _without_unknown_markers(recording: Recording, specimen: Specimen, notes: list[str]) -> Recording:
     known = {marker.name for marker in specimen.markers}
-    unknown = [name for name in recording.markers if name not in known]
+    unknown = [name for name in recording.markers if name not in known and name != HOOK]
     kept = [name for name in recording.markers if name in known]
     if unknown and not kept and not recording.frames and not recording.bends:
         listed = ", ".join(unknown)
@@ -185,45 +184,34 @@ def _tilt(above: Floats, below: Floats) -> Floats:
     return tilt
 
 
-def _gauge_wrenches(recording: Recording, run: Run, sections: tuple[str, ...], notes: list[str]) -> Floats:
-    """Give the loads that a gauge measured, along the line from its section to its hook."""
-    wrenches = np.zeros((len(run.time), len(sections), 6))
+def _without_unknown_gauges(recording: Recording, specimen: Specimen, notes: list[str]) -> Recording:
+    """Leave out gauges that pull where, or along which line, nobody knows."""
+    sections = [section.name for section in specimen.sections]
+    line = HOOK in recording.markers or "gauge_direction" in recording.info
+    unknown = []
     for gauge in recording.gauges:
-        pull = recording.gauge(gauge)
-        seen = np.isfinite(pull)
-        section = recording.info.get("gauge_section")
-        if not seen.any() or float(np.abs(pull[seen]).max()) < TAUT:
-            continue
-        hook = "hook" if "marker_hook_x_m" in recording.columns else f"{gauge}_hook"
-        if not isinstance(section, str) or section not in sections or hook not in recording.markers:
+        try:
+            known = line and bool(gauged_section(recording, gauge, sections))
+        except InputError:
+            known = False
+        taut = float(np.nanmax(np.abs(recording.gauge(gauge)), initial=0.0)) > LEAST_PULL
+        if taut and not known:
+            unknown.append(gauge)
             notes.append(
                 f"{recording.name}: gauge {gauge} pulls, but where and along which line is not known "
                 "(gauge_section and marker_hook); its force is not in the model."
             )
-            continue
-        force = np.interp(run.time, recording.time[seen], pull[seen])
-        line = _line(recording, run, section, hook)
-        wrenches[:, sections.index(section), :3] += force[:, None] * line
+    left_out = {f"gauge_{gauge}_n" for gauge in unknown}
+    columns = {name: values for name, values in recording.columns.items() if name not in left_out}
+    return replace(recording, columns=columns)
+
+
+def _wrenches(run: Run, forces: Sequence[Load], sections: tuple[str, ...]) -> Floats:
+    """Arrange the known forces as wrenches on the sections, shape (samples, sections, 6)."""
+    wrenches = np.zeros((len(run.time), len(sections), 6))
+    for force, amplitude in zip(forces, run.loads.T, strict=True):
+        wrenches[:, sections.index(str(force.section)), :3] += amplitude[:, None] * force.direction
     return wrenches
-
-
-def _line(recording: Recording, run: Run, section: str, hook: str) -> Floats:
-    """Give the unit vector from a section to the gauge's hook in the base frame, shape (samples, 3)."""
-    if section not in recording.frames:
-        return np.zeros((len(run.time), 3))
-    there, here = recording.marker(hook), recording.pose(section)[:, :3]
-    registration = next((m.registration for m in run.suite.measurements if m.registration), Registration())
-    line = registration.to_base(there) - registration.to_base(here)
-    filled = np.column_stack([_filled(recording.time, column, run.time) for column in line.T])
-    unit: Floats = filled / np.maximum(np.linalg.norm(filled, axis=1, keepdims=True), 1e-9)
-    return unit
-
-
-def _filled(time: Floats, values: Floats, wanted: Floats) -> Floats:
-    seen = np.isfinite(values)
-    if not seen.any():
-        return np.zeros(len(wanted))
-    return np.interp(wanted, time[seen], values[seen])
 
 
 def _orientations(suite: SensorSuite) -> list[slice]:

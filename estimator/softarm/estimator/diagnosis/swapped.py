@@ -22,8 +22,6 @@ FOLLOWS, STRAYS = 0.9, 0.6
 """Correlation from which a pressure follows a set-point, and below which it does not."""
 MOVED = 500.0
 """Spread of a pressure [Pa] from which it counts as moved."""
-TOUCHING = 1e-6
-"""Largest distance of a segment's end from the section that it bends [m]."""
 OTHER = 0.25
 """What another segment's chambers leave of a bend over what its own leave, below which it is the other's."""
 
@@ -71,15 +69,10 @@ def _correlation(one: Floats, other: Floats) -> Floats:
 
 def _swapped_bends(recording: Recording, specimen: Specimen) -> str:
     """Compare how well the chambers of each segment explain each bend, by linear regression."""
-    chambers = {
-        section.name: [
-            chamber.index
-            for segment in specimen.segments
-            for chamber in specimen.chambers
-            if chamber.segment == segment.name and abs(segment.to_m - section.from_m) < TOUCHING
-        ]
-        for section in specimen.sections
-    }
+    chambers: dict[str, list[int]] = {}
+    for segment in specimen.segments:
+        members = [chamber.index for chamber in specimen.chambers if chamber.segment == segment.name]
+        chambers.setdefault(specimen.section_below(segment.to_m) or "", []).extend(members)
     present = set(recording.chambers)
     known = [name for name in recording.bends if chambers.get(name) and present >= {*chambers[name]}]
     for a, b in combinations(known, 2):

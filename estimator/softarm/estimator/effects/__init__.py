@@ -1,48 +1,18 @@
 """Physical effects that may be missing from a model; each is one file of this package."""
 
 from importlib import import_module
+from pkgutil import iter_modules
+from typing import get_args
 
 from softarm.estimator.effects.effect import Effect, Memory, ModalChange, Parameter, Signals, describe
 from softarm.estimator.effects.world import Spot, World
+from softarm.estimator.specimen.physics import EffectName
 
-_FILES = (
-    "base_compliance",
-    "base_tilt",
-    "chamber_crosstalk",
-    "chamber_gain",
-    "contact_obstacle",
-    "distributed_mass",
-    "external_force",
-    "fibre_twist",
-    "frame_misalignment",
-    "hysteresis",
-    "inertia_damping",
-    "line_lag",
-    "line_leak",
-    "local_stiffness_defect",
-    "material_softening",
-    "material_stiffening",
-    "mullins_softening",
-    "pressure_bias",
-    "pressure_saturation",
-    "segment_stiffness",
-    "sensor_bias",
-    "sensor_drift",
-    "sensor_latency",
-    "sensor_scale",
-    "sensor_stuck",
-    "tether_stiffness",
-    "thermal_drift",
-    "tip_payload",
-    "valve_deadband",
-    "viscoelastic_creep",
-)
-"""Files of this package that hold an effect: adding one is its file and a line here."""
+# Adding an effect is its file here and its name in the vocabulary; names without a file have no physics.
+_FILES = sorted({module.name for module in iter_modules(__path__)} & set(get_args(EffectName)))
 
-EFFECTS: dict[str, Effect] = {
-    effect.name: effect for effect in (import_module(f"{__name__}.{file}").EFFECT for file in _FILES)
-}
-"""Every effect by its name in the vocabulary; ``unknown`` has no physics and is not among them."""
+EFFECTS: dict[str, Effect] = {name: import_module(f"{__name__}.{name}").EFFECT for name in _FILES}
+"""Every effect by its name in the vocabulary."""
 
 __all__ = [
     "EFFECTS",

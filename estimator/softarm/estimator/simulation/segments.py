@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arc import arc_over_chord
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import inverse_left_jacobian, log
@@ -42,15 +43,14 @@ class Segments:
         Raises:
             InputError: If no section that the model gives lies below a segment.
         """
-        known = [(specimen.section(name), index) for index, name in enumerate(sections)]
         above, below = [], []
         for part in specimen.segments:
-            upper = [(s.to_m, index) for s, index in known if s.to_m <= part.from_m + 1e-9]
-            lower = [(s.from_m, -index, index) for s, index in known if s.from_m >= part.to_m - 1e-9]
-            if not lower:
+            upper = specimen.section_above(part.from_m, sections)
+            lower = specimen.section_below(part.to_m, sections)
+            if lower is None:
                 raise InputError("sections", f"none below segment {part.name!r}", "add a section at its end")
-            above.append(max(upper)[1] if upper else -1)
-            below.append(min(lower)[2])
+            above.append(-1 if upper is None else sections.index(upper))
+            below.append(sections.index(lower))
         return cls(tuple(part.name for part in specimen.segments), tuple(above), tuple(below), rest)
 
     @property
@@ -79,7 +79,7 @@ class Segments:
         """Give the generalised strains, shape (..., segments, 4)."""
         upper, lower, chord = self._ends(frames)
         theta = log(np.swapaxes(upper, -1, -2) @ lower)
-        arc = np.linalg.norm(chord, axis=-1) * _swell(np.hypot(theta[..., 0], theta[..., 1]))[0]
+        arc = np.linalg.norm(chord, axis=-1) * arc_over_chord(np.hypot(theta[..., 0], theta[..., 1]))[0]
         return np.concatenate([theta, (arc - self.lengths)[..., None]], axis=-1)
 
     def rows(self, frames: Frames) -> Floats:
@@ -89,7 +89,7 @@ class Segments:
         theta = log(inward @ lower)
         turning = inverse_left_jacobian(theta) @ inward
         beta = np.hypot(theta[..., 0], theta[..., 1])
-        swell, over_beta = _swell(beta)
+        swell, over_beta = arc_over_chord(beta)
         length = np.linalg.norm(chord, axis=-1)
         along = chord * (swell / length)[..., None]
         bend = (length * over_beta)[..., None, None] * theta[..., None, :2] @ turning[..., :2, :]
@@ -107,13 +107,3 @@ class Segments:
         """Give the sections' wrenches, shape (..., sections, 6), that do the work of segment couples."""
         wrench: Floats = np.einsum("...gij,...gi->...j", self.rows(frames), couples)
         return wrench.reshape(*wrench.shape[:-1], -1, 6)
-
-
-def _swell(beta: Floats) -> tuple[Floats, Floats]:
-    """Give f(beta) and f'(beta) / beta."""
-    half = 0.5 * np.maximum(beta, 1e-3)
-    sine, cosine = np.sin(half), np.cos(half)
-    swell = half / sine
-    slope = 0.5 * (sine - half * cosine) / sine**2 / (2.0 * half)
-    small = beta < 1e-3
-    return np.where(small, 1.0 + beta**2 / 24.0, swell), np.where(small, 1.0 / 12.0, slope)

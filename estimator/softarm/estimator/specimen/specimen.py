@@ -1,5 +1,6 @@
 """All that the model knows of one robot."""
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -12,6 +13,8 @@ from softarm.estimator.specimen.entry import Entry, Name, Vector
 from softarm.estimator.specimen.geometry import Geometry
 from softarm.estimator.specimen.material import Material
 from softarm.estimator.specimen.physics import Physics
+
+TOUCHING_M = 1e-6  # parts whose faces are nearer touch
 
 
 class Specimen(Entry):
@@ -97,3 +100,21 @@ class Specimen(Entry):
     def section(self, name: str) -> Section:
         """Give a section by name."""
         return next(part for part in self.sections if part.name == name)
+
+    def section_above(self, height_m: float, among: Collection[str] = ()) -> str | None:
+        """Return the nearest section that ends at a height or nearer to the base; ``None`` where none does.
+
+        Args:
+            height_m: Rest distance from the base [m].
+            among: Names of sections to choose from; all of them when empty.
+        """
+        before = [s for s in self._chosen(among) if s.to_m <= height_m + TOUCHING_M]
+        return max(before, key=lambda section: section.to_m).name if before else None
+
+    def section_below(self, height_m: float, among: Collection[str] = ()) -> str | None:
+        """Return the nearest section that begins at a height or nearer to the tip; see ``section_above``."""
+        after = [s for s in self._chosen(among) if s.from_m >= height_m - TOUCHING_M]
+        return min(after, key=lambda section: section.from_m).name if after else None
+
+    def _chosen(self, among: Collection[str]) -> list[Section]:
+        return [section for section in self.sections if not among or section.name in among]

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arc import arc_over_chord
 from softarm.estimator.geometry import build_mesh
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import from_quaternions
@@ -21,10 +22,6 @@ from softarm.estimator.specimen import Section, Specimen
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
-
-STRAIGHT = 1e-4
-"""Angle [rad] below which the arc's leading terms are exact to rounding."""
-TOUCHING = 1e-6  # m
 
 
 @dataclass(frozen=True)
@@ -66,12 +63,11 @@ class StretchLaw:
         below, above = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
         starts, ends = np.zeros((count, 3)), np.zeros((count, 3))
         for k, chamber in enumerate(specimen.chambers):
-            under = [i for i, entry in enumerate(entries) if entry.to_m <= chamber.from_m + TOUCHING]
-            over = [i for i, entry in enumerate(entries) if entry.from_m >= chamber.to_m - TOUCHING]
-            if not under or not over:
+            ends_at = specimen.section_above(chamber.from_m, sections)
+            begins_at = specimen.section_below(chamber.to_m, sections)
+            if ends_at is None or begins_at is None:
                 continue
-            below[k] = max(under, key=lambda i: entries[i].to_m)
-            above[k] = min(over, key=lambda i: entries[i].from_m)
+            below[k], above[k] = sections.index(ends_at), sections.index(begins_at)
             nodes = np.unique(mesh.surfaces[f"chamber_{chamber.index}"].facets)
             x, y = mesh.points[nodes, :2].mean(axis=0)
             starts[k] = _seen_from(entries[below[k]], np.array([x, y, chamber.from_m]))
@@ -89,20 +85,23 @@ class StretchLaw:
     def stretches(self, frames: Frames) -> Floats:
         """Give the stretch of each chamber, shape (..., C)."""
         reach, turn = self._reach(frames), self._turn(frames)
-        stretched: Floats = np.linalg.norm(reach, axis=-1) * _arc(turn) / self.lengths - 1.0
+        stretched: Floats = np.linalg.norm(reach, axis=-1) * arc_over_chord(turn)[0] / self.lengths - 1.0
         return np.where(self._known, stretched, 0.0)
 
     def rows(self, frames: Frames) -> Floats:
         """Differentiate the stretches by the stacked twists of the sections, shape (..., C, 6 sections)."""
         rotations, reach, turn = frames.rotations, self._reach(frames), self._turn(frames)
         chord = np.linalg.norm(reach, axis=-1)[..., None]
-        along = reach / np.maximum(chord, 1e-12) * (_arc(turn) / self.lengths)[..., None]
+        ratio, over_turn = arc_over_chord(turn)
+        along = reach / np.maximum(chord, 1e-12) * (ratio / self.lengths)[..., None]
         arms = (
             _turned(rotations, self.below, self.starts),
             _turned(rotations, self.above, self.ends),
         )
         lower, upper = self._axes(frames)
-        bend = np.cross(lower, upper) * (chord[..., 0] * _arc_slope(turn) / self.lengths)[..., None]
+        # The cross product has the size sin(turn): with the ratio's slope it gives that by the cosine.
+        by_cosine = -over_turn / np.sinc(turn / np.pi)
+        bend = np.cross(lower, upper) * (chord[..., 0] * by_cosine / self.lengths)[..., None]
         sections = frames.positions.shape[-2]
         rows = np.zeros((*reach.shape[:-1], sections, 6))
         for k in np.flatnonzero(self._known):
@@ -148,16 +147,3 @@ def _seen_from(entry: Section, point: Floats) -> Floats:
 def _turned(rotations: Floats, sections: Indices, vectors: Floats) -> Floats:
     """Turn a vector of each chamber with a section, shape (..., C, 3)."""
     return np.asarray(np.einsum("...cij,cj->...ci", rotations[..., sections, :, :], vectors))
-
-
-def _arc(turn: Floats) -> Floats:
-    """Give the length of an arc over its chord."""
-    half = np.maximum(0.5 * turn, STRAIGHT)
-    return np.asarray(half / np.sin(half))
-
-
-def _arc_slope(turn: Floats) -> Floats:
-    """Differentiate that by the cosine of the angle; -1/12 where it is straight."""
-    half = np.maximum(0.5 * turn, STRAIGHT)
-    by_turn = 0.5 * (np.sin(half) - half * np.cos(half)) / np.sin(half) ** 2
-    return np.asarray(-by_turn / np.sin(2.0 * half))
