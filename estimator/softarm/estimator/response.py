@@ -132,10 +132,3 @@ class BatchArmModel(Protocol):
             start: An earlier response to the same samples, whose states the solves begin from.
             jacobians: Whether the derivatives are wanted.
         """
-
-
-class TorsionModel(Protocol):
-    """A model whose segments' torsional compliance can be changed."""
-
-    def with_torsion(self, compliances: Mapping[str, float]) -> Self:
-        """Return a copy in which regions twist by a further share under a moment about the arm's axis."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from softarm.estimator.calibration import Run
-from softarm.estimator.calibration.fit import Fit, fit
+from softarm.estimator.calibration.fit import CalibrationFit, fit
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import Layout, build_layout
 from softarm.estimator.calibration.nodes import Nodes, choose_nodes
@@ -79,7 +79,7 @@ def calibrate_as_paper(
 
 def _fit(
     model: BatchArmModel, specimen: Specimen, runs: Sequence[Run], nodes: int, *, with_gains: bool
-) -> Fit:
+) -> CalibrationFit:
     chosen: tuple[Nodes, ...] = tuple(choose_nodes(run, nodes) for run in runs)
     layout = _layout(specimen, runs[0], model, _names(specimen, with_gains=with_gains))
     forward = Forward(model, layout, chosen)
@@ -116,7 +116,7 @@ def _layout(specimen: Specimen, run: Run, model: BatchArmModel, names: list[str]
     )
 
 
-def _alpha(found: Fit, scales: dict[str, float]) -> Value:
+def _alpha(found: CalibrationFit, scales: dict[str, float]) -> Value:
     factor = float(np.mean(list(scales.values())))
     return Value(value=factor, std=factor * float(np.sqrt(found.covariance[0, 0])))
 

@@ -1,5 +1,7 @@
 """Calibration of a toy arm whose moduli, gains and axes are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic import GAINS, SCALES, record, true_specimen
@@ -168,6 +170,31 @@ def test_jacobian_agrees_with_finite_differences(sopra: Specimen) -> None:
         slope = (ends[0] - ends[1]) / (2 * size)
         largest = max(float(np.abs(slope).max()), 1e-9)
         assert np.abs(at.jacobian[:, :, index] - slope).max() < 2e-3 * largest, unknown.name
+
+
+def test_each_run_is_solved_under_its_own_gravity(sopra: Specimen) -> None:
+    """A recording of a turned mount says so; without a word the mount is the specimen's."""
+    seen: list[np.ndarray] = []
+
+    class Weighed(NodeByNode):
+        def evaluate(self, pressures, loads, gravity, eigenstrains=None, **options):
+            seen.append(gravity)
+            return super().evaluate(pressures, loads, gravity, eigenstrains, **options)
+
+    usual = record()
+    turned = replace(usual, info={**usual.info, "gravity_m_s2": [9.81, 0.0, 0.0]})
+    nodes = tuple(choose_nodes(arrange(one, sopra, SECTIONS), 3) for one in (usual, turned))
+    run = nodes[0].run
+    layout = build_layout(sopra, run.suite, run.pressure_source, range(6), ("upper", "lower"))
+    Forward(Weighed(toy()), layout, nodes).evaluate(layout.means)
+    np.testing.assert_allclose(seen, [[0.0, 0.0, 9.81], [9.81, 0.0, 0.0]])
+    tilted = layout.means
+    tilted[layout.names.index("gravity.tilt_y")] = 0.1
+    Forward(Weighed(toy()), layout, nodes).evaluate(tilted)
+    # The tilt is one of the base frame: the same rotation acts on gravity in both mounts.
+    both = np.array(seen[2:])
+    np.testing.assert_allclose(both[0] @ both[1], 0.0, atol=1e-9)
+    assert abs(both[0, 0] - both[0, 1]) == pytest.approx(9.81 * np.sin(0.1))
 
 
 @pytest.mark.parametrize("lag", [-0.1, 0.0, 0.15])

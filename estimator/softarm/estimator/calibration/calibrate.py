@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.calibration.arrange import Run
-from softarm.estimator.calibration.fit import Fit, fit
+from softarm.estimator.calibration.fit import CalibrationFit, fit
 from softarm.estimator.calibration.forward import Evaluation, Forward
 from softarm.estimator.calibration.identifiability import KEPT, fitted, identify, kept
 from softarm.estimator.calibration.layout import Layout, build_layout
@@ -75,7 +75,7 @@ def calibrate(
     runs: Sequence[Run],
     options: Options | None = None,
 ) -> Calibrated:
-    """Fit moduli, chamber gains and biases, and the alignment of sensors to recordings.
+    """CalibrationFit moduli, chamber gains and biases, and the alignment of sensors to recordings.
 
     Args:
         model: Model of the specimen.
@@ -214,8 +214,8 @@ def _fit_determined(
     before: Sequence[Evaluation],
     train: Sequence[Flags],
     options: Options,
-) -> tuple[Fit, Layout]:
-    """Fit on the training nodes, settle what they do not determine, and fit the rest again."""
+) -> tuple[CalibrationFit, Layout]:
+    """CalibrationFit on the training nodes, settle what they do not determine, and fit the rest again."""
     part = _part(forward, train)
     found = fit(part, start, iterations=options.iterations, evaluations=_subset(before, train))
     verdicts = identify(known, found.values, found.covariance)
@@ -322,7 +322,7 @@ def _require_excitation(layout: Layout) -> None:
     )
 
 
-def _require_convergence(found: Fit, layout: Layout) -> None:
+def _require_convergence(found: CalibrationFit, layout: Layout) -> None:
     moves = found.unsettled
     if moves.max(initial=0.0) > UNSETTLED:
         unknown = layout.unknowns[int(np.argmax(moves))]

@@ -44,7 +44,7 @@ LARGEST_DAMPING = 1e6
 
 
 @dataclass(frozen=True)
-class Rows:
+class ResidualRows:
     """All residuals of all runs, one per row.
 
     Args:
@@ -83,18 +83,18 @@ class Scatter:
     correlated: float = 1.0
 
     @classmethod
-    def of(cls, rows: "Rows", evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> "Scatter":
+    def of(cls, rows: "ResidualRows", evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> "Scatter":
         """Estimate both from residuals."""
         return cls(_scatter(rows), mean_correlation_length(evaluations, nodes))
 
-    def along(self, rows: "Rows") -> Floats:
+    def along(self, rows: "ResidualRows") -> Floats:
         """Return the scatter of each row, shape (rows,)."""
         keys = rows.kind if set(rows.kind.tolist()) <= set(self.sizes) else rows.unit
         return np.array([self.sizes[str(key)] for key in keys])
 
 
 @dataclass(frozen=True)
-class Fit:
+class CalibrationFit:
     """Where a fit ended.
 
     Args:
@@ -125,8 +125,8 @@ def fit(
     tolerance: float = 0.05,
     evaluations: Sequence[Evaluation] | None = None,
     scatter: Scatter | None = None,
-) -> Fit:
-    """Fit the unknowns to the nodes.
+) -> CalibrationFit:
+    """CalibrationFit the unknowns to the nodes.
 
     Args:
         forward: Model, unknowns and nodes.
@@ -160,7 +160,7 @@ def fit(
     covariance = _covariance(forward, rows, scatter, normal)
     covariance += _registration_covariance(forward, rows, scatter, normal)
     status = "converged" if settled else "iterations_exhausted"
-    return Fit(values, covariance, current, scatter, status, count, unsettled)
+    return CalibrationFit(values, covariance, current, scatter, status, count, unsettled)
 
 
 def robust_cost(
@@ -170,7 +170,7 @@ def robust_cost(
     return _normal_equations(forward, collect(evaluations, forward.nodes), values, scatter)[2]
 
 
-def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
+def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> ResidualRows:
     """Stack the residuals that are present."""
     parts = []
     first_block = 0
@@ -187,7 +187,7 @@ def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
         shape = evaluation.innovation.shape
         suffix = np.where(held, HELD, PULLED if own.run.pulled else "")
         parts.append(
-            Rows(
+            ResidualRows(
                 evaluation.innovation[seen],
                 evaluation.jacobian[seen],
                 (evaluation.rigid * registered[:, None])[seen],
@@ -200,7 +200,7 @@ def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Rows:
             )
         )
         first_block += int(own.blocks.max(initial=-1)) + 1
-    return Rows(
+    return ResidualRows(
         *(
             np.concatenate([getattr(part, name) for part in parts])
             for name in ("innovation", "jacobian", "rigid", "run", "kind", "unit", "weight", "noise", "block")
@@ -225,7 +225,7 @@ def _kinds(measurement: Measurement) -> list[str]:
     return [kind] * measurement.size
 
 
-def _scatter(rows: Rows) -> dict[str, float]:
+def _scatter(rows: ResidualRows) -> dict[str, float]:
     """Estimate each kind's scatter by the weighted median of its residuals; not below the sensors' noise."""
     scatter = {}
     for name in np.unique(rows.kind):
@@ -237,19 +237,19 @@ def _scatter(rows: Rows) -> dict[str, float]:
     return scatter
 
 
-def _whitened(rows: Rows, scatter: Scatter) -> tuple[Floats, Floats, Floats]:
+def _whitened(rows: ResidualRows, scatter: Scatter) -> tuple[Floats, Floats, Floats]:
     """Return the scatter, residuals over it, and the weights of nodes and loss, each of shape (rows,)."""
     scale = scatter.along(rows)
     whitened = rows.innovation / scale
     return scale, whitened, _node_weight(rows) * huber_weight(whitened) / scatter.correlated
 
 
-def _node_weight(rows: Rows) -> Floats:
+def _node_weight(rows: ResidualRows) -> Floats:
     return rows.weight * np.where(np.char.endswith(rows.kind, HELD), HELD_WORTH, 1.0)
 
 
 def _normal_equations(
-    forward: Forward, rows: Rows, values: Floats, scatter: Scatter
+    forward: Forward, rows: ResidualRows, values: Floats, scatter: Scatter
 ) -> tuple[Floats, Floats, float]:
     scale, whitened, weight = _whitened(rows, scatter)
     jacobian = rows.jacobian / scale[:, None]
@@ -270,7 +270,7 @@ def _step(normal: Floats, gradient: Floats, damping: float) -> tuple[Floats, Flo
     return step, shares
 
 
-def _covariance(forward: Forward, rows: Rows, scatter: Scatter, normal: Floats) -> Floats:
+def _covariance(forward: Forward, rows: ResidualRows, scatter: Scatter, normal: Floats) -> Floats:
     """Give the covariance: that of the curvature, widened to what blocks of ten seconds disagree by.
 
     The second is the cluster-robust estimate H^-1 (sum_b g_b g_b^T) H^-1 with g_b a block's gradient
@@ -293,7 +293,9 @@ def _covariance(forward: Forward, rows: Rows, scatter: Scatter, normal: Floats) 
     return covariance
 
 
-def _registration_covariance(forward: Forward, rows: Rows, scatter: Scatter, normal: Floats) -> Floats:
+def _registration_covariance(
+    forward: Forward, rows: ResidualRows, scatter: Scatter, normal: Floats
+) -> Floats:
     """Give what the errors of the laboratory's registrations add: they move all readings of a run together.
 
     An error e of covariance C moves the fit by H^-1 J^T W R e, with R the derivative by a rigid motion.
