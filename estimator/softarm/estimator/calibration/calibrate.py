@@ -75,7 +75,7 @@ def calibrate(
     runs: Sequence[Run],
     options: Options | None = None,
 ) -> Calibrated:
-    """CalibrationFit moduli, chamber gains and biases, and the alignment of sensors to recordings.
+    """Fit moduli, chamber gains and biases, and the alignment of sensors to recordings.
 
     Args:
         model: Model of the specimen.
@@ -215,7 +215,7 @@ def _fit_determined(
     train: Sequence[Flags],
     options: Options,
 ) -> tuple[CalibrationFit, Layout]:
-    """CalibrationFit on the training nodes, settle what they do not determine, and fit the rest again."""
+    """Fit on the training nodes, settle what they do not determine, and fit the rest again."""
     part = _part(forward, train)
     found = fit(part, start, iterations=options.iterations, evaluations=_subset(before, train))
     verdicts = identify(known, found.values, found.covariance)

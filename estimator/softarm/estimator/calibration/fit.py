@@ -126,7 +126,7 @@ def fit(
     evaluations: Sequence[Evaluation] | None = None,
     scatter: Scatter | None = None,
 ) -> CalibrationFit:
-    """CalibrationFit the unknowns to the nodes.
+    """Fit the unknowns to the nodes.
 
     Args:
         forward: Model, unknowns and nodes.
