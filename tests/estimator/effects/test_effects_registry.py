@@ -1,3 +1,5 @@
+import pickle
+
 import numpy as np
 import pytest
 
@@ -23,6 +25,11 @@ def test_an_effect_of_no_strength_changes_nothing(name: str):
         assert np.allclose(after.response.frames.rotations, plain.response.frames.rotations, atol=1e-12)
         for sensor, reading in plain.readings.items():
             assert np.allclose(after.readings[sensor], reading, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", sorted(EFFECTS))
+def test_an_effect_reaches_the_workers_of_a_diagnosis(name: str):
+    assert pickle.loads(pickle.dumps(EFFECTS[name])).parameters == EFFECTS[name].parameters
 
 
 @pytest.mark.parametrize("name", sorted(EFFECTS))

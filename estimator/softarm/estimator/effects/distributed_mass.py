@@ -18,6 +18,11 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
     return change * signals.gravity, memory
 
 
+def modal(theta: Floats) -> ModalChange:
+    """Let all masses grow alike."""
+    return ModalChange(mass_ratio=1.0 + float(theta[0]))
+
+
 EFFECT = Effect(
     name="distributed_mass",
     hook="gravity",
@@ -33,5 +38,5 @@ EFFECT = Effect(
     needs=frozenset({"mount_turned"}),
     splits=(("tip_payload", "mount turned, or a known weight on and off"),),
     changes_inertia=True,
-    modal=lambda theta: ModalChange(mass_ratio=1.0 + float(theta[0])),
+    modal=modal,
 )

@@ -103,6 +103,21 @@ class ModalChange:
     stiffness_ratio: float = 1.0
 
 
+def no_modal_change(theta: Floats) -> ModalChange:  # noqa: ARG001
+    """Return that the swing stays as it is; like all functions of an effect it has a name, so that it pickles."""
+    return ModalChange()
+
+
+def never_along_arm(theta: Floats) -> bool:  # noqa: ARG001
+    """Return that an effect does more than stretch the arm."""
+    return False
+
+
+def no_rotation(theta: Floats) -> Floats:  # noqa: ARG001
+    """Return that a recorded base hides no rotation, shape (3,)."""
+    return np.zeros(3)
+
+
 Act = Callable[[Signals, Floats, Spot, Memory], tuple[Floats, Memory]]
 
 
@@ -162,9 +177,9 @@ class Effect:
     by_fit: bool = True
     responds_to_own_effect: bool = False
     changes_inertia: bool = False
-    modal: Callable[[Floats], ModalChange] = lambda _: ModalChange()
-    along_arm: Callable[[Floats], bool] = lambda _: False
-    hidden_rotation: Callable[[Floats], Floats] = lambda _: np.zeros(3)
+    modal: Callable[[Floats], ModalChange] = no_modal_change
+    along_arm: Callable[[Floats], bool] = never_along_arm
+    hidden_rotation: Callable[[Floats], Floats] = no_rotation
     hides_reading: bool = False
 
     @property

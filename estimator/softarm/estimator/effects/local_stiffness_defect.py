@@ -31,6 +31,11 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
     return signals.strains + depth / (1.0 - depth) * spot.segments[:, None] * extra, memory
 
 
+def modal(theta: Floats) -> ModalChange:
+    """Weaken the stiffness."""
+    return ModalChange(stiffness_ratio=1.0 - float(theta[0]))
+
+
 EFFECT = Effect(
     name="local_stiffness_defect",
     hook="couple",
@@ -51,5 +56,5 @@ EFFECT = Effect(
     ),
     when="pose",
     shapes=tuple((float(angle),) for angle in np.radians(np.arange(-150.0, 181.0, 60.0))),
-    modal=lambda theta: ModalChange(stiffness_ratio=1.0 - float(theta[0])),
+    modal=modal,
 )

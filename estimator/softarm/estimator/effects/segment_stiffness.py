@@ -18,6 +18,11 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
     return signals.strains / (1.0 + change * spot.segments[:, None]), memory
 
 
+def modal(theta: Floats) -> ModalChange:
+    """Change the stiffness."""
+    return ModalChange(stiffness_ratio=1.0 + float(theta[0]))
+
+
 EFFECT = Effect(
     name="segment_stiffness",
     hook="couple",
@@ -30,5 +35,5 @@ EFFECT = Effect(
     needs=frozenset({"motion"}),
     splits=(("chamber_gain", "a known weight on and off"),),
     when="pose",
-    modal=lambda theta: ModalChange(stiffness_ratio=1.0 + float(theta[0])),
+    modal=modal,
 )

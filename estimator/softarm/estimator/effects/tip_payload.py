@@ -20,6 +20,11 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
     return wrenches, memory
 
 
+def modal(theta: Floats) -> ModalChange:
+    """Add the weight to the mass that swings."""
+    return ModalChange(added_mass=float(theta[0]))
+
+
 EFFECT = Effect(
     name="tip_payload",
     hook="load",
@@ -35,5 +40,5 @@ EFFECT = Effect(
         ("base_compliance", "markers on the base"),
     ),
     changes_inertia=True,
-    modal=lambda theta: ModalChange(added_mass=float(theta[0])),
+    modal=modal,
 )
