@@ -104,7 +104,7 @@ class ModalChange:
 
 
 def no_modal_change(theta: Floats) -> ModalChange:  # noqa: ARG001
-    """Return that the swing stays as it is; like all functions of an effect it has a name, so that it pickles."""
+    """Return that the swing stays as it is. Functions of effects have names, so that they pickle."""
     return ModalChange()
 
 
