@@ -7,7 +7,7 @@ import pytest
 
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.split import excitation, hold_out
-from softarm.estimator.diagnosis.words import EXCITATION, WHEN, manoeuvre
+from softarm.estimator.diagnosis.words import EXCITATION, manoeuvre
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen import load_specimen
 from tests.estimator.diagnosis.linear_arm import session
@@ -43,6 +43,11 @@ def test_the_only_recording_of_a_kind_is_not_held_out(sessions: list[Session]) -
 
 
 def test_every_effect_and_every_pair_has_its_words() -> None:
-    assert set(EFFECTS) == set(WHEN)
+    assert len(EFFECTS) == 30
+    for name, effect in EFFECTS.items():
+        assert effect.name == name
+        assert effect.when.strip(), name
+        shape = sum(parameter.role == "shape" for parameter in effect.parameters)
+        assert not effect.by_fit or all(len(values) == shape for values in effect.shapes), name
     assert {need for effect in EFFECTS.values() for need in effect.needs} <= set(EXCITATION)
     assert all(manoeuvre(one, other) for one in EFFECTS for other in EFFECTS if one != other)
