@@ -103,7 +103,7 @@ def test_a_batch_may_be_empty() -> None:
     rod = linear_rod(8, curl=0.05, quadratic=1e-3, scaled=True)
     batch = rod.evaluate(np.zeros((0, 6)), np.zeros((0, 4)), np.zeros((0, 3)))
     assert batch.frames.positions.shape[0] == 0
-    assert batch.by_free.shape[0] == 0
+    assert batch.eigenstrain_jacobian.shape[0] == 0
 
 
 def test_a_batch_gives_single_answers_and_derivatives_by_gravity_and_stiffness() -> None:
@@ -116,7 +116,7 @@ def test_a_batch_gives_single_answers_and_derivatives_by_gravity_and_stiffness()
         state, _ = rod.solve(Inputs(pressures[k], loads[k], gravity[k]), rod.rest())
         step = rod.linearise(state, Inputs(pressures[k], loads[k], gravity[k]))
         assert np.allclose(batch.frames.positions[k], step.frames.positions, atol=1e-9)
-        assert np.allclose(batch.motion[k][:, :10], step.motion, rtol=1e-4, atol=1e-7)
+        assert np.allclose(batch.input_jacobian[k][:, :10], step.motion, rtol=1e-4, atol=1e-7)
 
     def twists(values):
         scaled = rod.with_scales(dict(zip(rod.regions, values[3:], strict=True)))
@@ -125,7 +125,9 @@ def test_a_batch_gives_single_answers_and_derivatives_by_gravity_and_stiffness()
         return np.concatenate([frames.positions[0], turned], axis=1).ravel()
 
     point = np.concatenate([gravity[0], [1.3, 0.8]])
-    assert derivative_error(twists, batch.motion[0][:, 10:], point, 1e-3) < 1e-5
+    by_factor = batch.factor_jacobian[0] / point[3:]
+    jacobian = np.hstack([batch.gravity_jacobian[0], by_factor])
+    assert derivative_error(twists, jacobian, point, 1e-3) < 1e-5
 
 
 def test_scaling_stiffness_and_loads_alike_changes_nothing() -> None:
