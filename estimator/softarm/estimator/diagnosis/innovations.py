@@ -9,7 +9,7 @@ from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gram import total
 from softarm.estimator.diagnosis.result import ChannelError, InnovationTest, Stretch
-from softarm.estimator.diagnosis.session import channels, units
+from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
 
 Floats = NDArray[np.float64]
@@ -47,7 +47,7 @@ def channel_errors(search: Search, before: Residuals, after: Residuals) -> dict[
     for number, stage in _questioned(search):
         seen = stage.session.heldout
         both = np.stack([before[number][seen], after[number][seen]])
-        for row, (name, unit) in enumerate(zip(channels(stage.suite), units(stage.suite), strict=True)):
+        for row, (name, unit) in enumerate(zip(channels(stage.suite), stage.suite.units, strict=True)):
             good = np.isfinite(both[..., row]).all(axis=0)
             squares.setdefault(name, []).append(both[:, good, row] ** 2)
             kinds[name] = unit
@@ -110,7 +110,7 @@ def worst_stretch(search: Search, residuals: Residuals) -> Stretch | None:
             row = int(np.argmax(rms / scale))
             time = session.clock[own] - session.clock[0]
             if found is None or rms[row] / scale[row] > found[0]:
-                place = (session.name, channels(stage.suite)[row], units(stage.suite)[row])
+                place = (session.name, channels(stage.suite)[row], stage.suite.units[row])
                 found = (
                     float(rms[row] / scale[row]),
                     Stretch(*place, float(time[0]), float(time[-1]), float(rms[row])),

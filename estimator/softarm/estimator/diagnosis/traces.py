@@ -7,7 +7,7 @@ from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.innovations import learnt_coefficients, residuals_of
 from softarm.estimator.diagnosis.result import Trace
-from softarm.estimator.diagnosis.session import channels, units
+from softarm.estimator.diagnosis.session import channels
 
 Floats = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ def _trace(search: Search, after: Floats, number: int, row: int) -> Trace:
     return Trace(
         session.name,
         channels(stage.suite)[row],
-        units(stage.suite)[row],
+        stage.suite.units[row],
         (session.clock - session.clock[0])[thin],
         reading[thin],
         (reading - search.evidence.residuals[number][:, row])[thin],
