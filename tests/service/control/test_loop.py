@@ -18,7 +18,7 @@ from softarm.daemon.estimation.worker import WorkerState
 from softarm.daemon.loop import ControlLoop
 from softarm.daemon.safety.modes import Mode
 from softarm.daemon.safety.observation import DeviceStatus
-from tests.service.standins import Instruments, StandInEstimator, setup_in
+from tests.service.standins import Estimator, Instruments, setup_in
 
 TICK_NS = 10_000_000
 UNIX_NS = 10**18
@@ -51,7 +51,7 @@ class Arm:
             setup_in(folder),
             Surroundings(
                 lambda readings: Instruments(readings, clocks.monotonic_ns),
-                StandInEstimator,
+                Estimator,
                 self.outlet,
                 "",
                 lambda: self.ready.append(self.loop.mode),

@@ -12,7 +12,7 @@ from softarm.daemon.control.surroundings import Surroundings
 from softarm.daemon.control.tick import Ticker
 from softarm.daemon.loop import ControlLoop
 from softarm.daemon.network.bus import Bus
-from tests.service.standins import SPECIMEN, Instruments, StandInEstimator, setup_in
+from tests.service.standins import SPECIMEN, Estimator, Instruments, setup_in
 
 TICK_S = 0.02
 
@@ -55,7 +55,7 @@ class PageService:
     async def _serve(self):
         self._loop, self._stop, self._stepped = asyncio.get_running_loop(), asyncio.Event(), threading.Event()
         with Bus(NetworkSettings(listen=("tcp/127.0.0.1:0",)), "page", self._loop) as bus:
-            surroundings = Surroundings(Instruments, StandInEstimator, bus, "", lambda: None)
+            surroundings = Surroundings(Instruments, Estimator, bus, "", lambda: None)
             self.control = ControlLoop(setup_in(self._folder), surroundings)
             specimen = SPECIMEN.model_dump_json(by_alias=True).encode()
             server = CommandServer(bus, self.control)
