@@ -83,8 +83,8 @@ def run(request: Request, executor: Executor, tell: Callable[[str], None] = lamb
     began = time.monotonic()
     tell("reading")
     effects = _known(request.effects)
-    suspects, nominal = load_recordings(request.recordings), load_recordings(request.nominal)
-    _refuse_doubles(suspects, nominal)
+    loaded = load_recordings((*request.recordings, *request.nominal))
+    suspects, nominal = loaded[: len(request.recordings)], loaded[len(request.recordings) :]
     admitted = admit(suspects, nominal, request.specimen)
     stuck = tuple(one for recording, _ in admitted.all for one in stuck_pressures(recording))
     valves, known_valves = (
@@ -273,10 +273,3 @@ def _known(names: Sequence[str]) -> list[EffectName] | None:
             cure = f"did you mean {close[0]}?" if close else f"choose among {', '.join(EFFECTS)}"
             raise InputError("--effect", f"{name!r} is no effect", cure)
     return [effect.name for effect in EFFECTS.values() if effect.name in names] or None
-
-
-def _refuse_doubles(suspects: Sequence[Recording], nominal: Sequence[Recording]) -> None:
-    names = [recording.name for recording in (*suspects, *nominal)]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"recording {name}", "is given twice", "name every recording once")

@@ -1,6 +1,7 @@
 """What offline commands begin with: recordings, their specimen, their model, a window of time."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +19,39 @@ def load_recordings(
 ) -> tuple[Recording, ...]:
     """Load recordings, each cut to a window of its time [s] where one is given.
 
+    Those of one name in different folders are named with as much of their folders as tells them apart.
+
     Raises:
-        InputError: A recording cannot be read, or has no samples in the window.
+        InputError: A recording cannot be read, is given twice, or has no samples in the window.
     """
-    return tuple(cut(load_recording(path), window) for path in paths)
+    loaded = [cut(load_recording(path), window) for path in paths]
+    names = distinct_names([recording.name for recording in loaded], paths)
+    return tuple(replace(recording, name=name) for recording, name in zip(loaded, names, strict=True))
+
+
+def distinct_names(names: Sequence[str], paths: Sequence[Path]) -> tuple[str, ...]:
+    """Return names that tell recordings apart, with the folders above where their own names are alike.
+
+    Args:
+        names: What the recordings are called.
+        paths: Where each is.
+
+    Raises:
+        InputError: A recording is given twice.
+    """
+    places = [path.resolve() for path in paths]
+    for path, place in zip(paths, places, strict=True):
+        if places.count(place) > 1:
+            raise InputError(f"recording {path}", "is given twice", "name every recording once")
+    chosen = list(names)
+    depth = 2
+    while len(set(chosen)) < len(chosen):
+        chosen = [
+            "/".join(place.parts[-depth:]) if names.count(name) > 1 else name
+            for name, place in zip(names, places, strict=True)
+        ]
+        depth += 1
+    return tuple(chosen)
 
 
 def cut(recording: Recording, window: tuple[float, float] | None) -> Recording:
