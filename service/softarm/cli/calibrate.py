@@ -56,7 +56,7 @@ def command(
     Example: softarm calibrate run1 run2 --specimen sopra --out my_sopra.toml
     """
     from softarm.analysis.calibration_tables import calibration_tables, drift_table
-    from softarm.analysis.offline.inputs import load_recordings, specimen_of
+    from softarm.analysis.offline.inputs import load_recordings, specimen_of, taken_in
     from softarm.estimator.arm import build_arm
     from softarm.estimator.calibration import (
         CalibrationRefusedError,
@@ -78,6 +78,7 @@ def command(
         refuse_existing(out, force=force)
     loaded = load_recordings(recordings, window)
     robot = specimen_of(specimen, recordings, loaded)
+    loaded = tuple(taken_in(recording, robot, say).for_fits for recording in loaded)
     loads = section_forces(robot)
     model = build_arm(robot, loads=loads)
     runs = [arrange(recording, robot, model.sections, loads) for recording in loaded]

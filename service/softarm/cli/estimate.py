@@ -86,7 +86,7 @@ def command(
     Example: softarm estimate ../shared/recordings/sopra_2021-07-09 --specimen sopra
     """
     from softarm.analysis.offline.alignment import aligned
-    from softarm.analysis.offline.inputs import in_its_mount, load_recordings, specimen_of
+    from softarm.analysis.offline.inputs import in_its_mount, load_recordings, specimen_of, taken_in
     from softarm.analysis.offline.resample import resample
     from softarm.analysis.offline.result import as_recording
     from softarm.analysis.plots.estimate import plot_track
@@ -98,8 +98,10 @@ def command(
         refuse_existing(out, force=force or out.is_dir())
     (loaded,) = load_recordings([recording], window)
     robot = in_its_mount(specimen_of(specimen, [recording], [loaded]), loaded)
+    intake = taken_in(loaded, robot, say)
+    loaded = intake.recording
     with progress(f"holding {robot.name} against {loaded.name}") as advance:
-        robot, told = aligned(robot, loaded, advance)
+        robot, told = aligned(robot, intake.for_fits, advance)
     if told:
         say(told)
     run = resample(arrange(loaded, robot, tuple(section.name for section in robot.sections)), rate)

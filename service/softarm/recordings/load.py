@@ -20,7 +20,7 @@ READ = (*WRITTEN, ".c3d", ".tsv")
 STEM = "recording"
 
 
-def load_recording(path: Path, column_map: Path | None = None) -> Recording:
+def load_recording(path: Path, column_map: Path | None = None, *, units_checked: bool = True) -> Recording:
     """Load a recording.
 
     Args:
@@ -28,6 +28,9 @@ def load_recording(path: Path, column_map: Path | None = None) -> Recording:
             or ``.tsv``.
         column_map: For Qualisys exports, a TOML file whose tables ``markers`` and ``bodies`` give the names
             that labels and rigid bodies have in a recording; the TOML beside the export when left out.
+        units_checked: Whether values that only another unit explains are refused; off where an intake
+        follows,
+            which mends them.
 
     Raises:
         InputError: Names the file, the field and the cure.
@@ -48,7 +51,7 @@ def load_recording(path: Path, column_map: Path | None = None) -> Recording:
     else:
         columns = read_tsv(path, info)
     info = {key: value for key, value in info.items() if key not in ("markers", "bodies")}
-    return checked_recording(name, source, columns, info)
+    return checked_recording(name, source, columns, info, units_checked=units_checked)
 
 
 def save_recording(

@@ -18,7 +18,12 @@ LINE_OF_FIRST_ROW = 2  # in a CSV file, after the header
 
 
 def checked_recording(
-    name: str, source: str, columns: Mapping[str, Floats], info: Mapping[str, Any]
+    name: str,
+    source: str,
+    columns: Mapping[str, Floats],
+    info: Mapping[str, Any],
+    *,
+    units_checked: bool = True,
 ) -> Recording:
     """Build a recording from a table, time among its columns.
 
@@ -27,6 +32,7 @@ def checked_recording(
         source: The file, for messages.
         columns: Column name to values, each of shape (samples,); NaN is a lost reading.
         info: What ``recording.toml`` says of the run.
+        units_checked: Whether values that only another unit explains are refused.
 
     Raises:
         InputError: Names the file, the column, the row and the cure.
@@ -39,11 +45,13 @@ def checked_recording(
     values = {column: samples for column, samples in columns.items() if column != TIME}
     for column, samples in values.items():
         _check_finite(source, column, samples)
-        _check_size(source, column, samples)
+        if units_checked:
+            _check_size(source, column, samples)
     if not any(np.isfinite(samples).any() for samples in values.values()):
         raise InputError(source, "every cell is empty", "give a recording with readings in it")
     recording = Recording(name, time, values, info)
-    _check_pressure_unit(source, recording)
+    if units_checked:
+        _check_pressure_unit(source, recording)
     _check_quaternions(source, recording)
     return recording
 

@@ -162,9 +162,17 @@ def _pressures(recording: Recording, specimen: Specimen) -> tuple[Floats, tuple[
                 "give the specimen that was recorded, or remove the column",
             )
         values, sources[chamber] = recording.pressure(chamber)
-        _check_limit(recording, chamber, values, limits[chamber], sources[chamber])
+        moving = np.asarray(_motion_seen(recording))
+        _check_limit(recording, chamber, values[moving], limits[chamber], sources[chamber])
         pressures[:, chamber] = interpolate(recording.time, recording.time, values)
     return pressures, tuple(sources)
+
+
+def _motion_seen(recording: Recording) -> Flags:
+    """Find samples with any reading of motion: only these are used, so only these must keep the limits."""
+    kinds = ("bend_", "frame_", "marker_")
+    motion = [np.isfinite(v) for name, v in recording.columns.items() if name.startswith(kinds)]
+    return np.any(motion, axis=0) if motion else np.ones(len(recording.time), dtype=bool)
 
 
 def _check_limit(recording: Recording, chamber: int, values: Floats, limit: float, source: str) -> None:

@@ -35,6 +35,9 @@ EffectName = Literal[
     "sensor_stuck",
     "thermal_drift",
     "fibre_twist",
+    "swapped_channels",
+    "frame_mismatch",
+    "event",
     "unknown",
 ]
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from softarm.analysis.diagnosis.intake import take_all_in, with_intakes
 from softarm.analysis.diagnosis.models import finite_element_model, quick_rod, rod_model
 from softarm.analysis.offline.inputs import load_recordings
 from softarm.common.rods import known_rod, trusted
@@ -85,6 +86,7 @@ def run(request: Request, executor: Executor, tell: Callable[[str], None] = lamb
     effects = _known(request.effects)
     loaded = load_recordings((*request.recordings, *request.nominal))
     suspects, nominal = loaded[: len(request.recordings)], loaded[len(request.recordings) :]
+    suspects, nominal, intakes, found = take_all_in(suspects, nominal, request.specimen)
     admitted = admit(suspects, nominal, request.specimen)
     stuck = tuple(one for recording, _ in admitted.all for one in stuck_pressures(recording))
     valves, known_valves = (
@@ -101,6 +103,7 @@ def run(request: Request, executor: Executor, tell: Callable[[str], None] = lamb
     )
     if not any(motion_columns(recording) for recording in admitted.suspects):
         diagnosis = valve_diagnosis(request.specimen.name, admitted, valves, faults)
+        diagnosis = with_intakes(diagnosis, intakes, found)
         return Outcome(replace(diagnosis, seconds=time.monotonic() - began), (), ())
     known = known_rod(request.specimen)
 
@@ -127,7 +130,8 @@ def run(request: Request, executor: Executor, tell: Callable[[str], None] = lamb
     outcome = diagnose(
         model, sessions, executor, seed=request.seed, notes=notes, effects=effects, advance=tell
     )
-    diagnosis = replace(with_valves(outcome.diagnosis, faults), seconds=time.monotonic() - began)
+    diagnosis = with_intakes(with_valves(outcome.diagnosis, faults), intakes, found)
+    diagnosis = replace(diagnosis, seconds=time.monotonic() - began)
     return replace(outcome, diagnosis=diagnosis)
 
 

@@ -1,14 +1,15 @@
 """What offline commands begin with: recordings, their specimen, their model, a window of time."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from softarm.estimator.errors import InputError
+from softarm.estimator.intake import Intake, take_in
 from softarm.estimator.recording import Recording
-from softarm.estimator.specimen import Specimen, load_specimen, parse_specimen
+from softarm.estimator.specimen import SHIPPED, Specimen, load_specimen, parse_specimen
 from softarm.recordings import load_recording, read_attachments
 
 SPECIMEN_FILE = "specimen.toml"
@@ -20,11 +21,12 @@ def load_recordings(
     """Load recordings, each cut to a window of its time [s] where one is given.
 
     Those of one name in different folders are named with as much of their folders as tells them apart.
+    Their units are not checked: that is left to ``taken_in``, which mends what is unambiguous.
 
     Raises:
         InputError: A recording cannot be read, is given twice, or has no samples in the window.
     """
-    loaded = [cut(load_recording(path), window) for path in paths]
+    loaded = [cut(load_recording(path, units_checked=False), window) for path in paths]
     names = distinct_names([recording.name for recording in loaded], paths)
     return tuple(replace(recording, name=name) for recording, name in zip(loaded, names, strict=True))
 
@@ -86,8 +88,32 @@ def specimen_of(given: str | None, paths: Sequence[Path], recordings: Sequence[R
     named = recordings[0].info.get("specimen")
     if named is None:
         raise InputError(str(paths[0]), "names no specimen", "give it with --specimen")
-    beside = paths[0].parent / str(named)
-    return load_specimen(beside if beside.is_file() else str(named))
+    folder = paths[0] if paths[0].is_dir() else paths[0].parent
+    where = f"{folder / 'recording.toml'}, specimen"
+    try:
+        if str(named) in SHIPPED:
+            return load_specimen(str(named))
+        beside = folder / str(named)
+        return load_specimen(beside if beside.is_file() else str(named))
+    except InputError as error:
+        raise InputError(where, f"{named!r}: {error.what}", error.cure) from None
+
+
+def taken_in(recording: Recording, specimen: Specimen, notify: Callable[[str], None]) -> Intake:
+    """Take a recording in: mend its units, labels and clocks, find its events, and report each.
+
+    Args:
+        recording: What was recorded.
+        specimen: The robot.
+        notify: Called with every sentence on what was found.
+
+    Raises:
+        InputError: It does not fit the specimen and cannot be mended unambiguously.
+    """
+    intake = take_in(recording, specimen).required()
+    for sentence in intake.sentences:
+        notify(sentence)
+    return intake
 
 
 def in_its_mount(specimen: Specimen, recording: Recording) -> Specimen:

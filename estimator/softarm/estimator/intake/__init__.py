@@ -1,0 +1,16 @@
+"""Time, frames, labels and units of a recording, before any calibration.
+
+| fault | found by | mended |
+|---|---|---|
+| chambers, sections or markers of another specimen | names | no |
+| units, absolute pressures, sign of a gauge | what the specimen can be | where one unit wins |
+| late or early clock | regression on shifted pressures | where one shift wins |
+| exchanged markers or sections, mirrored laboratory | rigid sections | where one labelling wins |
+| pressures above the limit | the limit | left out of fits |
+| events | the steady law of the recording itself | left out of fits |
+"""
+
+from softarm.estimator.intake.intake import take_in
+from softarm.estimator.intake.result import Event, Intake, Mismatch
+
+__all__ = ["Event", "Intake", "Mismatch", "take_in"]

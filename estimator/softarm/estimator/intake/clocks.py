@@ -1,0 +1,210 @@
+"""Clocks that do not agree: one stream shifted against the pressures by a constant, or from some time on.
+
+For each sensor and shift, its motion is regressed on the pressures moved by that shift, together with
+the pressures
+behind a first-order filter. Up to ``ALLOWED`` seconds a shift is left to the calibration, or is an
+effect of its own
+(``sensor_latency``, ``line_lag``); motion that comes earlier than its cause, or far later, is a matter
+of clocks.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.intake.grid import Grid, grid_of
+from softarm.estimator.intake.hypotheses import UNAMBIGUOUS
+from softarm.estimator.intake.law import first_order
+from softarm.estimator.intake.result import MOTION, Mismatch
+from softarm.estimator.intake.streams import streams_of
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+
+ALLOWED = (-0.3, 0.7)
+"""Lag of motion behind pressures [s] that is none of the clocks': as far as the calibration searches,
+and as late as slow lines and sensors make it."""
+LONGEST = 8.0
+"""Longest shift that is looked for [s]."""
+STEP = 0.05
+SLOW = 0.4
+"""Time constant of the filter [s]."""
+EXPLAINED = 0.6
+"""Share of the variance that the pressures must explain at the best shift."""
+BETTER = 0.7
+"""And the most of the variance left within ``ALLOWED`` that may be left there."""
+INDEPENDENT = 2.0
+"""Seconds per independent sample of what a regression leaves."""
+SHORTEST = 10.0
+APART = 1.5
+"""Shifts farther apart than this [s] are different explanations."""
+SPREAD = 0.25
+"""Sensors whose shifts agree within this [s] share a clock."""
+PRESSED = 1e3
+
+
+@dataclass(frozen=True)
+class Shifts:
+    """How well each shift explains each sensor.
+
+    Args:
+        names: Sensors that the pressures explain at some shift.
+        lags: By which motion lags behind the pressures [s], shape (lags,).
+        likelihoods: Logarithms, shape (sensors, lags).
+        samples: Independent samples behind them.
+    """
+
+    names: tuple[str, ...]
+    lags: Floats
+    likelihoods: Floats
+    samples: float
+
+    @property
+    def usual(self) -> NDArray[np.bool_]:
+        """Lags that are none of the clocks', shape (lags,)."""
+        inside: NDArray[np.bool_] = (self.lags >= ALLOWED[0] - 1e-9) & (self.lags <= ALLOWED[1] + 1e-9)
+        return inside
+
+
+def mend_clocks(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+    """Find streams whose clock is shifted, and shift them back where one shift wins.
+
+    Where all sensors lag alike, the pressures are moved; else the sensor that strays.
+    """
+    shifts = find_shifts(recording, specimen)
+    if shifts is None:
+        return recording, ()
+    whole = shifts.likelihoods.mean(axis=0)
+    common = _strayed(shifts, whole)
+    alone = [_strayed(shifts, own) for own in shifts.likelihoods]
+    for candidate in (common, *alone):
+        if candidate is not None and _shared(shifts, candidate[0]):
+            return _mended(recording, ("pressures",), "the motion", candidate)
+    found: list[Mismatch] = []
+    mended = recording
+    for name, one in zip(shifts.names, alone, strict=True):
+        if one is not None:
+            mended, more = _mended(mended, (name,), name, one)
+            found += more
+    return mended, tuple(found)
+
+
+def _shared(shifts: Shifts, lag: float) -> bool:
+    """Tell whether every sensor is explained at least as well at a lag as at any usual one."""
+    near = np.abs(shifts.lags - lag) < SPREAD
+    gains = shifts.likelihoods[:, near].max(axis=1) - shifts.likelihoods[:, shifts.usual].max(axis=1)
+    return bool((gains > 0.0).all())
+
+
+def _strayed(shifts: Shifts, likelihood: Floats) -> tuple[float, float, float, float] | None:
+    """Find a shift that clearly beats every usual one.
+
+    Returns:
+        Its lag [s] and log odds, the next best lag [s] and the log odds against that; ``None`` without one.
+    """
+    best = int(np.argmax(likelihood))
+    usual = float(likelihood[shifts.usual].max())
+    gain = float(likelihood[best]) - usual
+    if shifts.usual[best] or gain < np.log(UNAMBIGUOUS) or gain < -0.5 * shifts.samples * np.log(BETTER):
+        return None
+    away = np.abs(shifts.lags - shifts.lags[best]) > APART
+    other = int(np.flatnonzero(away)[np.argmax(likelihood[away])])
+    return (
+        float(shifts.lags[best]),
+        gain,
+        float(shifts.lags[other]),
+        float(likelihood[best] - likelihood[other]),
+    )
+
+
+def _mended(
+    recording: Recording, columns: tuple[str, ...], subject: str, strayed: tuple[float, float, float, float]
+) -> tuple[Recording, tuple[Mismatch, ...]]:
+    lag, gain, other, lead = strayed
+    odds = float(np.exp(min(gain, lead, 500.0)))
+    what = f"{subject} is {abs(lag):.2f} s {_way(lag)} the pressures"
+    if odds < UNAMBIGUOUS:
+        what += f", or {abs(other):.2f} s {_way(other)} them"
+        cure = "give all streams one clock, or record a motion that does not repeat"
+        return recording, (Mismatch(recording.name, "clock", columns, what, cure, False, odds),)
+    if columns == ("pressures",):
+        what += ": their clocks did not start together"
+        mismatch = Mismatch(
+            recording.name, "clock", columns, what, "the pressures were moved for this run", True, odds
+        )
+        return moved_pressures(recording, lag), (mismatch,)
+    what += ", the other sensors are not: its clock did not start with theirs"
+    moved = {
+        name: _moved(recording.time, values, -lag) if name.startswith(f"{subject}_") else values
+        for name, values in recording.columns.items()
+    }
+    mismatch = Mismatch(recording.name, "clock", columns, what, "moved for this run", True, odds)
+    return replace(recording, columns=moved), (mismatch,)
+
+
+def _way(lag: float) -> str:
+    return "behind" if lag > 0 else "ahead of"
+
+
+def find_shifts(recording: Recording, specimen: Specimen) -> Shifts | None:
+    """Judge every shift of every sensor that the pressures move; ``None`` where the recording cannot tell."""
+    seconds = float(np.ptp(recording.time)) if len(recording.time) > 1 else 0.0
+    streams = streams_of(recording, specimen)
+    if seconds < SHORTEST or not recording.chambers or not any(stream.moving.any() for stream in streams):
+        return None
+    grid = grid_of(recording, streams, max(STEP, seconds / 3000))
+    if np.ptp(grid.pressures, axis=0).max(initial=0.0) < PRESSED:
+        return None
+    reach = min(LONGEST, 0.25 * seconds)
+    lags = np.arange(-reach, reach + STEP / 2, STEP)
+    left = _unexplained(grid, lags)
+    numbers = np.unique(grid.stream)
+    own = np.array([left[:, grid.stream == number].mean(axis=1) for number in numbers])
+    moved = own.min(axis=1) < 1.0 - EXPLAINED
+    if not moved.any():
+        return None
+    names = tuple(streams[number].name for number in numbers[moved])
+    samples = seconds / INDEPENDENT
+    return Shifts(names, lags, -0.5 * samples * np.log(own[moved]), samples)
+
+
+def _unexplained(grid: Grid, lags: Floats) -> Floats:
+    """Compute the share of each value's variance that shifted pressures leave, shape (lags, values)."""
+    scale = max(float(np.abs(grid.pressures).max()), 1.0)
+    both = np.column_stack([grid.pressures, first_order(grid.pressures, grid.step / SLOW)]) / scale
+    seen = np.asarray(np.isfinite(grid.values).all(axis=1))
+    edge = int(np.ceil(np.abs(lags).max() / grid.step))
+    rows = np.flatnonzero(seen)
+    rows = rows[(rows >= edge) & (rows < len(seen) - edge)]
+    left = np.ones((len(lags), grid.values.shape[1]))
+    if len(rows) < 5 * both.shape[1]:
+        return left
+    values = grid.values[rows] - grid.values[rows].mean(axis=0)
+    power = np.maximum((values**2).sum(axis=0), 1e-30)
+    for k, lag in enumerate(lags):
+        design = both[rows - round(lag / grid.step)]
+        design = design - design.mean(axis=0)
+        inner = design.T @ design + 1e-4 * len(rows) * np.eye(design.shape[1])
+        solved = np.linalg.solve(inner, design.T @ values)
+        left[k] = ((values - design @ solved) ** 2).sum(axis=0) / power
+    return left
+
+
+def moved_pressures(recording: Recording, lag: float) -> Recording:
+    """Move all but the motion by ``lag`` seconds: y(t) was caused by p(t - lag)."""
+    columns = {
+        name: values if name.startswith(MOTION) else _moved(recording.time, values, lag)
+        for name, values in recording.columns.items()
+    }
+    return replace(recording, columns=columns)
+
+
+def _moved(time: Floats, values: Floats, by: float) -> Floats:
+    """Take each value from ``by`` seconds before, the nearest reading, NaN beyond the ends."""
+    wanted = time - by
+    after = np.clip(np.searchsorted(time, wanted), 1, len(time) - 1)
+    nearest = np.where(time[after] - wanted < wanted - time[after - 1], after, after - 1)
+    step = float(np.median(np.diff(time)))
+    return np.where(np.abs(time[nearest] - wanted) <= step, values[nearest], np.nan)

@@ -1,0 +1,358 @@
+"""Stretches of a recording that no steady law explains: a touch, a violent start, a body found elsewhere.
+
+Each second of each stream is compared with what the law predicts from all other times (``law.left_out``). Its
+error follows a Student-t distribution of the predicted variance under the law, and a far wider normal
+one during
+an event; whether an event lasts is a Markov chain of two states (Rabiner, Proc. IEEE 77 (1989) 257). A
+stretch is reported when it is probable and large enough to move a fit.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln, logsumexp
+
+from softarm.estimator.intake.grid import Grid, grid_of
+from softarm.estimator.intake.law import START, Inputs, fit_variances, left_out, own_noise
+from softarm.estimator.intake.provoked import slopes_of, unprovoked_motion
+from softarm.estimator.intake.result import Event
+from softarm.estimator.intake.streams import Stream, streams_of
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+
+SHORTEST = 20.0
+"""Shorter recordings [s] hold too little of any law to tell an event from it."""
+MOST = 600
+"""Windows of a recording at most."""
+FINEST = 0.1
+"""Shortest window [s]."""
+BLOCK = 4.0
+"""Length of the blocks that are predicted from all other times [s]."""
+PASSES = 3
+LEAST_WEIGHT = 1e-3
+FREEDOM = 4.0
+"""Degrees of freedom of the law's errors (Student-t): heavy tails, finite variance."""
+LAW_ERROR = 0.03
+"""The law's own error over the spread of a value, at least."""
+EVENT_SPREADS = (0.1, 0.3, 1.0)
+"""Standard deviations of an event over the spread of a value, equally probable."""
+ENTER, LEAVE = 1.0 / 300.0, 1.0 / 3.0
+"""Probability per second that an event begins, and that it ends: one in five minutes, of three seconds."""
+PROBABLE = 0.95
+LEAST = {"rad": np.radians(2.0), "m": 4e-3}
+"""Events below this size in every unit leave a fit alone."""
+LEAST_SHARE = 0.08
+"""So do events below this share of the range of a value."""
+PRESSED = 2e3
+"""Pressures that never change by this [Pa] have no law."""
+TAUT = 0.02
+"""A gauge that pulls harder [N] is a known force, and no event."""
+GUARD = 0.5
+"""What is left out on either side of an event [s]."""
+NEAR = 2.0
+"""Events closer than this [s] are one."""
+LASTING = 4
+"""Rows of ``FINEST`` seconds that unprovoked motion lasts: one at a pressure step is late motion."""
+LOST = 1.5
+"""A body that was lost this long before or after it moved [s] was found elsewhere."""
+TOUCH = 15.0
+"""Moments of unprovoked motion closer than this [s] begin and end one touch."""
+ALIKE = 0.8
+"""Share of an event's size that a pressure must explain to be called equivalent."""
+
+
+@dataclass(frozen=True)
+class Errors:
+    """What a law leaves of each window, from predictions that have not seen it.
+
+    Args:
+        grid: The windows.
+        rows: Windows in which everything was read, shape (rows,).
+        errors: Measured minus predicted, in the units of the values, shape (rows, values).
+        variances: Their variance over the squared spread of a value, shape (rows,).
+        spreads: Spread of each value, shape (values,).
+        seconds: Number of the second of each row, shape (rows,).
+    """
+
+    grid: Grid
+    rows: Indices
+    errors: Floats
+    variances: Floats
+    spreads: Floats
+    seconds: Indices
+
+
+def find_events(recording: Recording, specimen: Specimen) -> tuple[Event, ...]:
+    """Find the stretches of a recording that no steady law explains.
+
+    Nothing is looked for in recordings that are short, in which no pressure changes or nothing moves.
+
+    Args:
+        recording: What was recorded, in the right units and on one clock.
+        specimen: The robot, whose lengths turn bends into displacements.
+    """
+    streams = streams_of(recording, specimen)
+    if not _has_law(recording, streams):
+        return ()
+    touched = _touches(recording, streams)
+    left = law_errors(recording, streams, tuple(stretch for own in touched.values() for stretch in own))
+    if left is None:
+        return ()
+    numbers = np.unique(left.grid.stream)
+    chances = np.array([_probability(left, left.grid.stream == k) for k in numbers])
+    for row, number in enumerate(numbers):
+        for begin, end in touched[int(number)]:
+            first, last = (int(np.clip(t - left.grid.time[0], 0, chances.shape[1] - 1)) for t in (begin, end))
+            chances[row, first : last + 1] = 1.0
+    events = (
+        _event(recording, specimen, streams, left, chances, begin, end)
+        for begin, end in _stretches(chances.max(axis=0))
+    )
+    return tuple(event for event in events if event is not None)
+
+
+def _has_law(recording: Recording, streams: tuple[Stream, ...]) -> bool:
+    """Whether a recording is long enough, moves, and has pressures that change."""
+    seconds = float(np.ptp(recording.time)) if len(recording.time) > 1 else 0.0
+    pressures = [recording.pressure(k)[0] for k in recording.chambers]
+    changes = [float(np.ptp(p[np.isfinite(p)])) for p in pressures if np.isfinite(p).any()]
+    return (
+        seconds >= SHORTEST and any(s.moving.any() for s in streams) and max(changes, default=0.0) >= PRESSED
+    )
+
+
+def _touches(recording: Recording, streams: tuple[Stream, ...]) -> dict[int, list[tuple[float, float]]]:
+    """Find the stretches between motions that nothing provoked, of each moving stream."""
+    fine = grid_of(recording, streams, FINEST)
+    motion = unprovoked_motion(fine)
+    ranges = np.ptp(np.nanpercentile(fine.values, [2.0, 98.0], axis=0), axis=0)
+    large = motion.excess > np.maximum([LEAST[unit] for unit in fine.units], LEAST_SHARE * ranges)
+    large &= ~_near(_pulled(recording, fine)[: len(large)], round(2.0 / FINEST))[:, None]
+    numbers = [int(k) for k in np.unique(fine.stream)]
+    found = {}
+    for k in numbers:
+        own = fine.stream == k
+        times = _runs(large[:, own].any(axis=1), motion.time)
+        lost = fine.time[np.isnan(fine.values[:, own]).any(axis=1)]
+        found[k] = _between(times, recording, lost)
+    return found
+
+
+def _near(flags: Flags, width: int) -> Flags:
+    """Widen flags by some rows on either side."""
+    wide: Flags = np.convolve(flags, np.ones(2 * width + 1), "same") > 0.5
+    return wide
+
+
+def _runs(flags: Flags, time: Floats) -> list[float]:
+    """List the middles [s] of runs of at least ``LASTING`` rows; runs a second apart are one."""
+    rows = np.flatnonzero(flags)
+    groups = np.split(rows, np.flatnonzero(np.diff(rows) > round(1.0 / FINEST)) + 1)
+    return [float(time[group].mean()) for group in groups if len(group) >= LASTING]
+
+
+def _between(times: Sequence[float], recording: Recording, lost: Floats) -> list[tuple[float, float]]:
+    """Turn the moments of unprovoked motion into stretches.
+
+    Moments close to each other are the begin and the end of one touch. A single one where a sensor was
+    lost is a body that was found elsewhere: of the two parts of the recording the shorter one is left out.
+    """
+    found: list[tuple[float, float]] = []
+    for moment in times:
+        if found and moment - found[-1][1] <= TOUCH:
+            found[-1] = (found[-1][0], moment)
+        else:
+            found.append((moment, moment))
+    first, last = float(recording.time[0]), float(recording.time[-1])
+    if len(times) == 1 and (np.abs(lost - times[0]) < LOST).any():
+        return [(times[0], last) if last - times[0] < times[0] - first else (first, times[0])]
+    return [(begin, end if end > begin else end + 3.0) for begin, end in found]
+
+
+def law_errors(
+    recording: Recording, streams: tuple[Stream, ...], touched: Sequence[tuple[float, float]] = ()
+) -> Errors | None:
+    """Predict every second of a recording from all others.
+
+    Args:
+        recording: What was recorded.
+        streams: Its motion.
+        touched: Stretches [s] that the law is not learnt from.
+
+    Returns:
+        The errors; ``None`` where too little was read.
+    """
+    seconds = float(np.ptp(recording.time))
+    grid = grid_of(recording, streams, max(FINEST, seconds / MOST))
+    free = np.isfinite(grid.values).all(axis=1) & ~_pulled(recording, grid)
+    rows = np.flatnonzero(free)
+    if len(rows) * grid.step < SHORTEST:
+        return None
+    inputs = Inputs.of(grid.time, grid.pressures).take(rows)
+    spreads = np.std(grid.values[rows], axis=0)
+    scaled = (grid.values[rows] - np.median(grid.values[rows], axis=0)) / spreads
+    numbers = (inputs.time - grid.time[0]).astype(np.int64)
+    trusted = np.ones(len(rows))
+    for begin, end in touched:
+        trusted[(inputs.time >= begin - GUARD) & (inputs.time <= end + GUARD)] = LEAST_WEIGHT
+    errors, variances = _robust(inputs, scaled, numbers, trusted)
+    return Errors(grid, rows, errors * spreads, variances, spreads, numbers)
+
+
+def _robust(inputs: Inputs, values: Floats, seconds: Indices, trusted: Floats) -> tuple[Floats, Floats]:
+    """Fit the law and the weight of each second in turn, and predict each second from the others."""
+    weights, theta = trusted, START
+    for _ in range(PASSES):
+        theta = fit_variances(inputs, values, weights, theta)
+        clock = inputs.time - inputs.time[0]
+        first = left_out(inputs, values, weights, theta, (clock // BLOCK).astype(np.int64))
+        second = left_out(inputs, values, weights, theta, ((clock + BLOCK / 2) // BLOCK).astype(np.int64))
+        inner = np.abs(clock % BLOCK - BLOCK / 2) < BLOCK / 4
+        errors = np.where(inner[:, None], first[0], second[0])
+        own = own_noise(inputs, theta)
+        variances = np.maximum(np.where(inner, first[1], second[1]) - own / weights, 0.0) + own + LAW_ERROR**2
+        squares = _by_second(np.mean(errors**2, axis=1) / variances, seconds)
+        weights = np.clip((FREEDOM + 1.0) / (FREEDOM + squares[seconds]), LEAST_WEIGHT, trusted)
+    return errors, variances
+
+
+def _by_second(values: Floats, seconds: Indices) -> Floats:
+    counts = np.bincount(seconds)
+    sums: Floats = np.bincount(seconds, values) / np.maximum(counts, 1)
+    return sums
+
+
+def _pulled(recording: Recording, grid: Grid) -> Flags:
+    """Find windows in which a gauge pulls, a window on either side included, shape (windows,)."""
+    pulled = np.zeros(len(grid.time), dtype=bool)
+    for name in recording.gauges:
+        taut = np.abs(np.nan_to_num(recording.gauge(name))) > TAUT
+        windows = ((recording.time[taut] - recording.time[0]) / grid.step).astype(np.int64)
+        for shift in (-1, 0, 1):
+            pulled[np.clip(windows + shift, 0, len(pulled) - 1)] = True
+    return pulled
+
+
+def _probability(left: Errors, own: Flags) -> Floats:
+    """Compute the probability of an event in each second of one stream, shape (seconds,)."""
+    count = int(left.seconds[-1]) + 1
+    size = int(own.sum())
+    errors = np.array(
+        [
+            _by_second(column / spread, left.seconds)
+            for column, spread in zip(left.errors[:, own].T, left.spreads[own], strict=True)
+        ]
+    )
+    variances = _by_second(left.variances, left.seconds)
+    seen = np.bincount(left.seconds, minlength=count) > 0
+    variances = np.where(seen, variances, 1.0)
+    squares = (errors**2).sum(axis=0)
+    law = (
+        gammaln((FREEDOM + size) / 2)
+        - gammaln(FREEDOM / 2)
+        - 0.5 * size * np.log(FREEDOM * np.pi * variances)
+        - 0.5 * (FREEDOM + size) * np.log1p(squares / (FREEDOM * variances))
+    )
+    wide = [variances + spread**2 for spread in EVENT_SPREADS]
+    event = logsumexp([-0.5 * size * np.log(2 * np.pi * v) - 0.5 * squares / v for v in wide], axis=0)
+    return smoothed(np.where(seen, event - np.log(len(EVENT_SPREADS)) - law, 0.0))
+
+
+def smoothed(log_ratios: Floats) -> Floats:
+    """Compute the posterior probability of the second state of a two-state chain (forward-backward).
+
+    Args:
+        log_ratios: Log likelihood ratio of the second state over the first, shape (steps,).
+    """
+    step = np.log([[1.0 - ENTER, ENTER], [LEAVE, 1.0 - LEAVE]])
+    emitted = np.column_stack([np.zeros(len(log_ratios)), log_ratios])
+    forward, backward = np.empty_like(emitted), np.zeros_like(emitted)
+    forward[0] = emitted[0] + np.log([0.9, 0.1])  # a start is rough more often than the middle
+    for k in range(1, len(emitted)):
+        forward[k] = emitted[k] + logsumexp(forward[k - 1][:, None] + step, axis=0)
+    for k in range(len(emitted) - 2, -1, -1):
+        backward[k] = logsumexp(step + emitted[k + 1] + backward[k + 1], axis=1)
+    joint = forward + backward
+    posterior: Floats = np.exp(joint[:, 1] - logsumexp(joint, axis=1))
+    return posterior
+
+
+def _stretches(chance: Floats) -> list[tuple[int, int]]:
+    """Join probable seconds to stretches: first second and the second after the last."""
+    found: list[tuple[int, int]] = []
+    for second in np.flatnonzero(chance > PROBABLE).tolist():
+        if found and second - found[-1][1] <= NEAR:
+            found[-1] = (found[-1][0], second + 1)
+        else:
+            found.append((second, second + 1))
+    return found
+
+
+def _event(
+    recording: Recording,
+    specimen: Specimen,
+    streams: Sequence[Stream],
+    left: Errors,
+    chances: Floats,
+    begin: int,
+    end: int,
+) -> Event | None:
+    """Describe a stretch; ``None`` where it is too small to move a fit."""
+    inside = (left.seconds >= begin) & (left.seconds < end)
+    grid, numbers = left.grid, np.unique(left.grid.stream)
+    sizes = np.percentile(np.abs(left.errors[inside]), 90.0, axis=0)
+    usual = np.sqrt(np.median(left.errors**2, axis=0) / 0.455)
+    ranges = np.ptp(np.percentile(grid.values[left.rows], [2.0, 98.0], axis=0), axis=0)
+    enough = (sizes > [LEAST[unit] for unit in grid.units]) & (sizes > LEAST_SHARE * ranges)
+    probable = np.isin(grid.stream, numbers[chances[:, begin:end].max(axis=1) > PROBABLE])
+    if not (enough & probable).any():
+        return None
+    angle, length = (np.array([unit == kind for unit in grid.units]) for kind in ("rad", "m"))
+    lengths = _tip_displacement(specimen, streams, left, inside) if not length.any() else sizes[length].max()
+    start = grid.time[0] - grid.step / 2
+    return Event(
+        recording.name,
+        (
+            max(start + begin - GUARD, float(recording.time[0])),
+            min(start + end + GUARD, float(recording.time[-1])),
+        ),
+        tuple(dict.fromkeys(streams[k].name for k in grid.stream[enough & probable])),
+        float(sizes[angle].max(initial=0.0)),
+        float(lengths),
+        float(usual[angle].max(initial=0.0)),
+        float(usual[length].max(initial=0.0)),
+        float(chances[:, begin:end].max()),
+        _equivalent(recording, left, inside),
+    )
+
+
+def _tip_displacement(specimen: Specimen, streams: Sequence[Stream], left: Errors, inside: Flags) -> float:
+    """Turn unexplained bends into a displacement of the tip [m], angles times distances from it."""
+    tip = specimen.length_m
+    total = np.zeros((int(inside.sum()), 2))
+    for number in np.unique(left.grid.stream):
+        own = np.flatnonzero(left.grid.stream == number)
+        names = {section.name: section for section in specimen.sections}
+        if len(own) == 2 and (section := names.get(streams[number].target)):
+            total += left.errors[np.ix_(inside, own)] * max(tip - section.from_m + 0.06, 0.0)
+    return float(np.percentile(np.linalg.norm(total, axis=1), 90.0)) if len(total) else 0.0
+
+
+def _equivalent(recording: Recording, left: Errors, inside: Flags) -> tuple[int, float] | None:
+    """Find the chamber whose pressure would do the same, by the linear part of the law."""
+    slopes = (slopes_of(left.grid) / left.spreads[:, None]).T
+    moved = np.median(left.errors[inside] / left.spreads, axis=0)
+    powers = (slopes**2).sum(axis=1)
+    wanted = np.where(powers > 0, slopes @ moved / np.where(powers > 0, powers, 1.0), 0.0)
+    remains = ((moved - wanted[:, None] * slopes) ** 2).sum(axis=1)
+    remains[np.abs(wanted) > np.abs(left.grid.pressures).max(initial=0.0)] = np.inf
+    best = int(np.argmin(remains))
+    if remains[best] > (1.0 - ALIKE) * float(moved @ moved):
+        return None
+    return recording.chambers[best], float(wanted[best])

@@ -1,0 +1,261 @@
+"""Labels of markers and handedness of their laboratory, by trying them against the specimen's rigid sections.
+
+A labelling is judged by how rigidly the markers of each section fit their places in the specimen, and by
+where it puts the sections in the base frame: near to their rest.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, permutations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.intake.hypotheses import Explanation, choose
+from softarm.estimator.intake.result import Kind, Mismatch
+from softarm.estimator.recording import MARKER_SUFFIXES, Recording
+from softarm.estimator.rotations import from_quaternions, log
+from softarm.estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+Labels = tuple[int, ...]
+
+PLACED = 3e-3
+"""Standard deviation of a marker's place in its section [m]: nominal places are 2 to 5 mm off."""
+REACH = 0.35
+"""Standard deviation of a section's place over its height, between rest and any pose."""
+TILT = 0.5
+"""And of its orientation [rad]."""
+MOVED = -3.0
+"""Logarithm of the prior per marker with a wrong name."""
+MIRRORED = -5.0
+"""Logarithm of the prior of a laboratory frame with a mirrored axis."""
+WHOLE = 5
+"""Up to so many markers, every labelling is tried; above, exchanges within and between sections."""
+MISFIT = 8.0
+"""A marker that is so many standard deviations off its place is not that marker."""
+FRAMES = 6
+"""Samples that a labelling is judged by."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """Markers of the specimen that a recording has.
+
+    Args:
+        names: Their names.
+        sections: Name of the section of each.
+        offsets: Place of each in its section's frame [m], shape (markers, 3).
+    """
+
+    names: tuple[str, ...]
+    sections: tuple[str, ...]
+    offsets: Floats
+
+    def of(self, section: str) -> list[int]:
+        """List the markers of a section."""
+        return [k for k, name in enumerate(self.sections) if name == section]
+
+
+@dataclass(frozen=True)
+class Labelling:
+    """One explanation: the recorded name of each marker, and whether an axis is mirrored."""
+
+    labels: Labels
+    mirrored: bool
+
+
+def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+    """Find exchanged markers and a mirrored laboratory, and mend them where one explanation wins."""
+    chosen = [marker for marker in specimen.markers if marker.name in recording.markers]
+    known = Known(
+        tuple(m.name for m in chosen),
+        tuple(m.section for m in chosen),
+        np.array([m.offset_m for m in chosen]),
+    )
+    if not any(len(known.of(section)) >= 3 for section in set(known.sections)):
+        return recording, ()
+    points = _samples(recording, known)
+    if not len(points):
+        return recording, ()
+    sensible = Labelling(tuple(range(len(chosen))), False)
+    tried = [
+        Explanation(Labelling(labels, mirrored), _likelihood(points, specimen, known, labels, mirrored))
+        for labels, mirrored in product(_labellings(known), (False, True))
+    ]
+    choice = choose(tried)
+    best = choice.best.what
+    worst = _worst(points, known, best.labels, best.mirrored)
+    if worst > MISFIT * PLACED:
+        what = f"the markers lie up to {1e3 * worst:.0f} mm off their places in the specimen under any names"
+        cure = "give the specimen whose markers these are, or correct their offset_m"
+        return recording, (Mismatch(recording.name, "labels", known.names, what, cure, mended=False),)
+    if best == sensible:
+        return recording, ()
+    before = _worst(points, known, sensible.labels, False)
+    return _renamed(
+        recording, known, best, choice.unambiguous, choice.odds, choice.second.what, before, worst
+    )
+
+
+def _renamed(
+    recording: Recording,
+    known: Known,
+    best: Labelling,
+    unambiguous: bool,
+    odds: float,
+    second: Labelling,
+    before: float,
+    after: float,
+) -> tuple[Recording, tuple[Mismatch, ...]]:
+    names = tuple(known.names[k] for k, label in enumerate(best.labels) if label != k) or known.names
+    kind: Kind = "labels" if best.labels != tuple(range(len(known.names))) else "frame"
+    if not unambiguous:
+        what = f"{describe(known, best)}, or {describe(known, second)}"
+        cure = f"correct the names or the axes of the export (odds only {odds:.0f})"
+        return recording, (Mismatch(recording.name, kind, names, what, cure, False, odds),)
+    columns = dict(recording.columns)
+    for k, label in enumerate(best.labels):
+        for suffix in MARKER_SUFFIXES:
+            columns[f"marker_{known.names[k]}_{suffix}"] = recording.columns[
+                f"marker_{known.names[label]}_{suffix}"
+            ]
+    if best.mirrored:
+        for name in recording.markers:
+            columns[f"marker_{name}_x_m"] = -columns[f"marker_{name}_x_m"]
+    fits = f"to {1e3 * after:.1f} instead of {1e3 * before:.1f} mm"
+    what = f"{describe(known, best)}: the markers fit their sections {fits}"
+    mismatch = Mismatch(recording.name, kind, names, what, "mended for this run", True, odds)
+    return replace(recording, columns=columns), (mismatch,)
+
+
+def describe(known: Known, labelling: Labelling) -> str:
+    """Say in words which markers bear whose name."""
+    pairs = [
+        f"{known.names[label]} is named {known.names[k]}"
+        for k, label in enumerate(labelling.labels)
+        if label != k
+    ]
+    if len(pairs) == 2 and labelling.labels != tuple(range(len(labelling.labels))):
+        one, other = (known.names[k] for k, label in enumerate(labelling.labels) if label != k)
+        pairs = [f"markers {one} and {other} are exchanged"]
+    elif pairs:
+        pairs = ["markers are permuted (" + ", ".join(pairs) + ")"]
+    if labelling.mirrored:
+        pairs.append("one axis of the laboratory frame is mirrored")
+    return " and ".join(pairs) or "the markers as they are named"
+
+
+def _samples(recording: Recording, known: Known) -> Floats:
+    """Choose samples in which every marker was seen, shape (samples, markers, 3)."""
+    points = np.stack([recording.marker(name) for name in known.names], axis=1)
+    seen = np.flatnonzero(np.isfinite(points).all(axis=(1, 2)))
+    if not len(seen):
+        return np.zeros((0, len(known.names), 3))
+    chosen: Floats = points[seen[np.unique(np.linspace(0, len(seen) - 1, FRAMES).astype(int))]]
+    return chosen
+
+
+def _labellings(known: Known) -> Iterator[Labels]:
+    """Yield labellings, the recorded one first."""
+    count = len(known.names)
+    if count <= WHOLE:
+        yield from permutations(range(count))
+        return
+    seen: set[Labels] = set()
+    for labels in (*_exchanges(count), *_within_sections(known)):
+        if labels not in seen:
+            seen.add(labels)
+            yield labels
+
+
+def _exchanges(count: int) -> Iterator[Labels]:
+    """Yield the recorded labels, every exchange of two, and every two exchanges."""
+    plain = tuple(range(count))
+    yield plain
+    pairs = list(combinations(range(count), 2))
+    for first, second in ((first, second) for first in pairs for second in (None, *pairs)):
+        labels = list(plain)
+        for pair in filter(None, (first, second)):
+            labels[pair[0]], labels[pair[1]] = labels[pair[1]], labels[pair[0]]
+        yield tuple(labels)
+
+
+def _within_sections(known: Known) -> Iterator[Labels]:
+    """Yield every permutation within each section, together with exchanges of whole sections of one size."""
+    groups = [known.of(section) for section in dict.fromkeys(known.sections)]
+    orders: list[Sequence[Sequence[int]]] = [groups]
+    for a, b in combinations(range(len(groups)), 2):
+        if len(groups[a]) == len(groups[b]):
+            exchanged = list(groups)
+            exchanged[a], exchanged[b] = groups[b], groups[a]
+            orders.append(exchanged)
+    for order in orders:
+        for parts in product(*(permutations(group) for group in order)):
+            labels = [0] * len(known.names)
+            for group, part in zip(groups, parts, strict=True):
+                for place, label in zip(group, part, strict=True):
+                    labels[place] = label
+            yield tuple(labels)
+
+
+def _likelihood(points: Floats, specimen: Specimen, known: Known, labels: Labels, mirrored: bool) -> float:
+    fitted = _fits(points, known, labels, mirrored)
+    value = MOVED * sum(label != k for k, label in enumerate(labels)) + MIRRORED * mirrored
+    for name, (_, _, errors) in fitted.items():
+        count = 3 * len(known.of(name)) - 6
+        value -= 0.5 * max(float((errors**2).sum() / len(points)) / PLACED**2 - count, 0.0)
+    base = specimen.sections[0]
+    if base.name not in fitted:
+        return value
+    rotations, centres, _ = fitted[base.name]
+    rest = from_quaternions(np.array(base.frame_quaternion))
+    for section in specimen.sections[1:]:
+        if section.name not in fitted:
+            continue
+        turned, placed, _ = fitted[section.name]
+        relative = np.einsum("nji,njk->nik", rotations, turned)
+        place = np.einsum("nji,nj->ni", rotations, placed - centres)
+        expected = rest.T @ (np.array(section.frame_origin_m) - np.array(base.frame_origin_m))
+        away = np.linalg.norm(place - expected, axis=1).mean() / (REACH * np.linalg.norm(expected))
+        own: Floats = rest.T @ from_quaternions(np.array(section.frame_quaternion))
+        tilt = np.linalg.norm(log(relative @ own.T), axis=-1).mean() / TILT
+        value -= 0.5 * float(away**2 + tilt**2)
+    return value
+
+
+def _fits(
+    points: Floats, known: Known, labels: Labels, mirrored: bool
+) -> dict[str, tuple[Floats, Floats, Floats]]:
+    """Fit each section with three markers or more: rotations, origins, and errors of its markers."""
+    seen = points[:, list(labels)] * (np.array([-1.0, 1.0, 1.0]) if mirrored else 1.0)
+    found = {}
+    for section in dict.fromkeys(known.sections):
+        own = known.of(section)
+        if len(own) < 3:
+            continue
+        offsets, part = known.offsets[own], seen[:, own]
+        middle, centre = offsets.mean(axis=0), part.mean(axis=1)
+        products = np.einsum("nmi,mj->nij", part - centre[:, None], offsets - middle)
+        rotations = _nearest_rotations(products)
+        origins = centre - rotations @ middle
+        errors = part - origins[:, None] - np.einsum("nij,mj->nmi", rotations, offsets)
+        found[section] = (rotations, origins, np.linalg.norm(errors, axis=2))
+    return found
+
+
+def _nearest_rotations(matrices: Floats) -> Floats:
+    """Find the rotations nearest to matrices (Kabsch 1976), shape (..., 3, 3)."""
+    left, _, right = np.linalg.svd(matrices)
+    left[..., 2] *= np.sign(np.linalg.det(left @ right))[..., None]
+    rotations: Floats = left @ right
+    return rotations
+
+
+def _worst(points: Floats, known: Known, labels: Labels, mirrored: bool) -> float:
+    """Compute the largest rms distance of a marker from its place [m]."""
+    errors = [
+        np.sqrt((part**2).mean(axis=0)).max()
+        for _, _, part in _fits(points, known, labels, mirrored).values()
+    ]
+    return float(max(errors, default=0.0))

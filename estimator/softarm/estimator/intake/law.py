@@ -1,0 +1,178 @@
+"""The steady law of a recording: its motion as a smooth function of its pressures and of what went before.
+
+y(t) = f(p, m) + d(t) + e(t) with Gaussian-process priors (Rasmussen and Williams 2006, chapters 2 and 5):
+
+| part | covariance | stands for |
+|---|---|---|
+| level | constant | where the sensor is mounted |
+| linear | p . p' | bending in proportion to the pressures |
+| quadratic | (p . p')^2 | chambers that push on each other, softening |
+| bends of the law | exp(-|p - p'|^2 / 2 l^2) | walls, cords, saturation: anything smooth in the pressures |
+| memory | m . m', m the pressures behind first-order filters | lag, creep, hysteresis |
+| clock | t t' | drift, warming |
+| discrepancy d | exp(-|t - t'| / 1 s) | what the law leaves, correlated in time |
+| swing s | r r' exp(-|t - t'| / 1 s), r the recent rate of the pressures | inertia, valves |
+| noise e | identity | |
+
+Variances of the parts are those of largest marginal likelihood. Every second carries a weight of its
+own, which
+divides the variance of d, s and e: a scale mixture, so that a few strange seconds do not set the law.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import minimize
+
+Floats = NDArray[np.float64]
+
+FILTERS = (0.15, 0.6, 3.0, 15.0)
+"""Time constants of the memory [s]: lines and inertia, slow lines, creep, slow creep."""
+LENGTH = 0.35
+"""Length l of the law's bends over the largest pressure."""
+CORRELATION = 1.0
+"""Correlation time of the discrepancy [s]."""
+RECENT = 1.0
+"""How long ago the pressures' changes still swing the arm [s]."""
+HYPER = 320
+"""Samples on which the variances are fitted."""
+PARTS = ("linear", "quadratic", "smooth", "memory", "clock", "discrepancy", "swing", "noise")
+START = np.log([0.5, 0.05, 0.02, 0.02, 0.002, 0.003, 0.01, 0.001])
+LOWEST, HIGHEST = np.log(1e-7), np.log(30.0)
+LEVEL = 4.0
+"""Variance of the level, in variances of the column."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What the law may depend on, at each sample.
+
+    Args:
+        time: [s], shape (samples,).
+        pressures: Over the largest, shape (samples, chambers).
+        memory: Filtered minus present pressures, shape (samples, filters x chambers).
+        rate: How far the pressures moved lately, over the largest, shape (samples,).
+    """
+
+    time: Floats
+    pressures: Floats
+    memory: Floats
+    rate: Floats
+
+    @staticmethod
+    def of(time: Floats, pressures: Floats) -> "Inputs":
+        """Filter pressures [Pa], shape (samples, chambers), at even times."""
+        scaled = pressures / max(float(np.abs(pressures).max(initial=0.0)), 1.0)
+        step = float(np.median(np.diff(time)))
+        memory = [first_order(scaled, step / lag) - scaled for lag in FILTERS]
+        ways = np.abs(np.diff(scaled, axis=0, prepend=scaled[:1])).sum(axis=1, keepdims=True)
+        rate = first_order(ways, step / RECENT) * RECENT / step
+        return Inputs(time, scaled, np.column_stack(memory), np.minimum(rate[:, 0], 1.0))
+
+    def take(self, index: NDArray[np.int64]) -> "Inputs":
+        """Keep some samples."""
+        return Inputs(self.time[index], self.pressures[index], self.memory[index], self.rate[index])
+
+
+def first_order(values: Floats, ratio: float) -> Floats:
+    """Filter columns by y' = (x - y) / T, T = step / ratio, beginning at rest at the first value."""
+    keep = np.exp(-ratio)
+    out = np.empty_like(values)
+    state = values[0]
+    for row, value in enumerate(values):
+        state = keep * state + (1.0 - keep) * value
+        out[row] = state
+    return out
+
+
+def covariances(inputs: Inputs, weights: Floats) -> list[Floats]:
+    """Compute the covariance of each of ``PARTS`` with unit variance, shape (samples, samples) each."""
+    p, time = inputs.pressures, inputs.time
+    inner = p @ p.T
+    square = np.diag(inner)
+    distance = square[:, None] + square[None, :] - 2.0 * inner
+    middle = (time - time.mean()) / max(float(np.ptp(time)), 1e-9)
+    wide = 1.0 / np.sqrt(weights)
+    ageing = np.exp(-np.abs(time[:, None] - time[None, :]) / CORRELATION)
+    return [
+        inner,
+        inner**2,
+        np.exp(-0.5 * np.maximum(distance, 0.0) / LENGTH**2),
+        inputs.memory @ inputs.memory.T,
+        np.outer(middle, middle),
+        ageing * wide[:, None] * wide[None, :],
+        ageing * np.outer(inputs.rate * wide, inputs.rate * wide),
+        np.diag(1.0 / weights),
+    ]
+
+
+def fit_variances(inputs: Inputs, values: Floats, weights: Floats, start: Floats = START) -> Floats:
+    """Fit the logarithms of the variances of ``PARTS`` by marginal likelihood, shape (parts,).
+
+    Args:
+        inputs: What the law may depend on.
+        values: Columns of about unit variance, shape (samples, columns).
+        weights: Of each sample, shape (samples,).
+        start: Where the search begins.
+    """
+    index = np.unique(np.linspace(0, len(values) - 1, HYPER).astype(np.int64))
+    parts = covariances(inputs.take(index), weights[index])
+    y = values[index]
+
+    def negative(theta: Floats) -> tuple[float, Floats]:
+        scales = np.exp(theta)
+        total = LEVEL + sum(s * part for s, part in zip(scales, parts, strict=True))
+        total[np.diag_indices_from(total)] += 1e-8
+        factor = cho_factor(total, lower=True)
+        inverse = cho_solve(factor, np.eye(len(y)))
+        solved = inverse @ y
+        columns = y.shape[1]
+        value = 0.5 * float((y * solved).sum()) + columns * float(np.log(np.diag(factor[0])).sum())
+        inner = solved @ solved.T - columns * inverse
+        slopes = [-0.5 * s * float((inner * part).sum()) for s, part in zip(scales, parts, strict=True)]
+        return value / columns, np.array(slopes) / columns
+
+    bounds = [(LOWEST, HIGHEST)] * len(PARTS)
+    found = minimize(negative, start, jac=True, bounds=bounds, method="L-BFGS-B", options={"maxiter": 30})
+    return np.asarray(found.x, dtype=np.float64)
+
+
+def left_out(
+    inputs: Inputs, values: Floats, weights: Floats, variances: Floats, blocks: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
+    """Predict each block of time from all others.
+
+    With C the covariance, e_B = (C^-1_BB)^-1 (C^-1 y)_B, of covariance (C^-1_BB)^-1 (Sundararajan and
+    Keerthi,
+    Neural Computation 13 (2001) 1103, for blocks).
+
+    Args:
+        inputs: What the law may depend on.
+        values: Columns, shape (samples, columns).
+        weights: Of each sample, shape (samples,).
+        variances: Logarithms, as ``fit_variances`` gives them.
+        blocks: Number of the block of each sample, shape (samples,).
+
+    Returns:
+        Measured minus predicted, shape (samples, columns), and the variance of it, shape (samples,).
+    """
+    parts = covariances(inputs, weights)
+    total = LEVEL + sum(np.exp(v) * part for v, part in zip(variances, parts, strict=True))
+    total[np.diag_indices_from(total)] += 1e-8
+    inverse = cho_solve(cho_factor(total, lower=True), np.eye(len(total)))
+    solved = inverse @ values
+    errors, spreads = np.empty_like(values), np.empty(len(values))
+    for block in np.unique(blocks):
+        own = np.flatnonzero(blocks == block)
+        covariance = np.linalg.inv(inverse[np.ix_(own, own)])
+        errors[own], spreads[own] = covariance @ solved[own], np.diag(covariance)
+    return errors, spreads
+
+
+def own_noise(inputs: Inputs, variances: Floats) -> Floats:
+    """Compute the variance of what the law leaves at each sample of weight one, shape (samples,)."""
+    scales = dict(zip(PARTS, np.exp(variances), strict=True))
+    own: Floats = scales["noise"] + scales["discrepancy"] + scales["swing"] * inputs.rate**2
+    return own

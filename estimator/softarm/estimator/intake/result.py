@@ -1,0 +1,157 @@
+"""What the intake of a recording found: faults of frames, labels, units and clocks, and events."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from softarm.estimator.errors import InputError
+from softarm.estimator.recording import Recording
+
+Kind = Literal["unit", "offset", "sign", "labels", "frame", "clock", "limit", "structure"]
+MOTION = ("bend_", "frame_", "marker_")
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """A part of a recording that does not fit the specimen in its frame, label, unit or clock.
+
+    Args:
+        recording: Name of the recording.
+        kind: What kind of fault.
+        columns: Streams or columns at fault.
+        what: The fault with its numbers, without a full stop.
+        cure: What was done for this run, or what the user can do.
+        mended: Whether the run was mended; otherwise it is refused.
+        odds: Odds of this explanation against the next; infinite where there is no other.
+    """
+
+    recording: str
+    kind: Kind
+    columns: tuple[str, ...]
+    what: str
+    cure: str
+    mended: bool = True
+    odds: float = np.inf
+
+    @property
+    def statement(self) -> str:
+        """The fault and what was done about it, one sentence."""
+        return f"{self.recording}: {self.what}; {self.cure}."
+
+    @property
+    def error(self) -> InputError:
+        """The refusal."""
+        return InputError(self.recording, self.what, self.cure)
+
+
+@dataclass(frozen=True)
+class Event:
+    """A stretch of time that no steady law of the arm explains.
+
+    Args:
+        recording: Name of the recording.
+        interval: From when to when [s].
+        channels: Streams that moved.
+        size_rad: Largest unexplained angle [rad], 0 where no angle was recorded.
+        size_m: Largest unexplained displacement [m], of the tip where only bends were recorded.
+        usual_rad: Rms of the law's own error in angle [rad] outside of events.
+        usual_m: The same in length [m].
+        probability: That a steady law does not explain it.
+        equivalent: Chamber and pressure [Pa] that would do the same; ``None`` where none does.
+    """
+
+    recording: str
+    interval: tuple[float, float]
+    channels: tuple[str, ...]
+    size_rad: float
+    size_m: float
+    usual_rad: float
+    usual_m: float
+    probability: float
+    equivalent: tuple[int, float] | None = None
+
+    @property
+    def statement(self) -> str:
+        """When, where, how large and what would do the same, one sentence."""
+        sizes = [
+            f"{np.degrees(self.size_rad):.1f} degrees (usual error {np.degrees(self.usual_rad):.1f})"
+            if self.size_rad
+            else "",
+            f"{1e3 * self.size_m:.0f} mm"
+            + (f" (usual error {1e3 * self.usual_m:.1f})" if self.usual_m else ""),
+        ]
+        size = " and ".join(filter(None, sizes))
+        begin, end = self.interval
+        like = ""
+        if self.equivalent is not None:
+            chamber, pressure = self.equivalent
+            like = f", as {pressure / 1e3:+.1f} kPa in chamber {chamber} would"
+        return (
+            f"{self.recording}: from {begin:.1f} to {end:.1f} s {', '.join(self.channels)} moved by up to "
+            f"{size} in a way that no steady law of the pressures explains{like}; left out of every fit."
+        )
+
+
+@dataclass(frozen=True)
+class Intake:
+    """A recording after intake.
+
+    Args:
+        recording: The recording, mended where that was unambiguous.
+        mismatches: What did not fit.
+        events: Stretches that no steady law explains.
+        excluded: Stretches [s] that no fit may see, those of events among them.
+        notes: Further sentences.
+    """
+
+    recording: Recording
+    mismatches: tuple[Mismatch, ...] = ()
+    events: tuple[Event, ...] = ()
+    excluded: tuple[tuple[float, float], ...] = ()
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def refusals(self) -> tuple[InputError, ...]:
+        """Faults that could not be mended unambiguously."""
+        return tuple(one.error for one in self.mismatches if not one.mended)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """All that was found, one sentence each."""
+        mended = (one.statement for one in self.mismatches if one.mended)
+        return (*mended, *(event.statement for event in self.events), *self.notes)
+
+    @property
+    def for_fits(self) -> Recording:
+        """The recording as a fit may see it: its motion counts as lost during excluded stretches."""
+        return without_motion(self.recording, self.excluded)
+
+    def required(self) -> "Intake":
+        """Return this intake unless the recording is refused.
+
+        Raises:
+            InputError: A fault could not be mended.
+        """
+        if self.refusals:
+            raise self.refusals[0]
+        return self
+
+    def with_recording(self, recording: Recording, found: Sequence[Mismatch] = ()) -> "Intake":
+        """Return this intake with another recording and further mismatches."""
+        return replace(self, recording=recording, mismatches=(*self.mismatches, *found))
+
+
+def without_motion(recording: Recording, stretches: Sequence[tuple[float, float]]) -> Recording:
+    """Return a recording whose motion is lost during some stretches [s]; the pressures stay."""
+    inside = np.zeros(len(recording.time), dtype=bool)
+    for begin, end in stretches:
+        inside |= (recording.time >= begin) & (recording.time <= end)
+    if not inside.any():
+        return recording
+    columns = {
+        name: np.where(inside, np.nan, values) if name.startswith(MOTION) else values
+        for name, values in recording.columns.items()
+    }
+    return replace(recording, columns=columns)

@@ -1,0 +1,205 @@
+"""Frames of sections: exchanged sections, a mirrored laboratory, a body on the base that is turned.
+
+Positions must follow from orientations: between two sections an arm of length L runs along the mean of
+their axes,
+p_2 - p_1 = L (R_1 e_z + R_2 e_z) / 2 up to a tenth of L, however it bends. Turning the whole laboratory
+keeps that; the base's frame registers it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise, permutations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.intake.hypotheses import Explanation, choose
+from softarm.estimator.intake.result import Mismatch
+from softarm.estimator.recording import BEND_SUFFIXES, POSE_SUFFIXES, Recording
+from softarm.estimator.rotations import from_quaternions
+from softarm.estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+
+CHORD, VARYING = 0.1, 0.03
+"""Error of a chord over the arm's length, constant and varying: bodies sit off the axis, and no section
+bends as a circle."""
+EXCHANGED = -4.0
+"""Logarithm of the prior per exchanged name."""
+TURNED = -5.0
+"""And of a mirrored axis, or of a base whose body points elsewhere."""
+WRONG_BEND = np.radians(2.0)
+"""Bends this near to the frames' tilts are those of their sections."""
+ALIKE = 0.3
+"""Share of that difference that an exchange may leave."""
+SAMPLES = 60
+AXES = "xyz"
+MISFIT = 3.0
+"""Chords that the best explanation misses by so many deviations are no arm of this specimen."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """One explanation: recorded frames of the sections, mirrored axis, the base body's axis to the tip."""
+
+    labels: tuple[int, ...]
+    mirrored: int | None = None
+    axis: int = 2
+    sign: float = 1.0
+
+
+def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+    """Find exchanged sections and mirrored or turned frames, and mend them where one explanation wins."""
+    names = [section.name for section in specimen.sections if section.name in recording.frames]
+    if len(names) < 2 or names[0] != specimen.sections[0].name:
+        return recording, ()
+    poses = _samples(recording, names)
+    if len(poses) < 2:
+        return recording, ()
+    heights = np.array([specimen.section(name).frame_origin_m[2] for name in names])
+    turns = [from_quaternions(poses[:, k, 3:]) for k in range(len(names))]
+    tried = [
+        Explanation(setup, _prior(setup) - 0.5 * _squares(poses, turns, heights, setup))
+        for setup in _setups(len(names))
+    ]
+    choice = choose(tried)
+    best = choice.best.what
+    off = _distance(poses, turns, heights, best)
+    if off > MISFIT * CHORD * heights[-1]:
+        what = f"positions and orientations of {', '.join(names)} contradict each other by {1e3 * off:.0f} mm"
+        cure = "check the order of the quaternion (w, x, y, z), the axes of the bodies, and the specimen"
+        return recording, (Mismatch(recording.name, "frame", tuple(names), what, cure, mended=False),)
+    if best == _setups(len(names))[0]:
+        return recording, ()
+    words = _describe(names, best)
+    columns = tuple(f"frame_{name}" for name in names)
+    if best.axis != 2 or best.sign < 0.0:
+        cure = "define the body so that its z points along the arm; how it is turned about z cannot be known"
+        return recording, (Mismatch(recording.name, "frame", columns[:1], words, cure, False, choice.odds),)
+    if not choice.unambiguous:
+        what = f"{words}, or {_describe(names, choice.second.what)}"
+        cure = f"correct the export (odds only {choice.odds:.0f})"
+        return recording, (Mismatch(recording.name, "frame", columns, what, cure, False, choice.odds),)
+    before = _distance(poses, turns, heights, tried[0].what)
+    what = f"{words}: positions follow from orientations to {1e3 * off:.0f} instead of {1e3 * before:.0f} mm"
+    mismatch = Mismatch(recording.name, "frame", columns, what, "mended for this run", True, choice.odds)
+    return _mended(recording, names, best), (mismatch,)
+
+
+def mend_bends(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+    """Exchange bends that belong to each other's section, where frames show the tilts as well."""
+    order = [section.name for section in specimen.sections]
+    tilts = {}
+    for above, below in pairwise(order):
+        if {above, below} <= set(recording.frames) and below in recording.bends:
+            one, other = (from_quaternions(recording.pose(name)[:, 3:])[:, :, 2] for name in (above, below))
+            tilts[below] = np.arccos(np.clip((one * other).sum(axis=1), -1.0, 1.0))
+    names = tuple(tilts)
+    if len(names) < 2:
+        return recording, ()
+    sizes = {name: np.linalg.norm(recording.bend(name), axis=1) for name in names}
+    off = {
+        labels: max(
+            float(np.nanmedian(np.abs(sizes[a] - tilts[b]))) for a, b in zip(labels, names, strict=True)
+        )
+        for labels in permutations(names)
+    }
+    best = min(off, key=lambda labels: off[labels])
+    if best == names or off[names] < WRONG_BEND or off[best] > ALIKE * off[names]:
+        return recording, ()
+    columns = dict(recording.columns)
+    for label, name in zip(best, names, strict=True):
+        for suffix in BEND_SUFFIXES:
+            columns[f"bend_{name}_{suffix}"] = recording.columns[f"bend_{label}_{suffix}"]
+    far, near = (np.degrees(off[labels]) for labels in (names, best))
+    fits = f"they fit the frames to {near:.1f} instead of {far:.1f} degrees"
+    what = f"bends of {' and '.join(names)} are exchanged: {fits}"
+    streams = tuple(f"bend_{name}" for name in names)
+    return replace(recording, columns=columns), (
+        Mismatch(recording.name, "labels", streams, what, "mended for this run"),
+    )
+
+
+def _setups(count: int) -> list[Setup]:
+    """List the explanations, the recording as it is first."""
+    orders = list(permutations(range(count)))
+    mirrors: tuple[int | None, ...] = (None, 0, 1, 2)
+    plain = [Setup(labels, mirrored) for labels, mirrored in product(orders, mirrors)]
+    others = ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, -1.0))
+    return [*plain, *(Setup(orders[0], None, axis, sign) for axis, sign in others)]
+
+
+def _prior(setup: Setup) -> float:
+    moved = sum(label != k for k, label in enumerate(setup.labels))
+    turned = setup.axis != 2 or setup.sign < 0.0
+    return EXCHANGED * 0.5 * moved + TURNED * (setup.mirrored is not None) + TURNED * turned
+
+
+def _squares(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: Setup) -> float:
+    """Compute squared errors of all chords, in their deviations."""
+    errors = _chord_errors(poses, turns, heights, setup)
+    middle = errors.mean(axis=0)
+    constant = float((middle**2).sum()) / (CHORD * heights[-1]) ** 2
+    varying = float(((errors - middle) ** 2).sum(axis=(1, 2)).mean()) / (VARYING * heights[-1]) ** 2
+    return float(constant + varying)
+
+
+def _distance(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: Setup) -> float:
+    """Compute the rms error of a chord [m]."""
+    errors = _chord_errors(poses, turns, heights, setup)
+    return float(np.sqrt((errors**2).sum(axis=2).mean()))
+
+
+def _chord_errors(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: Setup) -> Floats:
+    """Compute measured minus expected chords [m], shape (samples, chords, 3)."""
+    mirror = np.ones(3)
+    if setup.mirrored is not None:
+        mirror[setup.mirrored] = -1.0
+    places = poses[:, list(setup.labels), :3] * mirror
+    axes = [turns[k][:, :, 2] for k in setup.labels]
+    axes[0] = setup.sign * turns[setup.labels[0]][:, :, setup.axis]
+    steps = [
+        0.5 * (upper - lower) * (one + other)
+        for lower, upper, one, other in zip(heights, heights[1:], axes, axes[1:], strict=False)
+    ]
+    errors: Floats = np.diff(places, axis=1) - np.stack(steps, axis=1)
+    return errors
+
+
+def _samples(recording: Recording, names: Sequence[str]) -> Floats:
+    poses = np.stack([recording.pose(name) for name in names], axis=1)
+    seen = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
+    if not len(seen):
+        return poses[:0]
+    chosen: Floats = poses[seen[np.unique(np.linspace(0, len(seen) - 1, SAMPLES).astype(int))]]
+    return chosen
+
+
+def _describe(names: Sequence[str], setup: Setup) -> str:
+    words = []
+    moved = [k for k, label in enumerate(setup.labels) if label != k]
+    if len(moved) == 2:
+        words.append(f"frames {names[moved[0]]} and {names[moved[1]]} are exchanged")
+    elif moved:
+        listed = ", ".join(f"{names[setup.labels[k]]} is named {names[k]}" for k in moved)
+        words.append(f"frames are permuted ({listed})")
+    if setup.mirrored is not None:
+        words.append(f"the {AXES[setup.mirrored]} axis of the laboratory's positions is mirrored")
+    if setup.axis != 2 or setup.sign < 0.0:
+        words.append(
+            f"the base's body has its {'-' if setup.sign < 0 else ''}{AXES[setup.axis]} axis along the arm"
+        )
+    return " and ".join(words) or "the frames as they are named"
+
+
+def _mended(recording: Recording, names: Sequence[str], setup: Setup) -> Recording:
+    columns = dict(recording.columns)
+    for k, label in enumerate(setup.labels):
+        for suffix in POSE_SUFFIXES:
+            columns[f"frame_{names[k]}_{suffix}"] = recording.columns[f"frame_{names[label]}_{suffix}"]
+    if setup.mirrored is not None:
+        letter = AXES[setup.mirrored]
+        for name in columns:
+            if name.startswith(("frame_", "marker_")) and name.endswith(f"_{letter}_m"):
+                columns[name] = -columns[name]
+    return replace(recording, columns=columns)

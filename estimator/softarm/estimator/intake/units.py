@@ -1,0 +1,370 @@
+"""Units of pressures, angles and lengths, and gauge against absolute pressure, by what the specimen can be.
+
+| quantity | what is known beforehand |
+|---|---|
+| largest pressure over the limit | log-normal about 0.6; seldom above 1 |
+| lowest pressure | a gauge pressure comes down to about 0 at some time, an absolute one to that of the air |
+| bend at the limit | log-normal about 0.8 rad, a factor of 2.7: it bends visibly, not around itself |
+| measured over commanded pressure | 1 within 15 % |
+| size of the arm | that of the specimen |
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.intake.hypotheses import Choice, Explanation, choose
+from softarm.estimator.intake.result import Kind, Mismatch
+from softarm.estimator.recording import Recording
+from softarm.estimator.rotations import from_quaternions
+from softarm.estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+
+PRESSURES = {
+    "pascals": (1.0, 0.0),
+    "kilopascals": (1e3, -3.0),
+    "millibars": (1e2, -4.0),
+    "bars": (1e5, -4.0),
+    "pounds per square inch": (6894.757, -5.0),
+    "megapascals": (1e6, -6.0),
+}
+"""Factor to pascals and logarithm of the prior over that of pascals."""
+ANGLES = {"radians": (1.0, 0.0), "degrees": (np.pi / 180.0, -3.0)}
+LENGTHS = {
+    "metres": (1.0, 0.0),
+    "millimetres": (1e-3, -3.0),
+    "centimetres": (1e-2, -4.0),
+    "inches": (0.0254, -6.0),
+}
+USUAL_PRESSURE, BELOW, ABOVE = 0.6, 1.0, 0.4
+"""Usual largest pressure over the limit, and its spread (logarithm) below and above."""
+USUAL_BEND, BEND_SPREAD = 0.8, 1.0
+"""Usual bend at the limit [rad] and the spread of its logarithm, that of a modulus unknown to a factor
+of five and of chambers that nobody measured."""
+AIR = (70e3, 110e3)
+"""Pressure of the air from high mountains to sea level [Pa]."""
+NEVER_VENTED = -6.0
+"""Logarithm of the prior that no chamber ever comes below half the limit."""
+SAME_AIR = 2e3
+"""Vented chambers read the same air within this [Pa]."""
+FOLLOWS = 0.15
+SIZE_SPREAD = 0.25
+LEAST_MOTION = 1e-3
+"""Pressures that change by less than this share of the limit, whatever the unit, say nothing of bends."""
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of a recording's pressures and bends.
+
+    Args:
+        measured: Unit of the measured pressures.
+        commanded: Unit of the commanded pressures.
+        angle: Unit of the bends.
+        absolute: Whether the measured pressures are absolute.
+    """
+
+    measured: str = "pascals"
+    commanded: str = "pascals"
+    angle: str = "radians"
+    absolute: bool = False
+
+
+def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+    """Bring pressures to gauge pressures in pascals, bends to radians, lengths to metres.
+
+    Returns:
+        The recording, mended where one explanation wins, and what was found.
+    """
+    mended, found = _pressures_and_bends(recording, specimen)
+    mended, lengths = _lengths(mended, specimen)
+    mended, signs = _pull_signs(mended)
+    return mended, (*found, *lengths, *signs)
+
+
+def pressure_columns(recording: Recording, kind: str) -> tuple[str, ...]:
+    """List the columns of ``measured`` or ``commanded`` pressures."""
+    names = (f"pressure_{'cmd_' if kind == 'commanded' else ''}{k}_pa" for k in recording.chambers)
+    return tuple(name for name in names if name in recording.columns)
+
+
+def _pressures_and_bends(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+    limits = specimen.pressure_limits
+    if not limits or not recording.chambers or _declared_pascals(recording):
+        return recording, ()
+    choice = choose(_explanations(recording, max(limits)))
+    found = choice.best.what
+    if found == Units():
+        return recording, ()
+    columns, words = _named(recording, found)
+    if not choice.unambiguous:
+        other = "; ".join(_named(recording, choice.second.what)[1]) or "pascals and radians as named"
+        cure = f"convert the columns, or say pressure_unit = 'Pa' (odds only {choice.odds:.0f})"
+        return recording, (
+            Mismatch(
+                recording.name, "unit", columns, f"{'; '.join(words)}, or {other}", cure, False, choice.odds
+            ),
+        )
+    offset = 0.0
+    if found.absolute:
+        air = _air(recording, found)
+        if air is None:
+            what = f"{'; '.join(words)}, and no vented stretch shows the pressure of the air"
+            cure = "subtract the pressure of the air from the columns, or record a vented stretch"
+            return recording, (Mismatch(recording.name, "offset", columns, what, cure, False, choice.odds),)
+        offset = air
+    mended = _converted(recording, found, offset)
+    kind: Kind = "offset" if found.absolute else "unit"
+    done = (
+        f"counted as {offset:.0f} Pa above vacuum at rest and converted"
+        if found.absolute
+        else "converted for this run"
+    )
+    return mended, (Mismatch(recording.name, kind, columns, "; ".join(words), done, True, choice.odds),)
+
+
+def _declared_pascals(recording: Recording) -> bool:
+    return str(recording.info.get("pressure_unit", "")).lower() == "pa"
+
+
+def _explanations(recording: Recording, limit: float) -> list[Explanation[Units]]:
+    sizes = {kind: _sizes(recording, kind) for kind in ("measured", "commanded")}
+    slope = _bend_per_pressure(recording)
+    ratio = _measured_over_commanded(recording)
+    options = {
+        kind: tuple(PRESSURES) if sizes[kind] is not None else ("pascals",)
+        for kind in ("measured", "commanded")
+    }
+    angles = tuple(ANGLES) if slope is not None else ("radians",)
+    absolute = (False, True) if sizes["measured"] is not None else (False,)
+    found = []
+    for measured, commanded, angle, above_vacuum in product(
+        options["measured"], options["commanded"], angles, absolute
+    ):
+        units = Units(measured, commanded, angle, above_vacuum)
+        value = PRESSURES[measured][1] + PRESSURES[commanded][1] + ANGLES[angle][1] - 3.0 * above_vacuum
+        if sizes["measured"] is not None:
+            value += _pressure_likelihood(*sizes["measured"], PRESSURES[measured][0], limit, above_vacuum)
+        if sizes["commanded"] is not None:
+            value += _pressure_likelihood(*sizes["commanded"], PRESSURES[commanded][0], limit, False)
+        if slope is not None:
+            factor = PRESSURES[measured if sizes["measured"] is not None else commanded][0]
+            bend = slope * ANGLES[angle][0] / factor * limit
+            value -= 0.5 * (np.log(max(bend, 1e-12) / USUAL_BEND) / BEND_SPREAD) ** 2
+        if ratio is not None:
+            off = np.log(ratio * PRESSURES[measured][0] / PRESSURES[commanded][0]) / FOLLOWS
+            value -= 0.5 * min(float(off**2), 200.0)
+        found.append(Explanation(units, float(value)))
+    return found
+
+
+def _pressure_likelihood(low: float, high: float, factor: float, limit: float, absolute: bool) -> float:
+    """Compare the lowest and largest pressure of all chambers with a limit [Pa]."""
+    low, high = low * factor, high * factor
+    if absolute:
+        if not AIR[0] < low < AIR[1]:
+            return -1e3
+        low, high = 0.0, high - low
+    away = np.log(max(high, 1e-9) / (USUAL_PRESSURE * limit))
+    value = -0.5 * (away / (ABOVE if away > 0 else BELOW)) ** 2
+    return float(value + (NEVER_VENTED if low > 0.5 * limit else 0.0))
+
+
+def _sizes(recording: Recording, kind: str) -> tuple[float, float] | None:
+    """Find the lowest and the largest pressure as recorded; ``None`` where none changes."""
+    names = pressure_columns(recording, kind)
+    values = [recording.columns[name][np.isfinite(recording.columns[name])] for name in names]
+    values = [column for column in values if len(column)]
+    if not values:
+        return None
+    ranges = [np.percentile(column, [1.0, 99.5]) for column in values]
+    low, high = min(float(r[0]) for r in ranges), max(float(r[1]) for r in ranges)
+    moved = max(float(np.ptp(r)) for r in ranges)
+    noise = max(float(np.nanstd(np.diff(column))) if len(column) > 2 else 0.0 for column in values)
+    return (
+        (low, high) if high > 0.0 and moved > 0.0 and noise < 0.5 * max(np.std(c) for c in values) else None
+    )
+
+
+def _bend_per_pressure(recording: Recording) -> float | None:
+    """Regress the bends on the pressures: the median chamber's largest slope, as recorded."""
+    if not recording.bends:
+        return None
+    pressures = np.column_stack([np.nan_to_num(recording.pressure(k)[0]) for k in recording.chambers])
+    bends = np.column_stack([recording.bend(section) for section in recording.bends])
+    moved = np.ptp(pressures, axis=0) > 0.2 * max(float(np.ptp(pressures, axis=0).max(initial=0.0)), 1e-12)
+    seen = np.isfinite(bends).all(axis=1)
+    if not moved.any() or seen.sum() < 20:
+        return None
+    p, y = pressures[seen][:, moved], bends[seen]
+    p, y = p - p.mean(axis=0), y - y.mean(axis=0)
+    slopes, *_ = np.linalg.lstsq(p, y, rcond=1e-6)
+    if float(((y - p @ slopes) ** 2).sum()) > 0.7 * float((y**2).sum()):
+        return None
+    sizes = np.linalg.norm(slopes.reshape(len(slopes), -1, 2), axis=2).max(axis=1)
+    return float(np.median(sizes))
+
+
+def _measured_over_commanded(recording: Recording) -> float | None:
+    """Find the usual change of a measured over that of its commanded pressure; ``None`` without both."""
+    ratios = []
+    for k in recording.chambers:
+        names = (f"pressure_{k}_pa", f"pressure_cmd_{k}_pa")
+        both = [recording.columns[name] for name in names if name in recording.columns]
+        ranges = [float(np.ptp(np.nanpercentile(c, [2.0, 98.0]))) for c in both if np.isfinite(c).any()]
+        if len(ranges) == 2 and min(ranges) > 0.0:
+            ratios.append(ranges[0] / ranges[1])
+    return float(np.median(ratios)) if ratios else None
+
+
+def _air(recording: Recording, units: Units) -> float | None:
+    """Find the pressure of the air [Pa]: the lowest of most chambers, where they agree."""
+    factor = PRESSURES[units.measured][0]
+    lows = sorted(
+        float(np.nanpercentile(recording.columns[name], 1.0)) * factor
+        for name in pressure_columns(recording, "measured")
+    )
+    alike = [low for low in lows if low - lows[0] < SAME_AIR]
+    return float(np.mean(alike)) if len(alike) >= min(2, len(lows)) else None
+
+
+def _named(recording: Recording, units: Units) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Name the columns at fault and say how they differ."""
+    columns: list[str] = []
+    words: list[str] = []
+    for kind in ("measured", "commanded"):
+        unit = getattr(units, kind)
+        above_vacuum = units.absolute and kind == "measured"
+        if unit == "pascals" and not above_vacuum:
+            continue
+        names = pressure_columns(recording, kind)
+        columns += names
+        top = max(float(np.nanmax(recording.columns[name])) for name in names)
+        above = "absolute, " if above_vacuum else ""
+        words.append(f"the {kind} pressures reach {top:.4g} and are {above}in {unit}")
+    if units.angle != "radians":
+        names = tuple(f"bend_{section}_{axis}_rad" for section in recording.bends for axis in "xy")
+        columns += names
+        top = max(float(np.nanmax(np.abs(recording.columns[name]))) for name in names)
+        words.append(f"the bends reach {top:.4g} and are in {units.angle}")
+    return tuple(columns), tuple(words)
+
+
+def _converted(recording: Recording, units: Units, offset: float) -> Recording:
+    columns = dict(recording.columns)
+    for kind in ("measured", "commanded"):
+        factor = PRESSURES[getattr(units, kind)][0]
+        for name in pressure_columns(recording, kind):
+            columns[name] = columns[name] * factor - (offset if kind == "measured" else 0.0)
+    for section in recording.bends:
+        for axis in "xy":
+            columns[f"bend_{section}_{axis}_rad"] = (
+                columns[f"bend_{section}_{axis}_rad"] * ANGLES[units.angle][0]
+            )
+    return replace(recording, columns=columns)
+
+
+def _lengths(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+    """Bring positions to metres: markers and frames each have a size that the specimen knows."""
+    mended, found = recording, []
+    for kind, sizes in (
+        ("frame", _frame_sizes(recording, specimen)),
+        ("marker", _marker_sizes(recording, specimen)),
+    ):
+        if sizes is None:
+            continue
+        size, expected, spread = sizes
+        choice: Choice[str] = choose(
+            [
+                Explanation(unit, prior - 0.5 * (np.log(max(size * factor, 1e-12) / expected) / spread) ** 2)
+                for unit, (factor, prior) in LENGTHS.items()
+            ]
+        )
+        unit = choice.best.what
+        if unit == "metres":
+            continue
+        names = tuple(
+            n for n in recording.columns if n.startswith(f"{kind}_") and n.endswith(("_x_m", "_y_m", "_z_m"))
+        )
+        what = f"the {kind}s lie {size:.4g} apart, the specimen's {expected:.4g} m: they are in {unit}"
+        if not choice.unambiguous:
+            cure = f"convert them to metres (odds only {choice.odds:.0f} against {choice.second.what})"
+            found.append(Mismatch(recording.name, "unit", names, what, cure, False, choice.odds))
+            continue
+        factor = LENGTHS[unit][0]
+        scaled = {name: v * factor if name in names else v for name, v in mended.columns.items()}
+        mended = replace(mended, columns=scaled)
+        found.append(
+            Mismatch(recording.name, "unit", names, what, "converted for this run", True, choice.odds)
+        )
+    return mended, tuple(found)
+
+
+def _frame_sizes(recording: Recording, specimen: Specimen) -> tuple[float, float, float] | None:
+    known = {s.name: np.array(s.frame_origin_m) for s in specimen.sections}
+    names = [name for name in recording.frames if name in known]
+    places = {name: _usual(recording.pose(name)[:, :3]) for name in names}
+    names = [name for name in names if np.isfinite(places[name]).all()]
+    if len(names) >= 2:
+        spread = _apart([places[name] for name in names])
+        return spread, _apart([known[name] for name in names]), SIZE_SPREAD
+    if len(names) == 1:
+        ways = np.nanpercentile(recording.pose(names[0])[:, :3], [5.0, 95.0], axis=0)
+        travel = float(np.linalg.norm(np.ptp(ways, axis=0)))
+        return (travel, 0.4 * specimen.length_m, 1.2) if travel > 0.0 else None
+    return None
+
+
+def _marker_sizes(recording: Recording, specimen: Specimen) -> tuple[float, float, float] | None:
+    known = [marker for marker in specimen.markers if marker.name in recording.markers]
+    places = {marker.name: _usual(recording.marker(marker.name)) for marker in known}
+    known = [marker for marker in known if np.isfinite(places[marker.name]).all()]
+    if len(known) < 2:
+        return None
+    rest = []
+    for marker in known:
+        section = specimen.section(marker.section)
+        turn = from_quaternions(np.array(section.frame_quaternion))
+        rest.append(np.array(section.frame_origin_m) + turn @ np.array(marker.offset_m))
+    return _apart([places[marker.name] for marker in known]), _apart(rest), SIZE_SPREAD
+
+
+def _usual(places: Floats) -> Floats:
+    seen = places[np.isfinite(places).all(axis=1)]
+    return np.median(seen, axis=0) if len(seen) else np.full(3, np.nan)
+
+
+def _apart(places: list[Floats]) -> float:
+    """Compute the rms distance of places from their mean."""
+    points = np.array(places)
+    return float(np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean()))
+
+
+SIGN = 5.0
+"""A gauge on a cord reads pulls of one sign; so many times larger on the other side it is wired the
+wrong way."""
+PULL = 0.05
+"""Pulls below it [N] show no sign."""
+
+
+def _pull_signs(recording: Recording) -> tuple[Recording, tuple[Mismatch, ...]]:
+    """Turn gauges whose cord would push: pull is positive, and a cord cannot push."""
+    columns, found = dict(recording.columns), []
+    tied: Mapping[str, object] = {**recording.info, **({"hook": True} if "hook" in recording.markers else {})}
+    if not {"hook", "gauge_section", "gauge_direction"} & set(tied):
+        return recording, ()
+    for name in recording.gauges:
+        force = recording.gauge(name)
+        seen = force[np.isfinite(force)]
+        if not len(seen):
+            continue
+        push, pull = -float(np.percentile(seen, 0.5)), float(np.percentile(seen, 99.5))
+        if push > PULL and push > SIGN * max(pull, 0.0):
+            columns[f"gauge_{name}_n"] = -force
+            what = f"gauge {name} reads {-push:.3g} N at most, as if its cord pushed: its sign is turned"
+            found.append(Mismatch(recording.name, "sign", (f"gauge_{name}_n",), what, "turned for this run"))
+    return (replace(recording, columns=columns), tuple(found)) if found else (recording, ())

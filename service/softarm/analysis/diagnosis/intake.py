@@ -1,0 +1,91 @@
+"""Recordings taken in before a diagnosis: what was found becomes findings of its own."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from softarm.analysis.offline.inputs import taken_in
+from softarm.estimator.diagnosis.result import Diagnosis, Evidence, Finding, Quantity
+from softarm.estimator.intake import Event, Intake, Mismatch
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Specimen
+from softarm.estimator.specimen.physics import Place
+
+SURE = 1e12
+"""Odds at which evidence is cut off: nothing is surer than that."""
+EDGE = 0.5
+"""How well the begin and the end of an event are known [s]."""
+
+
+def take_all_in(
+    suspects: Sequence[Recording], nominal: Sequence[Recording], specimen: Specimen
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...], tuple[Intake, ...], tuple[str, ...]]:
+    """Take recordings in.
+
+    Returns:
+        Recordings in question and nominal ones as fits may see them, the intakes of those in question,
+        and what was found in words.
+
+    Raises:
+        InputError: A recording does not fit the specimen and cannot be mended.
+    """
+    notes: list[str] = []
+    questioned = tuple(taken_in(recording, specimen, notes.append) for recording in suspects)
+    known = tuple(taken_in(recording, specimen, notes.append) for recording in nominal)
+    return tuple(i.for_fits for i in questioned), tuple(i.for_fits for i in known), questioned, tuple(notes)
+
+
+def with_intakes(diagnosis: Diagnosis, intakes: Sequence[Intake], notes: Sequence[str]) -> Diagnosis:
+    """Add findings of the intake; they were mended or left out, so the verdict is that of the rest."""
+    events = [event_finding(event) for intake in intakes for event in intake.events]
+    mismatches = [
+        mismatch_finding(one) for intake in intakes for one in intake.mismatches if one.kind != "limit"
+    ]
+    findings = (*mismatches, *diagnosis.findings, *events)
+    return replace(diagnosis, findings=findings, notes=(*notes, *diagnosis.notes))
+
+
+def event_finding(event: Event) -> Finding:
+    """Report a stretch of time that no steady law explains."""
+    begin, end = event.interval
+    size, usual = (event.size_rad, event.usual_rad) if event.size_rad else (event.size_m, event.usual_m)
+    parameters = {"begin": Quantity(begin, EDGE, "s"), "end": Quantity(end, EDGE, "s")}
+    if event.size_rad:
+        parameters["angle"] = Quantity(event.size_rad, event.usual_rad, "rad")
+    if event.size_m:
+        parameters["displacement"] = Quantity(event.size_m, event.usual_m, "m")
+    chamber = None
+    if event.equivalent is not None:
+        chamber, pressure = event.equivalent
+        share = usual / max(size, 1e-9)
+        parameters["equivalent_pressure"] = Quantity(pressure, abs(pressure) * share, "Pa")
+    odds = min(event.probability / max(1.0 - event.probability, 1.0 / SURE), SURE)
+    ratio = size / max(usual, 1e-9)
+    return Finding(
+        "event",
+        Place(chamber=chamber, sensor=event.channels[0] if len(event.channels) == 1 else None),
+        "time of the run",
+        event.statement,
+        parameters,
+        Evidence(float(np.log(odds)), ratio, 1.0, (1.0 - 1.0 / max(ratio, 1.0),) * 2, float("nan")),
+        probability=event.probability,
+        interval=event.interval,
+        recording=event.recording,
+    )
+
+
+def mismatch_finding(mismatch: Mismatch) -> Finding:
+    """Report a frame, label, unit or clock that was mended."""
+    one = mismatch.columns[0] if len(mismatch.columns) == 1 else None
+    gain = float(np.log(min(mismatch.odds, SURE)))
+    return Finding(
+        "frame_mismatch",
+        Place(sensor=one),
+        "always",
+        mismatch.statement,
+        {},
+        Evidence(gain, 0.0, 0.0, (0.0, 0.0), float("nan")),
+        probability=1.0 - 1.0 / (1.0 + min(mismatch.odds, SURE)),
+        recording=mismatch.recording,
+    )

@@ -1,0 +1,157 @@
+"""Every fault that an intake looks for, planted singly and in twos into a good recording."""
+
+import re
+
+import numpy as np
+import pytest
+
+from softarm.estimator.intake import take_in
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import load_specimen
+from tests.estimator.intake import small_arm as arm
+
+SPECIMEN = arm.specimen()
+MENDED = {
+    "kilopascals": (arm.scaled("pressure_", "_pa", 1e-3), "in kilopascals"),
+    "bars": (arm.scaled("pressure_", "_pa", 1e-5), "in bars"),
+    "measured kilopascals": (
+        arm.both(arm.scaled("pressure_", "_pa", 1e-3), arm.scaled("pressure_cmd_", "_pa", 1e3)),
+        "the measured pressures reach .* in kilopascals",
+    ),
+    "absolute": (
+        arm.both(
+            arm.scaled("pressure_", "_pa", 1.0, 101325.0), arm.scaled("pressure_cmd_", "_pa", 1.0, -101325.0)
+        ),
+        "absolute",
+    ),
+    "degrees": (arm.scaled("bend_", "_rad", 57.29578), "in degrees"),
+    "millimetres": (arm.scaled("frame_", "_m", 1e3), "in millimetres"),
+    "markers in millimetres": (arm.scaled("marker_", "_m", 1e3), "in millimetres"),
+    "late": (arm.shifted(("bend", "frame", "marker"), 2.0), "2.* s behind the pressures"),
+    "early": (arm.shifted(("bend", "frame", "marker"), -1.5), "1.* s ahead of the pressures"),
+    "one late": (arm.shifted(("bend_tip",), 2.0), "bend_tip is 2.* s behind"),
+    "markers": (arm.exchanged("marker_tip0", "marker_tip1"), "tip0 and tip1 are exchanged"),
+    "markers of two bodies": (arm.exchanged("marker_tip0", "marker_base1"), "base1 and tip0 are exchanged"),
+    "mirrored markers": (arm.scaled("marker_", "_y_m", -1.0), "mirrored"),
+    "frames": (arm.exchanged("frame_intermediate", "frame_tip"), "intermediate and tip are exchanged"),
+    "bends": (arm.exchanged("bend_intermediate", "bend_tip"), "bends of intermediate and tip are exchanged"),
+    "mirrored frames": (
+        arm.scaled("frame_", "_y_m", -1.0),
+        "y axis of the laboratory's positions is mirrored",
+    ),
+}
+EVENTS = {
+    "hand": (arm.touched(40.0), 40.0, 43.0),
+    "violent start": (arm.thrown(), 0.0, 2.0),
+}
+PAIRS = (
+    ("kilopascals", "degrees"),
+    ("absolute", "early"),
+    ("markers", "millimetres"),
+    ("degrees", "one late"),
+)
+
+
+@pytest.fixture(scope="module")
+def good() -> Recording:
+    return arm.small_arm()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_found_in_a_good_recording(seed: int) -> None:
+    intake = take_in(arm.small_arm(seed), SPECIMEN)
+    assert intake.sentences == ()
+    assert intake.refusals == ()
+
+
+@pytest.mark.parametrize("name", MENDED)
+def test_a_fault_is_named_and_mended(good: Recording, name: str) -> None:
+    fault, words = MENDED[name]
+    intake = take_in(fault(good), SPECIMEN)
+    assert not intake.refusals
+    _require(intake.sentences, words)
+    if name != "mirrored markers":  # which axis was mirrored does not matter: the base registers the rest
+        _require_alike(intake.recording, good)
+
+
+@pytest.mark.parametrize("names", PAIRS, ids=" and ".join)
+def test_two_faults_are_named_and_mended(good: Recording, names: tuple[str, str]) -> None:
+    (first, words), (second, more) = (MENDED[name] for name in names)
+    intake = take_in(arm.both(first, second)(good), SPECIMEN)
+    assert not intake.refusals
+    _require(intake.sentences, words)
+    _require(intake.sentences, more)
+    _require_alike(intake.recording, good)
+
+
+@pytest.mark.parametrize("unit", ["", "kilopascals", "late"])
+@pytest.mark.parametrize("name", EVENTS)
+def test_an_event_is_found_and_left_out_of_fits(good: Recording, name: str, unit: str) -> None:
+    fault, begin, end = EVENTS[name]
+    recording = fault(good)
+    if unit:
+        recording = MENDED[unit][0](recording)
+        begin, end = (begin + 2.0, min(end + 2.0, 79.5)) if unit == "late" else (begin, end)
+    intake = take_in(recording, SPECIMEN)
+    assert not intake.refusals
+    inside = (good.time > begin + 0.5) & (good.time < end - 0.5)
+    seen = np.isfinite(intake.for_fits.columns["bend_tip_x_rad"][inside])
+    assert seen.mean() < 0.25
+    kept = np.isfinite(intake.for_fits.columns["bend_tip_x_rad"][~inside])
+    assert kept.mean() > 0.6
+    assert all(event.size_rad > np.radians(2.0) for event in intake.events)
+
+
+def test_a_body_that_is_found_elsewhere_is_an_event(good: Recording) -> None:
+    events = take_in(arm.lost_and_found(at=50.5)(good), SPECIMEN).events
+    assert any(
+        event.interval[0] < 52.0 < event.interval[1] and "bend_tip" in event.channels for event in events
+    )
+
+
+def test_another_specimen_is_refused_with_what_differs(good: Recording) -> None:
+    (refusal,) = take_in(good, load_specimen("single_segment")).refusals
+    assert "recorded on 'sopra', not on 'single_segment'" in str(refusal)
+    assert "chambers 0, 1, 2, 3, 4, 5, the specimen 4" in str(refusal)
+
+
+def test_pressures_above_the_limit_are_left_out_of_fits(good: Recording) -> None:
+    chambers = tuple(c.model_copy(update={"pressure_limit_pa": 40e3}) for c in SPECIMEN.chambers)
+    intake = take_in(good, SPECIMEN.model_copy(update={"chambers": chambers}))
+    above = np.any([good.columns[f"pressure_{k}_pa"] > 44e3 for k in range(6)], axis=0)
+    assert not intake.refusals
+    assert "over its limit of 40" in intake.sentences[0]
+    assert not np.isfinite(intake.for_fits.columns["bend_tip_x_rad"][above]).any()
+
+
+@pytest.mark.parametrize("rows", [1, 2, 30])
+def test_short_recordings_end_without_an_error(good: Recording, rows: int) -> None:
+    assert take_in(good.window(np.arange(len(good.time)) < rows), SPECIMEN).events == ()
+
+
+def test_sensors_that_were_never_seen_end_without_an_error(good: Recording) -> None:
+    columns = {
+        n: np.full_like(v, np.nan) if n.startswith(("bend", "frame_tip")) else v
+        for n, v in good.columns.items()
+    }
+    take_in(Recording("run", good.time, columns, good.info), SPECIMEN)
+
+
+def _require(sentences: tuple[str, ...], words: str) -> None:
+    assert any(re.search(words, sentence) for sentence in sentences), sentences
+
+
+def _require_alike(mended: Recording, good: Recording) -> None:
+    """Motion and the pressures that caused it agree again with those of the good recording."""
+    for name in ("bend_tip_x_rad", "frame_tip_z_m", "marker_tip0_x_m"):
+        one, other = (_relation(recording, name) for recording in (mended, good))
+        np.testing.assert_allclose(one, other, atol=0.06 * np.abs(other).max())
+
+
+def _relation(recording: Recording, name: str) -> np.ndarray:
+    """Regress a reading on the pressures: what a calibration would take from the recording."""
+    columns = [recording.columns[f"pressure_{k}_pa"] for k in range(6)]
+    design = np.column_stack([*columns, np.full(len(recording.time), 1e5)])
+    values = recording.columns[name]
+    seen = np.isfinite(values) & np.isfinite(design).all(axis=1)
+    return np.linalg.lstsq(design[seen], values[seen], rcond=None)[0]
