@@ -95,9 +95,9 @@ def mend_bends(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
             one, other = (from_quaternions(recording.pose(name)[:, 3:])[:, :, 2] for name in (above, below))
             tilts[below] = np.arccos(np.clip((one * other).sum(axis=1), -1.0, 1.0))
     names = tuple(tilts)
-    if len(names) < 2:
-        return recording, ()
     sizes = {name: np.linalg.norm(recording.bend(name), axis=1) for name in names}
+    if len(names) < 2 or not np.isfinite([*sizes.values(), *tilts.values()]).all(axis=0).any():
+        return recording, ()
     off = {
         labels: max(
             float(np.nanmedian(np.abs(sizes[a] - tilts[b]))) for a, b in zip(labels, names, strict=True)
