@@ -35,7 +35,6 @@ from softarm.estimator.diagnosis.valve_stage import splits_of, valve_diagnosis, 
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.accepted import physics_entry
 from softarm.estimator.errors import InputError
-from softarm.estimator.recording import Recording
 from softarm.estimator.rod import CalibratedRod, FittedRod, adapted
 from softarm.estimator.sensing import Bend
 from softarm.estimator.specimen import Specimen
