@@ -51,11 +51,13 @@ CHECK_RATE = 0.5  # Hz of those on the finite elements
 """Recordings and the parts of them that count."""
 PAGE = """# Real recordings
 
-Written by `softarm bench real-data --write docs/real-data.md`: what calibration makes of silicone robots that
-other groups recorded, beside regression that knows no mechanics. The recordings are not part of the project.
+Written by `softarm bench real-data --write docs/real-data.md`: softarm is calibrated on silicone robots that
+other groups recorded, and its predictions are compared with those of a regression without mechanics. The
+recordings are not part of the project.
 
-The line has a number for the effect of each pressure on each angle, cross-talk between the segments included;
-the model has none for that, nor for what rubber remembers, which may be why the line is nearer where it is.
+The linear regression ("line") has one coefficient for the effect of each pressure on each angle, cross-talk
+between the segments included. The model has no parameter for this cross-talk and none for the memory of
+rubber, which may be why the regression predicts some angles better.
 """
 
 

@@ -22,7 +22,7 @@ def test_every_fault_is_documented_with_its_parameters():
         part = check_scenario({"device": [{"name": "it", "kind": kind}]}).device[0]
         assert f"`{kind}`" in TEXT
         for fault in catalogue(part):
-            row = f"| `{fault.name}` | {'strikes' if fault.once else 'lasts'} | {fault.text} |"
+            row = f"| `{fault.name}` | {'times' if fault.once else 'until cleared'} | {fault.text} |"
             missing += [row] if row not in TEXT else []
             missing += [name for name in fault.parameters if f"`{name} = " not in TEXT]
     assert missing == []

@@ -101,11 +101,11 @@ def _announce(rig: Rig, control: ControlPort, *, as_json: bool) -> None:
 def _faults_table(scenario: Scenario) -> Table:
     def row(device: str, fault: Any) -> dict[str, str]:
         parameters = ", ".join(f"{key} = {value!r}" for key, value in fault.parameters.items())
-        lasts = "strikes" if fault.once else "lasts"
+        acts = "times" if fault.once else "until cleared"
         return {
             "device": device,
             "fault": fault.name,
-            "how": lasts,
+            "acts": acts,
             "on_the_wire": fault.text,
             "parameters": parameters,
         }

@@ -7,15 +7,15 @@ from softarm.common.tables import Table, as_markdown
 HEAD = """# The paper's experiments
 
 Printed by `softarm experiment all --fake --seeds {seeds} --write docs/experiments.md`. Cangan et al. measured
-on a SoPrA arm; these figures are of fake arms, whose physics is not the estimator's
-([fake-arm.md](fake-arm.md)). An aim that is missed says so in the column `aim met`.
+on a SoPrA arm; the figures here come from simulated arms whose physics differs from the estimator's
+([fake-arm.md](fake-arm.md)). The column `aim met` shows which aims were missed.
 
-What a calibration fits was chosen on arms 1 and 2 ([calibration.md](calibration.md)). Covariances: 90 to 98 %
-of errors should lie inside two standard deviations; the column `inside 2 std` says where they do not. The
-gauge's cord rings while its stage moves, so the row `moving` holds an error of the fake's gauge as well. A
-pull on the intermediate section is judged with a calibration that has seen the tip pulled only. The fake
-hands show the vented arm poses of their own choice; teach mode counts them all, and once more those that
-pressures can reach.
+The unknowns of the calibration were chosen on arms 1 and 2 ([calibration.md](calibration.md)). If a covariance is
+right, 90 to 98 % of the errors lie within two standard deviations; the column `inside 2 std` shows the
+measured percentage. The gauge's cord vibrates while its stage moves, so the row `moving` also contains an error of the
+simulated gauge. Pulls on the intermediate section are judged with a calibration that used pulls on the tip
+only. In teach mode a simulated hand moves the vented arm to random poses; the table counts all of them, and
+separately those that pressures can reach.
 
 """
 

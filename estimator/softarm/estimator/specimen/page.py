@@ -60,17 +60,17 @@ UNITS = {
 }
 INTRODUCTION = """# The specimen file
 
-One TOML file tells all that the model knows of one robot. `--specimen` takes its path, or the name of a
+One TOML file describes one robot completely. `--specimen` takes the path of the file, or the name of a
 shipped one: `sopra`, `single_segment`, `beam`. Every value is in SI units, and the end of a key names its
-unit. The base frame has its origin at the clamp and its z axis from the base to the tip along the arm at
-rest; heights count from there. Pressures are gauge pressures. Quaternions are (w, x, y, z) of the rotation
-that takes a section's axes to those of the base frame.
+unit. The base frame has its origin at the clamp and its z axis along the arm at rest, from the base to the
+tip; heights are measured along this axis. Pressures are gauge pressures. Quaternions are (w, x, y, z) and
+describe the rotation from a section's axes to those of the base frame.
 
-An unknown key, a missing one, a value outside its limits and parts that do not fit together are told all at
-once, each with its field, its value and the cure. Calibration and diagnosis write their results into the
-same file, so the live estimator runs on them.
+When the file is loaded, softarm reports all errors together: unknown keys, missing keys, values outside
+their limits and parts that do not fit together, each with its field, its value and what to do. Calibration
+and diagnosis write their results into the same file, and the live estimator uses them.
 
-This page is printed from the models that read the file: `python -m softarm.estimator.specimen.page`.
+This page is generated from the classes that read the file: `python -m softarm.estimator.specimen.page`.
 """
 
 
