@@ -52,7 +52,8 @@ def test_every_named_file_exists(page: Path) -> None:
 
 def test_a_moved_file_and_a_dead_link_are_noticed(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
-    page.write_text("# One\n[a](#one) [b](#two) [c](gone.md) `service/app.py` `service/softarm/daemon/app.py`\n")
+    links = "[a](#one) [b](#two) [c](gone.md)"
+    page.write_text(f"# One\n{links} `service/app.py` `service/softarm/daemon/app.py`\n")
     assert _dead_links(page) == ["#two", "gone.md"]
     assert _missing_files(page.read_text()) == ["service/app.py"]
 
