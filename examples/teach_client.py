@@ -50,16 +50,25 @@ def learn(client: SoftarmClient, name: str, let_go: Callable[[], None]) -> tuple
 
 
 def settle(client: SoftarmClient, timeout_s: float = 10.0) -> State:
-    """Wait until the measured pressures are those asked for, after the ramp."""
+    """Wait until the measured pressures are those asked for, after the ramp.
+
+    Raises:
+        RuntimeError: The arm no longer holds; the message names the cause.
+    """
     time.sleep(RAMP_S)
 
     def there(state: State) -> bool:
+        if state.mode != "HOLDING":
+            return True
         pairs = zip(state.asked_pa, state.measured_pa, strict=True)
         return all(
             pressure is not None and abs(asked - pressure) < 4 * SETTLED_PA for asked, pressure in pairs
         )
 
-    return client.wait_for("state", State, there, timeout_s)
+    state = client.wait_for("state", State, there, timeout_s)
+    if state.mode != "HOLDING":
+        raise RuntimeError(f"the arm left HOLDING for {state.mode}: {state.fault_cause or 'see its events'}")
+    return state
 
 
 def replay(client: SoftarmClient, names: list[str]) -> None:

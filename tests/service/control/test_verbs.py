@@ -1,3 +1,4 @@
+import asyncio
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 from softarm.api.commands import VERBS, Applied, Refused
 from softarm.api.examples import EXAMPLES
 from softarm.daemon.config import ControlSettings, SafetySettings
-from softarm.daemon.control.command_handler import CommandContext, CommandHandler
+from softarm.daemon.control.command_handler import ANSWER_S, CommandContext, CommandHandler
 from softarm.daemon.control.controller import Controller
 from softarm.daemon.control.estimator_state import RECENT_S, EstimatorState
 from softarm.daemon.control.poses import PoseStore
@@ -417,3 +418,51 @@ async def test_hold_that_asks_for_what_no_chamber_bears_is_a_fault(bench):
     assert max(bench.valves.pressures) <= 10e3
     assert bench.mode is Mode.FAULTED
     assert "out of range" in next(t for t in transitions if t is not None).cause
+
+
+@pytest.mark.parametrize(("verb", "fields"), [("teach/hold", {}), ("teach/save", {"name": "a"})])
+async def test_pose_that_is_not_estimated_yet_is_waited_for_as_long_as_the_caller_does(bench, verb, fields):
+    await bench.armed()
+    await bench.send("teach/start")
+    bench.estimator_state.update(result(None), 0)
+    asked = asyncio.create_task(bench.send(verb, **fields))
+    await asyncio.sleep(0)
+    bench.estimator_state.update(result(None), 0)  # was begun before the mode asked for pressures
+    await asyncio.sleep(0)
+    assert not asked.done()
+    bench.estimator_state.update(result(hold_answer()), 0)
+    answer = await asked
+    assert isinstance(answer, Applied), answer
+    assert answer.applied["pressures_pa"] == [20e3] * 6
+
+
+async def test_pose_that_is_not_estimated_in_time_is_refused_before_the_caller_has_left(bench):
+    await bench.armed()
+    await bench.send("teach/start")
+    bench.estimator_state.update(result(None), 0)
+    answer = await bench.send("teach/hold", deadline_unix_ns=bench.unix_ns + round(0.9 * ANSWER_S * SECOND))
+    assert (code(answer), bench.mode) == ("not_available", Mode.TEACH)
+
+
+async def test_command_that_waits_for_an_estimate_does_not_outlive_a_stop(bench):
+    await bench.armed()
+    await bench.send("teach/start")
+    bench.estimator_state.update(result(None), 0)
+    asked = asyncio.create_task(bench.send("teach/hold"))
+    await asyncio.sleep(0)
+    for verb in ("stop", "clear", "arm", "teach/start"):
+        assert isinstance(await bench.send(verb), Applied)
+    bench.estimator_state.update(result(hold_answer()), 0)
+    assert code(await asked) == "wrong_mode"
+    assert bench.mode is Mode.TEACH
+
+
+@pytest.mark.parametrize(("verb", "word"), [("stop", "stopped by test"), ("disarm", "IDLE")])
+async def test_pose_that_no_mode_estimates_is_refused_with_the_cause(bench, verb, word):
+    await bench.armed()
+    await bench.send("teach/start")
+    await bench.send(verb)
+    bench.estimator_state.update(result(None), 0)
+    answer = await bench.send("teach/save", name="a")
+    assert code(answer) == "wrong_mode"
+    assert word in answer.message

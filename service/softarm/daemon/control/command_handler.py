@@ -47,6 +47,8 @@ RELEASE_LIFETIME_S = 2.0
 CLOCKS_DIFFER_S = 1.0
 """A command of a client whose clock is further ahead would outlive its caller."""
 FARTHEST_DEADLINE_S = 60.0
+ANSWER_S = 0.1
+"""A command that waits for an estimate is answered so long before its caller gives up."""
 SET_CLOCKS = "set the clocks of both hosts by NTP (timedatectl)"
 
 Answer = dict[str, object]
@@ -253,9 +255,9 @@ class CommandHandler:
         self._context.controller.fire(Trigger.TEACH, f"{request.client} teaches", request.client)
         return {"asked_pa": self._context.controller.asked.tolist()}
 
-    def _teach_hold(self, request: TeachHold) -> Answer:
+    async def _teach_hold(self, request: TeachHold) -> Answer:
         self._refuse_blocked(Mode.HOLDING)
-        hold, pose = self._known_hold()
+        hold, pose = await self._known_hold(request)
         goal = HoldGoal(hold.pressures, pose)
         self._begin_hold(goal, request, f"{request.client} holds")
         return {
@@ -265,22 +267,40 @@ class CommandHandler:
             "note": hold.note,
         }
 
-    def _known_hold(self) -> tuple[HoldAnswer, PoseTarget]:
-        """Give the pressures that hold the pose, and the pose, or say why there are none."""
-        estimator_state = self._context.estimator_state
+    async def _known_hold(self, request: Request) -> tuple[HoldAnswer, PoseTarget]:
+        """Return the pressures that hold the pose, and the pose; wait for the estimate as the caller does.
+
+        Raises:
+            RefusalError: There are none, or the mode changed while the command waited.
+        """
+        estimator_state, modes = self._context.estimator_state, self._context.controller.modes
+        changes = modes.changes
+        if modes.mode in (Mode.TEACH, Mode.HOLDING):
+            left_s = (request.deadline_unix_ns - self._context.unix_ns()) * 1e-9
+            await estimator_state.wait_for_hold(left_s - ANSWER_S)
+        if modes.changes != changes:
+            message = f"the arm changed to {modes.mode} while the command waited for an estimate"
+            raise RefusalError("wrong_mode", message, way_out(modes.mode))
         if estimator_state.held is not None:
             return estimator_state.held
         if estimator_state.hold_answer is not None:
             hint = "bring the arm into another pose: these pressures would mean nothing"
             raise RefusalError("not_available", estimator_state.hold_answer.note, hint)
-        raise RefusalError("not_available", "no pressures for this pose yet", "wait for an estimate")
+        if modes.mode in (Mode.TEACH, Mode.HOLDING):
+            message = "the estimator gave no pressures for this pose in time"
+            raise RefusalError("not_available", message, "see the service's findings, then try again")
+        cause = f" ({modes.fault_cause})" if modes.fault_cause else ""
+        hint = "begin with teach/start" if modes.mode in PRESSURISED else way_out(modes.mode)
+        message = f"no pressures that hold the pose are computed in {modes.mode}{cause}"
+        raise RefusalError("wrong_mode", message, hint)
 
     def _begin_hold(self, goal: HoldGoal, request: TeachHold | TeachGoto, cause: str) -> None:
         now_ns = self._context.clock_ns()
         self._context.controller.begin_hold(goal, request.ramp_s, now_ns, cause, request.client)
 
     async def _teach_save(self, request: TeachSave) -> Answer:
-        hold, sections = self._known_hold()[0], self._context.estimator_state.sections
+        hold, _ = await self._known_hold(request)
+        sections = self._context.estimator_state.sections
         controller = self._context.controller
         held = controller.modes.mode is Mode.HOLDING
         pressures = controller.asked if held else hold.pressures

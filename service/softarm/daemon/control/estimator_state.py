@@ -1,5 +1,7 @@
 """What the service knows of the arm: the newest estimate, the tare, contacts, and the running mismatch."""
 
+import asyncio
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -108,6 +110,7 @@ class EstimatorState:
         self.contact_since_unix_ns: int | None = None
         self.contact: Contact | None = None
         self._held: tuple[float, HoldAnswer, PoseTarget] | None = None
+        self._updated = asyncio.Event()
         self._names = section_names
         self._align = align
 
@@ -129,6 +132,19 @@ class EstimatorState:
             self.contact = None
         elif result.request.want_contact:
             self.contact = self._placed(result, self.contact_since_unix_ns)
+        self._updated.set()
+
+    async def wait_for_hold(self, seconds: float) -> None:
+        """Wait until a result answers how the pose is held, for a limited time.
+
+        Args:
+            seconds: How long at most [s].
+        """
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(max(seconds, 0.0)):
+                while self.hold_answer is None:
+                    self._updated.clear()
+                    await self._updated.wait()
 
     @property
     def hold(self) -> HoldAnswer | None:

@@ -102,11 +102,17 @@ class ModeMachine:
         self._observer = observer
         self._mode = Mode.STARTING
         self._fault_cause: str | None = None
+        self._changes = 0
 
     @property
     def mode(self) -> Mode:
         """The present mode."""
         return self._mode
+
+    @property
+    def changes(self) -> int:
+        """How many transitions there were: a command that waited sees whether there was one meanwhile."""
+        return self._changes
 
     @property
     def fault_cause(self) -> str | None:
@@ -148,6 +154,7 @@ class ModeMachine:
         elif trigger is Trigger.CLEAR:
             self._fault_cause = None
         self._mode = after
+        self._changes += 1
         transition = Transition(before, after, trigger, cause, by)
         try:
             self._observer(transition)
