@@ -36,7 +36,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "step": ("bench", "step"),
     "latency": ("bench", "latency"),
     "safety": ("bench", "safety"),
-    "soak": ("bench", "soak", "--minutes", "30"),
+    "soak": ("bench", "soak"),
     "faults": ("bench", "faults"),
     "drivers": ("bench", "drivers", "--quick"),
     "experiments": ("experiment", "all", "--fake", "--seeds", "3"),

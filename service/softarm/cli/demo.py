@@ -38,7 +38,7 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
     # Not blocked: the children would inherit that, and could not be asked to end.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with ExitStack() as stack:
-        say("starting fakes and service; the estimator warms up for half a minute at first")
+        say("starting fakes and service; the estimator warms up for half a minute, the first time for some")
         rig = stack.enter_context(FakeRig(settings, out))
         client = stack.enter_context(connect(rig))
         page = Process(

@@ -11,8 +11,10 @@ import click
 
 from softarm.cli.output import json_option, say, show
 from softarm.common.tables import Table
+from softarm.fakes.clock import LoopClock
 from softarm.fakes.control import ControlPort, status
 from softarm.fakes.devices import catalogue
+from softarm.fakes.lateness import watch_lateness
 from softarm.fakes.rig import Rig, running
 from softarm.fakes.scenario import Scenario, check_scenario, read_scenario
 from softarm.fakes.warp import WarpLoop
@@ -80,9 +82,11 @@ async def serve(scenario: Scenario, *, as_json: bool) -> None:
         gc.collect()
         gc.freeze()  # a full collection of all that is loaded would let the terminal miss its host's deadline
         _announce(rig, control, as_json=as_json)
+        watching = asyncio.create_task(watch_lateness(LoopClock(), say))
         try:
             await stopped.wait()
         finally:
+            watching.cancel()
             await control.stop()
     say("fakes: stopped")
 

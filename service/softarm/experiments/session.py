@@ -1,5 +1,8 @@
 """One experiment on one arm: lease, recording, table, plot."""
 
+import logging
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -7,14 +10,54 @@ from pathlib import Path
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from softarm.api.messages import Estimate, State
+from softarm.api.messages import Estimate, Message, State
 from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.estimator.errors import InputError
 from softarm.experiments.force import ForceSample, ForceSettings, run_fake
 from softarm.experiments.rig import FakeRig
 from softarm.experiments.rig_control import FakeControl
 
+logger = logging.getLogger(__name__)
 READY_S = 90.0
+"""For valves that answer and a first estimate, once the estimator has been built."""
+SILENT_S = 30.0
+"""A service that publishes no state for so long while it builds the estimator has ended or stands still."""
+PROGRESS_S = 15.0
+
+
+def wait_built(client: SoftarmClient, silent_s: float = SILENT_S, progress_s: float = PROGRESS_S) -> None:
+    """Wait until the service has left STARTING, however long it builds its estimator.
+
+    The service bounds this itself: it ends an estimator that is built for too long, and gives it up after
+    some attempts. In a fresh installation the kernels are compiled, which takes minutes on a busy machine.
+
+    Args:
+        client: Client of the service.
+        silent_s: How long the service may publish no state [s].
+        progress_s: Time between two lines of progress in the log [s].
+
+    Raises:
+        InputError: The service no longer publishes its state.
+    """
+    built, began_s = threading.Event(), time.monotonic()
+    heard_s = [began_s]
+
+    def on_state(message: Message) -> None:
+        heard_s[0] = time.monotonic()
+        if isinstance(message, State) and message.mode != "STARTING":
+            built.set()
+
+    with client.subscribe("state", on_state):
+        reported_s = began_s
+        while not built.wait(min(1.0, silent_s, progress_s)):
+            now_s = time.monotonic()
+            if now_s - heard_s[0] > silent_s:
+                what = f"published no state for {silent_s:g} s while its estimator was being built"
+                raise InputError(client.keys.arm, what, "see the service's log")
+            if now_s - reported_s > progress_s:
+                reported_s = now_s
+                words = "%s: the estimator is being built (%.0f s so far; the first time takes minutes)"
+                logger.warning(words, client.keys.arm, now_s - began_s)
 
 
 def wait_ready(client: SoftarmClient) -> State:
@@ -23,6 +66,7 @@ def wait_ready(client: SoftarmClient) -> State:
     Raises:
         InputError: It is not ready in time; its findings say why.
     """
+    wait_built(client)
     try:
         state = client.wait_for(
             "state", State, lambda s: s.mode != "STARTING" and None not in s.measured_pa, READY_S

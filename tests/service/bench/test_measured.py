@@ -2,11 +2,13 @@
 
 import json
 
+import click
 import pytest
 
 from acceptance.figures import FIGURES
 from acceptance.measured import (
     BEGIN,
+    COMMANDS,
     END,
     PAGE,
     README,
@@ -16,6 +18,7 @@ from acceptance.measured import (
     stored_tables,
     with_figures,
 )
+from softarm.cli import softarm
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Table
 
@@ -78,3 +81,11 @@ def test_readme_and_page_are_what_the_stored_output_says():
     assert PAGE.read_text("utf-8") == measured_page()
     readme = README.read_text("utf-8")
     assert readme == with_figures(readme, FIGURES)
+
+
+@pytest.mark.parametrize("words", COMMANDS.values(), ids=COMMANDS)
+def test_every_command_whose_output_is_kept_is_understood(words):
+    name, command, left = "softarm", softarm, [*words, "--json"]
+    while isinstance(command, click.Group):
+        name, command, left = command.resolve_command(click.Context(command), left)
+    command.make_context(name, left)

@@ -220,6 +220,28 @@ def test_device_faults_vent_in_time_and_nothing_arms_again(
         cleared(client)
 
 
+@pytest.mark.parametrize(
+    ("mode", "payload"), [("ARMED", None), ("TEACH", b"\xff\x00 no JSON {"), ("HOLDING", b"[" * 20_000)]
+)
+def test_stop_vents_the_running_service_whatever_it_carries(
+    rig, client, fakes, provokes_a_fault, mode, payload
+):
+    session = open_session(client_settings(rig.settings.endpoint))
+    try:
+        with pressurised(client, mode):
+            assert setpoints(fakes) != VENTED_MBAR
+            (reply,) = session.get(client.keys.command("stop"), payload=payload, timeout=2.0)
+            answer = json.loads(bytes(reply.ok.payload))
+            assert (answer["verb"], answer["mode"]) == ("stop", "FAULTED")
+            assert seconds_until_vented(fakes) < VENTED_S
+            assert "stopped by" in wait_for_mode(client, "FAULTED").fault_cause
+            assert later(client, 0.5).mode == "FAULTED"
+            assert setpoints(fakes) == VENTED_MBAR
+            cleared(client)
+    finally:
+        session.close()
+
+
 def test_frozen_loop_vents_by_the_terminal_and_is_said(rig, client, fakes, provokes_a_fault):
     with pressurised(client):
         process = rig.service.process
