@@ -25,7 +25,20 @@ def free(client: SoftarmClient) -> State:
         client.command("arm")
     if mode != "TEACH":
         client.command("teach/start")
-    return client.wait_for("state", State, lambda s: s.teach_pressures_pa is not None, 10.0)
+    return in_mode(client, "TEACH", lambda s: s.teach_pressures_pa is not None, 10.0)
+
+
+def in_mode(client: SoftarmClient, mode: str, accept: Callable[[State], bool], timeout_s: float) -> State:
+    """Wait for a state in a mode.
+
+    Raises:
+        RuntimeError: The arm left the mode; the message names the cause.
+        TimeoutError: No such state came in time.
+    """
+    state = client.wait_for("state", State, lambda s: s.mode != mode or accept(s), timeout_s)
+    if state.mode != mode:
+        raise RuntimeError(f"the arm left {mode} for {state.mode}: {state.fault_cause or 'see its events'}")
+    return state
 
 
 def learn(client: SoftarmClient, name: str, let_go: Callable[[], None]) -> tuple[float, ...]:
@@ -50,25 +63,16 @@ def learn(client: SoftarmClient, name: str, let_go: Callable[[], None]) -> tuple
 
 
 def settle(client: SoftarmClient, timeout_s: float = 10.0) -> State:
-    """Wait until the measured pressures are those asked for, after the ramp.
-
-    Raises:
-        RuntimeError: The arm no longer holds; the message names the cause.
-    """
+    """Wait until the measured pressures are those asked for, after the ramp."""
     time.sleep(RAMP_S)
 
     def there(state: State) -> bool:
-        if state.mode != "HOLDING":
-            return True
         pairs = zip(state.asked_pa, state.measured_pa, strict=True)
         return all(
             pressure is not None and abs(asked - pressure) < 4 * SETTLED_PA for asked, pressure in pairs
         )
 
-    state = client.wait_for("state", State, there, timeout_s)
-    if state.mode != "HOLDING":
-        raise RuntimeError(f"the arm left HOLDING for {state.mode}: {state.fault_cause or 'see its events'}")
-    return state
+    return in_mode(client, "HOLDING", there, timeout_s)
 
 
 def replay(client: SoftarmClient, names: list[str]) -> None:
