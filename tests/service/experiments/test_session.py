@@ -15,7 +15,7 @@ from tests.service.network.served import ServedArm
 BUILDING = WorkerState(running=False, restarts=0, gave_up=False)
 
 
-class BuildingEstimator(standins.StandInEstimator):
+class BuildingEstimator(standins.Estimator):
     """An estimator that is being built until the test says otherwise."""
 
     built = threading.Event()
@@ -33,7 +33,7 @@ class BuildingEstimator(standins.StandInEstimator):
 def built(monkeypatch):
     built = threading.Event()
     monkeypatch.setattr(BuildingEstimator, "built", built)
-    monkeypatch.setattr(standins, "StandInEstimator", BuildingEstimator)
+    monkeypatch.setattr(standins, "Estimator", BuildingEstimator)
     return built
 
 

@@ -64,7 +64,7 @@ class ServedArm:
         safety = SafetySettings(lease_s=60.0)
         setup = replace(setup, config=setup.config.model_copy(update={"safety": safety}))
         with Bus(self._settings, "test", self.loop) as self.bus:
-            surroundings = Surroundings(self._instruments, standins.StandInEstimator, self.bus, "", lambda: None)
+            surroundings = Surroundings(self._instruments, standins.Estimator, self.bus, "", lambda: None)
             control = ControlLoop(setup, surroundings)
             self.controller = control.controller
             self.server = CommandServer(self.bus, control)
