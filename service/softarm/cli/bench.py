@@ -27,6 +27,7 @@ ACCEPTANCE_BENCHMARKS = {
     "soak": "Run a service for long under faults, with clients that come, go and stall.",
     "plant": "Time the fake arm against real time.",
     "real-data": "Calibrate on real recordings and predict what was held out.",
+    "proof": "Prove the diagnosis on the fake arm and against its alternatives.",
     "measured": "Run benchmarks, keep their output, and write their figures into the documents.",
 }
 

@@ -1,5 +1,6 @@
 """The single-precision kernels of tracking compute what the plain path does in double precision."""
 
+import pickle
 from collections.abc import Callable
 
 import numpy as np
@@ -105,3 +106,10 @@ def test_a_step_that_bends_the_body_stretches_it_less_than_a_straight_one(arm_of
         strains.append(float(np.sqrt(np.mean((field.swapaxes(1, 2) @ field - np.eye(3)) ** 2))))
     bending = 2.0 * 3.0 * float(np.sqrt(np.mean(x**2))) / 3.0
     assert strains[1] < 1.2 * bending < strains[0]
+
+
+def test_a_model_that_was_solved_goes_to_another_process(arm_of: ArmOf) -> None:
+    arm = arm_of("hex8")
+    bent = _bent(arm)
+    sent = pickle.loads(pickle.dumps(arm))
+    assert np.array_equal(_bent(sent), bent)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from softarm.bench.proof.alternatives import SMOOTH, Bends, alignment, chosen_by, faded, learned, sindy
-from softarm.bench.proof.schedule import SealedTrial
-from softarm.bench.proof.trial import Folders, forget
+from acceptance.proof.alternatives import SMOOTH, Bends, alignment, chosen_by, faded, learned, sindy
+from acceptance.proof.schedule import SealedTrial
+from acceptance.proof.trial import Folders, forget
 
 PLAIN = (1e-3, 1.0)
 """Ridge and width."""

@@ -1,6 +1,6 @@
 """The page of the proof is renewed table by table."""
 
-from softarm.bench.proof.page import renewed
+from acceptance.proof.page import renewed
 from softarm.common.tables import Table
 
 HEAD = "# The proof\n\nSome words.\n"

@@ -13,6 +13,8 @@ same operations in single precision, eight elements at a time.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -66,13 +68,13 @@ class RotationStrain:
         blocks: Quadrature points of the blocks of elements.
         nodes: Number of nodes.
         free: Nodes that nothing holds, shape (free,).
-        poisson: Factor of the Poisson matrix over them.
+        poisson: Poisson matrix over them.
     """
 
     blocks: tuple[QuadraturePoints, ...]
     nodes: int
     free: Indices
-    poisson: SuperLU
+    poisson: sparse.csc_matrix
 
     @classmethod
     def of(cls, points: Floats, blocks: Sequence[ElementBlock], free: Indices) -> "RotationStrain":
@@ -86,7 +88,16 @@ class RotationStrain:
         matrix = sparse.csc_matrix(entries, shape=shape)[free][:, free]
         # Without a held node a constant field costs nothing; this keeps it from being arbitrary.
         matrix += sparse.diags(REGULARISATION * matrix.diagonal())
-        return cls(evaluated, len(points), free, splu(matrix.tocsc()))
+        return cls(evaluated, len(points), free, matrix.tocsc())
+
+    @cached_property
+    def factor(self) -> SuperLU:
+        """Factor of the Poisson matrix."""
+        return splu(self.poisson)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # SuperLU's factor cannot be sent to another process; it is made again there.
+        return {name: value for name, value in self.__dict__.items() if name != "factor"}
 
     def gradient(self, nodal: Floats) -> Floats:
         """Differentiate a nodal field, shape (nodes, 3), by the rest positions."""
@@ -111,7 +122,7 @@ class RotationStrain:
     def solve_poisson(self, nodal: Floats) -> Floats:
         """Solve the Poisson problem for nodal values, shape (nodes, columns), zero where held."""
         solution = np.zeros_like(nodal)
-        solution[self.free] = self.poisson.solve(nodal[self.free])
+        solution[self.free] = self.factor.solve(nodal[self.free])
         return solution
 
     def rotations(self, before: Floats, after: Floats) -> Floats:

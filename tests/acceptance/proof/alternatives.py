@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from acceptance.proof.schedule import SealedTrial
+from acceptance.proof.trial import Folders, concealed, diagnosed, name_of
 from softarm.analysis.offline.inputs import load_recordings
 from softarm.analysis.offline.resample import resample
-from softarm.bench.proof.schedule import SealedTrial
-from softarm.bench.proof.score import answer
-from softarm.bench.proof.trial import WRITTEN, Folders, diagnosed
+from softarm.bench.trials.run import WRITTEN
 from softarm.common.tables import Cell, Table
 from softarm.estimator.calibration import arrange
 from softarm.estimator.effects.accepted import accepted_physics
@@ -100,14 +100,14 @@ def alternatives_table(folders: Folders, specimen: str, say: Callable[[str], Non
     """
     diagnosed(TRIAL, EXCITATION, folders, specimen, say)
     say("alternatives: predicting")
-    improved = load_specimen(folders.report(TRIAL, EXCITATION) / WRITTEN)
+    improved = load_specimen(folders.report(name_of(TRIAL, EXCITATION)) / WRITTEN)
     every = sorted(folders.recordings(TRIAL).iterdir())
     align = alignment([bends(improved, path) for path in every if path.name.startswith(KNOWN)])
     train = [align(bends(improved, path)) for path in every if path.name.startswith(TRAINING)]
     tests = {k: [align(bends(improved, p)) for p in every if p.name.startswith(v)] for k, v in TESTS.items()}
     rows = _rows(train, tests)
     found = ", ".join(entry.effect for entry in improved.physics) or "nothing"
-    hidden = ", ".join(effect["effect"] for effect in answer(folders.answer(TRIAL)))
+    hidden = ", ".join(effect["effect"] for effect in concealed(folders.truth(TRIAL)))
     notes = (
         f"Rms error of the four bends in degrees at {RATE:g} per second. Concealed: {hidden}; the tool found "
         f"{found}. All had the same hanging runs; the last column is a mount that none has seen.",

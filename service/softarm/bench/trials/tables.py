@@ -1,17 +1,18 @@
-"""The tables of the proof."""
+"""The tables of scored trials."""
 
+import itertools
 from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 
-from softarm.bench.proof.score import Score
+from softarm.bench.trials.score import Score
 from softarm.common.tables import Cell, Table
 
 AIMS = {"single": 0.95, "pair": 0.85, "null": 0.01, "foreign": 0.90}
-EXCITATIONS = ("designed", "ordinary")
 ALIKE = "line_leak"
 """Not identifiable: a leak of the fake arm's short lines takes a share of a pressure, as a gain does."""
+BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.01)
 IDENTIFIABLE = "identifiable effects named and placed"
 
 
@@ -25,30 +26,35 @@ def wilson(hits: int, trials: int) -> tuple[float, float]:
     return max(0.0, float(middle - half)), min(1.0, float(middle + half))
 
 
-def proof_tables(scores: Sequence[Score]) -> tuple[Table, ...]:
+def score_tables(scores: Sequence[Score]) -> tuple[Table, ...]:
     """Arrange all scores: a summary, the effects one by one, and every failure."""
-    return (summary(scores), by_effect(scores), improvement(scores), failures(scores))
+    return (
+        summary(scores),
+        by_effect(scores),
+        improvement(scores),
+        reliability(scores),
+        failures(scores),
+        cost(scores),
+    )
 
 
 def summary(scores: Sequence[Score]) -> Table:
     """Count how each kind of trial fared."""
     rows: list[dict[str, Cell]] = []
-    for excitation in EXCITATIONS:
+    for motion in motions(scores):
         for kind in AIMS:
-            chosen = _of(scores, kind, excitation)
+            chosen = _of(scores, kind, motion)
             if chosen:
-                rows += [
-                    _row(kind, excitation, what, hits, count) for what, hits, count in _counts(kind, chosen)
-                ]
+                rows += [_row(kind, motion, what, hits, count) for what, hits, count in _counts(kind, chosen)]
     return Table(
         "Sealed trials",
         rows,
         (
             "Named: a finding bears the concealed name. In the set: it bears it or lists it among what "
             "the data cannot tell from it. Interval: Wilson, 95 %.",
-            "Designed: the manoeuvres that tell effects apart, in two mounts. Ordinary: random poses and "
-            "ramps of the same arms. One that ended without a report named nothing.",
-            "Identifiable: all but leaks, which in the fake arm's short lines are lost gains.",
+            "Motion: as the answers say; designed runs are manoeuvres that distinguish effects. A trial that "
+            "ended without a report named nothing. Identifiable: all but leaks, which in short lines are "
+            "lost gains.",
         ),
     )
 
@@ -72,13 +78,13 @@ def _counts(kind: str, scores: Sequence[Score]) -> list[tuple[str, int, int]]:
     return counts
 
 
-def _row(kind: str, excitation: str, what: str, hits: int, count: int) -> dict[str, Cell]:
+def _row(kind: str, motion: str, what: str, hits: int, count: int) -> dict[str, Cell]:
     low, high = wilson(hits, count)
     aimed = what in ("false alarms", "called unknown", IDENTIFIABLE) and kind != "pair"
     aim = AIMS[kind] if aimed or what == "both named and placed" else None
     sign = "at most" if kind == "null" else "at least"
     return {
-        "excitation": excitation,
+        "motion": motion,
         "trials": kind,
         "what": what,
         "count": hits,
@@ -92,19 +98,19 @@ def _row(kind: str, excitation: str, what: str, hits: int, count: int) -> dict[s
 def by_effect(scores: Sequence[Score]) -> Table:
     """Say of each effect how often it was found, where, how large, and what it was taken for."""
     rows: list[dict[str, Cell]] = []
-    found = [
-        (s.outcome.excitation, hit) for s in scores if s.outcome.trial.kind != "foreign" for hit in s.hits
-    ]
+    found = [(s.answer.motion, hit) for s in scores if s.answer.kind != "foreign" for hit in s.hits]
     for name in sorted({hit.effect for _, hit in found}):
         row: dict[str, Cell] = {"effect": name}
-        for excitation in EXCITATIONS:
-            hits = [hit for where, hit in found if where == excitation and hit.effect == name]
-            row[f"{excitation}_trials"] = len(hits)
-            row[f"{excitation}_named"] = sum(hit.named for hit in hits)
-            row[f"{excitation}_in_set"] = sum(hit.in_set for hit in hits)
-            row[f"{excitation}_placed"] = sum(bool(hit.placed) for hit in hits)
+        for motion in motions(scores):
+            hits = [hit for where, hit in found if where == motion and hit.effect == name]
+            row[f"{motion or 'all'}_trials"] = len(hits)
+            row[f"{motion or 'all'}_named"] = sum(hit.named for hit in hits)
+            row[f"{motion or 'all'}_in_set"] = sum(hit.in_set for hit in hits)
+            row[f"{motion or 'all'}_placed"] = sum(bool(hit.placed) for hit in hits)
         every = [hit for _, hit in found if hit.effect == name]
         errors = [100.0 * hit.error for hit in every if hit.error is not None]
+        inside = [hit.inside for hit in every if hit.inside is not None]
+        row["size_inside_2_std"] = f"{sum(inside)} of {len(inside)}" if inside else None
         row["size_error_percent"] = float(np.median(errors)) if errors else None
         taken = Counter(hit.taken_for or "nothing" for hit in every if not hit.named)
         row["taken_for"] = ", ".join(f"{what} {count}" for what, count in taken.most_common()) or None
@@ -117,15 +123,15 @@ def by_effect(scores: Sequence[Score]) -> Table:
 def improvement(scores: Sequence[Score]) -> Table:
     """Say how much better held-out data are predicted, by kind of trial."""
     rows: list[dict[str, Cell]] = []
-    for excitation in EXCITATIONS:
-        unchanged = [score.heldout[1] for score in _of(scores, "null", excitation) if score.ran]
+    for motion in motions(scores):
+        unchanged = [score.heldout[1] for score in _of(scores, "null", motion) if score.ran]
         for kind in AIMS:
-            parts = np.array([score.heldout for score in _of(scores, kind, excitation) if score.ran])
+            parts = np.array([score.heldout for score in _of(scores, kind, motion) if score.ran])
             if len(parts):
                 after = float(np.median(parts[:, 1]))
                 rows.append(
                     {
-                        "excitation": excitation,
+                        "motion": motion,
                         "trials": kind,
                         "heldout_before": float(np.median(parts[:, 0])),
                         "heldout_after": after,
@@ -147,44 +153,60 @@ def failures(scores: Sequence[Score]) -> Table:
     """List every trial in which something went wrong."""
     rows: list[dict[str, Cell]] = [
         {
-            "trial": score.outcome.trial.name,
-            "excitation": score.outcome.excitation,
-            "concealed": ", ".join(hit.effect for hit in score.hits) or "nothing",
-            "said": score.outcome.told or ", ".join(score.named) or str(score.outcome.report.get("verdict")),
+            "trial": score.outcome.trial,
+            "motion": score.answer.motion,
+            "concealed": ", ".join(one.effect for one in score.answer.concealed) or "nothing",
+            "said": score.outcome.message
+            or ", ".join(score.named)
+            or str(score.outcome.report.get("verdict")),
             "status": score.outcome.status,
         }
         for score in scores
-        if not _right(score)
+        if not score.right
     ]
-    right = sum(map(_right, scores))
+    right = sum(score.right for score in scores)
     return Table("Trials that went wrong", rows, (f"{right} of {len(scores)} diagnoses were right.",))
 
 
-def _right(score: Score) -> bool:
-    if not score.ran:
-        return False
-    kind = score.outcome.trial.kind
-    if kind == "null":
-        return not score.false_alarm
-    if kind == "foreign":
-        return score.called_unknown
-    return all(hit.right for hit in score.hits) and not score.surplus
+def motions(scores: Sequence[Score]) -> list[str]:
+    """List the kinds of motion in the answers."""
+    return sorted({score.answer.motion for score in scores})
 
 
-def _of(scores: Sequence[Score], kind: str, excitation: str) -> list[Score]:
-    return [s for s in scores if s.outcome.trial.kind == kind and s.outcome.excitation == excitation]
-
-
-def ran_table(scores: Sequence[Score]) -> Table:
-    """Say how many diagnoses ended with a report, and how long they took."""
+def reliability(scores: Sequence[Score]) -> Table:
+    """Compare the probabilities that findings state with how often they are right."""
+    claims = [claim for score in scores for claim in score.claims]
     rows: list[dict[str, Cell]] = []
-    for excitation in EXCITATIONS:
-        chosen = [s for s in scores if s.outcome.excitation == excitation]
+    for low, high in itertools.pairwise(BINS):
+        chosen = [(p, right) for p, right in claims if low <= p < high]
+        if chosen:
+            rows.append(
+                {
+                    "stated_percent": f"{100 * low:g} to {min(100 * high, 100):g}",
+                    "names": len(chosen),
+                    "mean_stated_percent": 100.0 * float(np.mean([p for p, _ in chosen])),
+                    "right_percent": 100.0 * float(np.mean([right for _, right in chosen])),
+                }
+            )
+    return Table(
+        "Stated probability against truth", rows, ("Names without a stated probability are left out.",)
+    )
+
+
+def _of(scores: Sequence[Score], kind: str, motion: str) -> list[Score]:
+    return [s for s in scores if s.answer.kind == kind and s.answer.motion == motion]
+
+
+def cost(scores: Sequence[Score]) -> Table:
+    """Count the diagnoses that ended with a report, and time them."""
+    rows: list[dict[str, Cell]] = []
+    for motion in motions(scores):
+        chosen = [s for s in scores if s.answer.motion == motion]
         if chosen:
             seconds = np.array([s.outcome.seconds for s in chosen])
             rows.append(
                 {
-                    "excitation": excitation,
+                    "motion": motion,
                     "diagnoses": len(chosen),
                     "with_report": sum(s.ran for s in chosen),
                     "recorded_s": float(np.median([s.outcome.recorded_s for s in chosen])),

@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
+from acceptance.proof.alternatives import EXCITATION, TRIAL
+from acceptance.proof.trial import FORCE_RUN, Folders, diagnosed
 from softarm.analysis.offline.inputs import in_its_mount, load_recordings
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import track
-from softarm.bench.proof.alternatives import EXCITATION, TRIAL
-from softarm.bench.proof.trial import FORCE_RUN, WRITTEN, Folders, Outcome, diagnosed, read_outcomes
+from softarm.bench.trials.outcome import TrialOutcome, read_outcomes
+from softarm.bench.trials.run import WRITTEN
 from softarm.common.tables import Cell, Table
 from softarm.estimator.arm import build_arm
 from softarm.estimator.calibration import arrange, section_forces
@@ -33,7 +35,7 @@ def force_table(folders: Folders, specimen: str, say: Callable[[str], None], lar
     chosen = chosen or [diagnosed(TRIAL, EXCITATION, folders, specimen, say)]
     rows: list[dict[str, Cell]] = []
     for number, one in enumerate(chosen, start=1):
-        say(f"force on {one.trial.name}, {number} of {len(chosen)}")
+        say(f"force on {one.trial}, {number} of {len(chosen)}")
         rows.append(force_row(one, folders))
     ratios = [float(row["ratio"]) for row in rows if isinstance(row["ratio"], float)]
     median = f"Median ratio: {np.median(ratios):.3g}. " if ratios else ""
@@ -44,14 +46,14 @@ def force_table(folders: Folders, specimen: str, say: Callable[[str], None], lar
     return Table("Force on a held-out pull: rms error [N]", rows, (note,))
 
 
-def force_row(one: Outcome, folders: Folders) -> dict[str, Cell]:
+def force_row(one: TrialOutcome, folders: Folders) -> dict[str, Cell]:
     """Compare the errors of one trial."""
-    specimen = load_specimen(folders.report(one.trial, one.excitation) / WRITTEN)
+    specimen = load_specimen(folders.report(one.trial) / WRITTEN)
     pull = pulled(folders, one)
     before, span = force_error(specimen.model_copy(update={"physics": ()}), pull)
     after, _ = force_error(specimen, pull)
     return {
-        "trial": one.trial.name,
+        "trial": one.trial,
         "found": ", ".join(finding["effect"] for finding in one.report["findings"]),
         "range_n": span,
         "before_n": before,
@@ -60,9 +62,9 @@ def force_row(one: Outcome, folders: Folders) -> dict[str, Cell]:
     }
 
 
-def pulled(folders: Folders, one: Outcome) -> Path:
+def pulled(folders: Folders, one: TrialOutcome) -> Path:
     """Find the recording of the pull."""
-    return next(folders.recordings(one.trial).glob(f"run_*{FORCE_RUN}*"))
+    return next(_recordings(folders, one).glob(f"run_*{FORCE_RUN}*"))
 
 
 def force_error(specimen: Specimen, recording: Path) -> tuple[float, float]:
@@ -79,8 +81,13 @@ def force_error(specimen: Specimen, recording: Path) -> tuple[float, float]:
     return float(np.sqrt(np.nanmean((found.forces - wanted) ** 2))), span
 
 
-def _usable(one: Outcome, folders: Folders) -> bool:
-    written = folders.report(one.trial, one.excitation) / WRITTEN
-    kept = list(folders.recordings(one.trial).glob(f"run_*{FORCE_RUN}*"))
+def _usable(one: TrialOutcome, folders: Folders) -> bool:
+    written = folders.report(one.trial) / WRITTEN
+    kept = list(_recordings(folders, one).glob(f"run_*{FORCE_RUN}*"))
     named = any(finding["effect"] != "unknown" for finding in one.report.get("findings", []))
-    return one.excitation == "designed" and named and written.exists() and bool(kept)
+    return one.trial.endswith("_designed") and named and written.exists() and bool(kept)
+
+
+def _recordings(folders: Folders, one: TrialOutcome) -> Path:
+    """Return the folder of all recordings of the arm of a trial."""
+    return folders.root / "recordings" / one.trial.rpartition("_")[0]

@@ -1,17 +1,16 @@
-"""A proof that was killed goes on from its whole results."""
+"""A run of trials that was killed goes on from its whole outcomes."""
 
 from dataclasses import replace
 
-from softarm.bench.proof.schedule import SealedTrial
-from softarm.bench.proof.trial import Outcome, add_outcome, read_outcomes
+from softarm.bench.trials.outcome import TrialOutcome, add_outcome, read_outcomes
 
-ONE = Outcome(SealedTrial("single", 7), "designed", 12.5, 640.0, 0, "", {"verdict": "explained"})
+ONE = TrialOutcome("one", 12.5, 640.0, 0, "", {"verdict": "explained"})
 
 
-def test_results_are_read_as_they_were_written(tmp_path):
+def test_outcomes_are_read_as_they_were_written(tmp_path):
     path = tmp_path / "proof" / "results.jsonl"
     assert read_outcomes(path) == []
-    other = replace(ONE, excitation="ordinary", status=-1, told="ended after 900 s", report={})
+    other = replace(ONE, trial="two", status=-1, message="ended after 900 s", report={})
     add_outcome(ONE, path)
     add_outcome(other, path)
     assert read_outcomes(path) == [ONE, other]

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 
-from softarm.bench.proof.schedule import SealedTrial
-from softarm.bench.proof.trial import Folders, diagnose, record
+from acceptance.proof.schedule import SealedTrial
+from acceptance.proof.trial import Folders, lay_out, record
+from softarm.bench.trials.run import diagnose_trial
 from softarm.common.tables import Cell, Table
 from softarm.estimator.effects import EFFECTS
 
@@ -29,7 +30,9 @@ def cost_table(folders: Folders, specimen: str, say: Callable[[str], None]) -> T
     rows: list[dict[str, Cell]] = []
     for count, effects in tried:
         say(f"cost: diagnosing {count} runs, {len(effects)} effects")
-        outcome = diagnose(TRIAL, f"first {count}", folders, specimen, effects)
+        trial = lay_out(TRIAL, f"first {count}", folders, specimen)
+        extra = [word for name in effects for word in ("--effect", name)]
+        outcome = diagnose_trial(trial, folders.report(trial.name), extra)
         rows.append(
             {
                 "runs": count,

@@ -1,1 +1,0 @@
-"""The proof of the diagnosis: sealed trials, alternatives, forces, cost."""

@@ -1,0 +1,134 @@
+"""Folders of sealed trials and of their answers.
+
+``TRIALS/<name>/trial.toml`` names the specimen; ``nominal/<run>/`` and ``questioned/<run>/`` hold recordings.
+``ANSWERS/<name>.toml`` says what was concealed. Only the scorer opens the answers.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from softarm.estimator.errors import InputError
+
+TRIAL_FILE = "trial.toml"
+KINDS = ("single", "pair", "null", "foreign")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One sealed trial.
+
+    Args:
+        name: Of its folder.
+        specimen: Name or path of the specimen that the diagnosis is given.
+        nominal: Recordings of the arm in its known state; may be empty.
+        questioned: Recordings in question.
+    """
+
+    name: str
+    specimen: str
+    nominal: tuple[Path, ...]
+    questioned: tuple[Path, ...]
+
+
+@dataclass(frozen=True)
+class Concealment:
+    """One concealed effect.
+
+    Args:
+        effect: Its name.
+        where: Where it acts: segment, chamber, section, sensor.
+        size: Its parameters by name, in SI units.
+    """
+
+    effect: str
+    where: Mapping[str, str | int]
+    size: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was concealed in a trial.
+
+    Args:
+        kind: ``single``, ``pair``, ``null`` or ``foreign``.
+        concealed: The effects.
+        motion: Kind of motion that was recorded, such as ``designed`` or ``ordinary``; may be empty.
+    """
+
+    kind: str
+    concealed: tuple[Concealment, ...]
+    motion: str = ""
+
+
+def read_trials(folder: Path) -> tuple[Trial, ...]:
+    """Read every trial of a folder, in the order of their names.
+
+    Raises:
+        InputError: There is none, or one of them is not complete.
+    """
+    if not folder.is_dir():
+        raise InputError(str(folder), "is not a folder", "give the folder that holds one folder per trial")
+    found = tuple(_read_trial(path.parent) for path in sorted(folder.glob(f"*/{TRIAL_FILE}")))
+    if not found:
+        raise InputError(str(folder), f"holds no trial: no */{TRIAL_FILE}", "see docs/diagnosis-proof.md")
+    return found
+
+
+def _read_trial(folder: Path) -> Trial:
+    table = _read_table(folder / TRIAL_FILE)
+    specimen = table.get("specimen")
+    if not isinstance(specimen, str):
+        raise InputError(str(folder / TRIAL_FILE), "names no specimen", 'add specimen = "..."')
+    beside = folder / specimen
+    questioned = _recordings(folder / "questioned")
+    if not questioned:
+        raise InputError(str(folder), "has no recording in question", "put recordings into questioned/")
+    return Trial(
+        folder.name,
+        str(beside) if beside.is_file() else specimen,
+        _recordings(folder / "nominal"),
+        questioned,
+    )
+
+
+def _recordings(folder: Path) -> tuple[Path, ...]:
+    return (
+        tuple(sorted(path for path in folder.iterdir() if not path.name.startswith(".")))
+        if folder.is_dir()
+        else ()
+    )
+
+
+def read_answer(folder: Path, trial: str) -> Answer:
+    """Read the answer of a trial.
+
+    Args:
+        folder: Folder of the answers.
+        trial: Name of the trial.
+
+    Raises:
+        InputError: It is missing or incomplete.
+    """
+    path = folder / f"{trial}.toml"
+    table = _read_table(path)
+    kind = table.get("kind")
+    if kind not in KINDS:
+        raise InputError(str(path), f"kind is {kind!r}", f"use one of {', '.join(KINDS)}")
+    concealed = []
+    for number, entry in enumerate(table.get("concealed", ())):
+        if not isinstance(entry.get("effect"), str):
+            raise InputError(f"{path}, concealed[{number}]", "names no effect", 'add effect = "..."')
+        concealed.append(Concealment(entry["effect"], entry.get("where", {}), entry.get("size", {})))
+    return Answer(kind, tuple(concealed), str(table.get("motion", "")))
+
+
+def _read_table(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text("utf-8"))
+    except FileNotFoundError:
+        raise InputError(str(path), "is missing", "see docs/diagnosis-proof.md for the layout") from None
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(str(path), f"cannot be read: {error}", "mend the file") from None

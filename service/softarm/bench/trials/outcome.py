@@ -1,0 +1,49 @@
+"""What one diagnosis of one trial gave, and the file that keeps all of them."""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class TrialOutcome:
+    """What one diagnosis of one trial gave.
+
+    Args:
+        trial: Name of the trial.
+        seconds: How long it took.
+        recorded_s: Length of all recordings that it was given.
+        status: Exit status of the diagnosis; -1 when it was ended for its time.
+        message: Its last line on standard error when it gave no report.
+        report: ``report.json`` as a table; empty when there is none.
+    """
+
+    trial: str
+    seconds: float
+    recorded_s: float
+    status: int
+    message: str
+    report: dict[str, Any]
+
+    def line(self) -> str:
+        """Write it as one line of JSON."""
+        return json.dumps(asdict(self)) + "\n"
+
+
+def add_outcome(outcome: TrialOutcome, path: Path) -> None:
+    """Add an outcome to those of earlier runs; what a killed run left of a line is overwritten."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("ab+") as file:
+        file.seek(0)
+        whole = file.read().rpartition(b"\n")
+        file.truncate(len(whole[0]) + len(whole[1]))
+        file.write(outcome.line().encode())
+
+
+def read_outcomes(path: Path) -> list[TrialOutcome]:
+    """Read the outcomes of earlier runs, whole lines only; none where there is no file."""
+    if not path.exists():
+        return []
+    lines = path.read_text().rpartition("\n")[0].splitlines()
+    return [TrialOutcome(**json.loads(line)) for line in lines if line]

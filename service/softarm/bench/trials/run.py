@@ -1,0 +1,101 @@
+"""Runs ``softarm diagnose`` on sealed trials, each in a process of its own, and keeps what it gave."""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+from threading import Lock
+
+from softarm.analysis.diagnosis.report import FILE
+from softarm.bench.trials.folders import Trial
+from softarm.bench.trials.outcome import TrialOutcome, add_outcome, read_outcomes
+from softarm.estimator.errors import InputError
+from softarm.recordings import load_recording
+
+RESULTS = "results.jsonl"
+WRITTEN = "specimen.toml"
+"""The improved specimen beside a report."""
+TIME_LIMIT_S = 900.0
+
+
+def run_trials(
+    trials: Sequence[Trial],
+    out: Path,
+    jobs: int,
+    advance: Callable[[float], None],
+    after: Callable[[Trial], None] = lambda _: None,
+) -> list[TrialOutcome]:
+    """Diagnose the trials that have no outcome yet.
+
+    Args:
+        trials: What to diagnose.
+        out: Folder of reports and outcomes; a run that was ended goes on from what is there.
+        jobs: Diagnoses at a time.
+        advance: Called with 1 after each.
+        after: Called after each diagnosis.
+
+    Returns:
+        The outcomes of all trials, those of earlier runs included.
+    """
+    results = out / RESULTS
+    known = {outcome.trial: outcome for outcome in read_outcomes(results)}
+    writing = Lock()
+
+    def one(trial: Trial) -> None:
+        report = out / "reports" / trial.name
+        outcome = diagnose_trial(trial, report, ("--write-specimen", str(report / WRITTEN)))
+        after(trial)
+        with writing:
+            add_outcome(outcome, results)
+            known[trial.name] = outcome
+
+    waiting = [trial for trial in trials if trial.name not in known]
+    advance(len(trials) - len(waiting))
+    with ThreadPoolExecutor(jobs) as pool:
+        for future in as_completed([pool.submit(one, trial) for trial in waiting]):
+            future.result()
+            advance(1)
+    return [known[trial.name] for trial in trials]
+
+
+def diagnose_trial(trial: Trial, out: Path, extra: Sequence[str] = ()) -> TrialOutcome:
+    """Run ``softarm diagnose`` on one trial, on one core.
+
+    Args:
+        trial: What to diagnose.
+        out: Folder of the report.
+        extra: Further options of the command.
+    """
+    words = ["diagnose", *map(str, trial.questioned), "--specimen", trial.specimen]
+    words += ["--jobs", "1", "--out", str(out), "--force", *extra]
+    if trial.nominal:
+        words += ["--nominal", *map(str, trial.nominal)]
+    begin = time.monotonic()
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "softarm", *words],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=TIME_LIMIT_S,
+        )
+        status, last = done.returncode, done.stderr.strip().splitlines()[-1:]
+    except subprocess.TimeoutExpired:
+        status, last = -1, [f"ended after {TIME_LIMIT_S:g} s"]
+    seconds = time.monotonic() - begin
+    file = out / FILE
+    report = json.loads(file.read_text()) if status == 0 and file.exists() else {}
+    recorded = sum(_duration(path) for path in (*trial.nominal, *trial.questioned))
+    return TrialOutcome(trial.name, seconds, recorded, status, "" if report else "".join(last), report)
+
+
+def _duration(path: Path) -> float:
+    """Return the length of a recording [s]; 0 where it cannot be read, which the diagnosis has said."""
+    try:
+        time_s = load_recording(path).time
+    except InputError:
+        return 0.0
+    return float(time_s[-1] - time_s[0])

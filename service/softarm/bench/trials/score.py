@@ -1,0 +1,154 @@
+"""Scoring: what the diagnosis said against what was concealed. Only this opens the answers."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from softarm.bench.trials.folders import Answer, Concealment
+from softarm.bench.trials.outcome import TrialOutcome
+
+PLACES = ("segment", "chamber", "section", "sensor")
+DEVIATIONS = 2.0
+SAME_SIZE = {
+    ("chamber_gain", "change"): "gain",
+    ("line_lag", "time"): "lag",
+    ("sensor_scale", "change"): "scale",
+    ("valve_deadband", "width"): "band",
+}
+"""Parameters that an answer may call otherwise than the estimator does."""
+
+
+@dataclass(frozen=True)
+class Hit:
+    """How one concealed effect fared.
+
+    Args:
+        effect: Its name.
+        named: Whether a finding bears its name.
+        in_set: Whether a finding bears it or lists it among what the data cannot tell from it.
+        placed: Whether that finding is at its place; ``None`` where it was not named.
+        error: Relative error of its size; ``None`` where it was not named or is defined otherwise.
+        inside: Whether its size lies within two stated deviations; ``None`` where ``error`` is.
+        taken_for: What was named instead; empty where it was named or nothing was.
+    """
+
+    effect: str
+    named: bool
+    in_set: bool
+    placed: bool | None
+    error: float | None
+    inside: bool | None
+    taken_for: str
+
+    @property
+    def right(self) -> bool:
+        """Whether it was named at its place."""
+        return self.named and bool(self.placed)
+
+
+@dataclass(frozen=True)
+class Score:
+    """How one diagnosis fared.
+
+    Args:
+        outcome: What the diagnosis gave.
+        answer: What was concealed.
+        hits: One for each concealed effect.
+        named: Names of all findings.
+        surplus: Findings beyond the concealed effects.
+        claims: For each named finding with a stated probability, that and whether it is right.
+    """
+
+    outcome: TrialOutcome
+    answer: Answer
+    hits: tuple[Hit, ...]
+    named: tuple[str, ...]
+    surplus: tuple[str, ...]
+    claims: tuple[tuple[float, bool], ...]
+
+    @property
+    def ran(self) -> bool:
+        """Whether there is a report."""
+        return bool(self.outcome.report)
+
+    @property
+    def false_alarm(self) -> bool:
+        """Whether something was named though nothing was concealed."""
+        return self.answer.kind == "null" and bool(self.named)
+
+    @property
+    def called_unknown(self) -> bool:
+        """Whether a mismatch was reported without giving it a name."""
+        return self.ran and self.outcome.report["verdict"] != "consistent" and not self.named
+
+    @property
+    def right(self) -> bool:
+        """Whether everything was named at its place, and nothing else."""
+        if not self.ran:
+            return False
+        if self.answer.kind == "null":
+            return not self.false_alarm
+        if self.answer.kind == "foreign":
+            return self.called_unknown
+        return all(hit.right for hit in self.hits) and not self.surplus
+
+    @property
+    def heldout(self) -> tuple[float, float]:
+        """Normalised rms on held-out data before and after."""
+        part = self.outcome.report["heldout"]
+        return float(part["normalised_rms_before"]), float(part["normalised_rms_after"])
+
+
+def score(outcome: TrialOutcome, answer: Answer) -> Score:
+    """Compare the outcome of a trial with its answer."""
+    findings = [f for f in outcome.report.get("findings", []) if f["effect"] != "unknown"]
+    foreign = answer.kind == "foreign"
+    hits = () if foreign else tuple(_hit(one, findings) for one in answer.concealed)
+    concealed = {one.effect for one in answer.concealed}
+    surplus = tuple(
+        f["effect"]
+        for f in findings
+        if not concealed & {f["effect"], *(r["effect"] for r in f["confusable_with"])}
+    )
+    claims = tuple(
+        (float(f["probability"]), any(_is(one, f) for one in answer.concealed))
+        for f in findings
+        if f.get("probability") is not None
+    )
+    return Score(outcome, answer, hits, tuple(f["effect"] for f in findings), surplus, claims)
+
+
+def _is(one: Concealment, finding: Mapping[str, Any]) -> bool:
+    return one.effect == finding["effect"] and _placed(one.where, finding["where"])
+
+
+def _hit(one: Concealment, findings: Sequence[Mapping[str, Any]]) -> Hit:
+    same = [finding for finding in findings if finding["effect"] == one.effect]
+    rivals = {rival["effect"] for finding in findings for rival in finding["confusable_with"]}
+    if not same:
+        instead = findings[0]["effect"] if findings else ""
+        return Hit(one.effect, False, one.effect in rivals, None, None, None, instead)
+    best = max(same, key=lambda finding: _placed(one.where, finding["where"]))
+    placed = _placed(one.where, best["where"])
+    error, inside = _size(one, best) if placed else (None, None)
+    return Hit(one.effect, True, True, placed, error, inside, "")
+
+
+def _placed(wanted: Mapping[str, Any], found: Mapping[str, Any]) -> bool:
+    """Return whether a place is the right one; a direction in the cross-section is not compared."""
+    return all(str(wanted[kind]) == str(found.get(kind)) for kind in PLACES if wanted.get(kind) is not None)
+
+
+def _size(one: Concealment, finding: Mapping[str, Any]) -> tuple[float | None, bool | None]:
+    """Return the relative error of the size, and whether the truth lies within two stated deviations.
+
+    The first parameter that both define counts; conventions of sign may differ.
+    """
+    for name, value in one.size.items():
+        stated = finding["parameters"].get(name) or finding["parameters"].get(
+            SAME_SIZE.get((one.effect, name), "")
+        )
+        if stated and value:
+            error = abs(abs(float(stated["value"])) - abs(value))
+            return error / abs(value), error <= DEVIATIONS * float(stated["std"])
+    return None, None

@@ -1,0 +1,141 @@
+"""The command of the proof."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from acceptance.proof.alternatives import alternatives_table
+from acceptance.proof.cost import cost_table
+from acceptance.proof.force import force_table
+from acceptance.proof.page import renewed
+from acceptance.proof.schedule import SealedTrial, schedule
+from acceptance.proof.trial import Folders, forget, lay_out, name_of, record
+from softarm.bench.trials.folders import Trial, read_answer
+from softarm.bench.trials.outcome import read_outcomes
+from softarm.bench.trials.run import run_trials
+from softarm.bench.trials.score import score
+from softarm.bench.trials.tables import score_tables
+from softarm.cli.output import json_option, progress, quick_option, say, show
+from softarm.common.tables import Table
+
+MOTIONS = ("designed", "ordinary")
+PARTS = ("trials", "alternatives", "force", "cost")
+HEAD = """# The proof of the diagnosis
+
+Written by `softarm bench proof --write docs/diagnosis-proof.md`.
+
+Each sealed trial is an arm of the fake (`docs/fake-arm.md`): rigid bodies and fibres in a physics engine,
+with the tolerances, the creep, the hysteresis and the noise of real ones, recorded before and after something
+was concealed in it. `softarm diagnose` gets the recordings and the drawing of the arm, nothing else;
+the answers lie in a folder that only the scorer opens.
+"""
+
+
+@click.command()
+@click.option("--count", default=20, show_default=True, type=click.IntRange(1), help="Sealed trials.")
+@click.option(
+    "--seed", default=1, show_default=True, help="Of the first trial of each kind; the others count on."
+)
+@click.option("--jobs", "-j", default=2, show_default=True, type=click.IntRange(1), help="Trials at once.")
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path),
+    default=Path("out/diagnosis-proof"),
+    show_default=True,
+    help="Recordings, answers, reports and outcomes; a run that was ended goes on from what is there.",
+)
+@click.option("--specimen", default="sopra", show_default=True, help="Drawing that the diagnosis is given.")
+@click.option("--keep", is_flag=True, help="Keep the recordings of every trial.")
+@click.option(
+    "--part",
+    "parts",
+    multiple=True,
+    type=click.Choice(PARTS),
+    default=PARTS,
+    help="What to prove; all when left out.",
+)
+@click.option("--forces", default=12, show_default=True, help="Trials on whose pull the force is estimated.")
+@click.option("--write", type=click.Path(path_type=Path), help="Write the tables to a page; its others stay.")
+@quick_option
+@json_option
+def command(
+    count: int,
+    seed: int,
+    jobs: int,
+    folder: Path,
+    specimen: str,
+    keep: bool,
+    parts: tuple[str, ...],
+    forces: int,
+    write: Path | None,
+    quick: bool,
+    as_json: bool,
+) -> int:
+    """Prove the diagnosis on the fake arm: sealed trials, alternatives, forces before and after, cost.
+
+    Example: softarm bench proof --count 40 --write docs/diagnosis-proof.md
+    """
+    folders = Folders(folder)
+    planned = schedule(2 if quick else count, seed)
+    motions = MOTIONS[:1] if quick else MOTIONS
+    tables: list[Table] = []
+    if "trials" in parts:
+        run_fake_trials(planned, motions, folders, specimen, jobs, keep=keep)
+        tables += scored(planned, motions, folders)
+    if "alternatives" in parts:
+        tables.append(alternatives_table(folders, specimen, say))
+    if "force" in parts:
+        tables.append(force_table(folders, specimen, say, 1 if quick else forces))
+    if "cost" in parts:
+        tables.append(cost_table(folders, specimen, say))
+    show(*tables, as_json=as_json)
+    if write is not None:
+        page = write.read_text("utf-8") if write.exists() else HEAD
+        write.write_text(renewed(page, tables), encoding="utf-8")
+        say(f"wrote {write}")
+    return 0
+
+
+def run_fake_trials(
+    planned: Sequence[SealedTrial],
+    motions: Sequence[str],
+    folders: Folders,
+    specimen: str,
+    jobs: int,
+    *,
+    keep: bool,
+) -> None:
+    """Record and diagnose the trials that have no outcome yet, one arm after the other.
+
+    Args:
+        planned: Which trials.
+        motions: Which of their runs are in question, one diagnosis for each.
+        folders: Where.
+        specimen: What the diagnosis is given.
+        jobs: Arms at a time.
+        keep: Keep recordings after their diagnosis.
+    """
+    with progress("sealed trials", len(planned) * len(motions)) as advance:
+        for trial in planned:
+            known = {outcome.trial for outcome in read_outcomes(folders.results)}
+            waiting = [motion for motion in motions if name_of(trial, motion) not in known]
+            advance(len(motions) - len(waiting))
+            if not waiting:
+                continue
+            record(trial, folders)
+            laid_out: list[Trial] = [lay_out(trial, motion, folders, specimen) for motion in waiting]
+            run_trials(laid_out, folders.root, jobs, advance)
+            if not keep:
+                forget(trial, folders)
+
+
+def scored(planned: Sequence[SealedTrial], motions: Sequence[str], folders: Folders) -> tuple[Table, ...]:
+    """Score what there is of the plan."""
+    names = {name_of(trial, motion) for trial in planned for motion in motions}
+    scores = [
+        score(outcome, read_answer(folders.answers, outcome.trial))
+        for outcome in read_outcomes(folders.results)
+        if outcome.trial in names
+    ]
+    return score_tables(scores) if scores else ()

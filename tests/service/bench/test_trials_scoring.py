@@ -1,0 +1,137 @@
+"""The scorer counts what was named, where, how large and how surely, and what was not."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acceptance.proof.schedule import PATTERN, schedule
+from acceptance.proof.trial import chosen
+from softarm.bench.trials.folders import Answer, Concealment
+from softarm.bench.trials.outcome import TrialOutcome
+from softarm.bench.trials.score import SAME_SIZE, Score, score
+from softarm.bench.trials.tables import reliability, score_tables, wilson
+from softarm.estimator.effects import EFFECTS
+
+LAG = Concealment("line_lag", {"chamber": 2}, {"time": 0.3})
+
+
+def finding(
+    effect: str,
+    rivals: tuple[str, ...] = (),
+    value: float = 0.27,
+    std: float = 0.01,
+    probability: float | None = None,
+    **where: object,
+) -> dict[str, Any]:
+    place = dict.fromkeys(("segment", "chamber", "section", "sensor", "axis")) | where
+    return {
+        "effect": effect,
+        "where": place,
+        "parameters": {"lag": {"value": value, "std": std, "unit": "s"}},
+        "probability": probability,
+        "confusable_with": [{"effect": name, "where": place, "manoeuvre": "steps"} for name in rivals],
+    }
+
+
+def outcome(*findings: dict[str, Any], verdict: str = "explained") -> TrialOutcome:
+    heldout = {"normalised_rms_before": 3.0, "normalised_rms_after": 1.1}
+    report = {"verdict": verdict, "findings": list(findings), "heldout": heldout}
+    return TrialOutcome("one", 60.0, 600.0, 0, "", report)
+
+
+def scored(kind: str, hidden: tuple[Concealment, ...], *findings: dict[str, Any], **more: Any) -> Score:
+    return score(outcome(*findings, **more), Answer(kind, hidden, "designed"))
+
+
+def test_a_name_at_its_place_is_a_hit_with_its_error():
+    (hit,) = scored("single", (LAG,), finding("line_lag", chamber=2)).hits
+    assert (hit.named, hit.placed, hit.in_set) == (True, True, True)
+    assert hit.error == pytest.approx(0.1)
+
+
+def test_a_name_at_another_place_is_no_hit_of_the_place():
+    (hit,) = scored("single", (LAG,), finding("line_lag", chamber=4)).hits
+    assert (hit.named, hit.placed, hit.error) == (True, False, None)
+
+
+def test_a_rival_in_the_set_counts_as_such_only():
+    found = scored("single", (LAG,), finding("inertia_damping", ("line_lag",)))
+    (hit,) = found.hits
+    assert (hit.named, hit.in_set, hit.taken_for) == (False, True, "inertia_damping")
+    assert found.surplus == ()
+
+
+def test_what_was_not_concealed_is_surplus():
+    found = scored("single", (LAG,), finding("line_lag", chamber=2), finding("base_tilt"))
+    assert found.surplus == ("base_tilt",)
+
+
+def test_null_trials_alarm_falsely_when_anything_is_named():
+    assert scored("null", (), finding("base_tilt")).false_alarm
+    assert not scored("null", (), finding("unknown")).false_alarm
+
+
+def test_foreign_effects_are_to_be_called_unknown():
+    hidden = (Concealment("swirl", {}, {}),)
+    assert scored("foreign", hidden, verdict="unexplained").called_unknown
+    assert not scored("foreign", hidden, finding("fibre_twist")).called_unknown
+    assert not scored("foreign", hidden, verdict="consistent").called_unknown
+
+
+def test_tables_hold_every_failure_and_no_more():
+    good = scored("single", (LAG,), finding("line_lag", chamber=2))
+    bad = scored("null", (), finding("base_tilt"))
+    failed = score(TrialOutcome("two", 900.0, 600.0, -1, "ended", {}), Answer("single", (LAG,), "designed"))
+    tables = {table.title: table for table in score_tables([good, bad, failed])}
+    assert [row["said"] for row in tables["Trials that went wrong"].rows] == ["base_tilt", "ended"]
+    counts = {row["what"]: row["count"] for row in tables["Sealed trials"].rows}
+    assert counts["effects named and placed"] == 1
+    assert counts["false alarms"] == 1
+    assert tables["Cost"].rows[0]["with_report"] == 2
+
+
+def test_a_size_counts_as_inside_by_its_own_deviation():
+    sure = scored("single", (LAG,), finding("line_lag", value=0.27, std=0.01, chamber=2)).hits[0]
+    honest = scored("single", (LAG,), finding("line_lag", value=0.27, std=0.02, chamber=2)).hits[0]
+    assert (sure.inside, honest.inside) == (False, True)
+
+
+def test_stated_probabilities_are_compared_with_the_truth():
+    claims = [scored("single", (LAG,), finding("line_lag", probability=0.92, chamber=2)) for _ in range(3)]
+    claims.append(scored("single", (LAG,), finding("line_lag", probability=0.94, chamber=4)))
+    (row,) = reliability(claims).rows
+    assert (row["names"], row["right_percent"]) == (4, 75.0)
+    assert row["mean_stated_percent"] == pytest.approx(92.5)
+
+
+def test_intervals_are_wilsons():
+    low, high = wilson(0, 300)
+    assert low == pytest.approx(0.0, abs=1e-12)
+    assert high == pytest.approx(0.0126, abs=2e-4)
+    assert wilson(9, 10) == pytest.approx((0.596, 0.982), abs=2e-3)
+    assert wilson(0, 0) == (0.0, 1.0)
+
+
+def test_the_schedule_keeps_its_shares_and_begins_alike():
+    trials = schedule(40, 5000)
+    assert [t.kind for t in trials] == list(PATTERN) * 2
+    assert len({t.name for t in trials}) == 40
+    assert schedule(10, 5000) == trials[:10]
+
+
+def test_sizes_are_compared_where_the_estimator_has_the_parameter():
+    for (effect, _), parameter in SAME_SIZE.items():
+        assert parameter in {p.name for p in EFFECTS[effect].parameters}
+
+
+def test_ordinary_motion_is_part_of_the_designed_and_the_pull_of_neither():
+    names = (
+        "nominal_00_ramps_hanging",
+        "run_01_ramps_hanging",
+        "run_06_steps_hanging",
+        "run_09_pulled_steps_hanging",
+    )
+    paths = [Path(name) for name in names]
+    assert [p.name for p in chosen(paths, "ordinary")] == ["run_01_ramps_hanging"]
+    assert [p.name for p in chosen(paths, "designed")] == ["run_01_ramps_hanging", "run_06_steps_hanging"]
