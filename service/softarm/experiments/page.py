@@ -11,11 +11,11 @@ on a SoPrA arm; the figures here come from simulated arms whose physics differs 
 ([fake-arm.md](fake-arm.md)). The column `aim met` shows which aims were missed.
 
 The unknowns of the calibration were chosen on arms 1 and 2 ([calibration.md](calibration.md)). If a
-covariance is right, 90 to 98 % of the errors lie within two standard deviations; the column `inside 2 std` shows the
-measured percentage. The gauge's cord vibrates while its stage moves, so the row `moving` also contains an
-error of the simulated gauge. Pulls on the intermediate section are judged with a calibration that used pulls
-on the tip only. In teach mode a simulated hand moves the vented arm to random poses; the table counts all of
-them, and separately those that pressures can reach.
+covariance is right, 90 to 98 % of the errors lie within two standard deviations; the column `inside 2
+std` shows the measured percentage. The gauge's cord vibrates while its stage moves, so the row `moving`
+also contains an error of the simulated gauge. Pulls on the intermediate section are judged with a
+calibration that used pulls on the tip only. In teach mode a simulated hand moves the vented arm to
+random poses; the table counts all of them, and separately those that pressures can reach.
 
 """
 
