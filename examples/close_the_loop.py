@@ -19,9 +19,7 @@ import click
 import numpy as np
 
 from softarm.analysis.diagnosis.report import Report, read_report
-from softarm.api.messages import Estimate, Message, Mismatch
 from softarm.cli.output import say, show
-from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.common.tables import Table
 from softarm.estimator.excitation import Choice, Manoeuvre
@@ -31,6 +29,9 @@ from softarm.experiments.recovery import until_allowed
 from softarm.experiments.rig import FakeRig, RigSettings
 from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
+from softarm_client.client import SoftarmClient
+from softarm_client.errors import CommandRefusedError
+from softarm_client.messages import Estimate, Message, Mismatch
 
 EFFECT: dict[str, Any] = {"where": {"chamber": 0}, "change": -0.25}
 NOMINAL = ("poses",)

@@ -10,9 +10,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from softarm.api.messages import State
-from softarm.client.client import SoftarmClient
-from softarm.client.session import DEFAULT_ENDPOINT
+from softarm_client.client import SoftarmClient
+from softarm_client.messages import State
+from softarm_client.session import DEFAULT_ENDPOINT
 
 RAMP_S = 2.0
 SETTLED_PA = 2000.0

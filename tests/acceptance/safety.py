@@ -10,9 +10,9 @@ from acceptance.safety_cases import FAST_S, Outcome
 from acceptance.safety_processes import EVENT_NOTES, strike_processes
 from acceptance.safety_run import BENCHES, KINDS, MODES, Case, everything, parts, run
 from softarm.analysis.diagnosis.workers import workers
-from softarm.api.modes import Mode
 from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.common.tables import Cell, Table
+from softarm_client.modes import Mode
 
 NOTES = (
     "Real fakes, drivers, control loop and estimator in one process and accelerated time, in the modes in "

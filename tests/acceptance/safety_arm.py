@@ -11,8 +11,6 @@ from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from softarm.api.commands import VERBS, Applied, Refused
-from softarm.api.messages import Message
 from softarm.cli import fakes
 from softarm.daemon.config import ServiceConfig, Setup
 from softarm.daemon.control.channels import channel_readings
@@ -30,6 +28,8 @@ from softarm.drivers.registry import load_devices
 from softarm.drivers.valves.alarms import reports_fault
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.rig import RigSettings, service_config
+from softarm_client.commands import VERBS, Applied, Refused
+from softarm_client.messages import Message
 
 VALVE_MAP = (3, 2, 1, 0, 4, 5)
 TICK_S = 0.01

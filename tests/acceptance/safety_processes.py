@@ -14,14 +14,15 @@ from pathlib import Path
 
 from acceptance.processes import child_of
 from acceptance.safety_cases import FAST_S
-from softarm.api.messages import State
-from softarm.api.modes import Mode
-from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.common.errors import WorkFailedError
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
+from softarm_client.client import SoftarmClient
+from softarm_client.errors import CommandRefusedError
+from softarm_client.messages import State
+from softarm_client.modes import Mode
 
 PRESSURE_PA = 20e3
 WAIT_S = 10.0
@@ -38,7 +39,7 @@ EVENT_NOTES = (
 CLIENT = """
 import sys, time
 from softarm.experiments.recovery import arm_again
-from softarm.client.client import SoftarmClient
+from softarm_client.client import SoftarmClient
 
 with SoftarmClient(sys.argv[1], sys.argv[2], name="mortal") as client:
     with client.subscribe("state", lambda _: None), client.subscribe("estimate", lambda _: None):

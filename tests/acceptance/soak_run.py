@@ -17,14 +17,15 @@ from pathlib import Path
 from typing import Any
 
 from acceptance.processes import child_of, resident_kib
-from softarm.api.messages import Message, State
-from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.estimator.errors import InputError
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
 from softarm.recordings import load_recording
+from softarm_client.client import SoftarmClient
+from softarm_client.errors import CommandRefusedError
+from softarm_client.messages import Message, State
 
 FAULT_EVERY_S = 5.0
 VISITOR_EVERY_S = 4.0
@@ -47,7 +48,7 @@ FAULTS = (
 NO_ANSWER = "no answer in time"
 VISITOR = """
 import sys, time
-from softarm.client.client import SoftarmClient
+from softarm_client.client import SoftarmClient
 with SoftarmClient(sys.argv[1], sys.argv[2], name="visitor") as client:
     with client.subscribe("state", lambda _: None), client.subscribe("estimate", lambda _: None):
         time.sleep(float(sys.argv[3]))

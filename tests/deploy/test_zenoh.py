@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 import trustme
 
-from softarm.api.commands import Applied
-from softarm.api.messages import Event, Mismatch, Stamp
-from softarm.client.client import CommandRefusedError, SoftarmClient
-from softarm.client.session import NetworkSettings, client_settings, listening_endpoint, open_session
 from softarm.daemon.network.bus import Bus
 from softarm.daemon.network.router import open_router
-from softarm.estimator.errors import InputError
+from softarm_client.client import SoftarmClient
+from softarm_client.commands import Applied
+from softarm_client.errors import CommandRefusedError, SetupError
+from softarm_client.messages import Event, Mismatch, Stamp
+from softarm_client.session import NetworkSettings, client_settings, listening_endpoint, open_session
 from tests.service.network.served import ServedArm
 
 EXAMPLES = Path(__file__).parents[2] / "deploy" / "zenoh"
@@ -155,9 +155,9 @@ def test_operator_commands_and_neither_overhears_nor_forges(guarded, tmp_path):
 
 @pytest.mark.parametrize(("user", "password"), [("viewer", "wrong"), ("nobody", "n")])
 def test_whoever_has_no_password_is_kept_out(guarded, tmp_path, user, password):
-    with pytest.raises(InputError, match="no zenoh session"):
+    with pytest.raises(SetupError, match="no zenoh session"):
         SoftarmClient("test", guarded.endpoint, zenoh_config=as_user(user, tmp_path, password))
-    with pytest.raises(InputError, match="no zenoh session"):
+    with pytest.raises(SetupError, match="no zenoh session"):
         SoftarmClient("test", guarded.endpoint)
 
 
@@ -171,7 +171,7 @@ def until(accept, within=10.0):
 def test_router_without_users_is_refused_beyond_this_host(tmp_path):
     path = tmp_path / "open.json5"
     path.write_text('{ listen: { endpoints: ["tcp/0.0.0.0:0"] } }')
-    with pytest.raises(InputError, match="lets anybody"):
+    with pytest.raises(SetupError, match="lets anybody"):
         open_router(path)
     with open_router(path, allow_unauthenticated=True) as session:
         assert not session.is_closed()
@@ -210,5 +210,5 @@ async def test_tls_wants_a_certificate(serve, tmp_path):
     bare.write_text(
         json.dumps({"transport": {"link": {"tls": {"root_ca_certificate": str(tmp_path / "ca.pem")}}}})
     )
-    with pytest.raises(InputError, match="no zenoh session"):
+    with pytest.raises(SetupError, match="no zenoh session"):
         await asyncio.to_thread(visit, f"tls/localhost:{port}", bare)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from softarm.api.messages import Estimate, LoadEstimate, Mismatch
 from softarm.experiments.excitation_plan import manoeuvres_of
+from softarm_client.messages import Estimate, LoadEstimate, Mismatch
 
 FILE = Path(__file__).parents[2] / "examples" / "close_the_loop.py"
 

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from softarm.api.messages import State
-from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.estimator.recording import Recording
 from softarm.recordings import save_recording
+from softarm_client.client import SoftarmClient
+from softarm_client.errors import CommandRefusedError
+from softarm_client.messages import State
 
 pytestmark = pytest.mark.timeout(300)  # the estimator compiles its kernels in a fresh checkout
 

@@ -14,9 +14,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from softarm.api.messages import Estimate, Message
 from softarm.cli.output import json_option, progress, quick_option, show
-from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.common.errors import WorkFailedError
 from softarm.common.rods import trusted_rod
 from softarm.common.shipped import fake_specimen
@@ -24,6 +22,9 @@ from softarm.common.tables import Cell, Table
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.session import connect, wait_ready
+from softarm_client.client import SoftarmClient
+from softarm_client.errors import CommandRefusedError
+from softarm_client.messages import Estimate, Message
 
 LIMITS_MS = {"fem": 12.0, "rod": 2.0}
 SCENARIO = """\

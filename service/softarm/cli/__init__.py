@@ -9,6 +9,7 @@ import click
 
 from softarm.common.errors import WorkFailedError
 from softarm.estimator.errors import InputError
+from softarm_client.errors import ClientError, SetupError
 
 TRACEBACK = "SOFTARM_TRACEBACK"
 """Environment variable that shows the traceback of an internal error."""
@@ -98,10 +99,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except click.ClickException as error:
         click.echo(f"softarm: {error.format_message()}", err=True)
         return error.exit_code
-    except InputError as error:
+    except (InputError, SetupError) as error:
         click.echo(f"softarm: {error}", err=True)
         return 2
-    except WorkFailedError as error:
+    except (ClientError, WorkFailedError) as error:
         click.echo(f"softarm: {error}", err=True)
         return 1
     except (click.Abort, KeyboardInterrupt):

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 import click
 
 from softarm.cli.output import json_option, progress, say, show, specimen_option
-from softarm.client.session import DEFAULT_ENDPOINT
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.common.tables import Cell, Table
+from softarm_client.session import DEFAULT_ENDPOINT
 
 if TYPE_CHECKING:
-    from softarm.client.client import SoftarmClient
     from softarm.estimator.excitation import Manoeuvre, Plan
     from softarm.estimator.specimen import Specimen
     from softarm.experiments.excitation import Recorded
+    from softarm_client.client import SoftarmClient
 
 
 @click.command()
@@ -113,9 +113,9 @@ def _connect(
     specimen: str | None,
 ) -> "SoftarmClient":
     """Connect to the arm's service; without an arm, to one on fakes that ends with the command."""
-    from softarm.client.client import SoftarmClient
     from softarm.experiments.rig import FakeRig, RigSettings
     from softarm.experiments.session import connect, wait_ready
+    from softarm_client.client import SoftarmClient
 
     if arm is not None:
         return stack.enter_context(SoftarmClient(arm, endpoint, "softarm excite", zenoh_config))

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import click
 
-from softarm.client.client import SoftarmClient
-from softarm.client.session import DEFAULT_ENDPOINT, NetworkSettings
 from softarm.daemon.config import load_config
 from softarm.daemon.settings import PageSettings
 from softarm.daemon.unit import zenoh_credential
+from softarm_client.client import SoftarmClient
+from softarm_client.session import DEFAULT_ENDPOINT, NetworkSettings
 
 
 @click.command()

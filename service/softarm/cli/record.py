@@ -6,10 +6,10 @@ from pathlib import Path
 import click
 
 from softarm.cli.output import json_option, progress, say, show
-from softarm.client.client import SoftarmClient
-from softarm.client.session import DEFAULT_ENDPOINT
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Table
+from softarm_client.client import SoftarmClient
+from softarm_client.session import DEFAULT_ENDPOINT
 
 STOP_TIMEOUT_S = 20.0
 LOOK_S = 0.5

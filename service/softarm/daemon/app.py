@@ -7,7 +7,6 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from softarm.api.page import schemas
 from softarm.daemon.config import Setup
 from softarm.daemon.control.command_server import CommandServer
 from softarm.daemon.control.host_watch import HostWatch
@@ -22,6 +21,7 @@ from softarm.daemon.estimation.messages import EstimationRequest, EstimationResu
 from softarm.daemon.estimation.solver import SolverSettings
 from softarm.daemon.estimation.worker import NICER, Worker
 from softarm.daemon.loop import ControlLoop
+from softarm.daemon.network.api_page import schemas
 from softarm.daemon.network.bus import Bus
 from softarm.daemon.network.inbox import serve_each
 from softarm.daemon.notify import Notifier

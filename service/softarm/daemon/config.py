@@ -9,7 +9,6 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from softarm.client.session import NetworkSettings
 from softarm.daemon.consistency import misfits
 from softarm.daemon.settings import (
     ControlSettings,
@@ -25,6 +24,7 @@ from softarm.drivers.registry import load_devices
 from softarm.drivers.valves.config import ValveConfig
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import Specimen, load_specimen
+from softarm_client.session import NetworkSettings
 
 __all__ = [
     "ConfigError",

@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator, Sequence
 
-from softarm.client.session import open_to_anybody
 from softarm.daemon.settings import SensorSettings, ServiceConfig
 from softarm.drivers.config import DriverConfig
 from softarm.drivers.valves.config import ValveConfig
-from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import Specimen
+from softarm_client.errors import SetupError
+from softarm_client.session import open_to_anybody
 
 TICKS_PER_LIFE = 3
 """What the loop renews must live for so many ticks: one may come late and one be skipped."""
@@ -40,7 +40,7 @@ def misfits(config: ServiceConfig, specimen: Specimen, devices: Sequence[DriverC
 def _unguarded_listeners(config: ServiceConfig) -> Iterator[str]:
     try:
         unguarded = open_to_anybody(config.network)
-    except InputError as error:
+    except SetupError as error:
         yield f"network.zenoh_config: {error}"
         return
     for endpoint in unguarded:

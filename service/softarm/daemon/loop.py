@@ -5,7 +5,6 @@ from collections.abc import Mapping
 import numpy as np
 import tomli_w
 
-from softarm.api.commands import Applied, Refused
 from softarm.daemon.config import Setup
 from softarm.daemon.control.channels import ChannelReading
 from softarm.daemon.control.command_handler import CommandContext, CommandHandler
@@ -30,6 +29,7 @@ from softarm.daemon.safety.modes import Mode, Transition, Trigger
 from softarm.estimator.arm import default_loads
 from softarm.estimator.specimen import specimen_table
 from softarm.recordings.mcap_writer import Start
+from softarm_client.commands import Applied, Refused
 
 STATE_EVERY_NS = 50_000_000
 

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.estimator.errors import InputError
 from softarm.estimator.excitation import Choice, Manoeuvre
 from softarm.estimator.specimen import Specimen
 from softarm.experiments.session import recorded
+from softarm_client.client import SoftarmClient
+from softarm_client.errors import CommandRefusedError
 
 PERIOD_S = 0.05
 LIFETIME_S = 1.0

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.client.client import SoftarmClient
 from softarm.experiments.paper import FORCE_N, Published
 from softarm.experiments.recovery import arm_again, lead
 from softarm.experiments.rig_control import Collector, FakeControl, MeanEstimate, laboratory_of
+from softarm_client.client import SoftarmClient
 
 Floats = NDArray[np.float64]
 

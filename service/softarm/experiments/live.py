@@ -9,9 +9,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.api.messages import State
-from softarm.client.client import CommandRefusedError, SoftarmClient
-from softarm.client.session import DEFAULT_ENDPOINT
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
@@ -24,6 +21,10 @@ from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl, laboratory_of, ramp_pressures
 from softarm.experiments.session import connect, recorded, wait_ready
 from softarm.recordings import load_recording
+from softarm_client.client import SoftarmClient
+from softarm_client.errors import CommandRefusedError
+from softarm_client.messages import State
+from softarm_client.session import DEFAULT_ENDPOINT
 
 Floats = NDArray[np.float64]
 

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.client.client import CommandRefusedError
 from softarm.common.errors import WorkFailedError
 from softarm.estimator.recording import Recording
 from softarm.experiments.live import LiveRig
 from softarm.experiments.recovery import ATTEMPTS
+from softarm_client.errors import CommandRefusedError
 
 Floats = NDArray[np.float64]
 

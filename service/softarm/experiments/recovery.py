@@ -4,8 +4,9 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 
-from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.experiments.rig_control import ramp_pressures
+from softarm_client.client import SoftarmClient
+from softarm_client.errors import CommandRefusedError
 
 PATIENCE_S = 20.0
 PAUSE_S = 0.2

@@ -12,10 +12,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.api.messages import Estimate, Message, State
-from softarm.client.client import SoftarmClient
 from softarm.estimator.errors import InputError
 from softarm.estimator.rotations import from_quaternions
+from softarm_client.client import SoftarmClient
+from softarm_client.messages import Estimate, Message, State
 
 Floats = NDArray[np.float64]
 

@@ -42,6 +42,7 @@ from softarm.experiments.subsets import SUBSETS
 from softarm.experiments.teaching import teach_recorded
 from softarm.experiments.validation import pose_errors, rows
 from softarm.recordings import load_recording
+from softarm_client.errors import ClientError
 
 CALIBRATION_RUNS = {
     "sweep": ("each_alone",),
@@ -186,7 +187,7 @@ def run_seed(plan: SeedPlan) -> SeedResult:
         try:
             steps[name](bench, result)
             result.done.append(name)
-        except (InputError, WorkFailedError) as error:  # one experiment fails, the others go on
+        except (ClientError, InputError, WorkFailedError) as error:  # one experiment fails, the others go on
             result.notes.append(f"{name}{FAILED}{error}")
             result.failed.append(name)
         kept.write_text(json.dumps(asdict(result), indent=1, default=str))

@@ -10,12 +10,13 @@ from pathlib import Path
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from softarm.api.messages import Estimate, Message, State
-from softarm.client.client import CommandRefusedError, SoftarmClient
 from softarm.estimator.errors import InputError
 from softarm.experiments.force import ForceSample, ForceSettings, run_fake
 from softarm.experiments.rig import FakeRig
 from softarm.experiments.rig_control import FakeControl
+from softarm_client.client import SoftarmClient
+from softarm_client.errors import CommandRefusedError, SetupError
+from softarm_client.messages import Estimate, Message, State
 
 logger = logging.getLogger(__name__)
 READY_S = 90.0
@@ -83,14 +84,14 @@ def connect(rig: FakeRig) -> SoftarmClient:
     Raises:
         InputError: The service ended, or does not listen in time.
     """
-    last: InputError | None = None
+    last: SetupError | None = None
     for _ in range(30):
         if rig.service.process.poll() is not None:
             told = (rig.folder / "service.log").read_text().strip().splitlines()[-1:]
             raise InputError("softarm serve", f"ended ({' '.join(told)})", f"see {rig.folder}")
         try:
             return SoftarmClient(rig.settings.arm, rig.settings.endpoint, name="experiment")
-        except InputError as error:  # zenoh itself waits three seconds for the port
+        except SetupError as error:  # zenoh itself waits three seconds for the port
             last = error
     assert last is not None
     raise last

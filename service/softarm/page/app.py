@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import TypeVar
 
-from softarm.api.messages import Estimate, Message, Mismatch, State
-from softarm.client.client import STALE_S, SoftarmClient
 from softarm.estimator.specimen import Specimen
 from softarm.page.panel import Panel
 from softarm.page.scene import ArmScene
 from softarm.page.server import open_server, page_origins
+from softarm_client.client import STALE_S, SoftarmClient
+from softarm_client.messages import Estimate, Message, Mismatch, State
 
 Kind = TypeVar("Kind", bound=Message)
 REFRESH_S = 0.1

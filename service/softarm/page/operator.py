@@ -5,10 +5,11 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from softarm.api.commands import Applied
-from softarm.api.messages import State
-from softarm.api.modes import Mode
-from softarm.client.client import CommandRefusedError, SoftarmClient
+from softarm_client.client import SoftarmClient
+from softarm_client.commands import Applied
+from softarm_client.errors import CommandRefusedError
+from softarm_client.messages import State
+from softarm_client.modes import Mode
 
 GRACE_S = 2.0
 """After the dead-man is let go the lease is renewed for so long: time to press "Hold pose"."""

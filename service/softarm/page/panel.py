@@ -9,11 +9,11 @@ import numpy as np
 import viser
 from viser import uplot
 
-from softarm.api.messages import Estimate, Mismatch, State
-from softarm.client.client import STALE_S, SoftarmClient
 from softarm.page.operator import Operator
 from softarm.page.scene import load_deviation
 from softarm.page.text import plain
+from softarm_client.client import STALE_S, SoftarmClient
+from softarm_client.messages import Estimate, Mismatch, State
 
 HISTORY = 300
 HOLD_RATE_HZ = 5.0

@@ -8,11 +8,11 @@ import trimesh
 import viser
 from numpy.typing import NDArray
 
-from softarm.api.messages import LoadEstimate, SectionPose
 from softarm.estimator.geometry import build_mesh
 from softarm.estimator.mesh import Mesh
 from softarm.estimator.reference_elements import CORNERS
 from softarm.estimator.specimen import Specimen
+from softarm_client.messages import LoadEstimate, SectionPose
 
 Floats = NDArray[np.float64]
 METRES_PER_NEWTON = 0.15

@@ -2,15 +2,15 @@ from pathlib import Path
 
 from jsonschema import Draft202012Validator
 
-from softarm.api.commands import VERBS
-from softarm.api.examples import EXAMPLES
-from softarm.api.page import example_request, render, schemas
+from softarm.daemon.network.api_examples import EXAMPLES
+from softarm.daemon.network.api_page import example_request, render, schemas
+from softarm_client.commands import VERBS
 
 PAGE = Path(__file__).parents[3] / "docs" / "api.md"
 
 
 def test_page_is_that_of_the_messages():
-    assert PAGE.read_text() == render(), "run: python -m softarm.api.page > docs/api.md"
+    assert PAGE.read_text() == render(), "run: python -m softarm.daemon.network.api_page > docs/api.md"
 
 
 def test_every_verb_has_a_schema():

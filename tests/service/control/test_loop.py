@@ -9,7 +9,6 @@ import time
 import numpy as np
 import pytest
 
-from softarm.api.commands import VERBS, Applied
 from softarm.daemon.control.host_watch import HostLoad, HostWatch
 from softarm.daemon.control.poses import PoseStore
 from softarm.daemon.control.surroundings import Clocks, Surroundings
@@ -18,6 +17,7 @@ from softarm.daemon.estimation.worker import WorkerState
 from softarm.daemon.loop import ControlLoop
 from softarm.daemon.safety.modes import Mode
 from softarm.daemon.safety.observation import DeviceStatus
+from softarm_client.commands import VERBS, Applied
 from tests.service.standins import Estimator, Instruments, setup_in
 
 TICK_NS = 10_000_000

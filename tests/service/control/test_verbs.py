@@ -8,8 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softarm.api.commands import VERBS, Applied, Refused
-from softarm.api.examples import EXAMPLES
 from softarm.daemon.config import ControlSettings, SafetySettings
 from softarm.daemon.control.command_handler import ANSWER_S, CommandContext, CommandHandler
 from softarm.daemon.control.controller import Controller
@@ -17,12 +15,14 @@ from softarm.daemon.control.estimator_state import RECENT_S, EstimatorState
 from softarm.daemon.control.poses import PoseStore
 from softarm.daemon.control.recorder import Recorder
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
+from softarm.daemon.network.api_examples import EXAMPLES
 from softarm.daemon.safety.diagnostics import Diagnostic
 from softarm.daemon.safety.modes import PRESSURISED, Mode, Trigger
 from softarm.drivers.errors import LimitError
 from softarm.estimator.model import Load
 from softarm.recordings.info import parse_info
 from softarm.recordings.mcap_reader import read_contents
+from softarm_client.commands import VERBS, Applied, Refused
 
 LIMIT = 65e3
 LOADS = tuple(

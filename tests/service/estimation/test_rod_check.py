@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from softarm.api.modes import Mode
 from softarm.daemon.estimation.rod_check import RodCheck
 from softarm.daemon.safety.checks import check_rod
 from softarm.daemon.safety.observation import EstimatorHealth, RecorderHealth, ServiceHealth, Valves
@@ -11,6 +10,7 @@ from softarm.estimator.arm import build_arm
 from softarm.estimator.model import Frames, Inputs
 from softarm.estimator.rotations import exp
 from softarm.estimator.specimen import load_specimen
+from softarm_client.modes import Mode
 
 
 def observation(off: float | None) -> ServiceHealth:

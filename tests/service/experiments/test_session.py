@@ -5,10 +5,10 @@ import threading
 
 import pytest
 
-from softarm.client.client import SoftarmClient
 from softarm.daemon.estimation.worker import WorkerState
 from softarm.estimator.errors import InputError
 from softarm.experiments.session import wait_built
+from softarm_client.client import SoftarmClient
 from tests.service import standins
 from tests.service.network.served import ServedArm
 

@@ -2,11 +2,11 @@
 
 import pytest
 
-from softarm.api.messages import Event
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
+from softarm_client.messages import Event
 from tests.service.live.helpers import cleared
 
 

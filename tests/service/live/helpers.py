@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 
-from softarm.api.messages import State
+from softarm_client.messages import State
 
 PATIENCE_S = 20.0
 """For what is waited for, not timed."""

@@ -12,9 +12,9 @@ import pytest
 
 from acceptance.safety_processes import other_client
 from examples.teach_client import free, learn, replay
-from softarm.api.messages import Estimate, Event, State
-from softarm.client.session import client_settings, open_session
 from softarm.recordings import load_recording
+from softarm_client.messages import Estimate, Event, State
+from softarm_client.session import client_settings, open_session
 from tests.service.live.helpers import (
     PATIENCE_S,
     VENTED_MBAR,

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from softarm.client.client import SoftarmClient
 from softarm.recordings import load_recording
+from softarm_client.client import SoftarmClient
 from tests.service.live.helpers import (
     VENTED_MBAR,
     VENTED_S,

@@ -6,7 +6,6 @@ import threading
 import time
 from dataclasses import replace
 
-from softarm.client.session import NetworkSettings, client_settings, listening_endpoint, open_session
 from softarm.daemon.config import SafetySettings
 from softarm.daemon.control.command_server import CommandServer
 from softarm.daemon.control.surroundings import Surroundings
@@ -14,6 +13,7 @@ from softarm.daemon.control.tick import Ticker
 from softarm.daemon.loop import ControlLoop
 from softarm.daemon.network.bus import Bus
 from softarm.daemon.network.inbox import serve_each
+from softarm_client.session import NetworkSettings, client_settings, listening_endpoint, open_session
 from tests.service import standins
 
 TICK_S = 0.02

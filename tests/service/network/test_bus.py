@@ -4,13 +4,14 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from softarm.api.commands import Applied, Refused
-from softarm.api.messages import Mismatch, Stamp
-from softarm.client.client import CommandRefusedError, SoftarmClient
-from softarm.client.session import NetworkSettings, listening_endpoint
 from softarm.daemon.network.bus import COMMANDS_WAITING, Bus
 from softarm.daemon.network.inbox import Inbox
 from softarm.estimator.errors import InputError
+from softarm_client.client import SoftarmClient
+from softarm_client.commands import Applied, Refused
+from softarm_client.errors import CommandRefusedError, SetupError
+from softarm_client.messages import Mismatch, Stamp
+from softarm_client.session import NetworkSettings, listening_endpoint
 
 STOPPED = Applied(verb="stop", mode="FAULTED", applied={"asked_pa": [0.0]})
 FREE_PORT = NetworkSettings(listen=("tcp/127.0.0.1:0",))
@@ -88,7 +89,7 @@ async def test_alive_and_second_service_refused(bus, client):
 async def test_taken_address_is_named(bus):
     endpoint = await asyncio.to_thread(listening_endpoint, bus.session)
     other = Bus(NetworkSettings(listen=(endpoint,)), "other", asyncio.get_running_loop())
-    with pytest.raises(InputError, match="address is free"):
+    with pytest.raises(SetupError, match="address is free"):
         await asyncio.to_thread(other.open, {}, print)
 
 

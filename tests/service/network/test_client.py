@@ -6,14 +6,14 @@ import threading
 
 import pytest
 
-from softarm.api.commands import Refused
-from softarm.client.client import STALE_S, CommandRefusedError, SoftarmClient
-from softarm.estimator.errors import InputError
+from softarm_client.client import STALE_S, SoftarmClient
+from softarm_client.commands import Refused
+from softarm_client.errors import CommandRefusedError, SetupError
 from tests.service.network.served import ServedArm
 
 UNCLOSED = """
 import sys
-from softarm.client.client import SoftarmClient
+from softarm_client.client import SoftarmClient
 client = SoftarmClient("test", sys.argv[1])
 print(client.state().mode, client.state_age_s > 0.0)
 watching = client.subscribe("state", lambda _: None)
@@ -83,5 +83,5 @@ def test_age_of_the_state_tells_that_the_service_is_gone(arm, client):
 
 
 def test_name_that_is_not_plain_is_refused_at_once():
-    with pytest.raises(InputError, match="client name"):
+    with pytest.raises(SetupError, match="client name"):
         SoftarmClient("test", name="<b>")

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from softarm.api.commands import sender
 from softarm.daemon.network.bus import COMMANDS_WAITING, LARGEST_REQUEST_BYTES
 from softarm.daemon.safety.modes import TRANSITIONS, Mode, Trigger
+from softarm_client.commands import sender
 from tests.service.network.served import Sender, ServedArm
 
 

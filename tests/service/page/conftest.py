@@ -6,12 +6,12 @@ import time
 
 import pytest
 
-from softarm.client.session import NetworkSettings, listening_endpoint
 from softarm.daemon.control.command_server import CommandServer
 from softarm.daemon.control.surroundings import Surroundings
 from softarm.daemon.control.tick import Ticker
 from softarm.daemon.loop import ControlLoop
 from softarm.daemon.network.bus import Bus
+from softarm_client.session import NetworkSettings, listening_endpoint
 from tests.service.standins import SPECIMEN, Estimator, Instruments, setup_in
 
 TICK_S = 0.02

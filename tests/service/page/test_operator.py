@@ -1,9 +1,9 @@
 import pytest
 
-from softarm.api.commands import Applied, Refused
-from softarm.api.modes import Mode
-from softarm.client.client import CommandRefusedError
 from softarm.page.operator import GRACE_S, Operator
+from softarm_client.commands import Applied, Refused
+from softarm_client.errors import CommandRefusedError
+from softarm_client.modes import Mode
 
 AFTER = {"arm": Mode.ARMED, "teach/start": Mode.TEACH, "teach/hold": Mode.HOLDING, "teach/goto": Mode.HOLDING}
 APPLIED = {

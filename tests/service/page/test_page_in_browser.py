@@ -5,8 +5,8 @@ import socket
 
 import pytest
 
-from softarm.api.modes import Mode
-from softarm.client.client import SoftarmClient
+from softarm_client.client import SoftarmClient
+from softarm_client.modes import Mode
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed: softarm[dev]")
 pytest.importorskip("viser", reason="viser is not installed: softarm[page]")

@@ -7,8 +7,8 @@ import pytest
 
 pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
 
-from softarm.client.client import SoftarmClient
 from softarm.page.app import Page
+from softarm_client.client import SoftarmClient
 from tests.service.page.test_server import free_port
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from acceptance.safety_cases import Outcome
 from acceptance.safety_run import BENCHES, parts, quick, run
-from softarm.api.modes import Mode
+from softarm_client.modes import Mode
 
 PRESSED = (Mode.ARMED, Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT)
 

@@ -10,7 +10,18 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from softarm.api.commands import (
+from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.estimator_state import EstimatorState
+from softarm.daemon.control.hold import HoldGoal
+from softarm.daemon.control.off_loop import off_loop
+from softarm.daemon.control.poses import PoseStore, SavedPose
+from softarm.daemon.control.recorder import Recorder, RecorderError
+from softarm.daemon.estimation.messages import HoldAnswer, PoseTarget
+from softarm.daemon.safety.diagnostics import Diagnostic
+from softarm.daemon.safety.lease import LeaseError
+from softarm.daemon.safety.modes import PRESSURISED, Mode, TransitionRefusedError, Trigger
+from softarm.drivers.errors import DeviceErrors, InterlockError, LimitError
+from softarm_client.commands import (
     VERBS,
     Applied,
     DeviceReconnect,
@@ -28,17 +39,6 @@ from softarm.api.commands import (
     malformed,
     sender,
 )
-from softarm.daemon.control.controller import Controller
-from softarm.daemon.control.estimator_state import EstimatorState
-from softarm.daemon.control.hold import HoldGoal
-from softarm.daemon.control.off_loop import off_loop
-from softarm.daemon.control.poses import PoseStore, SavedPose
-from softarm.daemon.control.recorder import Recorder, RecorderError
-from softarm.daemon.estimation.messages import HoldAnswer, PoseTarget
-from softarm.daemon.safety.diagnostics import Diagnostic
-from softarm.daemon.safety.lease import LeaseError
-from softarm.daemon.safety.modes import PRESSURISED, Mode, TransitionRefusedError, Trigger
-from softarm.drivers.errors import DeviceErrors, InterlockError, LimitError
 
 logger = logging.getLogger(__name__)
 RELEASE_LIFETIME_S = 2.0

@@ -3,8 +3,8 @@
 import logging
 from typing import Protocol
 
-from softarm.api.commands import NOT_AFTER_STOP, Applied, Refused
 from softarm.daemon.network.bus import Bus, Call
+from softarm_client.commands import NOT_AFTER_STOP, Applied, Refused
 
 logger = logging.getLogger(__name__)
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.api.messages import Contact, LoadEstimate, SectionPose, Vector
 from softarm.daemon.estimation.messages import EstimationResult, HoldAnswer, PoseTarget
 from softarm.estimator.model import Load
 from softarm.estimator.rotations import from_quaternions
+from softarm_client.messages import Contact, LoadEstimate, SectionPose, Vector
 
 Floats = NDArray[np.float64]
 CONTACT_BEGINS = 4.0

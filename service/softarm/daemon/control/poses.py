@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from softarm.api.messages import SectionPose
 from softarm.daemon.estimation.messages import PoseTarget
 from softarm.estimator.errors import InputError
+from softarm_client.messages import SectionPose
 
 
 class SavedPose(BaseModel):

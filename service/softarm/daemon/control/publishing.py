@@ -8,7 +8,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.api.messages import (
+from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.estimator_state import EstimatorState
+from softarm.daemon.control.instruments import Source
+from softarm.daemon.control.lateness import TickDrift
+from softarm.daemon.control.mismatch import MismatchTest
+from softarm.daemon.estimation.messages import EstimationResult
+from softarm.daemon.safety.diagnostics import HealthMonitor
+from softarm_client.messages import (
     STREAMS,
     Estimate,
     Event,
@@ -18,14 +25,7 @@ from softarm.api.messages import (
     Stamp,
     State,
 )
-from softarm.api.modes import Mode
-from softarm.daemon.control.controller import Controller
-from softarm.daemon.control.estimator_state import EstimatorState
-from softarm.daemon.control.instruments import Source
-from softarm.daemon.control.lateness import TickDrift
-from softarm.daemon.control.mismatch import MismatchTest
-from softarm.daemon.estimation.messages import EstimationResult
-from softarm.daemon.safety.diagnostics import HealthMonitor
+from softarm_client.modes import Mode
 
 Floats = NDArray[np.float64]
 Status = Literal["converged", "not_converged", "degraded", "no_data"]

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.api.messages import Estimate
 from softarm.daemon.control.mismatch import MismatchTest
 from softarm.daemon.control.publishing import Kind, Picture, Publisher
 from softarm.daemon.control.streams import RecordedStreams
@@ -14,6 +13,7 @@ from softarm.daemon.control.surroundings import Outlet
 from softarm.daemon.estimation.messages import EstimationResult
 from softarm.daemon.safety.diagnostics import Diagnostic
 from softarm.daemon.safety.modes import SERVICE, Transition, Trigger
+from softarm_client.messages import Estimate
 
 logger = logging.getLogger(__name__)
 Floats = NDArray[np.float64]

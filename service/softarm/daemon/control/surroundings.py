@@ -5,12 +5,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from softarm.api.messages import Message
 from softarm.daemon.control.host_watch import HostLoad
 from softarm.daemon.control.instruments import Instruments
 from softarm.daemon.control.readings import Readings
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult
 from softarm.daemon.estimation.worker import WorkerState
+from softarm_client.messages import Message
 
 
 class EstimatorProcess(Protocol):

@@ -10,12 +10,12 @@ from typing import Any, Self
 import zenoh
 from zenoh.ext import CacheConfig, declare_advanced_publisher
 
-from softarm.api.commands import Applied, ErrorCode, Refused
-from softarm.api.keys import ArmKeys
-from softarm.api.messages import STREAMS, Message
-from softarm.client.session import NetworkSettings, open_session
 from softarm.daemon.network.inbox import Inbox
 from softarm.estimator.errors import InputError
+from softarm_client.commands import Applied, ErrorCode, Refused
+from softarm_client.keys import ArmKeys
+from softarm_client.messages import STREAMS, Message
+from softarm_client.session import NetworkSettings, open_session
 
 COMMANDS_WAITING = 16
 STOPS_WAITING = 64

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import zenoh
 
-from softarm.client.session import NetworkSettings, open_session, read_zenoh_config
-from softarm.estimator.errors import InputError
+from softarm_client.errors import SetupError
+from softarm_client.session import NetworkSettings, open_session, read_zenoh_config
 
 ALLOW = "--allow-unauthenticated"
 
@@ -21,7 +21,7 @@ def open_router(path: Path, *, allow_unauthenticated: bool = False) -> zenoh.Ses
         allow_unauthenticated: Whether it may listen beyond this host without users or client certificates.
 
     Raises:
-        InputError: The file cannot be used, or would let anybody on the network in.
+        SetupError: The file cannot be used, or would let anybody on the network in.
     """
     listen = json.loads(read_zenoh_config(path).get_json("listen/endpoints"))
     endpoints = listen if isinstance(listen, list) else listen.get("router", [])
@@ -47,7 +47,7 @@ def main(arguments: list[str]) -> int:
     try:
         with open_router(paths[0], allow_unauthenticated=ALLOW in arguments):
             signal.sigwait((signal.SIGINT, signal.SIGTERM))
-    except InputError as error:
+    except SetupError as error:
         print(f"softarm router: {error}", file=sys.stderr)
         return 2
     return 0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
-from softarm.api.modes import Mode as Mode
+from softarm_client.modes import Mode as Mode
 
 logger = logging.getLogger(__name__)
 SERVICE = "service"

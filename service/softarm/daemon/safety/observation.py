@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from softarm.api.modes import Mode
+from softarm_client.modes import Mode
 
 NOT_BUSY = ""
 SETTLING_S = 5.0

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 
-from softarm.api.modes import Mode
 from softarm.daemon.safety.checks.inputs import FOLLOWING_THE_POSE
 from softarm.daemon.safety.diagnostics import Diagnostic, Severity
 from softarm.daemon.safety.observation import ServiceHealth
+from softarm_client.modes import Mode
 
 FAILURES_ALLOWED = 20
 STEERING_BY_THE_ESTIMATE = frozenset({Mode.TEACH, Mode.HOLDING})

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from softarm.api.modes import Mode
 from softarm.daemon.safety.diagnostics import Diagnostic, Severity
 from softarm.daemon.safety.observation import Input, ServiceHealth
+from softarm_client.modes import Mode
 
 FOLLOWING_THE_POSE = frozenset({Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT})
 """Modes that cannot go on without knowing where the arm is."""

@@ -4,15 +4,15 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from softarm.api.modes import Mode
+from softarm_client.modes import Mode
 
 Vector = tuple[float, float, float]
 
 
 class Message(BaseModel):
-    """What every message is: frozen, without unknown fields."""
+    """What every message is: frozen. Fields that a newer service adds are ignored on reading."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="ignore")
 
 
 class Stamp(Message):

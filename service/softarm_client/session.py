@@ -9,7 +9,7 @@ from typing import Literal, cast
 import zenoh
 from pydantic import BaseModel, ConfigDict, Field
 
-from softarm.estimator.errors import InputError
+from softarm_client.errors import SetupError
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE_MS = 1000
@@ -69,14 +69,14 @@ def open_session(settings: NetworkSettings) -> zenoh.Session:
         The session; whoever opens it closes it.
 
     Raises:
-        InputError: An endpoint cannot be listened on or reached, would let anybody in, or the file is not
+        SetupError: An endpoint cannot be listened on or reached, would let anybody in, or the file is not
             valid.
     """
     where = str(settings.zenoh_config or "network")
     for endpoint in open_to_anybody(settings):
         what = f"{endpoint} lets anybody on the network in"
         cure = "add users or client certificates (deploy/zenoh), or allow it by allow_unauthenticated"
-        raise InputError(where, what, cure)
+        raise SetupError(where, what, cure)
     config = read_zenoh_config(settings.zenoh_config)
     try:
         for key, value in _overrides(settings).items():
@@ -87,8 +87,8 @@ def open_session(settings: NetworkSettings) -> zenoh.Session:
         reason = str(error).split(" at ", maxsplit=1)[0]
         if settings.mode == "client" and "nable to connect" in reason:
             what = f"no zenoh session on {ends}: nothing answers there, or not to these credentials"
-            raise InputError(where, what, "start softarm serve there, or name its endpoint") from error
-        raise InputError(
+            raise SetupError(where, what, "start softarm serve there, or name its endpoint") from error
+        raise SetupError(
             where, f"no zenoh session on {ends} ({reason})", "check that the address is free and reachable"
         ) from error
 
@@ -97,7 +97,7 @@ def read_zenoh_config(path: Path | None) -> zenoh.Config:
     """Read a JSON5 file of zenoh; files that it names are looked for beside it.
 
     Raises:
-        InputError: The file is not there, or not a configuration of zenoh.
+        SetupError: The file is not there, or not a configuration of zenoh.
     """
     if path is None:
         return zenoh.Config()
@@ -106,7 +106,7 @@ def read_zenoh_config(path: Path | None) -> zenoh.Config:
         config = zenoh.Config.from_file(str(chosen))
     except zenoh.ZError as error:
         reason = str(error).split(" at ", maxsplit=1)[0]
-        raise InputError(str(path), f"is no zenoh configuration ({reason})", "see deploy/zenoh") from error
+        raise SetupError(str(path), f"is no zenoh configuration ({reason})", "see deploy/zenoh") from error
     for key in FILE_KEYS:
         named = _value(config, key)
         if isinstance(named, str):
@@ -125,7 +125,7 @@ def open_to_anybody(settings: NetworkSettings) -> tuple[str, ...]:
     """Return the endpoints beyond this host on which no credentials are asked for.
 
     Raises:
-        InputError: The file of the settings cannot be read.
+        SetupError: The file of the settings cannot be read.
     """
     if settings.mode == "client" or settings.allow_unauthenticated:
         return ()
@@ -185,4 +185,4 @@ def listening_endpoint(session: zenoh.Session) -> str:
             locators = json.loads(reply.ok.payload.to_string()).get("locators", [])
             if locators:
                 return str(locators[0])
-    raise InputError("network", "the session listens on no endpoint", "give network.listen an address")
+    raise SetupError("network", "the session listens on no endpoint", "give network.listen an address")

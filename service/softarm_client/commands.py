@@ -3,10 +3,10 @@
 import re
 from typing import Literal
 
-from pydantic import Field, ValidationError
+from pydantic import ConfigDict, Field, ValidationError
 from pydantic_core import from_json
 
-from softarm.api.messages import Message
+from softarm_client.messages import Message
 
 ErrorCode = Literal[
     "malformed",
@@ -27,6 +27,9 @@ CLIENT_NAME = r"^[\w .@-]{1,40}$"
 
 class Request(Message):
     """What every request carries."""
+
+    # A misspelt field of a request would go unnoticed: the service refuses what it does not know.
+    model_config = ConfigDict(extra="forbid")
 
     deadline_unix_ns: int = Field(
         description="Wall-clock time after which the service refuses the command; at most 60 s ahead."

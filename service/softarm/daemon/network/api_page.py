@@ -1,4 +1,4 @@
-"""The API page ``docs/api.md``, generated from the messages: ``python -m softarm.api.page > docs/api.md``."""
+"""The API page, generated from the messages: ``python -m softarm.daemon.network.api_page > docs/api.md``."""
 
 import json
 import sys
@@ -9,10 +9,11 @@ from typing import Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from softarm.api.commands import VERBS, Applied, GuardedRequest, MovingRequest, Refused, Request
-from softarm.api.examples import EXAMPLES, TOKEN
-from softarm.api.keys import PREFIX
-from softarm.api.messages import (
+from softarm.daemon.network.api_examples import EXAMPLES, TOKEN
+from softarm.daemon.safety.modes import PRESSURISED, TRANSITIONS
+from softarm_client.commands import VERBS, Applied, GuardedRequest, MovingRequest, Refused, Request
+from softarm_client.keys import PREFIX
+from softarm_client.messages import (
     STREAMS,
     Contact,
     HealthFinding,
@@ -21,8 +22,7 @@ from softarm.api.messages import (
     SectionPose,
     Stamp,
 )
-from softarm.api.modes import Mode
-from softarm.daemon.safety.modes import PRESSURISED, TRANSITIONS
+from softarm_client.modes import Mode
 
 STOP = (
     "Free to all who may send commands, in every mode, ahead of all other commands. Any payload will do, "
@@ -146,7 +146,7 @@ def render() -> str:
     lines = [
         "# API",
         "",
-        "Generated from the message definitions by `python -m softarm.api.page`.",
+        "Generated from the message definitions by `python -m softarm.daemon.network.api_page`.",
         "",
         f"Keys begin with `{PREFIX}/<arm>/`. Payloads are JSON. Field names carry their unit.",
         "",

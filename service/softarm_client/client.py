@@ -17,13 +17,12 @@ from pydantic import ValidationError
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 from zenoh.handlers import Callback
 
-from softarm.api.commands import CLIENT_NAME, VERBS, Applied, MovingRequest, Refused, malformed
-from softarm.api.keys import ArmKeys
-from softarm.api.messages import STREAMS, Estimate, Message, State
-from softarm.client.delivery import Delivery, close_at_exit
-from softarm.client.session import DEFAULT_ENDPOINT, client_settings, open_session
-from softarm.common.errors import WorkFailedError
-from softarm.estimator.errors import InputError
+from softarm_client.commands import CLIENT_NAME, VERBS, Applied, MovingRequest, Refused, malformed
+from softarm_client.delivery import Delivery, close_at_exit
+from softarm_client.errors import CommandRefusedError, SetupError
+from softarm_client.keys import ArmKeys
+from softarm_client.messages import STREAMS, Estimate, Message, State
+from softarm_client.session import DEFAULT_ENDPOINT, client_settings, open_session
 
 logger = logging.getLogger(__name__)
 STALE_S = 0.5
@@ -32,18 +31,6 @@ RETRY_S = 0.05
 """Pause before a renewal of the lease that failed is tried again."""
 
 StreamMessage = TypeVar("StreamMessage", bound=Message)
-
-
-class CommandRefusedError(WorkFailedError):
-    """The service refused a command, or did not answer.
-
-    Args:
-        refusal: Code, message and hint.
-    """
-
-    def __init__(self, refusal: Refused) -> None:
-        super().__init__(f"{refusal.verb}: {refusal.message}; {refusal.hint}")
-        self.refusal = refusal
 
 
 class SoftarmClient:
@@ -56,7 +43,7 @@ class SoftarmClient:
         zenoh_config: JSON5 file with credentials and certificates.
 
     Raises:
-        InputError: Nothing answers at the endpoint, or the name is not plain.
+        SetupError: Nothing answers at the endpoint, or the name is not plain.
     """
 
     def __init__(
@@ -68,7 +55,7 @@ class SoftarmClient:
     ) -> None:
         if not re.fullmatch(CLIENT_NAME, name):
             cure = "use 1 to 40 letters, digits, spaces and any of _.@-"
-            raise InputError("client name", f"{name!r} is not plain", cure)
+            raise SetupError("client name", f"{name!r} is not plain", cure)
         self.keys = ArmKeys(arm)
         self.name = name
         self._session = open_session(client_settings(endpoint, zenoh_config))

@@ -1,1 +1,0 @@
-"""What travels over zenoh: keys, messages, verbs, and the page generated from them."""

@@ -1,1 +1,0 @@
-"""A client of the service: sessions with safe defaults, streams and commands."""
