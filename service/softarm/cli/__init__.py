@@ -22,6 +22,7 @@ COMMANDS = {
     "demo": "Start simulated devices, service and page, and run the force experiment.",
     "serve": "Run the service for one arm: the daemon that systemd starts.",
     "record": "Record a running arm.",
+    "specimen": "Describe an arm: write its specimen from measures, check and draw one.",
     "convert": "Convert a recording between MCAP, tables and Qualisys exports.",
     "estimate": "Estimate pose and external force over a recording.",
     "diagnose": "Find the physics that a model leaves out.",

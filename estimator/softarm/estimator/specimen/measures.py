@@ -1,0 +1,172 @@
+"""Specimens from the measures that one takes of an arm with a ruler, a scale and a data sheet."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import tomli_w
+
+from softarm.estimator.specimen.files import parse_specimen
+from softarm.estimator.specimen.specimen import Specimen
+
+POISSON_RATIO = 0.49
+"""Silicone is nearly incompressible; bending hardly depends on how nearly (see the shipped specimens)."""
+WOUND_N_M = 6500.0
+"""Stiffness of a wall that is wound closely, that of the shipped specimen ``sopra``."""
+AZIMUTHS = (0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0)
+
+
+@dataclass(frozen=True)
+class SegmentMeasures:
+    """One soft segment and the rigid section below it.
+
+    Args:
+        length_m: Length of the soft part [m].
+        mass_kg: Its mass [kg].
+        radius_m: Radius r of a lobe at its lower end [m].
+        section_m: Length of the rigid section below it [m].
+        section_kg: Mass of that section [kg].
+    """
+
+    length_m: float
+    mass_kg: float
+    radius_m: float
+    section_m: float
+    section_kg: float
+
+
+@dataclass(frozen=True)
+class ArmMeasures:
+    """A hanging arm with three lobes and three chambers per segment, of the kind of SoPrA.
+
+    Args:
+        name: Of the arm.
+        base_m: Length of the rigid base [m].
+        base_radius_m: Radius r of a lobe at the base [m].
+        segments: The soft segments from the base to the tip.
+        wall_m: Thickness of the walls around a chamber [m].
+        floor_m: Thickness between a chamber and the core [m].
+        soft_young_pa: Young's modulus of the soft silicone [Pa].
+        rigid_young_pa: Young's modulus of the rigid sections [Pa].
+        density_kg_m3: Density of the silicone [kg/m3].
+        pressure_limit_pa: Largest gauge pressure of a chamber [Pa].
+        wound: Whether fibres around the chambers keep them from growing wider.
+    """
+
+    name: str
+    base_m: float
+    base_radius_m: float
+    segments: tuple[SegmentMeasures, ...]
+    wall_m: float
+    floor_m: float
+    soft_young_pa: float
+    rigid_young_pa: float
+    density_kg_m3: float
+    pressure_limit_pa: float
+    wound: bool
+
+
+def specimen_of_measures(measures: ArmMeasures) -> Specimen:
+    """Build the specimen of an arm from its measures.
+
+    Raises:
+        InputError: The measures do not fit together, with the field that does not.
+    """
+    return parse_specimen(tomli_w.dumps(_table(measures)), measures.name)
+
+
+def _table(measures: ArmMeasures) -> dict[str, object]:
+    heights, radii = _stations(measures)
+    segment_names, section_names = names_of(len(measures.segments))
+    starts = heights[1:-1:2]
+    ends = heights[2::2]
+    sections = [_section(section_names[0], 0.0, measures.base_m, None)]
+    segments, chambers = [], []
+    for k, part in enumerate(measures.segments):
+        begin, end = starts[k], ends[k]
+        segments.append(
+            {
+                "name": segment_names[k],
+                "from_m": begin,
+                "to_m": end,
+                "material": "soft",
+                "mass_kg": part.mass_kg,
+            }
+        )
+        sections.append(_section(section_names[k + 1], end, end + part.section_m, part.section_kg))
+        chambers += [
+            {
+                "index": 3 * k + number,
+                "segment": segment_names[k],
+                "azimuth_rad": azimuth,
+                "from_m": begin,
+                "to_m": end,
+                "pressure_limit_pa": measures.pressure_limit_pa,
+            }
+            for number, azimuth in enumerate(AZIMUTHS)
+        ]
+    sections[-1]["frame_origin_m"] = [0.0, 0.0, heights[-1]]
+    return {
+        "schema": "softarm.specimen/1",
+        "name": measures.name,
+        "gravity_m_s2": [0.0, 0.0, 9.81],
+        "geometry": {
+            "kind": "swept_lobes",
+            "station_heights_m": heights,
+            "lobe_radii_m": radii,
+            "wall_m": measures.wall_m,
+            "floor_m": measures.floor_m,
+        },
+        "materials": {
+            "soft": _material(measures.soft_young_pa, measures.density_kg_m3),
+            "rigid": _material(measures.rigid_young_pa, measures.density_kg_m3),
+        },
+        "segments": segments,
+        "sections": sections,
+        "chambers": chambers,
+        "fibres": {"kind": "membrane", "membrane_stiffness_n_m": WOUND_N_M}
+        if measures.wound
+        else {"kind": "none"},
+    }
+
+
+def _stations(measures: ArmMeasures) -> tuple[list[float], list[float]]:
+    """Return heights of the ends of all parts, and the radius of a lobe there [m]."""
+    heights, radii = [0.0, measures.base_m], [measures.base_radius_m] * 2
+    for part in measures.segments:
+        heights += [heights[-1] + part.length_m, heights[-1] + part.length_m + part.section_m]
+        radii += [part.radius_m] * 2
+    return [round(height, 9) for height in heights], radii
+
+
+def names_of(count: int) -> tuple[Sequence[str], Sequence[str]]:
+    """Return the names of segments and of sections, from the base to the tip.
+
+    Args:
+        count: Number of soft segments.
+    """
+    if count <= 2:
+        return ("upper", "lower")[:count], ("base", "intermediate", "tip") if count == 2 else ("base", "tip")
+    segments = tuple(f"segment_{k}" for k in range(1, count + 1))
+    return segments, ("base", *(f"section_{k}" for k in range(1, count)), "tip")
+
+
+def _section(name: str, begin: float, end: float, mass: float | None) -> dict[str, object]:
+    origin = 0.0 if mass is None else 0.5 * (begin + end)
+    table: dict[str, object] = {
+        "name": name,
+        "from_m": begin,
+        "to_m": round(end, 9),
+        "material": "rigid",
+        "frame_origin_m": [0.0, 0.0, origin],
+    }
+    return table if mass is None else {**table, "mass_kg": mass}
+
+
+def _material(young: float, density: float) -> dict[str, object]:
+    return {
+        "law": "neo_hookean",
+        "shear_modulus_pa": young / (2.0 * (1.0 + POISSON_RATIO)),
+        "poisson_ratio": POISSON_RATIO,
+        "density_kg_m3": density,
+    }

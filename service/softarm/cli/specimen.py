@@ -1,0 +1,155 @@
+"""``softarm specimen``: write the specimen of an arm from its measures, and check one."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from softarm.cli.output import force_option, json_option, say, show
+from softarm.common.tables import Cell, Table
+
+if TYPE_CHECKING:
+    from softarm.estimator.specimen.measures import ArmMeasures
+
+
+@click.group(no_args_is_help=True)
+def command() -> None:
+    """Describe an arm: write its specimen from measures, check and draw one.
+
+    Example: softarm specimen new --out my_arm.toml
+    """
+
+
+@command.command("new")
+@click.option(
+    "--out", "-o", type=click.Path(path_type=Path), required=True, help="Specimen file to write (TOML)."
+)
+@force_option
+@json_option
+def new(out: Path, force: bool, as_json: bool) -> int:
+    """Ask for the measures of an arm, check them, draw what was understood, and write a specimen.
+
+    For hanging arms of SoPrA's kind: one or more soft segments, each with three chambers in three lobes and a
+    rigid section below. Measure lengths and radii in millimetres and masses in grams. A picture is written
+    beside the specimen. Calibrate it next: softarm calibrate RECORDING --specimen FILE --out FILE.
+
+    Example: softarm specimen new --out my_arm.toml
+    """
+    from softarm.estimator.errors import InputError
+    from softarm.estimator.specimen import save_specimen
+    from softarm.estimator.specimen.measures import specimen_of_measures
+    from softarm.recordings.files import refuse_existing
+
+    picture = out.with_suffix(".png")
+    for path in (out, picture):
+        refuse_existing(path, force=force)
+    while True:
+        measures = _ask()
+        try:
+            specimen = specimen_of_measures(measures)
+            break
+        except InputError as error:
+            if not sys.stdin.isatty():
+                raise
+            say(f"softarm: {error}")
+            say("please give the measures again")
+    save_specimen(specimen, out)
+    _draw(out, picture)
+    _show(out, as_json=as_json)
+    say(f"wrote {out} and {picture}")
+    return 0
+
+
+@command.command("check")
+@click.argument("specimen")
+@click.option(
+    "--plot", type=click.Path(path_type=Path), help="Draw the arm as understood to this file (PNG)."
+)
+@json_option
+def check(specimen: str, plot: Path | None, as_json: bool) -> int:
+    """Check a specimen, a file or a shipped one, and list what it describes.
+
+    Example: softarm specimen check my_arm.toml --plot my_arm.png
+    """
+    _show(specimen, as_json=as_json)
+    if plot is not None:
+        _draw(specimen, plot)
+        say(f"wrote {plot}")
+    return 0
+
+
+def _ask() -> "ArmMeasures":
+    """Ask for every measure, with those of SoPrA as defaults."""
+    from softarm.estimator.specimen.measures import ArmMeasures, SegmentMeasures, names_of
+
+    def number(text: str, default: float, unit: str, factor: float) -> float:
+        positive = click.FloatRange(min=0.0, min_open=True)
+        return factor * float(click.prompt(f"{text} [{unit}]", default=default, type=positive, err=True))
+
+    say("Measures of the arm; Enter takes the value in brackets, that of SoPrA.")
+    name = click.prompt("Name of the arm", default="my_arm", err=True)
+    count = click.prompt("Number of soft segments", default=2, type=click.IntRange(1, 6), err=True)
+    base_m = number("Length of the rigid base", 10.0, "mm", 1e-3)
+    base_radius_m = number("Radius of a lobe at the base", 17.5, "mm", 1e-3)
+    segment_names, section_names = names_of(count)
+    segments = []
+    for k, segment in enumerate(segment_names):
+        below = section_names[k + 1]
+        last = k == count - 1
+        segments.append(
+            SegmentMeasures(
+                number(f"Length of the soft segment {segment}", 120.0, "mm", 1e-3),
+                number(f"Mass of {segment}", 82.0 if last and count > 1 else 160.0, "g", 1e-3),
+                number(f"Radius of a lobe at the lower end of {segment}", 9.9 if last else 14.0, "mm", 1e-3),
+                number(f"Length of the rigid section {below}", 5.0 if last else 21.0, "mm", 1e-3),
+                number(f"Mass of the section {below}", 23.0 if last else 20.0, "g", 1e-3),
+            )
+        )
+    return ArmMeasures(
+        name,
+        base_m,
+        base_radius_m,
+        tuple(segments),
+        number("Thickness of the walls around a chamber", 2.0, "mm", 1e-3),
+        number("Thickness between a chamber and the core", 2.0, "mm", 1e-3),
+        number("Young's modulus of the soft silicone (Shore 10A: 264)", 264.0, "kPa", 1e3),
+        number("Young's modulus of the rigid sections (Shore 30A: 1140)", 1140.0, "kPa", 1e3),
+        number("Density of the silicone", 1070.0, "kg/m3", 1.0),
+        number("Largest gauge pressure of a chamber", 65.0, "kPa", 1e3),
+        click.confirm("Are the chambers wound with fibres?", default=True, err=True),
+    )
+
+
+def _draw(source: str | Path, picture: Path) -> None:
+    from softarm.analysis.plots.figures import save
+    from softarm.analysis.plots.specimen import draw_specimen
+    from softarm.estimator.specimen import load_specimen
+
+    save(draw_specimen(load_specimen(source)), picture)
+
+
+def _show(source: str | Path, *, as_json: bool) -> None:
+    """Print what a specimen describes."""
+    from softarm.estimator.specimen import load_specimen
+
+    specimen = load_specimen(source)
+    segments: list[dict[str, Cell]] = [
+        {
+            "segment": segment.name,
+            "from_mm": 1e3 * segment.from_m,
+            "to_mm": 1e3 * segment.to_m,
+            "chambers": ", ".join(str(c.index) for c in specimen.chambers if c.segment == segment.name),
+            "limit_kpa": 1e-3 * min((c.pressure_limit_pa for c in specimen.chambers), default=0.0),
+        }
+        for segment in specimen.segments
+    ]
+    sections: list[dict[str, Cell]] = [
+        {"section": section.name, "from_mm": 1e3 * section.from_m, "to_mm": 1e3 * section.to_m}
+        for section in specimen.sections
+    ]
+    physics = len(specimen.physics)
+    note = f"{len(specimen.markers)} markers, {physics} accepted effects; {specimen.name} is valid."
+    show(
+        Table(f"Segments of {specimen.name}", segments), Table("Sections", sections, (note,)), as_json=as_json
+    )

@@ -1,0 +1,41 @@
+"""``softarm specimen``: asks for measures, refuses what does not fit, draws, and writes what others read."""
+
+import json
+from pathlib import Path
+
+from click.testing import CliRunner
+
+from softarm.cli import run
+from softarm.cli.specimen import command
+from softarm.estimator.specimen import load_specimen
+
+
+def test_measures_that_are_asked_for_become_a_specimen_and_a_picture(tmp_path: Path) -> None:
+    out = tmp_path / "arm.toml"
+    answers = "finger\n1\n" + "\n" * 20
+    result = CliRunner().invoke(command, ["new", "--out", str(out), "--json"], input=answers)
+    assert result.exit_code == 0, result.output
+    arm = load_specimen(out)
+    assert (arm.name, len(arm.chambers)) == ("finger", 3)
+    assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    assert "Length of the rigid base [mm] [10.0]" in result.stderr
+    segments, _ = json.loads(result.stdout)["tables"]
+    assert segments["rows"][0]["chambers"] == "0, 1, 2"
+
+
+def test_measures_that_do_not_fit_write_nothing(tmp_path: Path) -> None:
+    out = tmp_path / "arm.toml"
+    walls = ["finger", "1", *[""] * 7, "12", *[""] * 10]
+    result = CliRunner().invoke(command, ["new", "--out", str(out)], input="\n".join(walls))
+    assert result.exit_code != 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_specimen_is_checked_and_drawn(tmp_path: Path, capsys) -> None:
+    assert run(["specimen", "check", "single_segment", "--plot", str(tmp_path / "arm.png")]) == 0
+    assert "single_segment is valid" in capsys.readouterr().out
+    assert (tmp_path / "arm.png").exists()
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text('schema = "softarm.specimen/1"\nname = 3\n')
+    assert run(["specimen", "check", str(wrong)]) == 2
+    assert "wrong.toml" in capsys.readouterr().err
