@@ -59,7 +59,7 @@ def _draw_body(axes: Any, specimen: Specimen, mesh: Mesh) -> None:
 
 
 def _draw_cross_section(axes: Axes, mesh: Mesh, height: float) -> None:
-    for name, surface in mesh.surfaces.items():
+    for name, surface in sorted(mesh.surfaces.items(), key=lambda one: one[0] != "outer"):  # the body first
         points = MILLI * _ring(mesh, surface, height)
         if len(points):
             colour = "#b8cbe0" if name == "outer" else _colour(name)
