@@ -43,7 +43,8 @@ class SoftarmClient:
         zenoh_config: JSON5 file with credentials and certificates.
 
     Raises:
-        SetupError: Nothing answers at the endpoint, or the name is not plain.
+        SetupError: The name is not plain, or the file is not valid.
+        UnreachableError: Nothing answers at the endpoint.
     """
 
     def __init__(
@@ -158,7 +159,7 @@ class SoftarmClient:
         return Refused(verb=verb, code="not_available", message="no answer in time", hint=hint)
 
     def ask(self, name: str) -> str:
-        """Ask for ``config``, ``specimen`` or ``schema``."""
+        """Ask for ``config``, ``specimen``, ``surface`` or ``schema``."""
         for reply in self._session.get(self.keys.query(name), timeout=2.0):
             if reply.ok is not None:
                 return str(reply.ok.payload.to_string())
@@ -185,7 +186,7 @@ class SoftarmClient:
 
     @contextmanager
     def subscribe_shape(self, handler: Callable[[bytes], None]) -> Iterator[None]:
-        """Call ``handler`` with every shape: x, y, z [m] and stress [Pa] of each node, float32."""
+        """Call ``handler`` with every shape: x, y, z [m], stress [Pa] per node of ``surface``, float32."""
         with self._delivered(handler) as take:
             subscriber = self._session.declare_subscriber(self.keys.stream("shape"), take)
             try:

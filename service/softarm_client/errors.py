@@ -23,6 +23,19 @@ class SetupError(ClientError):
         self.cure = cure
 
 
+class UnreachableError(ClientError):
+    """An address is taken or not there yet, or nothing answers at it: a later try may succeed.
+
+    Args:
+        where: Argument or file that names the address.
+        what: What is wrong, with the address.
+        cure: What to do about it.
+    """
+
+    def __init__(self, where: str, what: str, cure: str) -> None:
+        super().__init__(f"{where}: {what}; {cure}")
+
+
 class CommandRefusedError(ClientError):
     """The service refused a command, or did not answer.
 

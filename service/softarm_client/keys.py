@@ -30,7 +30,7 @@ class ArmKeys:
         return f"{self.base}/{name}"
 
     def query(self, name: str) -> str:
-        """Key of a slow value asked for: ``config``, ``specimen`` or ``schema``."""
+        """Key of a slow value asked for: ``config``, ``specimen``, ``surface`` or ``schema``."""
         return f"{self.base}/{name}"
 
     def command(self, verb: str) -> str:

@@ -150,6 +150,16 @@ class Event(Message):
     by: str = Field(default="service", description="Client that asked for it, or service where nobody did.")
 
 
+class Surface(Message):
+    """Query ``surface``: the arm's outer surface at rest, for drawing the stream ``shape``."""
+
+    type: Literal["softarm.surface/1"] = "softarm.surface/1"
+    triangles: tuple[tuple[int, int, int], ...] = Field(
+        description="Corners of each triangle, counter-clockwise from outside, as indices of nodes."
+    )
+    rest_m: tuple[Vector, ...] = Field(description="Positions of the nodes of the unloaded arm.")
+
+
 STREAMS: dict[str, type[Message]] = {
     "state": State,
     "estimate": Estimate,

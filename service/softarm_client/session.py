@@ -9,7 +9,7 @@ from typing import Literal, cast
 import zenoh
 from pydantic import BaseModel, ConfigDict, Field
 
-from softarm_client.errors import SetupError
+from softarm_client.errors import SetupError, UnreachableError
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE_MS = 1000
@@ -25,6 +25,10 @@ FILE_KEYS = (
     f"{TLS}/connect_private_key",
 )
 """Where zenoh's configuration names files."""
+
+
+OS_ERROR = "(os error "
+"""How zenoh writes that the system refused an address: taken, or not on this host (yet)."""
 
 
 class NetworkSettings(BaseModel):
@@ -69,8 +73,8 @@ def open_session(settings: NetworkSettings) -> zenoh.Session:
         The session; whoever opens it closes it.
 
     Raises:
-        SetupError: An endpoint cannot be listened on or reached, would let anybody in, or the file is not
-            valid.
+        SetupError: An endpoint is not valid or would let anybody in, or the file is not valid.
+        UnreachableError: An endpoint is taken, or nothing answers at it.
     """
     where = str(settings.zenoh_config or "network")
     for endpoint in open_to_anybody(settings):
@@ -87,8 +91,9 @@ def open_session(settings: NetworkSettings) -> zenoh.Session:
         reason = str(error).split(" at ", maxsplit=1)[0]
         if settings.mode == "client" and "nable to connect" in reason:
             what = f"no zenoh session on {ends}: nothing answers there, or not to these credentials"
-            raise SetupError(where, what, "start softarm serve there, or name its endpoint") from error
-        raise SetupError(
+            raise UnreachableError(where, what, "start softarm serve there, or name its endpoint") from error
+        temporary = OS_ERROR in reason or "nable to connect" in reason
+        raise (UnreachableError if temporary else SetupError)(
             where, f"no zenoh session on {ends} ({reason})", "check that the address is free and reachable"
         ) from error
 

@@ -39,6 +39,11 @@ def test_no_right_is_given_that_nothing_uses():
     assert [word for word in unused if word in SERVICE] == []
 
 
+@pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
+def test_a_mistake_in_the_configuration_is_not_tried_again(unit):
+    assert "\nRestartPreventExitStatus=2\n" in unit.read_text()
+
+
 def test_venting_fits_into_the_time_that_systemd_gives_also_on_vtem(tmp_path):
     text = (DEPLOY / "config" / "sopra.toml").read_text()
     path = tmp_path / "sopra.toml"

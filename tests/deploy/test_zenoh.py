@@ -13,7 +13,7 @@ from softarm.daemon.network.bus import Bus
 from softarm.daemon.network.router import open_router
 from softarm_client.client import SoftarmClient
 from softarm_client.commands import Applied
-from softarm_client.errors import CommandRefusedError, SetupError
+from softarm_client.errors import CommandRefusedError, SetupError, UnreachableError
 from softarm_client.messages import Event, Mismatch, Stamp
 from softarm_client.session import NetworkSettings, client_settings, listening_endpoint, open_session
 from tests.service.network.served import ServedArm
@@ -155,9 +155,9 @@ def test_operator_commands_and_neither_overhears_nor_forges(guarded, tmp_path):
 
 @pytest.mark.parametrize(("user", "password"), [("viewer", "wrong"), ("nobody", "n")])
 def test_whoever_has_no_password_is_kept_out(guarded, tmp_path, user, password):
-    with pytest.raises(SetupError, match="no zenoh session"):
+    with pytest.raises(UnreachableError, match="no zenoh session"):
         SoftarmClient("test", guarded.endpoint, zenoh_config=as_user(user, tmp_path, password))
-    with pytest.raises(SetupError, match="no zenoh session"):
+    with pytest.raises(UnreachableError, match="no zenoh session"):
         SoftarmClient("test", guarded.endpoint)
 
 
@@ -210,5 +210,5 @@ async def test_tls_wants_a_certificate(serve, tmp_path):
     bare.write_text(
         json.dumps({"transport": {"link": {"tls": {"root_ca_certificate": str(tmp_path / "ca.pem")}}}})
     )
-    with pytest.raises(SetupError, match="no zenoh session"):
+    with pytest.raises(UnreachableError, match="no zenoh session"):
         await asyncio.to_thread(visit, f"tls/localhost:{port}", bare)

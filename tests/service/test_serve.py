@@ -64,8 +64,8 @@ cli.main()
 class Daemon:
     """``softarm serve`` as systemd runs it: a process with a notify socket."""
 
-    def __init__(self, folder: Path, *arguments, code=None):
-        self.port = free_port()
+    def __init__(self, folder: Path, *arguments, code=None, port=None):
+        self.port = port or free_port()
         config = folder / "service.toml"
         config.write_text(CONFIG.format(port=self.port, nobody=free_port()))
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -99,8 +99,8 @@ class Daemon:
 def daemon(tmp_path):
     running = []
 
-    def start(*arguments, code=None):
-        running.append(Daemon(tmp_path, *arguments, code=code))
+    def start(*arguments, code=None, port=None):
+        running.append(Daemon(tmp_path, *arguments, code=code, port=port))
         return running[-1]
 
     yield start
@@ -119,6 +119,14 @@ def test_service_tells_systemd_and_refuses_to_arm_without_valves(daemon):
             client.command("arm")
         assert client.state().mode == "IDLE"
     assert service.end() == 0
+
+
+def test_a_taken_port_may_be_tried_again(daemon):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        service = daemon(port=other.getsockname()[1])
+        assert service.process.wait(100) == 1
+    assert service.log.read_text().endswith("check that the address is free and reachable\n")
+    service.socket.close()
 
 
 def test_an_internal_error_leaves_a_traceback_in_the_log(daemon, monkeypatch):

@@ -1,15 +1,21 @@
 """``softarm page``: the operator page in the browser."""
 
 import signal
+from functools import partial
 from pathlib import Path
 
 import click
 
+from softarm.cli.output import say
 from softarm.daemon.config import load_config
 from softarm.daemon.settings import PageSettings
 from softarm.daemon.unit import zenoh_credential
 from softarm_client.client import SoftarmClient
 from softarm_client.session import DEFAULT_ENDPOINT, NetworkSettings
+
+ENDING = signal.SIGINT, signal.SIGTERM
+AGAIN_S = 1.0
+"""Pause before a service that did not answer is asked again."""
 
 
 @click.command()
@@ -41,7 +47,9 @@ def command(
 
     Example: softarm page --arm sopra
     """
-    from softarm.page.app import Page  # viser and the meshing are heavy
+    from softarm.page.app import Page  # viser is heavy
+    from softarm.page.server import page_server
+    from softarm.page.waiting import wait_for_arm
 
     known = None if path is None else load_config(path).config
     arm = arm or (None if known is None else known.arm)
@@ -51,13 +59,14 @@ def command(
     endpoint = endpoint or (DEFAULT_ENDPOINT if known is None else _endpoint(known.network))
     zenoh_config = zenoh_config or zenoh_credential()
     host, port = host or settings.host, port or settings.port
-    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
-    with (
-        SoftarmClient(arm, endpoint, "operator page", zenoh_config) as client,
-        Page(client, host, port, origins) as page,
-    ):
-        click.echo(f"operator page: http://{host}:{page.port}")
-        signal.sigwait((signal.SIGINT, signal.SIGTERM))
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    connect = partial(SoftarmClient, arm, endpoint, "operator page", zenoh_config)
+    with page_server(host, port, arm, origins) as server:
+        click.echo(f"operator page: http://{host}:{port}")
+        served = wait_for_arm(server, connect, say, lambda: signal.sigtimedwait(ENDING, AGAIN_S) is not None)
+        if served is not None:
+            with served.client, Page(served, server):
+                signal.sigwait(ENDING)
 
 
 def _endpoint(network: NetworkSettings) -> str:

@@ -19,7 +19,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import Specimen
 from softarm.recordings import load_recording
 from softarm.recordings.files import require_writable
-from softarm_client.errors import SetupError
+from softarm_client.errors import ClientError
 
 logger = logging.getLogger(__name__)
 
@@ -47,7 +47,7 @@ def command(path: Path, replay: Path | None, speed: float, verbose: bool) -> Non
     _prepare(path)
     try:
         asyncio.run(_serve(path, None if replay is None else Replay(load_recording(replay), speed)))
-    except (InputError, SetupError, WorkFailedError):
+    except (InputError, ClientError, WorkFailedError):
         raise
     except Exception:
         logger.exception("the service ended by an internal error")

@@ -25,6 +25,8 @@ from softarm.daemon.network.api_page import schemas
 from softarm.daemon.network.bus import Bus
 from softarm.daemon.network.inbox import serve_each
 from softarm.daemon.notify import Notifier
+from softarm.daemon.surface import surface_message
+from softarm.estimator.geometry import build_mesh
 from softarm.estimator.recording import Recording
 
 logger = logging.getLogger(__name__)
@@ -151,5 +153,6 @@ class Service:
         return {
             "config": config.model_dump_json().encode(),
             "specimen": specimen.model_dump_json(by_alias=True).encode(),
+            "surface": surface_message(build_mesh(specimen)).model_dump_json().encode(),
             "schema": json.dumps(schemas()).encode(),
         }

@@ -15,7 +15,7 @@ from softarm.experiments.force import ForceSample, ForceSettings, run_fake
 from softarm.experiments.rig import FakeRig
 from softarm.experiments.rig_control import FakeControl
 from softarm_client.client import SoftarmClient
-from softarm_client.errors import CommandRefusedError, SetupError
+from softarm_client.errors import CommandRefusedError, UnreachableError
 from softarm_client.messages import Estimate, Message, State
 
 logger = logging.getLogger(__name__)
@@ -82,16 +82,17 @@ def connect(rig: FakeRig) -> SoftarmClient:
     """Connect to a rig's service, however long it takes to open its port.
 
     Raises:
-        InputError: The service ended, or does not listen in time.
+        InputError: The service ended.
+        UnreachableError: It does not listen in time.
     """
-    last: SetupError | None = None
+    last: UnreachableError | None = None
     for _ in range(30):
         if rig.service.process.poll() is not None:
             told = (rig.folder / "service.log").read_text().strip().splitlines()[-1:]
             raise InputError("softarm serve", f"ended ({' '.join(told)})", f"see {rig.folder}")
         try:
             return SoftarmClient(rig.settings.arm, rig.settings.endpoint, name="experiment")
-        except SetupError as error:  # zenoh itself waits three seconds for the port
+        except UnreachableError as error:  # zenoh itself waits three seconds for the port
             last = error
     assert last is not None
     raise last

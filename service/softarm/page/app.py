@@ -1,16 +1,17 @@
-"""Puts view and panel together and feeds them from the streams."""
+"""The page of an arm that is served: feeds view and panel from the streams."""
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TypeVar
 
-from softarm.estimator.specimen import Specimen
+import viser
+
 from softarm.page.panel import Panel
 from softarm.page.scene import ArmScene
-from softarm.page.server import open_server, page_origins
-from softarm_client.client import STALE_S, SoftarmClient
+from softarm.page.waiting import ServedArm
+from softarm_client.client import STALE_S
 from softarm_client.messages import Estimate, Message, Mismatch, State
 
 Kind = TypeVar("Kind", bound=Message)
@@ -18,34 +19,21 @@ REFRESH_S = 0.1
 
 
 class Page:
-    """The operator page of one arm; open within the block.
+    """The operator page of one arm; live within the block.
 
     Args:
-        client: Client of the arm's service.
-        host: Address to serve the page on.
-        port: Its TCP port.
-        origins: Further origins that may use the page, such as that of a reverse proxy.
-
-    Raises:
-        InputError: The address cannot be served on.
+        arm: The arm, and the client of its service.
+        server: viser's server, without any content; whoever opened it stops it.
     """
 
-    def __init__(self, client: SoftarmClient, host: str, port: int, origins: Sequence[str] = ()) -> None:
-        allowed = page_origins(host, port, origins)
-        specimen = Specimen.model_validate_json(client.ask("specimen"))
-        self._client = client
-        self._server = open_server(host, port, f"softarm {client.keys.arm}", allowed)
-        self._scene = ArmScene(self._server, specimen)
-        self._panel = Panel(self._server, client, len(specimen.chambers))
+    def __init__(self, arm: ServedArm, server: viser.ViserServer) -> None:
+        self._client = arm.client
+        self._scene = ArmScene(server, arm.surface)
+        self._panel = Panel(server, arm.client, arm.chambers)
         self._sections: State | None = None
         self._exit = ExitStack()
         self._closing = threading.Event()
         self._watch = threading.Thread(target=self._watch_age, name="softarm-page-age", daemon=True)
-
-    @property
-    def port(self) -> int:
-        """The TCP port in use."""
-        return int(self._server.get_port())
 
     def __enter__(self) -> "Page":
         subscriptions: list[tuple[str, type[Message], Callable[[Message], None]]] = [
@@ -65,7 +53,6 @@ class Page:
         self._watch.join()
         self._panel.operator.close()
         self._exit.close()
-        self._server.stop()
 
     def _watch_age(self) -> None:
         """Grey what is shown while the service is not heard."""

@@ -8,11 +8,7 @@ import trimesh
 import viser
 from numpy.typing import NDArray
 
-from softarm.estimator.geometry import build_mesh
-from softarm.estimator.mesh import Mesh
-from softarm.estimator.reference_elements import CORNERS
-from softarm.estimator.specimen import Specimen
-from softarm_client.messages import LoadEstimate, SectionPose
+from softarm_client.messages import LoadEstimate, SectionPose, Surface
 
 Floats = NDArray[np.float64]
 METRES_PER_NEWTON = 0.15
@@ -20,15 +16,6 @@ HANGING = np.diag([1.0, -1.0, -1.0])
 """The view's z points up, the base frame's from the base down to the tip."""
 GREY = (150, 150, 150)
 COLD, HOT = np.array([70.0, 130.0, 200.0]), np.array([225.0, 70.0, 50.0])
-
-
-def triangles(mesh: Mesh) -> NDArray[np.int64]:
-    """Cut the outer surface into triangles of corner nodes, shape (triangles, 3)."""
-    surface = mesh.surfaces["outer"]
-    corners = surface.facets[:, : CORNERS[surface.kind]]
-    if corners.shape[1] == 3:
-        return corners
-    return np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
 
 
 def colours(stress: Floats) -> NDArray[np.uint8]:
@@ -50,29 +37,28 @@ class ArmScene:
 
     Args:
         server: viser's server.
-        specimen: The arm.
+        surface: The arm's surface at rest.
     """
 
-    def __init__(self, server: viser.ViserServer, specimen: Specimen) -> None:
-        mesh = build_mesh(specimen)
+    def __init__(self, server: viser.ViserServer, surface: Surface) -> None:
+        rest = np.array(surface.rest_m)
         self._server = server
-        self._nodes = len(mesh.points)
-        self._used, faces = np.unique(triangles(mesh), return_inverse=True)
-        self._faces = faces.reshape(-1, 3)
+        self._nodes = len(rest)
+        self._faces = np.array(surface.triangles)
         server.scene.set_up_direction("+z")
         server.scene.add_grid("/floor", width=0.6, height=0.6, position=(0.0, 0.0, -0.35), cell_size=0.05)
         server.initial_camera.position = (0.45, -0.45, 0.05)
         server.initial_camera.look_at = (0.0, 0.0, -0.14)
         self._force_handles: dict[str, viser.SceneNodeHandle] = {}
-        self._shown = mesh.points, np.zeros(self._nodes)
+        self._shown = rest, np.zeros(self._nodes)
         self._stale = False
         self._drawing = threading.Lock()
         self._draw()
 
     def _draw(self) -> None:
         points, stress = self._shown
-        vertices = points[self._used] @ HANGING.T
-        painted = np.full((len(vertices), 3), GREY, np.uint8) if self._stale else colours(stress[self._used])
+        vertices = points @ HANGING.T
+        painted = np.full((len(vertices), 3), GREY, np.uint8) if self._stale else colours(stress)
         surface = trimesh.Trimesh(vertices, self._faces, vertex_colors=painted, process=False)
         self._server.scene.add_mesh_trimesh("/arm", surface)
 
@@ -87,7 +73,7 @@ class ArmScene:
                 handle.visible = not stale
 
     def show_shape(self, data: bytes) -> None:
-        """Show a shape message: positions and stress of every node."""
+        """Show a shape message: positions and stress of every node of the surface."""
         nodes = np.frombuffer(data, dtype="<f4").reshape(-1, 4).astype(np.float64)
         if len(nodes) == self._nodes:
             with self._drawing:

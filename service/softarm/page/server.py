@@ -1,23 +1,32 @@
 """viser's server, open to the page's own origin only: another web site must not drive the arm."""
 
-import functools
+import errno
+import html
 import socket
-from collections.abc import Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
+from inspect import isawaitable
 from io import StringIO
+from typing import Any
 from unittest import mock
 
 import viser
 import websockets.asyncio.server as websocket_server
 import websockets.sync.client as websocket_client
+from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import InvalidStatus, WebSocketException
+from websockets.http11 import Request, Response
 from websockets.typing import Origin, Subprotocol
 
+from softarm.common.errors import WorkFailedError
 from softarm.estimator.errors import InputError
 
 FOREIGN = Origin("http://foreign.invalid")
 ANYWHERE = ("0.0.0.0", "::", "")
 """Addresses to listen on that no browser can name."""
+TITLE = b"<title>Viser</title>"
+"""Title of viser's own page, which it has no option for."""
+Answer = Callable[[ServerConnection, Request], Awaitable[Response | None] | Response | None]
 
 
 def page_origins(host: str, port: int, more: Sequence[str] = ()) -> tuple[str, ...]:
@@ -47,14 +56,18 @@ def open_server(host: str, port: int, label: str, origins: Sequence[str]) -> vis
     Args:
         host: Address to serve on.
         port: Its TCP port.
-        label: Title of the page.
+        label: Title of the page and of its tab.
         origins: Origins whose WebSockets are answered.
 
     Raises:
-        InputError: The port is taken, or this version of viser lets foreign origins in.
+        InputError: The address is not one of this host, or this version of viser lets foreign origins in.
+        WorkFailedError: The port is taken.
     """
     _require_free(host, port)
-    with _answering_only(origins), redirect_stdout(StringIO()):  # viser's banner would come before our line
+    with (
+        _answering_only(origins, label),
+        redirect_stdout(StringIO()),
+    ):  # viser's banner would come before our line
         server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
     if _lets_in("127.0.0.1" if host in ANYWHERE else host, server.get_port()):
         server.stop()
@@ -64,10 +77,54 @@ def open_server(host: str, port: int, label: str, origins: Sequence[str]) -> vis
 
 
 @contextmanager
-def _answering_only(origins: Sequence[str]) -> Iterator[None]:
-    serve = functools.partial(websocket_server.serve, origins=[Origin(origin) for origin in origins])
+def page_server(host: str, port: int, arm: str, origins: Sequence[str] = ()) -> Iterator[viser.ViserServer]:
+    """Serve an arm's page, without content as yet, within the block.
+
+    Args:
+        host: Address to serve the page on.
+        port: Its TCP port.
+        arm: The arm's name, which becomes the page's title.
+        origins: Further origins that may use the page, such as that of a reverse proxy.
+
+    Raises:
+        InputError: The address cannot be served on.
+        WorkFailedError: The port is taken.
+    """
+    server = open_server(host, port, arm, page_origins(host, port, origins))
+    try:
+        yield server
+    finally:
+        server.stop()
+
+
+@contextmanager
+def _answering_only(origins: Sequence[str], title: str) -> Iterator[None]:
+    original, allowed = websocket_server.serve, [Origin(origin) for origin in origins]
+
+    def serve(*arguments: Any, process_request: Answer, **options: Any) -> websocket_server.serve:
+        titled = _titled(process_request, title)
+        return original(*arguments, process_request=titled, origins=allowed, **options)
+
     with mock.patch.object(websocket_server, "serve", serve):
         yield
+
+
+def _titled(answer: Answer, title: str) -> Answer:
+    """Answer requests for the page with a title of its own."""
+    own = f"<title>{html.escape(title)}</title>".encode()
+
+    async def titled(connection: ServerConnection, request: Request) -> Response | None:
+        if "Accept-Encoding" in request.headers:
+            del request.headers["Accept-Encoding"]  # a compressed page cannot be changed
+        answered = answer(connection, request)
+        response = await answered if isawaitable(answered) else answered
+        if response is not None and TITLE in response.body:
+            response.body = bytes(response.body).replace(TITLE, own)
+            del response.headers["Content-Length"]
+            response.headers["Content-Length"] = str(len(response.body))
+        return response
+
+    return titled
 
 
 def _require_free(host: str, port: int) -> None:
@@ -78,8 +135,11 @@ def _require_free(host: str, port: int) -> None:
         try:
             probe.bind((host, port))
         except OSError as error:
-            cure = "stop what listens there, or choose another by --host and --port"
-            raise InputError(f"{host}:{port}", f"cannot serve the page ({error.strerror})", cure) from error
+            what = f"cannot serve the page ({error.strerror})"
+            if error.errno == errno.EADDRINUSE:  # what is there may end; a unit is started again
+                cure = "stop what listens there, or choose another port"
+                raise WorkFailedError(f"{host}:{port}: {what}; {cure}") from error
+            raise InputError(f"{host}:{port}", what, "choose another by --host and --port") from error
 
 
 def _lets_in(host: str, port: int) -> bool:

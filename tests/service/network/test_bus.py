@@ -6,10 +6,9 @@ import pytest
 
 from softarm.daemon.network.bus import COMMANDS_WAITING, Bus
 from softarm.daemon.network.inbox import Inbox
-from softarm.estimator.errors import InputError
 from softarm_client.client import SoftarmClient
 from softarm_client.commands import Applied, Refused
-from softarm_client.errors import CommandRefusedError, SetupError
+from softarm_client.errors import CommandRefusedError, UnreachableError
 from softarm_client.messages import Mismatch, Stamp
 from softarm_client.session import NetworkSettings, listening_endpoint
 
@@ -82,14 +81,14 @@ async def test_alive_and_second_service_refused(bus, client):
     endpoint = await asyncio.to_thread(listening_endpoint, bus.session)
     second = NetworkSettings(listen=("tcp/127.0.0.1:0",), connect=(endpoint,))
     other = Bus(second, "test", asyncio.get_running_loop())
-    with pytest.raises(InputError, match="already served"):
+    with pytest.raises(UnreachableError, match="already served"):
         await asyncio.to_thread(other.open, {}, print)
 
 
 async def test_taken_address_is_named(bus):
     endpoint = await asyncio.to_thread(listening_endpoint, bus.session)
     other = Bus(NetworkSettings(listen=(endpoint,)), "other", asyncio.get_running_loop())
-    with pytest.raises(SetupError, match="address is free"):
+    with pytest.raises(UnreachableError, match="address is free"):
         await asyncio.to_thread(other.open, {}, print)
 
 

@@ -11,6 +11,8 @@ from softarm.daemon.control.surroundings import Surroundings
 from softarm.daemon.control.tick import Ticker
 from softarm.daemon.loop import ControlLoop
 from softarm.daemon.network.bus import Bus
+from softarm.daemon.surface import surface_message
+from softarm.estimator.geometry import build_mesh
 from softarm_client.session import NetworkSettings, listening_endpoint
 from tests.service.standins import SPECIMEN, Estimator, Instruments, setup_in
 
@@ -59,7 +61,8 @@ class PageService:
             self.control = ControlLoop(setup_in(self._folder), surroundings)
             specimen = SPECIMEN.model_dump_json(by_alias=True).encode()
             server = CommandServer(bus, self.control)
-            bus.open({"specimen": specimen}, server.stop)
+            surface = surface_message(build_mesh(SPECIMEN)).model_dump_json().encode()
+            bus.open({"specimen": specimen, "surface": surface}, server.stop)
             self.endpoint = await asyncio.to_thread(listening_endpoint, bus.session)
             stepping = asyncio.create_task(self._step())
             answering = asyncio.create_task(self._answer(bus, server))

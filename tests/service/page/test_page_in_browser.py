@@ -58,6 +58,10 @@ class Browser:
     def let_go(self):
         webdriver.ActionChains(self._driver).release().perform()
 
+    @property
+    def title(self):
+        return self._driver.title
+
     def until_shown(self, text):
         self._wait.until(lambda driver: text in driver.find_element("tag name", "body").text)
 
@@ -65,11 +69,14 @@ class Browser:
 @pytest.fixture
 def page(service, monkeypatch):
     from softarm.page.app import Page
+    from softarm.page.server import page_server
+    from softarm.page.waiting import ask_arm
 
     monkeypatch.setattr("softarm.page.operator.GRACE_S", 6.0)  # without a graphics card a click takes long
     client = SoftarmClient("page", service.endpoint, name="operator page")
-    with client, Page(client, "127.0.0.1", free_port()) as running:
-        yield running
+    port = free_port()
+    with client, page_server("127.0.0.1", port, "page") as server, Page(ask_arm(client), server):
+        yield port
 
 
 @pytest.fixture
@@ -80,7 +87,7 @@ def browser(page, tmp_path):
         options.add_argument(flag)
     driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
     try:
-        driver.get(f"http://127.0.0.1:{page.port}")
+        driver.get(f"http://127.0.0.1:{page}")
         yield Browser(driver)
     finally:
         driver.quit()
@@ -88,6 +95,7 @@ def browser(page, tmp_path):
 
 def test_teach_hold_release_and_stop_through_the_page(service, browser):
     browser.until_shown("IDLE")
+    assert browser.title == "page"
     browser.until_shown("tip: 0.412 N")
 
     browser.press("Teach (keep pressed)")

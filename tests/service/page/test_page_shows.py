@@ -8,6 +8,8 @@ import pytest
 pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
 
 from softarm.page.app import Page
+from softarm.page.server import page_server
+from softarm.page.waiting import ask_arm
 from softarm_client.client import SoftarmClient
 from tests.service.page.test_server import free_port
 
@@ -15,7 +17,11 @@ from tests.service.page.test_server import free_port
 @pytest.fixture
 def page(service):
     client = SoftarmClient("page", service.endpoint, name="operator page")
-    with client, Page(client, "127.0.0.1", free_port()) as running:
+    with (
+        client,
+        page_server("127.0.0.1", free_port(), "page") as server,
+        Page(ask_arm(client), server) as running,
+    ):
         yield running
 
 
@@ -37,8 +43,8 @@ def test_service_that_is_gone_greys_the_page_within_half_a_second(service, page)
     assert time.monotonic() - gone < 1.0  # half a second, and what a busy machine adds
     until(lambda: panel._force.content == "unknown")
     assert "last mode IDLE" in panel._mode.content
-    assert all(button.disabled for button in panel._moving_buttons)
-    assert page._scene._stale
+    until(lambda: all(button.disabled for button in panel._moving_buttons))
+    until(lambda: page._scene._stale)
 
 
 def test_curves_carry_the_names_of_the_sections_of_the_estimate(service, page):

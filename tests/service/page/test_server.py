@@ -13,6 +13,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from websockets.exceptions import InvalidStatus
 
+from softarm.common.errors import WorkFailedError
 from softarm.estimator.errors import InputError
 from softarm.page import server as page_server
 from softarm.page.server import open_server, page_origins
@@ -53,7 +54,7 @@ def test_foreign_origins_are_refused(server):
 
 
 def test_viser_that_lets_everybody_in_is_not_served(monkeypatch):
-    monkeypatch.setattr(page_server, "_answering_only", lambda _: pytest.MonkeyPatch.context())
+    monkeypatch.setattr(page_server, "_answering_only", lambda *_: pytest.MonkeyPatch.context())
     port = free_port()
     with pytest.raises(InputError, match="lets foreign web sites"):
         open_server("127.0.0.1", port, "test", ())
@@ -62,7 +63,7 @@ def test_viser_that_lets_everybody_in_is_not_served(monkeypatch):
 
 
 def test_taken_port_is_named_and_no_other_is_taken(server):
-    with pytest.raises(InputError, match=f"127.0.0.1:{server.get_port()}"):
+    with pytest.raises(WorkFailedError, match=f"127.0.0.1:{server.get_port()}"):
         open_server("127.0.0.1", server.get_port(), "test", ())
 
 

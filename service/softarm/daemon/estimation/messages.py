@@ -40,7 +40,7 @@ class EstimationRequest:
         lost: Names of those that are absent.
         want_hold: Whether to find the pressures that hold the pose.
         target: The pose that is being held.
-        want_mesh: Whether to send the positions of the mesh's nodes.
+        want_mesh: Whether to send the positions of the surface's nodes.
         want_contact: Whether to place a push along the arm.
         tare: Load amplitudes that count as zero, shape (loads,); needed to place a push.
     """
@@ -99,7 +99,7 @@ class EstimationResult:
         unobservable: What these readings cannot tell, in words.
         hold: Pressures that hold the pose, when they were asked for.
         contact: Place of a single push, when it was asked for and the sensors can tell.
-        nodes: Position [m] and stress [Pa] of the mesh's nodes, shape (nodes, 4), when they were asked for.
+        nodes: Position [m] and stress [Pa] of the surface's nodes, shape (nodes, 4), when asked for.
         solve_s: Time taken.
         rod_off_rad: Angle by which the calibrated rod was off the finite elements when last compared.
     """

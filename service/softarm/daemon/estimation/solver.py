@@ -13,6 +13,7 @@ from softarm.daemon.config import ControlSettings, SensorSettings
 from softarm.daemon.estimation.holding import Arm, Holding
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
 from softarm.daemon.estimation.rod_check import RodCheck
+from softarm.daemon.surface import drawn_surface
 from softarm.estimator.arm import build_arm, default_loads
 from softarm.estimator.augmented import AugmentedEstimator, Follower, estimator_of
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
@@ -91,6 +92,7 @@ class Solver:
         self._model: FiniteElementModel = bounded(
             build_arm(specimen, default_loads(specimen, settings.control.forces_on))
         )
+        self._drawn = drawn_surface(self._model.mesh).nodes
         self._suite = build_suite(specimen, self._model.sections, settings.sensors)
         self._sensors = SpecimenSensors(specimen, self._model.sections, Registration())
         self._actuation = self._sensors.actuation()
@@ -201,9 +203,12 @@ class Solver:
         return self._profile.place(self._pushed, state, self._suite, request.readings, estimate, tare)
 
     def _nodes(self, estimate: Estimate[Any]) -> NDArray[np.float32]:
-        """Give position [m] and von Mises stress [Pa] of every node, 0 with the rod, shape (nodes, 4)."""
+        """Return position [m] and von Mises stress [Pa] of the surface's nodes, shape (nodes, 4).
+
+        The rod has no stress: it is 0 there.
+        """
         if self._rod is not None:
-            moved = skin(self._model.mesh.points, self._rod.chain, estimate.state)
+            moved = skin(self._model.mesh.points[self._drawn], self._rod.chain, estimate.state)
             return np.column_stack([moved, np.zeros(len(moved))]).astype(np.float32)
         positions = self._model.mesh.points + estimate.state.displacement
         state = FiniteElementState(estimate.state.displacement, estimate.inputs)
@@ -218,7 +223,7 @@ class Solver:
             np.add.at(nodes[:, 3], block.connectivity, on_elements[:, None].astype(np.float32))
             np.add.at(count, block.connectivity, 1.0)
         nodes[:, 3] /= np.maximum(count, 1.0)
-        return nodes
+        return nodes[self._drawn]
 
 
 def bounded(model: FiniteElementModel) -> FiniteElementModel:

@@ -21,6 +21,7 @@ from softarm_client.messages import (
     LoadEstimate,
     SectionPose,
     Stamp,
+    Surface,
 )
 from softarm_client.modes import Mode
 
@@ -35,6 +36,7 @@ SHARED: tuple[type[BaseModel], ...] = (
     LeaseState,
     LoadEstimate,
     Contact,
+    Surface,
 )
 
 
@@ -158,6 +160,7 @@ def render() -> str:
         "|---|---|",
         "| `config` | the service's configuration with its defaults |",
         "| `specimen` | the specimen it runs on |",
+        "| `surface` | [Surface](#surface): what the stream `shape` moves |",
         "| `schema` | the definitions of this page as JSON schemas |",
         "",
         "`alive` is a liveliness token: it is there while a service serves the arm.",
@@ -172,8 +175,8 @@ def render() -> str:
     lines += [
         "### `shape`",
         "",
-        "Not JSON: x, y, z [m] and von Mises stress [Pa] of every node of the specimen's mesh, little-endian",
-        "float32, published while somebody listens.",
+        "Not JSON: x, y, z [m] and von Mises stress [Pa] of every node of `surface`, little-endian float32,",
+        "published while somebody listens.",
         "",
         "## Shared parts",
         "",

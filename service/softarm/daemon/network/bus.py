@@ -11,8 +11,8 @@ import zenoh
 from zenoh.ext import CacheConfig, declare_advanced_publisher
 
 from softarm.daemon.network.inbox import Inbox
-from softarm.estimator.errors import InputError
 from softarm_client.commands import Applied, ErrorCode, Refused
+from softarm_client.errors import UnreachableError
 from softarm_client.keys import ArmKeys
 from softarm_client.messages import STREAMS, Message
 from softarm_client.session import NetworkSettings, open_session
@@ -90,12 +90,13 @@ class Bus:
         """Open the session, refuse a second service for the same arm, and declare every key.
 
         Args:
-            documents: JSON documents that clients may query: ``config``, ``specimen``, ``schema``.
+            documents: JSON documents that clients may query, such as ``config``.
             on_stop: Called in the event loop with every ``stop``; it must vent the arm and answer. A stop
                 does not wait behind other commands, and its payload need not be a valid request.
 
         Raises:
-            InputError: The address is taken, or the arm is already served.
+            SetupError: An endpoint is not valid.
+            UnreachableError: An address is taken, or the arm is already served.
         """
         self._on_stop = on_stop
         self._session = open_session(self._settings)
@@ -126,7 +127,7 @@ class Bus:
     def _refuse_second_service(self) -> None:
         for reply in self.session.liveliness().get(self.keys.alive, timeout=0.5):
             if reply.ok is not None:
-                raise InputError(
+                raise UnreachableError(  # that of a crashed service disappears a moment later
                     "arm",
                     f"{self.keys.arm} is already served by another service",
                     "stop that one first, or give this arm another name",
@@ -187,7 +188,7 @@ class Bus:
         return bool(getattr(status, "matching", status))
 
     def publish_shape(self, nodes: bytes) -> None:
-        """Publish the shape: x, y, z [m] and stress [Pa] of every node, little-endian float32."""
+        """Publish the shape: x, y, z [m] and stress [Pa] of every node of ``surface``, as ``<f4``."""
         if self._shape is not None:
             self._shape.put(nodes)
 

@@ -1,0 +1,74 @@
+"""The page before the arm's service is there: it waits, and says for what."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import viser
+
+from softarm.page.text import plain
+from softarm_client.client import SoftarmClient
+from softarm_client.errors import ClientError
+from softarm_client.messages import Surface
+
+
+@dataclass(frozen=True)
+class ServedArm:
+    """An arm whose service answers.
+
+    Args:
+        client: Client of the service.
+        surface: The arm's surface at rest.
+        chambers: Number of chambers.
+    """
+
+    client: SoftarmClient
+    surface: Surface
+    chambers: int
+
+
+def ask_arm(client: SoftarmClient) -> ServedArm:
+    """Ask a service for what the page shows.
+
+    Raises:
+        CommandRefusedError: No service of this arm answers.
+    """
+    surface = Surface.model_validate_json(client.ask("surface"))
+    return ServedArm(client, surface, len(json.loads(client.ask("specimen"))["chambers"]))
+
+
+def wait_for_arm(
+    server: viser.ViserServer,
+    connect: Callable[[], SoftarmClient],
+    say: Callable[[str], None],
+    ended: Callable[[], bool],
+) -> ServedArm | None:
+    """Wait until the arm's service answers; browsers show meanwhile that the page waits.
+
+    Args:
+        server: viser's server.
+        connect: Opens the client; raises ``UnreachableError`` while nothing answers.
+        say: Takes what is waited for, once for each reason.
+        ended: Pauses before the next try, and returns whether to end instead.
+
+    Returns:
+        The arm, or ``None`` where the wait was ended.
+    """
+    shown = server.gui.add_markdown("")
+    client, said = None, ""
+    while True:
+        try:
+            client = client or connect()
+            arm = ask_arm(client)
+        except ClientError as error:
+            text = f"waiting for the service: {error}"
+            if text != said:
+                said, shown.content = text, f"## {plain(text)}"
+                say(text)
+        else:
+            shown.remove()
+            return arm
+        if ended():
+            if client is not None:
+                client.close()
+            return None
