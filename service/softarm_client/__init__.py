@@ -1,1 +1,24 @@
 """A client of the softarm service: the streams of an arm, its commands, its lease and its recordings."""
+
+from softarm_client.arm import Arm, Recording
+from softarm_client.client import HeldLease
+from softarm_client.errors import ClientError, CommandRefusedError, ServiceSilentError, SetupError
+from softarm_client.messages import Estimate, Event, Mismatch, State
+from softarm_client.modes import Mode
+from softarm_client.streams import Stream
+
+__all__ = [
+    "Arm",
+    "ClientError",
+    "CommandRefusedError",
+    "Estimate",
+    "Event",
+    "HeldLease",
+    "Mismatch",
+    "Mode",
+    "Recording",
+    "ServiceSilentError",
+    "SetupError",
+    "State",
+    "Stream",
+]

@@ -66,6 +66,7 @@ class SoftarmClient:
         self._lease_lost = ""
         self._lock = threading.Lock()
         self._watching = ExitStack()
+        self._on_close: list[Callable[[], None]] = []
         self._watched = False
         self._state_s: float | None = None
 
@@ -82,8 +83,19 @@ class SoftarmClient:
 
     def close(self) -> None:
         """Close the session; a lease still held runs out by itself."""
+        for ended in tuple(self._on_close):
+            ended()
         self._watching.close()
         self._session.close()
+
+    @contextmanager
+    def on_close(self, ended: Callable[[], None]) -> Iterator[None]:
+        """Call a function when the client is closed within the block."""
+        self._on_close.append(ended)
+        try:
+            yield
+        finally:
+            self._on_close.remove(ended)
 
     @property
     def state_age_s(self) -> float:

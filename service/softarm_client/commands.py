@@ -1,12 +1,12 @@
 """Requests and replies of the commands."""
 
 import re
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, ValidationError
 from pydantic_core import from_json
 
-from softarm_client.messages import Message
+from softarm_client.messages import Message, OrNewer
 
 ErrorCode = Literal[
     "malformed",
@@ -153,7 +153,7 @@ class Refused(Message):
     """The one answer to a refused command."""
 
     verb: str
-    code: ErrorCode
+    code: Annotated[ErrorCode, OrNewer]
     message: str
     hint: str
 

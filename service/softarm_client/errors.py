@@ -46,3 +46,7 @@ class CommandRefusedError(ClientError):
     def __init__(self, refusal: Refused) -> None:
         super().__init__(f"{refusal.verb}: {refusal.message}; {refusal.hint}")
         self.refusal = refusal
+
+
+class ServiceSilentError(ClientError, TimeoutError):
+    """The service published nothing on a stream for longer than the stated time."""

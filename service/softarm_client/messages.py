@@ -1,12 +1,32 @@
 """Messages of the streams, with units in their names."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
 
 from softarm_client.modes import Mode
 
 Vector = tuple[float, float, float]
+
+
+def _or_newer(value: object, read: ValidatorFunctionWrapHandler) -> object:
+    try:
+        return read(value)
+    except ValidationError:
+        if isinstance(value, str):
+            return value
+        raise
+
+
+OrNewer = WrapValidator(_or_newer)
+"""Marks a list of words that a newer service may extend: a word that is not in it is read as it stands."""
 
 
 class Message(BaseModel):
@@ -21,7 +41,9 @@ class Stamp(Message):
     sequence: int = Field(ge=0, description="Counts the messages of this stream since the service started.")
     monotonic_ns: int = Field(description="Monotonic clock of the service's host.")
     unix_ns: int = Field(description="Wall clock of the service's host, for ordering across hosts.")
-    source: Literal["live", "fake", "replay"] = Field(description="Where the readings came from.")
+    source: Annotated[Literal["live", "fake", "replay"], OrNewer] = Field(
+        description="Where the readings came from."
+    )
 
 
 class HealthFinding(Message):
@@ -29,7 +51,7 @@ class HealthFinding(Message):
 
     code: str = Field(description="Stable name, such as stale_sensor.")
     where: str = Field(description="Device, stream or process.")
-    severity: Literal["info", "warning", "fault"]
+    severity: Annotated[Literal["info", "warning", "fault"], OrNewer]
     message: str = Field(description="What is wrong, in one sentence.")
     hint: str = Field(description="What to do about it.")
     since_unix_ns: int = Field(description="When it was first seen.")
@@ -57,7 +79,7 @@ class State(Message):
 
     type: Literal["softarm.state/1"] = "softarm.state/1"
     stamp: Stamp
-    mode: Mode
+    mode: Annotated[Mode, OrNewer]
     fault_cause: str | None = Field(description="First cause of the latched fault; null unless FAULTED.")
     findings: tuple[HealthFinding, ...]
     asked_pa: tuple[float, ...] = Field(description="Gauge pressures asked for, one a chamber.")
@@ -109,8 +131,8 @@ class Estimate(Message):
 
     type: Literal["softarm.estimate/1"] = "softarm.estimate/1"
     stamp: Stamp
-    status: Literal["converged", "not_converged", "degraded", "no_data"]
-    model: Literal["fem", "rod"]
+    status: Annotated[Literal["converged", "not_converged", "degraded", "no_data"], OrNewer]
+    model: Annotated[Literal["fem", "rod"], OrNewer]
     loads: tuple[LoadEstimate, ...]
     contact: Contact | None = Field(description="Null where the location cannot be observed.")
     in_contact: bool = Field(description="Whether an external force stands out of the noise.")
@@ -144,7 +166,7 @@ class Event(Message):
 
     type: Literal["softarm.event/1"] = "softarm.event/1"
     stamp: Stamp
-    kind: Literal["mode", "contact_begin", "contact_end", "finding", "finding_cleared"]
+    kind: Annotated[Literal["mode", "contact_begin", "contact_end", "finding", "finding_cleared"], OrNewer]
     where: str = Field(description="The arm, a device, stream or process.")
     text: str = Field(description="What happened, in words.")
     by: str = Field(default="service", description="Client that asked for it, or service where nobody did.")

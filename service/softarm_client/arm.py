@@ -1,0 +1,214 @@
+"""An arm as a client sees it: its streams, its commands, its lease and its recordings."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TypeVar
+
+from pydantic import TypeAdapter
+
+from softarm_client.client import SoftarmClient
+from softarm_client.messages import Estimate, Event, Mismatch, State
+from softarm_client.results import (
+    Aligned,
+    Asked,
+    Cleared,
+    Hold,
+    Pose,
+    Reconnected,
+    RecordingEnded,
+    RecordingStarted,
+    Result,
+    Saved,
+    Tared,
+)
+from softarm_client.streams import Stream
+
+Kind = TypeVar("Kind", bound=Result)
+SILENT_S = 5.0
+SAVE_S = 5.0
+"""A pose is on the disk before its command is answered."""
+CLOSE_S = 20.0
+"""A recording is whole on the disk before its command is answered."""
+_POSES = TypeAdapter(dict[str, Pose])
+
+
+class Verbs:
+    """A group of commands.
+
+    Args:
+        client: Client of the arm.
+    """
+
+    def __init__(self, client: SoftarmClient) -> None:
+        self._client = client
+
+    def _do(self, verb: str, kind: type[Kind], timeout_s: float = 1.0, **fields: object) -> Kind:
+        answer = self._client.command(verb, timeout_s, **fields)
+        return kind.model_validate({**answer.applied, "mode": answer.mode})
+
+
+class Pressures(Verbs):
+    """Set-points of the chambers."""
+
+    def set(self, pressures_pa: Sequence[float], lifetime_s: float = 1.0) -> Asked:
+        """Ask for gauge pressures; needs the lease.
+
+        Args:
+            pressures_pa: One a chamber [Pa].
+            lifetime_s: The arm vents unless the next set-point comes within this time [s].
+
+        Returns:
+            The set-points that the service took.
+        """
+        return self._do("set_pressures", Asked, pressures_pa=tuple(pressures_pa), lifetime_s=lifetime_s)
+
+
+class Teach(Verbs):
+    """Poses taught by hand."""
+
+    def start(self) -> Asked:
+        """Let the arm be moved by hand; needs the lease."""
+        return self._do("teach/start", Asked)
+
+    def hold(self, ramp_s: float = 2.0) -> Hold:
+        """Ramp to the pressures that hold the present pose, and hold it; needs the lease."""
+        return self._do("teach/hold", Hold, ramp_s=ramp_s)
+
+    def save(self, name: str) -> Saved:
+        """Save the present pose and its pressures under a name."""
+        return self._do("teach/save", Saved, SAVE_S, name=name)
+
+    def poses(self) -> dict[str, Pose]:
+        """Return the saved poses by name."""
+        return _POSES.validate_python(self._client.command("teach/list").applied)
+
+    def goto(self, name: str, ramp_s: float = 2.0) -> Hold:
+        """Ramp to a saved pose and hold it; needs the lease."""
+        return self._do("teach/goto", Hold, name=name, ramp_s=ramp_s)
+
+    def release(self) -> Asked:
+        """End teaching or holding; needs the lease."""
+        return self._do("teach/release", Asked)
+
+
+class Experiment(Verbs):
+    """The mode of an experiment, in which set-points are taken."""
+
+    def begin(self) -> Result:
+        """Begin an experiment; needs the lease."""
+        return self._do("experiment/begin", Result)
+
+    def end(self) -> Result:
+        """End an experiment; needs the lease."""
+        return self._do("experiment/end", Result)
+
+
+class Recordings(Verbs):
+    """Recordings on the service's host."""
+
+    def start(self, name: str = "recording") -> RecordingStarted:
+        """Write every stream to a file from now on."""
+        return self._do("record/start", RecordingStarted, name=name)
+
+    def stop(self) -> RecordingEnded:
+        """End the recording; its file is whole when this returns."""
+        return self._do("record/stop", RecordingEnded, CLOSE_S)
+
+
+@dataclass
+class Recording:
+    """A recording in progress, or ended.
+
+    Args:
+        path: File on the service's host.
+        dropped: How many messages were lost; ``None`` while it is in progress.
+    """
+
+    path: str
+    dropped: int | None = None
+
+
+class Arm(SoftarmClient):
+    """One arm and its service, within a block: ``with Arm("sopra") as arm``."""
+
+    @property
+    def pressures(self) -> Pressures:
+        """Commands of the set-points."""
+        return Pressures(self)
+
+    @property
+    def teach(self) -> Teach:
+        """Commands of teaching."""
+        return Teach(self)
+
+    @property
+    def experiment(self) -> Experiment:
+        """Commands of experiments."""
+        return Experiment(self)
+
+    @property
+    def recordings(self) -> Recordings:
+        """Commands of recordings; a block is easier: ``recording``."""
+        return Recordings(self)
+
+    def arm(self) -> Asked:
+        """Let the valves take set-points; needs the lease."""
+        return Verbs(self)._do("arm", Asked)
+
+    def disarm(self) -> Asked:
+        """Vent; needs the lease."""
+        return Verbs(self)._do("disarm", Asked)
+
+    def stop(self) -> Asked:
+        """Vent at once and latch a fault; free to all, in every mode."""
+        return Verbs(self)._do("stop", Asked)
+
+    def clear(self) -> Cleared:
+        """Leave FAULTED once the cause is gone."""
+        return Verbs(self)._do("clear", Cleared)
+
+    def tare(self) -> Tared:
+        """Take the present external force as zero."""
+        return Verbs(self)._do("estimate/tare", Tared)
+
+    def align_at_rest(self) -> Aligned:
+        """Align inertial units with the model while the arm hangs vented and free."""
+        return Verbs(self)._do("calibrate/rest", Aligned)
+
+    def reconnect(self, device: str) -> Reconnected:
+        """Close a device and connect it again."""
+        return Verbs(self)._do("device/reconnect", Reconnected, 10.0, device=device)
+
+    def states(self, silent_s: float | None = SILENT_S) -> Stream[State]:
+        """Return the stream of states: mode, pressures, poses, health."""
+        return Stream(self, "state", State, silent_s)
+
+    def estimates(self, silent_s: float | None = SILENT_S) -> Stream[Estimate]:
+        """Return the stream of estimates: forces with their covariance, contact."""
+        return Stream(self, "estimate", Estimate, silent_s)
+
+    def mismatches(self, silent_s: float | None = SILENT_S) -> Stream[Mismatch]:
+        """Return the stream of the test of the model against the measurements."""
+        return Stream(self, "mismatch", Mismatch, silent_s)
+
+    def events(self, silent_s: float | None = None) -> Stream[Event]:
+        """Return the stream of events; it may be silent for long, and that is no error."""
+        return Stream(self, "event", Event, silent_s)
+
+    @contextmanager
+    def recording(self, name: str = "recording") -> Iterator[Recording]:
+        """Record every stream within a block.
+
+        Args:
+            name: Name of the file, without suffix.
+
+        Yields:
+            The recording: its path and, after the block, how many messages were lost.
+        """
+        recording = Recording(self.recordings.start(name).path)
+        try:
+            yield recording
+        finally:
+            ended = self.recordings.stop()
+            recording.path, recording.dropped = ended.path, ended.dropped
