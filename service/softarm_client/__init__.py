@@ -2,7 +2,13 @@
 
 from softarm_client.arm import Arm, Recording
 from softarm_client.client import HeldLease
-from softarm_client.errors import ClientError, CommandRefusedError, ServiceSilentError, SetupError
+from softarm_client.errors import (
+    ClientError,
+    CommandRefusedError,
+    ServiceSilentError,
+    SetupError,
+    UnreachableError,
+)
 from softarm_client.messages import Estimate, Event, Mismatch, State
 from softarm_client.modes import Mode
 from softarm_client.streams import Stream
@@ -21,4 +27,5 @@ __all__ = [
     "SetupError",
     "State",
     "Stream",
+    "UnreachableError",
 ]

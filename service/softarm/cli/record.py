@@ -8,10 +8,9 @@ import click
 from softarm.cli.output import json_option, progress, say, show
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Table
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.session import DEFAULT_ENDPOINT
 
-STOP_TIMEOUT_S = 20.0
 LOOK_S = 0.5
 
 
@@ -43,23 +42,23 @@ def command(
     Example: softarm record --arm sopra --seconds 60 --name pull
     """
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
-    with SoftarmClient(arm, endpoint, name="softarm record", zenoh_config=zenoh_config) as client:
+    with Arm(arm, endpoint, name="softarm record", zenoh_config=zenoh_config) as client:
         if only != "stop":
-            path = str(client.command("record/start", name=name).applied["path"])
+            path = client.recordings.start(name).path
             say(f"recording to {path}")
         if only == "start":
             show(Table("Recording", [{"file": path, "dropped": 0}]), as_json=as_json)
             return
         if only is None:
             _wait(client, seconds)
-        ended = client.command("record/stop", timeout_s=STOP_TIMEOUT_S).applied
+        ended = client.recordings.stop()
     show(
-        Table("Recording", [{"file": str(ended["path"]), "dropped": int(str(ended["dropped"]))}]),
+        Table("Recording", [{"file": ended.path, "dropped": ended.dropped}]),
         as_json=as_json,
     )
 
 
-def _wait(client: SoftarmClient, seconds: float | None) -> None:
+def _wait(client: Arm, seconds: float | None) -> None:
     """Wait for the end, a signal, or the service's own end of the recording."""
     left_s = seconds if seconds is not None else float("inf")
     with progress("recording", seconds) as advance:
