@@ -153,7 +153,7 @@ class ControlLoop:
         now_ns = tick.deadline_ns + tick.drift_ns
         self._ticks += 1
         self.safety.overran(tick.missed, now_ns)
-        self._lateness.add(now_ns, tick.drift_ns)
+        self._lateness.add(now_ns, tick.late_ns)
         self._lateness.starved_percent = self._surroundings.host().starved_percent
         self.estimates.process.watch()
         self._announce_ready()

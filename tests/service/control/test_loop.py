@@ -12,7 +12,7 @@ import pytest
 from softarm.daemon.control.host_watch import HostLoad, HostWatch
 from softarm.daemon.control.poses import PoseStore
 from softarm.daemon.control.surroundings import Clocks, Surroundings
-from softarm.daemon.control.tick import Tick, Ticker
+from softarm.daemon.control.tick import Tick, Ticker, TickSchedule
 from softarm.daemon.estimation.worker import WorkerState
 from softarm.daemon.loop import ControlLoop
 from softarm.daemon.safety.modes import Mode
@@ -69,7 +69,7 @@ class Arm:
             self.index += 1
             self.now_ns += TICK_NS
             self.instruments.read()
-            self.loop.step(Tick(self.index, self.now_ns - drift_ns, drift_ns, 0))
+            self.loop.step(Tick(self.index, self.now_ns - drift_ns, drift_ns, 0, drift_ns))
 
     async def send(self, verb, client="ann", **fields):
         self.sequence += 1
@@ -225,7 +225,7 @@ async def test_a_slow_disk_keeps_neither_the_loop_nor_another_command_waiting(tm
                 saving = asyncio.create_task(arm.send("teach/save", name="a", **deadline))
             elif begun.is_set():
                 ticks += 1
-                latest_s = max(latest_s, tick.drift_ns * 1e-9)
+                latest_s = max(latest_s, tick.late_ns * 1e-9)
                 assert isinstance(await arm.send("teach/list", **deadline), Applied)
             if ticks == 100:
                 break
@@ -246,13 +246,38 @@ async def test_drift_of_the_ticks_is_published(arm):
     assert state.drift_p99_s == pytest.approx(4e-3)
 
 
+async def test_ticks_that_were_skipped_count_as_late(arm):
+    arm.step(50)
+    schedule = TickSchedule(arm.now_ns + TICK_NS, TICK_NS)
+    arm.now_ns += 10 * TICK_NS
+    arm.loop.step(schedule.take(arm.now_ns))
+    arm.step(9)
+    assert arm.outlet.of("state")[-1].drift_p99_s > 0.03
+
+
+@pytest.mark.parametrize("starved_percent", [0.0, 90.0])
+async def test_a_fault_of_a_busy_machine_names_the_processor(tmp_path, starved_percent):
+    arm = Arm(tmp_path, host=lambda: HostLoad(None, starved_percent))
+    arm.step()
+    await arm.demand("lease/acquire", "arm")
+    await arm.send("set_pressures", pressures_pa=[1e4] * 6, lifetime_s=5.0)
+    await arm.demand("teach/start")
+    arm.step(2)
+    arm.instruments.expiries += 1
+    arm.step()
+    cause = arm.loop.controller.modes.fault_cause
+    assert "ran out" in cause
+    assert ("programs waited for the processor 90 %" in cause) is (starved_percent > 0.0)
+
+
 async def test_silence_while_the_loop_was_late_is_laid_to_the_processor(arm):
     arm.step(600)
+    schedule = TickSchedule(arm.now_ns + TICK_NS, TICK_NS)
     arm.now_ns += 300_000_000
-    arm.loop.step(Tick(arm.index, arm.now_ns - 90_000_000, 90_000_000, 29))
+    arm.loop.step(schedule.take(arm.now_ns))
     stale = [f for f in arm.outlet.of("state")[-1].findings if f.code == "stale_sensor"]
     assert stale
-    assert all("came 90 ms late" in f.message and "processor" in f.hint for f in stale)
+    assert all("came 290 ms late" in f.message and "processor" in f.hint for f in stale)
 
 
 def test_a_disk_that_hangs_does_not_hang_the_look_at_it(tmp_path):

@@ -17,6 +17,7 @@ def test_schedule_stays_on_its_grid_and_counts_what_it_skips(delays):
         missed += tick.missed
         assert tick.deadline_ns % INTERVAL == 0
         assert 0 <= tick.drift_ns < INTERVAL
+        assert tick.late_ns == tick.drift_ns + tick.missed * INTERVAL
         assert schedule.next_deadline_ns > now
     assert taken + missed == tick.index + 1
 

@@ -35,14 +35,14 @@ class Lateness:
         self._ticks: deque[tuple[int, int]] = deque()
         self.starved_percent: float | None = None
 
-    def add(self, now_ns: int, drift_ns: int) -> None:
+    def add(self, now_ns: int, late_ns: int) -> None:
         """Add a tick.
 
         Args:
             now_ns: Monotonic time at which it came.
-            drift_ns: How late it came.
+            late_ns: How late the loop came, the ticks that it skipped included.
         """
-        self._ticks.append((now_ns, drift_ns))
+        self._ticks.append((now_ns, late_ns))
         while now_ns - self._ticks[0][0] > WINDOW_NS:
             self._ticks.popleft()
 

@@ -82,7 +82,7 @@ class SafetyMonitor:
         controller = self._inputs.controller
         if self._ran_out():
             cause = "a set-point ran out before it was renewed, and the chambers vented"
-            return controller.fire(Trigger.FAULT, f"{self._inputs.instruments.bank}: {cause}")
+            return controller.fire(Trigger.FAULT, self._of_the_bank(cause, now_ns))
         try:
             return controller.tick(now_ns, elapsed_s, self._inputs.estimator_state.hold)
         except DeviceError as error:
@@ -119,16 +119,21 @@ class SafetyMonitor:
             self._inputs.report(finding, finding in new)
         if controller.modes.mode not in PRESSURISED:
             return None
-        cause = self._cause()
+        cause = self._cause(now_ns)
         return None if cause is None else controller.fire(Trigger.FAULT, cause)
 
-    def _cause(self) -> str | None:
+    def _cause(self, now_ns: int) -> str | None:
         """Say what forbids that the chambers hold pressure."""
         for finding in self._inputs.health.present_faults:
             return f"{finding.where}: {finding.message}"
         if not self._inputs.instruments.valves.armed:
-            return f"{self._inputs.instruments.bank}: the valve bank has vented by itself"
+            return self._of_the_bank("the valve bank has vented by itself", now_ns)
         return None
+
+    def _of_the_bank(self, cause: str, now_ns: int) -> str:
+        """Name the valve bank in a cause, and the processor where that may be to blame."""
+        busy = self._inputs.busy(now_ns)
+        return f"{self._inputs.instruments.bank}: {cause}" + (f", while {busy}" if busy else "")
 
     def blocking(self, mode: Mode, now_ns: int) -> tuple[Diagnostic, ...]:
         """List what keeps the service out of a mode."""

@@ -15,15 +15,17 @@ class Tick:
 
     Args:
         index: Number of the deadline since the start; skipped ones count.
-        deadline_ns: Monotonic time at which it was due.
-        drift_ns: How late it came.
+        deadline_ns: Monotonic time of the newest deadline, for which it stands.
+        drift_ns: How long after that deadline it came; less than an interval, since older ones are skipped.
         missed: Deadlines skipped just before it.
+        late_ns: How late the loop came: the time since the first deadline that it had not taken.
     """
 
     index: int
     deadline_ns: int
     drift_ns: int
     missed: int
+    late_ns: int
 
 
 class TickSchedule:
@@ -55,7 +57,8 @@ class TickSchedule:
         """
         due = max(self._next, (now_ns - self._start_ns) // self._interval_ns)
         deadline_ns = self._start_ns + due * self._interval_ns
-        tick = Tick(due, deadline_ns, now_ns - deadline_ns, due - self._next)
+        late_ns = now_ns - self.next_deadline_ns
+        tick = Tick(due, deadline_ns, now_ns - deadline_ns, due - self._next, late_ns)
         self._next = due + 1
         return tick
 

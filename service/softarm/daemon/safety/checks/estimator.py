@@ -28,7 +28,10 @@ def check_estimator(observation: ServiceHealth) -> Iterator[Diagnostic]:
     elif severity == "warning" and estimator.age_s is None and observation.settling:
         return
     elif estimator.age_s is None or estimator.age_s > estimator.deadline_s:
-        message, hint = "the estimator gives no results", "a sensor may be lost, or the machine overloaded"
+        message, hint = "the estimator gives no results", "a sensor may be lost: see the other findings"
+        if observation.busy:
+            message = f"{message}, while {observation.busy}"
+            hint = "the processor is late: end other programs, or give softarm a core"
     elif estimator.failures > FAILURES_ALLOWED:
         message = f"{estimator.failures} estimates in a row did not converge"
         hint = "the model does not fit the arm: calibrate, or run softarm diagnose on a recording"
