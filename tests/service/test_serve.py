@@ -107,6 +107,7 @@ def daemon(tmp_path):
     for process in running:
         process.process.kill()
         process.process.wait()
+        process.socket.close()
 
 
 def test_service_tells_systemd_and_refuses_to_arm_without_valves(daemon):
