@@ -1,4 +1,7 @@
-"""Make ``sopra_pull``: the model's own arm under two pressures, pulled at its tip, with noise.
+"""Make the example recordings.
+
+``sopra_pull``: the model's own arm under two pressures, pulled at its tip, with noise.
+``valve_low``: a valve without an arm that regulates 3 kPa below its set-point.
 
 Run from the root of the repository: .venv/bin/python examples/recordings/make.py
 """
@@ -15,13 +18,16 @@ from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.specimen import load_specimen
 from softarm.recordings import save_recording
 
-FOLDER = Path(__file__).parent / "sopra_pull"
+FOLDER = Path(__file__).parent
 RATE = 20.0  # Hz
 PULL = 0.3  # N along x at the tip, between 1.5 and 3 s
+VALVE_STEP = 0.05  # s
+VALVE_LAG = 0.1  # s
+VALVE_ERROR = 3e3  # Pa
 
 
-def main() -> None:
-    """Solve the model at every sample and write the recording."""
+def pulled_arm() -> Recording:
+    """Solve the model at every sample."""
     specimen = load_specimen("sopra")
     model = build_arm(specimen)
     time = np.arange(0.0, 4.0, 1.0 / RATE)
@@ -55,7 +61,37 @@ def main() -> None:
         "source": "examples/recordings/make.py, the project's own finite-element model",
         "notes": f"Chambers 0 and 4 are filled, then the tip is pulled along x by {PULL} N from 1.5 to 3 s.",
     }
-    save_recording(Recording("sopra_pull", time, columns, info), FOLDER, force=True)
+    return Recording("sopra_pull", time, columns, info)
+
+
+def low_valve() -> Recording:
+    """Follow random set-points with a first-order lag and a constant error."""
+    rng = np.random.default_rng(3)
+    commanded = np.repeat(np.round(rng.uniform(10e3, 60e3, 30), -2), 80)
+    commanded[:40] = 0.0
+    pressure = np.zeros(len(commanded))
+    for k in range(1, len(commanded)):
+        target = max(commanded[k - 1] - VALVE_ERROR, 0.0)
+        pressure[k] = pressure[k - 1] + (target - pressure[k - 1]) * VALVE_STEP / VALVE_LAG
+    columns = {
+        "pressure_cmd_0_pa": commanded,
+        "pressure_0_pa": np.round(pressure + rng.normal(0.0, 60.0, len(pressure)), 1),
+    }
+    info = {
+        "specimen": "sopra",
+        "rate_hz": 1.0 / VALVE_STEP,
+        "pressure_source": "measured",
+        "source": "examples/recordings/make.py, a simulated valve without an arm",
+        "notes": f"While it is open, the valve stays {VALVE_ERROR:g} Pa below its set-point.",
+    }
+    time = np.round(VALVE_STEP * np.arange(len(pressure)), 3)
+    return Recording("valve_low", time, columns, info)
+
+
+def main() -> None:
+    """Write the recordings."""
+    for recording in (pulled_arm(), low_valve()):
+        save_recording(recording, FOLDER / recording.name, force=True)
 
 
 if __name__ == "__main__":

@@ -141,7 +141,7 @@ class Estimate(Message):
         description="Root mean square of the whitened residual: about 1 when model and measurements agree."
     )
     degrees_of_freedom: int = Field(description="Measurements minus unknowns.")
-    unobservable: tuple[str, ...] = Field(description="What these sensors cannot tell, in words.")
+    unobservable: tuple[str, ...] = Field(description="What these sensors cannot determine, in words.")
     sensors_used: tuple[str, ...]
     sensors_lost: tuple[str, ...]
     latency_s: float = Field(description="From the newest measurement's arrival to this message.")

@@ -1,4 +1,4 @@
-"""The configuration of devices: every mistake at once, each with its place and its cure."""
+"""The configuration of devices: every error at once, each with its place and its cure."""
 
 import pytest
 
@@ -14,7 +14,7 @@ VALVES = {
 }
 
 
-def mistakes(*tables):
+def errors(*tables):
     with pytest.raises(DeviceErrors) as caught:
         load_devices(tables, "arm.toml: devices")
     return caught.value.lines()
@@ -56,7 +56,7 @@ def test_every_kind_is_named_after_its_model():
     ],
 )
 def test_each_mistake_is_told_with_its_place(change, told):
-    (line,) = mistakes({**VALVES, **change})
+    (line,) = errors({**VALVES, **change})
     assert told in line
     assert line.startswith("arm.toml: devices[0]")
 
@@ -64,8 +64,8 @@ def test_each_mistake_is_told_with_its_place(change, told):
 def test_all_mistakes_are_told_at_once():
     broken = {**VALVES, "port": 0, "hots": 1}
     del broken["host"]
-    assert len(mistakes(broken, {"kind": "toaster"}, VALVES, VALVES)) == 5
+    assert len(errors(broken, {"kind": "toaster"}, VALVES, VALVES)) == 5
 
 
 def test_a_table_that_is_none_is_told():
-    assert "is no table" in mistakes("valves")[0]
+    assert "is no table" in errors("valves")[0]

@@ -1,4 +1,4 @@
-"""A configuration tells all of its mistakes at once, each with its place."""
+"""A configuration tells all of its errors at once, each with its place."""
 
 from pathlib import Path
 

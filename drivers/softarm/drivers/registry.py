@@ -44,19 +44,19 @@ def load_devices(tables: Sequence[Mapping[str, Any]], where: str = "devices") ->
         One configuration per device, in order.
 
     Raises:
-        DeviceErrors: Every mistake at once, each with its device and field.
+        DeviceErrors: Every error at once, each with its device and field.
     """
-    mistakes: list[ConfigurationError] = []
+    errors: list[ConfigurationError] = []
     devices: list[DriverConfig] = []
     for index, table in enumerate(tables):
         place = f"{where}[{index}]"
         try:
             devices.append(_load(table, place))
         except DeviceErrors as error:
-            mistakes.extend(_configuration(error))
-    mistakes.extend(_doubles(devices, where))
-    if mistakes:
-        raise DeviceErrors(f"{where} cannot be used", mistakes)
+            errors.extend(_configuration(error))
+    errors.extend(_doubles(devices, where))
+    if errors:
+        raise DeviceErrors(f"{where} cannot be used", errors)
     return tuple(devices)
 
 

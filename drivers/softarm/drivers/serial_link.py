@@ -84,10 +84,10 @@ class SerialLink:
             sent = os.write(self._port.fileno(), data)
         except (OSError, serial.SerialException) as error:
             raise ConnectionLost(
-                self.device, f"takes no commands: {error}", "check cable and power"
+                self.device, f"accepts no commands: {error}", "check cable and power"
             ) from error
         if sent != len(data):
-            raise ConnectionLost(self.device, "takes no more commands", "check cable and power")
+            raise ConnectionLost(self.device, "accepts no more commands", "check cable and power")
 
     def flush(self) -> None:
         """Drop bytes that have come and are not read yet."""

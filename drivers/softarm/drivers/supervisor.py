@@ -266,7 +266,11 @@ class Supervisor:
             now_ns = self._clock()
             if lost_ns is not None and now_ns - self._heard_ns >= lost_ns:
                 raise ConnectionLost(
-                    self.device, "fell silent", "check cable and power", limit=timing.lost_after_s, unit="s"
+                    self.device,
+                    "stopped sending",
+                    "check cable and power",
+                    limit=timing.lost_after_s,
+                    unit="s",
                 )
             due_ns = self._valid_ns + stale_ns
             if now_ns >= due_ns:

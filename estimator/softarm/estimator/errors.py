@@ -1,8 +1,8 @@
-"""The error a caller's mistake raises."""
+"""The error a caller's error raises."""
 
 
 class InputError(ValueError):
-    """A mistake in what the user gave, told in one line.
+    """An error in what the user gave, told in one line.
 
     Args:
         where: The file and the field, column or option at fault.

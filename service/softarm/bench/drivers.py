@@ -85,7 +85,7 @@ def qualisys(packets: int) -> tuple[Table, ...]:
     """Compare with the public Qualisys client in the same run."""
     return (
         Table(
-            "Qualisys packets beside qtm_rt",
+            "Qualisys packets, compared with qtm_rt",
             driver_decoding.against_qtm_rt(packets),
             ("From the stream to position and rotation of three bodies; best of the rounds.",),
         ),

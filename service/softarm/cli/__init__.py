@@ -19,7 +19,7 @@ THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"
 """Environment variables for how many threads linear algebra may use; libraries read them as they load."""
 
 COMMANDS = {
-    "demo": "Start simulated devices, service and page, and run the force experiment.",
+    "demo": "Start simulated instruments, service and page, and run the force experiment.",
     "serve": "Run the service for one arm: the daemon that systemd starts.",
     "record": "Record a running arm.",
     "specimen": "Describe an arm: write its specimen from measures, check and draw one.",
@@ -31,7 +31,7 @@ COMMANDS = {
     "experiment": "Run the paper's experiments and print their tables.",
     "plot": "Plot a recording.",
     "bench": "Run a benchmark and print its table.",
-    "fakes": "Start simulated devices on real ports.",
+    "fakes": "Start simulated instruments on real ports.",
     "page": "Serve the operator page in the browser.",
     "vent": "Vent every chamber, whether or not the service runs.",
     "doctor": "Check every configured device: does it answer, how fast, and with which fault.",
@@ -65,7 +65,7 @@ class LazyGroup(click.Group):
 )
 @click.version_option(package_name="softarm")
 def softarm() -> None:
-    """Shape and force of a pneumatic soft arm from a few sensors and a finite-element model.
+    """Estimate the shape of a pneumatic soft arm and the forces on it, from a few sensors and a model.
 
     Example: softarm estimate RECORDING --specimen sopra
     """

@@ -15,7 +15,7 @@ LABORATORY_BENCHMARKS = {
     "step": "Time a step of the estimator, part by part.",
     "latency": "Time estimates from the packet to a subscriber in another process.",
     "drivers": "Time and load the device drivers against the fakes.",
-    "diagnosis": "Diagnose sealed trials, and score them where answers are given.",
+    "diagnosis": "Diagnose blind trials, and score them if answers are given.",
 }
 ACCEPTANCE_BENCHMARKS = {
     "verify": "Check the finite elements against published and analytic answers.",
@@ -24,7 +24,7 @@ ACCEPTANCE_BENCHMARKS = {
     "mesh": "Compare the shipped meshes with their refinements.",
     "faults": "Inject random faults into every kind of device, and compare each reading with the truth.",
     "safety": "Inject every fault into every device in every mode, and check that the arm is left safe.",
-    "soak": "Run a service for long under faults, with clients that come, go and stall.",
+    "soak": "Run a service for a long time under faults, with clients that connect, disconnect and stall.",
     "plant": "Time the fake arm against real time.",
     "real-data": "Calibrate on real recordings and predict what was held out.",
     "proof": "Prove the diagnosis on the fake arm and against its alternatives.",
@@ -72,7 +72,7 @@ class LazyBenchmarks(click.Group):
         if cmd_name not in known:
             where = "; this one runs in a checkout" if cmd_name in ACCEPTANCE_BENCHMARKS else ""
             raise click.UsageError(
-                f"no benchmark is called {cmd_name}{where}; take one of: {', '.join(known)}"
+                f"no benchmark is called {cmd_name}{where}; choose one of: {', '.join(known)}"
             )
         command = importlib.import_module(known[cmd_name][0]).command
         assert isinstance(command, click.Command)

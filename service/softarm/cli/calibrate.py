@@ -23,16 +23,18 @@ from softarm.cli.output import (
 @click.option(
     "--check",
     is_flag=True,
-    help="Only tell whether the specimen's calibration has gone stale; exit status 1 if it has.",
+    help="Only check whether the specimen's calibration still holds; exit status 1 if it does not.",
 )
 @click.option(
     "--window", type=(float, float), metavar="FROM TO", help="Use only these seconds of each recording."
 )
-@click.option("--nodes", type=click.IntRange(8), default=160, show_default=True, help="Samples to fit.")
+@click.option(
+    "--nodes", type=click.IntRange(8), default=160, show_default=True, help="Number of samples to fit."
+)
 @click.option(
     "--axes/--no-axes",
     default=None,
-    help="Search rotation and handedness of bend axes everywhere; by default where the specimen has none.",
+    help="Search for rotation and handedness of all bend axes; by default only of those not in the specimen.",
 )
 @force_option
 @json_option
@@ -50,8 +52,8 @@ def command(
     """Fit moduli, chamber gains and biases, alignment, gravity and cord direction to recordings.
 
     Pulls of a force gauge count as known forces. Alternate blocks of ten seconds, or alternate recordings,
-    are held out to check the fit. What the recordings do not determine keeps its value and is named with
-    the manoeuvre that would determine it. Nothing is written when the fit does not hold.
+    are held out to check the fit. Unknowns that the recordings do not determine keep their value, and
+    the table names the manoeuvre that would determine them. A fit that fails the check is not written.
 
     Example: softarm calibrate run1 run2 --specimen sopra --out my_sopra.toml
     """

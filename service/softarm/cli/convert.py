@@ -17,15 +17,16 @@ from softarm.recordings.summary import summary
     "--map",
     "column_map",
     type=click.Path(path_type=Path),
-    help="TOML with the names of a Qualisys export's markers and bodies; the .toml beside it when left out.",
+    help="TOML file with the names of a Qualisys export's markers and bodies; by default the .toml of the "
+    "same name as the export.",
 )
 @force_option
 @json_option
 def command(source: Path, target: Path, column_map: Path | None, force: bool, as_json: bool) -> None:
     """Convert a recording between MCAP, CSV and Parquet tables, and from Qualisys .c3d and .tsv.
 
-    The suffix of OUT decides: .mcap, .csv, .parquet; a path without suffix becomes a folder with
-    recording.csv and recording.toml. A file that was cut off is read up to its last whole chunk.
+    The suffix of OUT selects the format: .mcap, .csv or .parquet. A path without suffix becomes a folder with
+    recording.csv and recording.toml. A file that was cut off is read up to its last complete chunk.
 
     Example: softarm convert run7.mcap run7
     """

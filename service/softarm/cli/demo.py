@@ -15,7 +15,7 @@ TOLERANCE_PERCENT = 2.0
 
 
 @click.command()
-@click.option("--once", is_flag=True, help="End after the table instead of staying up.")
+@click.option("--once", is_flag=True, help="Exit after the table instead of staying up.")
 @click.option("--port", default=8080, show_default=True, help="TCP port of the operator page.")
 @click.option(
     "--out",
@@ -26,7 +26,9 @@ TOLERANCE_PERCENT = 2.0
 )
 @json_option
 def command(once: bool, port: int, out: Path, as_json: bool) -> int:
-    """Start fakes, service and operator page; run the force experiment; stay up until Ctrl-C.
+    """Start simulated instruments, service and operator page, and run the force experiment.
+
+    The service and the page stay up until Ctrl-C.
 
     Example: softarm demo --once
     """
@@ -38,7 +40,9 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
     # Not blocked: the children would inherit that, and could not be asked to end.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with ExitStack() as stack:
-        say("starting fakes and service; the estimator warms up for half a minute, the first time for some")
+        say(
+            "starting the simulated instruments and the service; the estimator needs half a minute, at first more"
+        )
         rig = stack.enter_context(FakeRig(settings, out))
         client = stack.enter_context(connect(rig))
         page = Process(
@@ -54,7 +58,7 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
         plot_force(samples, out / "force.png")
         say(f"plot: {out / 'force.png'}")
         if not once:
-            say("running; Ctrl-C ends it")
+            say("running; press Ctrl-C to end")
             with suppress(KeyboardInterrupt):
                 signal.pause()
     worst = max(float(row["mean_percent"]) for row in rows)

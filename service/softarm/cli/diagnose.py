@@ -67,18 +67,22 @@ class NominalCommand(click.Command):
     multiple=True,
     type=click.Path(path_type=Path),
     metavar="RECORDING...",
-    help="Recordings of the arm in its known state; only what differs from them is reported.",
+    help="Recordings of the arm in its known state; only differences from them are reported.",
 )
 @click.option("--out", "-o", type=click.Path(path_type=Path), help="Folder of report.json and report.html.")
 @click.option(
     "--write-specimen",
     type=click.Path(path_type=Path),
     metavar="S2",
-    help="Specimen file to write, with what was found as physics of the model.",
+    help="Specimen file to write, with the accepted effects as physics of the model.",
 )
-@click.option("--effect", "effects", multiple=True, metavar="NAME", help="Try only this effect; repeatable.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of everything random.")
-@click.option("--jobs", "-j", type=click.IntRange(1), default=2, show_default=True, help="Processes.")
+@click.option(
+    "--effect", "effects", multiple=True, metavar="NAME", help="Try only this effect; may be repeated."
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the random numbers.")
+@click.option(
+    "--jobs", "-j", type=click.IntRange(1), default=2, show_default=True, help="Number of processes."
+)
 @click.option("--dask", metavar="ADDRESS", help="Run on the Dask cluster at this address instead.")
 @force_option
 @json_option
@@ -95,12 +99,12 @@ def command(
     force: bool,
     as_json: bool,
 ) -> int:
-    """Find where a model and recordings differ and which physics was left out.
+    """Find where model and recordings differ, and which physics the model leaves out.
 
-    Calibrates the model, locates the mismatch, tries every known effect at every place, and accepts
-    what predicts recordings that no fit has seen. Effects that the recordings cannot tell apart are
-    named together with the manoeuvre that would; what nothing explains is called unknown. What --out
-    holds already, from the same recordings, is not done again: many diagnoses go on where they were stopped.
+    The command calibrates the model, locates the mismatch, tries every known effect at every place, and
+    accepts the effects that improve the prediction of held-out data. If the recordings cannot distinguish two
+    effects, both are named, with the manoeuvre that would separate them. A mismatch that no effect explains
+    is called unknown. If --out already holds the diagnosis of the same recordings, it is not repeated.
 
     Example: softarm diagnose run1 run2 --nominal known1 --specimen sopra --out report
     """
@@ -120,7 +124,7 @@ def command(
     digest = digest_of(request)
     earlier = done_before(out, digest) if out is not None and not force else None
     if out is not None and earlier is not None and (write_specimen is None or write_specimen.exists()):
-        say(f"{out} holds this diagnosis already; --force does it again")
+        say(f"{out} holds this diagnosis already; --force repeats it")
         words = f"{earlier.specimen}: {earlier.verdict.replace('_', ' ')}.\nReport: {out / HTML}"
         click.echo(earlier.dump() if as_json else words, nl=not as_json)
         return 0

@@ -124,8 +124,8 @@ class Examination:
 def command(path: Path | None, seconds: float, discover: str | None, as_json: bool) -> int:
     r"""Check every configured device: does it answer, how fast, and with which fault.
 
-    Nothing moves: no set-point is written and no setting changed. The status is 1 when a device
-    does not answer or reports a fault.
+    The arm does not move: the command writes no set-point and changes no setting. The exit status is 1
+    when a device does not answer or reports a fault.
 
     \b
     Example: softarm doctor --config /etc/softarm/arm.toml
@@ -153,7 +153,7 @@ def _discover(address: str, *, as_json: bool) -> int:
     try:
         hosts = asyncio.run(discovery.discover(host, int(port) if port else discovery.DISCOVERY_PORT))
     except OSError as error:
-        raise WorkFailedError(f"{address} cannot be asked: {error.strerror or error}") from None
+        raise WorkFailedError(f"{address} cannot be reached: {error.strerror or error}") from None
     rows: list[dict[str, Cell]] = [
         {"address": host.address, "port": host.base_port + LITTLE_ENDIAN, "host": host.description}
         for host in hosts
@@ -167,7 +167,7 @@ def read_devices(path: Path) -> tuple[DriverConfig, ...]:
 
     Raises:
         InputError: The file cannot be read, is not TOML, or has no devices.
-        ConfigError: Its devices are wrong, all mistakes at once.
+        ConfigError: Its devices are wrong, all errors at once.
     """
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -209,7 +209,7 @@ async def examine_all(
 
 
 async def examine(config: DriverConfig, seconds: float) -> Examination:
-    """Connect to one device, listen, and tell what was found."""
+    """Connect to one device, listen, and return what was found."""
     tally = Tally()
     device = config.build(tally.take, observe=True)
     try:
@@ -229,7 +229,7 @@ async def _listen(device: Device, seconds: float) -> None:
 
 
 def describe(config: DriverConfig, device: Device, tally: Tally) -> Examination:
-    """Put into words how a device stands at the end of the examination."""
+    """Return what was found out about a device at the end of the examination."""
     health = device.health
     round_trip = health.round_trip
     row: dict[str, Cell] = {
@@ -281,7 +281,7 @@ def _of_error(name: str, error: DeviceError | None) -> DeviceNote:
 
 
 def tables(examinations: Sequence[Examination]) -> list[Table]:
-    """Lay the examinations out: the devices, what is wrong with them, what they told of themselves."""
+    """Lay the examinations out: the devices, their faults, and their status."""
     findings = [finding for found in examinations for finding in found.findings]
     rows: list[dict[str, Cell]] = [
         {

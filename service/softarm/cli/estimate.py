@@ -37,11 +37,9 @@ NAMES = {"fem": "finite elements", "rod": "calibrated rod"}
     "--out",
     "-o",
     type=click.Path(path_type=Path),
-    help="Where estimates go: .mcap, .csv, .parquet or a folder.",
+    help="File or folder for the estimates: .mcap, .csv, .parquet or a folder.",
 )
-@click.option(
-    "--plots", type=click.Path(path_type=Path), help="Folder of the plots; plots/NAME when left out."
-)
+@click.option("--plots", type=click.Path(path_type=Path), help="Folder of the plots; by default plots/NAME.")
 @click.option(
     "--rate",
     type=click.FloatRange(min=0.0, min_open=True),
@@ -59,8 +57,8 @@ NAMES = {"fem": "finite elements", "rod": "calibrated rod"}
     type=click.Choice(["auto", *NAMES]),
     default="auto",
     show_default=True,
-    help="Finite elements, or the rod that was fitted to them (fitted first where it is not known yet); auto "
-    "takes the rod where it is known and near the finite elements.",
+    help="fem: finite elements. rod: the rod fitted to them, which is fitted first if needed. auto: the rod "
+    "if it is known and accurate, otherwise the finite elements.",
 )
 @force_option
 @json_option
@@ -77,13 +75,12 @@ def command(
 ) -> int:
     """Estimate pose and external force over a recording, with their uncertainty.
 
-    Each instant is solved on its own to the nonlinear optimum on the finite-element mesh, or on the rod:
-    pressures as recorded, two lateral forces unknown at every rigid section. A search on the mesh begins at
-    the rod's answer where that is known, and one that does not settle within bounds counts as diverged.
-    A specimen without calibration that does not predict a long recording's bends is fitted to it first.
-    Prints a summary, writes plots and, with --out, every estimate.
+    Each instant is solved separately to the nonlinear optimum, with the recorded pressures and two unknown
+    lateral forces at every rigid section. A specimen without calibration that does not predict the bends of
+    a long recording is fitted to it first. The command prints a summary, writes plots and, with --out, every
+    estimate.
 
-    Example: softarm estimate ../shared/recordings/sopra_2021-07-09 --specimen sopra
+    Example: softarm estimate examples/recordings/sopra_pull --specimen sopra
     """
     from softarm.analysis.offline.alignment import aligned
     from softarm.analysis.offline.inputs import in_its_mount, load_recordings, specimen_of, taken_in
@@ -100,7 +97,7 @@ def command(
     robot = in_its_mount(specimen_of(specimen, [recording], [loaded]), loaded)
     intake = taken_in(loaded, robot, say)
     loaded = intake.recording
-    with progress(f"holding {robot.name} against {loaded.name}") as advance:
+    with progress(f"comparing {robot.name} with {loaded.name}") as advance:
         robot, told = aligned(robot, intake.for_fits, advance)
     if told:
         say(told)
@@ -110,8 +107,8 @@ def command(
     say(f"estimated with {NAMES[kind]}")
     if found.given_up:
         say(
-            f"the last {found.given_up} of {len(run.time)} were given up after a long search in vain: "
-            "calibrate the specimen's moduli and gains first"
+            f"the last {found.given_up} of {len(run.time)} instants were not estimated, because the searches "
+            "before them did not converge: calibrate the specimen first"
         )
     show(*tables(found, loaded.name), as_json=as_json)
     folder = plots or Path("plots") / loaded.name
@@ -178,10 +175,10 @@ def tables(found: "Track[Any]", name: str) -> tuple[Table, ...]:
             (
                 f"{len(found.run.time)} estimates from {first:.2f} to {last:.2f} s: {ended}.",
                 f"At the first: {found.statement}" if found.statement else "No search converged.",
-                "The estimate's deviation follows from the noise of sensors and pressures; what the "
-                "calibrated model gets wrong comes on top.",
+                "The standard deviation of the estimate follows from the noise of sensors and pressures; "
+                "it does not include errors of the model.",
             ),
         ),
         Table("Sections in the base frame", section_rows(found)),
-        Table("Readings over the estimate", sensor_rows(found)),
+        Table("Residuals of the readings", sensor_rows(found)),
     )

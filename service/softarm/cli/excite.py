@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @click.option(
     "--report",
     type=click.Path(path_type=Path),
-    help="Folder of a diagnosis; plans what splits the effects that it could not tell apart.",
+    help="Folder of a diagnosis; run only what separates the effects that it could not distinguish.",
 )
 @click.option("--manoeuvre", "names", multiple=True, help="Only this one; may be given several times.")
 @click.option("--by-hand", is_flag=True, help="Somebody is there to turn the mount and to pluck the arm.")
@@ -69,11 +69,11 @@ def command(
     specimen: str | None,
     as_json: bool,
 ) -> int:
-    """Run the manoeuvres that tell the physical effects apart, and record each.
+    """Run the manoeuvres that distinguish physical effects, and record each of them.
 
-    With --report, manoeuvres are ranked by how far they drive the rivals' predictions apart on the model, per
-    second of run, and only those are run that are needed. Pressures stay within the specimen's limits and the
-    valves' slew; the arm is vented before each manoeuvre and at the end.
+    With --report, the command predicts for each manoeuvre how well it separates the candidate effects of the
+    diagnosis per second, and runs only the manoeuvres that are needed. Pressures and their rates stay within
+    the limits of the specimen and the valves. The arm is vented before each manoeuvre and at the end.
 
     Example: softarm excite --arm sopra --report out/diagnosis --dry-run
     """
@@ -82,7 +82,7 @@ def command(
     from softarm.experiments.excitation_plan import DEFAULT_SLEW, manoeuvres_of
 
     if not (arm or fake or dry_run):
-        raise InputError("softarm excite", "nothing says which arm", "give --arm ID, --fake or --dry-run")
+        raise InputError("softarm excite", "no arm is given", "give --arm ID, --fake or --dry-run")
     with ExitStack() as stack:
         client = None if dry_run else _connect(stack, arm, endpoint, zenoh_config, out, specimen)
         robot = _offline_specimen(specimen, report) if client is None else specimen_of_arm(client)
@@ -120,7 +120,9 @@ def _connect(
     if arm is not None:
         return stack.enter_context(SoftarmClient(arm, endpoint, "softarm excite", zenoh_config))
     settings = RigSettings(DEMO_SCENARIO, specimen=specimen or str(fake_specimen()), endpoint=endpoint)
-    say("starting fakes and service; the estimator warms up for half a minute at first")
+    say(
+        "starting the simulated instruments and the service; the estimator needs half a minute, at first more"
+    )
     client = stack.enter_context(connect(stack.enter_context(FakeRig(settings, out))))
     wait_ready(client)
     return client
@@ -197,7 +199,7 @@ def _rivals_table(plan: "Plan") -> Table:
     ]
     notes = (
         f"Separation: expected difference in chi-square of the two, each fitted anew; {ENOUGH:g} decides.",
-        *(f"Not to be told apart by these manoeuvres: {pair.name}." for pair in plan.undecided),
+        *(f"These manoeuvres cannot distinguish {pair.name}." for pair in plan.undecided),
     )
     return Table("What the plan decides", rows, notes)
 

@@ -17,7 +17,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 @click.group(no_args_is_help=True)
 def command() -> None:
-    """Run the paper's experiments and print their tables beside the paper's figures.
+    """Run the paper's experiments and compare the results with the paper.
 
     Example: softarm experiment force --fake --seeds 1
     """
@@ -26,9 +26,9 @@ def command() -> None:
 def _common(command: Command) -> Command:
     """Add what every experiment takes."""
     for option in (
-        click.option("--fake", is_flag=True, help="On a fake arm, which is started for it."),
-        click.option("--arm", metavar="ID", help="On the arm of a running service."),
-        click.option("--endpoint", help="Where that service listens."),
+        click.option("--fake", is_flag=True, help="Run on a simulated arm, which the command starts."),
+        click.option("--arm", metavar="ID", help="Run on the arm of a running service."),
+        click.option("--endpoint", help="zenoh endpoint of that service."),
         click.option(
             "--zenoh",
             "zenoh_config",
@@ -38,18 +38,30 @@ def _common(command: Command) -> Command:
         click.option(
             "--recorded",
             is_flag=True,
-            help="With --fake: record the manoeuvres faster than real time instead of live over zenoh.",
+            help="With --fake: simulate the recordings faster than real time, without a service.",
         ),
         click.option(
             "--scenario",
             type=click.Path(path_type=Path),
             metavar="FILE",
-            help="With --fake: the fakes to start, with what is wrong with them.",
+            help="With --fake: scenario of the simulated instruments and their faults.",
         ),
-        click.option("--seeds", type=click.IntRange(1, 20), default=1, show_default=True, help="Fake arms."),
-        click.option("--jobs", type=click.IntRange(1), help="Processes at a time; as many as processors."),
-        click.option("--specimen", "-s", metavar="S", help="Calibrated specimen to use as it is."),
-        click.option("--resume", is_flag=True, help="With --recorded: keep what --out already holds."),
+        click.option(
+            "--seeds",
+            type=click.IntRange(1, 20),
+            default=1,
+            show_default=True,
+            help="Number of simulated arms.",
+        ),
+        click.option(
+            "--jobs", type=click.IntRange(1), help="Number of processes; by default one per processor."
+        ),
+        click.option(
+            "--specimen", "-s", metavar="S", help="Calibrated specimen; used without calibrating again."
+        ),
+        click.option(
+            "--resume", is_flag=True, help="With --recorded: reuse the results that --out already holds."
+        ),
         click.option(
             "--out",
             "-o",
@@ -67,7 +79,7 @@ def _common(command: Command) -> Command:
 @command.command("calibrate")
 @_common
 def calibrate(**options: Any) -> int:
-    """Calibrate jointly on sweeps, random poses and pulls, beside the paper's two calibrations.
+    """Calibrate jointly on sweeps, random poses and pulls, and compare with the paper's two calibrations.
 
     Example: softarm experiment calibrate --fake --recorded
     """
@@ -87,7 +99,7 @@ def validate(**options: Any) -> int:
 @command.command("teach")
 @_common
 def teach(**options: Any) -> int:
-    """Show fifteen poses by hand, hold them by pressures, measure by how much they are missed.
+    """Teach fifteen poses by hand, hold them by pressures, and measure the pose error.
 
     Example: softarm experiment teach --fake
     """
@@ -97,7 +109,7 @@ def teach(**options: Any) -> int:
 @command.command("force")
 @_common
 def force(**options: Any) -> int:
-    """Pull with the gauge, vented and pressurised, and hold the estimate against it.
+    """Pull with the gauge, vented and pressurised, and compare the estimated force with it.
 
     Example: softarm experiment force --fake
     """
@@ -109,7 +121,7 @@ def force(**options: Any) -> int:
 @click.option("--write", type=click.Path(path_type=Path), help="Write all tables as a Markdown page.")
 @force_option
 def everything(write: Path | None, force: bool, **options: Any) -> int:
-    """Run all four on recorded runs of several fake arms.
+    """Run all four experiments on recordings of several simulated arms.
 
     Example: softarm experiment all --fake --seeds 3 --write docs/experiments.md
     """
@@ -118,7 +130,9 @@ def everything(write: Path | None, force: bool, **options: Any) -> int:
     if write is not None:
         refuse_existing(write, force=force or write.suffix == ".md")
     if not options["fake"]:
-        raise click.UsageError("all runs on fake arms: give --fake; run each experiment alone on --arm")
+        raise click.UsageError(
+            "`all` runs on simulated arms only: give --fake; with --arm, run each experiment on its own"
+        )
     options["recorded"] = True
     return _run("all", write=write, **options)
 
@@ -143,9 +157,9 @@ def _run(
     if fake == (arm is not None):
         raise click.UsageError("give either --fake or --arm ID")
     if recorded and not fake:
-        raise click.UsageError("--recorded goes with --fake")
+        raise click.UsageError("--recorded needs --fake")
     if scenario is not None and (recorded or not fake):
-        raise click.UsageError("--scenario goes with --fake, live")
+        raise click.UsageError("--scenario needs --fake and excludes --recorded")
     if not recorded:
         from softarm.experiments.live import LiveRigSettings
 
@@ -204,7 +218,7 @@ def _recorded(
         say(f"wrote {write}")
     failed = sorted({f"{failure} of seed {r.number}" for r in results for failure in r.failed})
     if failed:
-        say(f"softarm: {', '.join(failed)} failed; the notes say why")
+        say(f"softarm: {', '.join(failed)} failed; see the notes of the table")
     return int(bool(failed))
 
 
@@ -216,7 +230,9 @@ def _live(name: str, settings: "LiveRigSettings", *, as_json: bool) -> int:
         click.prompt(f"{sentence} Press Enter", default="", show_default=False, err=True)
 
     if settings.arm is None:
-        say("starting fakes and service; the estimator warms up for half a minute at first")
+        say(
+            "starting the simulated instruments and the service; the estimator needs half a minute, at first more"
+        )
     try:
         with progress(f"experiment {name}") as advance:
             tables = run_live(name, settings, seed=1, ask=ask, tell=say, advance=lambda: advance(1))
@@ -228,5 +244,5 @@ def _live(name: str, settings: "LiveRigSettings", *, as_json: bool) -> int:
     (out / f"{name}.md").write_text(as_markdown(*tables) + "\n")
     if name == "calibrate":
         say(f"wrote {out / 'specimen.toml'}")
-    say(f"wrote {out / f'{name}.json'}, {name}.md and plots beside it")
+    say(f"wrote {out / f'{name}.json'}, {name}.md and plots in the same folder")
     return 0

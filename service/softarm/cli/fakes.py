@@ -26,13 +26,13 @@ from softarm.fakes.warp import WarpLoop
     required=True,
     help="Which fakes, and what goes wrong when: a TOML file, or demo, bench or bad_day.",
 )
-@click.option("--faults", "list_faults", is_flag=True, help="List the faults of each device and end.")
+@click.option("--faults", "list_faults", is_flag=True, help="List the faults of each device and exit.")
 @json_option
 def command(scenario: str, list_faults: bool, as_json: bool) -> None:
-    """Start the fake devices, each on a real TCP port or pty, and stay until Ctrl-C.
+    """Start simulated instruments, each on a real TCP port or pty, until Ctrl-C.
 
-    Prints where each can be reached; with --json that is one line, and it comes when all are ready.
-    Faults of the scenario strike at their times; more can be injected on the control port.
+    The command prints the address of each instrument; with --json it prints one line when all are ready.
+    Faults of the scenario act at their times; more can be injected on the control port.
 
     Example: softarm fakes --scenario bench
     """
@@ -99,7 +99,7 @@ def _announce(rig: Rig, control: ControlPort, *, as_json: bool) -> None:
     rows = [{"device": e.name, "kind": e.kind, "address": e.source} for e in rig.endpoints()]
     notes = (f"control port {at}",) if at else ()
     show(Table(f"Fakes of {rig.scenario.name}", rows, notes), as_json=False)
-    say("fakes: ready, Ctrl-C ends them")
+    say("fakes: ready; press Ctrl-C to end")
 
 
 def _faults_table(scenario: Scenario) -> Table:

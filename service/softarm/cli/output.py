@@ -80,12 +80,12 @@ def json_option(command: Command) -> Command:
 
 def quick_option(command: Command) -> Command:
     """Add ``--quick``, passed as ``quick``: a smaller form of a benchmark."""
-    return click.option("--quick", is_flag=True, help="Run a smaller form, for a first look.")(command)
+    return click.option("--quick", is_flag=True, help="Run a smaller form.")(command)
 
 
 def force_option(command: Command) -> Command:
     """Add ``--force``, passed as ``force``: replace what an output path already holds."""
-    return click.option("--force", is_flag=True, help="Replace an output that exists.")(command)
+    return click.option("--force", is_flag=True, help="Replace an existing output.")(command)
 
 
 def specimen_option(command: Command) -> Command:
@@ -95,7 +95,7 @@ def specimen_option(command: Command) -> Command:
         "-s",
         metavar="S",
         help="A specimen file, or the name of a shipped one: sopra, single_segment, beam. "
-        "Left out: the one that the recording names.",
+        "By default the specimen that the recording names.",
     )(command)
 
 

@@ -10,12 +10,12 @@ from softarm.common.tables import Table
 
 @click.command()
 @recording_argument
-@out_option("Folder of the PNG files; plots/NAME when left out.")
+@out_option("Folder of the PNG files; by default plots/NAME.")
 @json_option
 def command(recording: Path, out: Path | None, as_json: bool) -> None:
     """Plot a recording: all streams over time, spectra of the motion, paths in space.
 
-    Example: softarm plot ../shared/recordings/sopra_2021-07-09
+    Example: softarm plot examples/recordings/sopra_pull
     """
     from softarm.analysis.plots.recording import plot_recording
     from softarm.recordings import load_recording

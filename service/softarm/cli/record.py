@@ -20,10 +20,14 @@ LOOK_S = 0.5
     "--endpoint", default=DEFAULT_ENDPOINT, show_default=True, help="zenoh endpoint of its service."
 )
 @click.option("--name", default="recording", show_default=True, help="Name of the file, without suffix.")
-@click.option("--seconds", type=click.FloatRange(min=0.0, min_open=True), help="Length; until Ctrl-C.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="Length of the recording; by default until Ctrl-C.",
+)
 @click.option("--zenoh", "zenoh_config", type=click.Path(path_type=Path), help="JSON5 file with credentials.")
 @click.option("--start", "only", flag_value="start", help="Start a recording and return.")
-@click.option("--stop", "only", flag_value="stop", help="End the one that runs and return.")
+@click.option("--stop", "only", flag_value="stop", help="End the running recording and return.")
 @json_option
 def command(
     arm: str,
@@ -36,8 +40,8 @@ def command(
 ) -> None:
     """Record every stream of a running arm, on the service's host; Ctrl-C or --seconds ends it.
 
-    The arm is not moved, and no lease is needed. The service writes the file: it is whole also when this
-    command is killed, and then ends with --stop or with the service.
+    The command does not move the arm and needs no lease. The service writes the file, so it stays complete
+    if this command is killed; the recording then ends with --stop or with the service.
 
     Example: softarm record --arm sopra --seconds 60 --name pull
     """
@@ -74,5 +78,5 @@ def _wait(client: Arm, seconds: float | None) -> None:
             except TimeoutError as error:
                 if not client.alive():
                     raise WorkFailedError(
-                        f"{client.keys.arm}: the service is gone; see its recording directory"
+                        f"{client.keys.arm}: the service has ended; see its recording directory"
                     ) from error

@@ -34,7 +34,9 @@ STEP_S = 300.0
 @click.option(
     "--replay", type=click.Path(path_type=Path), help="Play this recording instead of the instruments."
 )
-@click.option("--speed", default=1.0, show_default=True, help="Factor on the recorded time.")
+@click.option(
+    "--speed", default=1.0, show_default=True, help="Speed of the replay; 2 is twice as fast as recorded."
+)
 @click.option("--verbose", is_flag=True, help="Log every command and every attempt to connect as well.")
 def command(path: Path, replay: Path | None, speed: float, verbose: bool) -> None:
     """Serve one arm: acquisition, estimation, safety and teach mode over zenoh.

@@ -66,16 +66,16 @@ class Setup:
 
 
 class ConfigError(InputError):
-    """Every mistake of a configuration, one a line.
+    """Every error of a configuration, one a line.
 
     Args:
         path: The file.
-        lines: The mistakes, each with its path in the file.
+        lines: The errors, each with its path in the file.
     """
 
     def __init__(self, path: Path, lines: list[str]) -> None:
         listed = "".join(f"\n  {line}" for line in lines)
-        super().__init__(str(path), f"{len(lines)} mistake(s)", f"correct them:{listed}")
+        super().__init__(str(path), f"{len(lines)} error(s)", f"correct them:{listed}")
         self.lines = lines
 
 
@@ -90,7 +90,7 @@ def load_config(path: Path) -> Setup:
 
     Raises:
         InputError: The file cannot be read or is not TOML.
-        ConfigError: Every mistake at once, each with its path.
+        ConfigError: Every error at once, each with its path.
     """
     text = _read(path)
     try:
@@ -98,16 +98,16 @@ def load_config(path: Path) -> Setup:
     except tomllib.TOMLDecodeError as error:
         raise InputError(str(path), f"not valid TOML ({error})", "correct that place") from error
     document.setdefault("arm", path.stem)
-    mistakes: list[str] = []
-    config = _validated(document, mistakes)
-    devices = _devices(document, mistakes)
-    specimen = _specimen(document, path.parent, mistakes)
-    mistakes += _inconsistencies(document, specimen)
+    errors: list[str] = []
+    config = _validated(document, errors)
+    devices = _devices(document, errors)
+    specimen = _specimen(document, path.parent, errors)
+    errors += _inconsistencies(document, specimen)
     if config is not None and specimen is not None:
         config = _rooted(config, path.parent)
-        mistakes += misfits(config, specimen, devices)
-    if mistakes or config is None or specimen is None:
-        raise ConfigError(path, mistakes)
+        errors += misfits(config, specimen, devices)
+    if errors or config is None or specimen is None:
+        raise ConfigError(path, errors)
     return Setup(path, text, config, specimen, devices)
 
 
@@ -118,15 +118,15 @@ def _read(path: Path) -> str:
         raise InputError(str(path), f"cannot be read ({error.strerror})", "check the path") from error
 
 
-def _validated(document: Mapping[str, Any], mistakes: list[str]) -> ServiceConfig | None:
+def _validated(document: Mapping[str, Any], errors: list[str]) -> ServiceConfig | None:
     try:
         return ServiceConfig.model_validate(document)
     except ValidationError as error:
-        mistakes += [_mistake(entry) for entry in error.errors()]
+        errors += [_error_line(entry) for entry in error.errors()]
         return None
 
 
-def _mistake(entry: Any) -> str:
+def _error_line(entry: Any) -> str:
     place = ".".join(str(part) for part in entry["loc"])
     if entry["type"] == "extra_forbidden":
         known = _known_keys(entry["loc"][:-1])
@@ -150,18 +150,18 @@ def _known_keys(place: tuple[str | int, ...]) -> tuple[str, ...]:
     return tuple(model.model_fields)
 
 
-def _devices(document: Mapping[str, Any], mistakes: list[str]) -> tuple[DriverConfig, ...]:
+def _devices(document: Mapping[str, Any], errors: list[str]) -> tuple[DriverConfig, ...]:
     tables = document.get("devices", ())
     if not isinstance(tables, list):
         return ()
     try:
         return load_devices(tables)
-    except DeviceErrors as errors:
-        mistakes += errors.lines()
+    except DeviceErrors as wrong:
+        errors += wrong.lines()
         return ()
 
 
-def _specimen(document: Mapping[str, Any], folder: Path, mistakes: list[str]) -> Specimen | None:
+def _specimen(document: Mapping[str, Any], folder: Path, errors: list[str]) -> Specimen | None:
     name = document.get("specimen")
     if not isinstance(name, str):
         return None
@@ -169,7 +169,7 @@ def _specimen(document: Mapping[str, Any], folder: Path, mistakes: list[str]) ->
     try:
         return load_specimen(beside if beside.is_file() else name)
     except InputError as error:
-        mistakes.append(f"specimen: {error}")
+        errors.append(f"specimen: {error}")
         return None
 
 

@@ -31,7 +31,7 @@ TITLES = {
     "axial": "Beyond the paper: axial force and torque, from poses",
     "location": "Beyond the paper: where along the arm the cord pulls",
     "teach": "Teach mode: poses shown by a hand, then held by pressures",
-    "comparison": "One calibration for all, beside the paper's two",
+    "comparison": "One calibration for all, compared with the paper's two",
     "unknowns": "The joint calibration",
     "drift": "Has it gone stale: the validation run against the calibration's own scatter",
 }

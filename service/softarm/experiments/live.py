@@ -70,7 +70,7 @@ class LiveRig:
         for pose in self.client.state().sections:
             if pose.section == section:
                 return np.array(pose.position_m)
-        raise InputError(self.client.keys.arm, f"tells no pose of {section}", "see its findings")
+        raise InputError(self.client.keys.arm, f"publishes no pose of {section}", "see its findings")
 
     def lost(self) -> list[str]:
         """Name the sensors that the service finds silent, with what it says to do."""
@@ -88,7 +88,7 @@ class LiveRig:
         except TimeoutError:
             raise InputError(
                 f"{self.client.keys.arm}, gauge of {section}",
-                "tells nothing",
+                "publishes nothing",
                 "switch it on, check its cable and its entry in [[sensors]], then pull anew",
             ) from None
 

@@ -145,12 +145,12 @@ def _taught(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedR
     reachable = np.array(recording.info["reachable"], dtype=bool)[seen]
     result.add("teach", miss_rows("held with feedback", millimetres, degrees))
     if reachable.any() and not reachable.all():
-        label = "of these, told reachable"
+        label = "of these, called reachable"
         result.add("teach", miss_rows(label, millimetres[reachable], degrees[reachable]))
     result.series["teach"] = {"mm_0": millimetres.tolist(), "degrees_0": degrees.tolist()}
     lost = f", {int((~seen).sum())} left out: not seen while shown or held" if not seen.all() else ""
-    told = f"{len(held)} poses, {int(reachable.sum())} told reachable to within the sensors' noise"
-    result.notes.append(f"{told}{lost}.")
+    counted = f"{len(held)} poses; the service called {int(reachable.sum())} of them reachable"
+    result.notes.append(f"{counted} to within the sensors' noise{lost}.")
 
 
 def _pose_before(run: Run, end: float) -> Floats:

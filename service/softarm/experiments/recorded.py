@@ -64,7 +64,7 @@ def perform(run: FakeRun, folder: Path) -> Path:
     except subprocess.TimeoutExpired as error:
         raise WorkFailedError(f"the fake arm: no end after {TIMEOUT_S:g} s at {run.name}") from error
     if done.returncode:
-        told = (done.stderr.strip().splitlines() or ["it said nothing"])[-1]
+        told = (done.stderr.strip().splitlines() or ["no message"])[-1]
         raise WorkFailedError(f"the fake arm: {told}")
     return recording
 

@@ -168,7 +168,7 @@ class Process:
         assert self.process.stdout is not None
         line = self.process.stdout.readline()
         if not line:
-            told = self._log.read_text().strip().splitlines()[-1:] or ["it said nothing"]
+            told = self._log.read_text().strip().splitlines()[-1:] or ["no message"]
             raise InputError(
                 f"softarm {self._arguments[3]}", f"ended at once ({told[0]})", f"see {self._log}"
             )

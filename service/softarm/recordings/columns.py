@@ -171,6 +171,6 @@ def _refuse_incomplete(source: str, columns: Sequence[str]) -> None:
             if wanted not in present:
                 raise InputError(
                     f"{source}, column {wanted}",
-                    f"is missing beside {column}",
+                    f"is missing, but {column} is there",
                     f"a {kind} needs {', '.join(GROUPS[kind])}; add it or remove the others",
                 )

@@ -94,8 +94,8 @@ def serve(rig: Rig, line: bytes) -> dict[str, Any]:
     try:
         return {**echo, "ok": True, **_act(rig, REQUEST.validate_python(request, strict=False))}
     except ValidationError as error:
-        mistakes = [f"{'.'.join(map(str, entry['loc'][1:]))}: {entry['msg']}" for entry in error.errors()]
-        return {**echo, "ok": False, "error": "; ".join(mistake.removeprefix(": ") for mistake in mistakes)}
+        errors = [f"{'.'.join(map(str, entry['loc'][1:]))}: {entry['msg']}" for entry in error.errors()]
+        return {**echo, "ok": False, "error": "; ".join(error.removeprefix(": ") for error in errors)}
     except InputError as error:
         return {**echo, "ok": False, "error": str(error)}
 

@@ -96,16 +96,16 @@ class Scenario(Part):
     @model_validator(mode="after")
     def _fits_together(self) -> "Scenario":
         names = [device.name for device in self.device]
-        mistakes = [f"two devices are named {name!r}" for name in sorted(set(names)) if names.count(name) > 1]
-        mistakes += [
+        errors = [f"two devices are named {name!r}" for name in sorted(set(names)) if names.count(name) > 1]
+        errors += [
             f"fault.{k}.device: no device {fault.device!r}"
             for k, fault in enumerate(self.fault)
             if fault.device not in names
         ]
         if sum(isinstance(device, ValvesPart) for device in self.device) > 1:
-            mistakes.append("there are two valve terminals")
-        if mistakes:
-            raise ValueError("; ".join(mistakes))
+            errors.append("there are two valve terminals")
+        if errors:
+            raise ValueError("; ".join(errors))
         return self
 
 
@@ -116,7 +116,7 @@ def read_scenario(source: str | Path) -> Scenario:
         source: Path of a TOML file, or the name of a shipped scenario.
 
     Raises:
-        InputError: It cannot be read, or something in it is wrong; every mistake is named.
+        InputError: It cannot be read, or something in it is wrong; every error is named.
     """
     shipped = resources.files("softarm.fakes") / "scenarios" / f"{source}.toml"
     file = shipped if str(source) in SHIPPED else Path(source)
@@ -134,18 +134,18 @@ def check_scenario(table: dict[str, Any], where: str = "scenario") -> Scenario:
     """Check a scenario given as a table.
 
     Raises:
-        InputError: Something in it is wrong; every mistake is named.
+        InputError: Something in it is wrong; every error is named.
     """
     try:
         return Scenario.model_validate(table)
     except ValidationError as error:
         entries = error.errors()
         counted = [entry for entry in entries if entry["type"] != "too_short" or len(entries) == 1]
-        mistakes = "; ".join(map(_mistake, counted))
-        raise InputError(where, mistakes, "correct these, the keys are in docs/fakes.md") from None
+        errors = "; ".join(map(_error_line, counted))
+        raise InputError(where, errors, "correct these, the keys are in docs/fakes.md") from None
 
 
-def _mistake(entry: Any) -> str:
+def _error_line(entry: Any) -> str:
     words = [str(word) for word in entry["loc"]]
     place = ".".join(word for word in words if word not in PART_OF_KIND)
     if entry["type"] == "extra_forbidden":

@@ -1,4 +1,4 @@
-"""Meshes from files: every format's groups, and every mistake in a file named."""
+"""Meshes from files: every format's groups, and every error in a file named."""
 
 from collections.abc import Callable
 from pathlib import Path

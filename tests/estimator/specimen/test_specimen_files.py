@@ -1,4 +1,4 @@
-"""Specimen files: what is read is what was written, and every mistake is named."""
+"""Specimen files: what is read is what was written, and every error is named."""
 
 import subprocess
 import sys
@@ -25,7 +25,7 @@ TEXT = (Path(__file__).parents[3] / "estimator/softarm/estimator/specimen/shippe
 )
 
 
-def mistake(*changes: tuple[str, str]) -> InputError:
+def error_of(*changes: tuple[str, str]) -> InputError:
     text = TEXT
     for old, new in changes:
         assert old in text
@@ -103,7 +103,7 @@ def test_one_mistake_names_field_value_and_cure(
 ) -> None:
     if change[0] == "shore_30a":
         change = ("[materials.shore_30a]", "[materials.shore_20a]")
-    error = mistake(change)
+    error = error_of(change)
     if isinstance(error, SpecimenError):
         first = error.problems[0]
         assert f"arm.toml: {first.field}" == where
@@ -115,8 +115,8 @@ def test_one_mistake_names_field_value_and_cure(
     assert cure in error.cure
 
 
-def test_all_mistakes_are_told_at_once() -> None:
-    error = mistake(
+def test_all_errors_are_reported_together() -> None:
+    error = error_of(
         ("wall_m", "wal_m"),
         ("pressure_limit_pa = 65000.0", "pressure_limit_pa = 0"),
         ('name = "tip"', 'nam = "tip"'),
@@ -127,13 +127,13 @@ def test_all_mistakes_are_told_at_once() -> None:
 
 
 def test_a_gap_in_the_stack_is_named() -> None:
-    error = mistake(("to_m = 0.151\n", "to_m = 0.150\n"))
+    error = error_of(("to_m = 0.151\n", "to_m = 0.150\n"))
     assert error.where == "arm.toml: segments[1].from_m"
     assert "'lower' begins at 0.151 m but 'intermediate' ends at 0.15 m" in error.what
 
 
 def test_syntax_errors_name_the_line() -> None:
-    error = mistake(("wall_m = 0.002", "wall_m == 0.002"))
+    error = error_of(("wall_m = 0.002", "wall_m == 0.002"))
     line = 1 + TEXT[: TEXT.index("wall_m = ")].count("\n")
     assert f"line {line}" in error.what
 

@@ -1,4 +1,4 @@
-"""Every mistake is one line that names the file, the column, the row and the cure."""
+"""Every error is one line that names the file, the column, the row and the cure."""
 
 import time
 from pathlib import Path

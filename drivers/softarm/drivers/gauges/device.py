@@ -71,7 +71,7 @@ class ForceGauge(SerialDevice[FrameT, Force]):
             InterlockError: Too few valid readings came in time, or a tare is under way; the old zero stays.
         """
         if self._taring is not None:
-            raise InterlockError(self.name, "a tare is under way", "wait for it")
+            raise InterlockError(self.name, "a tare is already running", "wait for it")
         future: asyncio.Future[float] = asyncio.get_running_loop().create_future()
         collected: list[float] = []
         self._taring = (readings, collected, future)
@@ -120,11 +120,11 @@ class ForceGauge(SerialDevice[FrameT, Force]):
         alarms = self.health.alarms
         if sample.over_range:
             self.health.events[OVER_RANGE] += OVER_RANGE not in alarms
-            alarms.set(OVER_RANGE, "the load is beyond the range of the gauge", "take the load off")
+            alarms.set(OVER_RANGE, "the load is beyond the range of the gauge", "remove the load")
         elif OVER_RANGE in alarms:
             alarms.clear(OVER_RANGE)
         if not force.unit:
-            alarms.set(UNIT, "the gauge does not tell its unit", "let it send the unit, or set `unit`")
+            alarms.set(UNIT, "the gauge does not send its unit", "let it send the unit, or set `unit`")
         elif UNIT in alarms:
             alarms.clear(UNIT)
 

@@ -137,7 +137,7 @@ class MotionPublisher:
             age_ns = measured_ns - self._seen_ns.setdefault(name, measured_ns)
             lost[name] = age_ns / NANOSECONDS
             if age_ns >= self._lost_after_ns and key not in alarms:
-                cure = "check its markers and what hides them from the cameras"
+                cure = "check that its markers are attached and visible to the cameras"
                 limit = self._lost_after_ns / NANOSECONDS
                 alarms.set(key, f"the cameras have lost body {name!r}", cure, limit=limit, unit="s")
         return lost

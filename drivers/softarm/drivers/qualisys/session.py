@@ -152,11 +152,11 @@ class QtmSession:
         except TimeoutError:
             limit = self._options.answer_s
             raise ConnectionLost(
-                self._device, "does not greet as QTM does", PORT_CURE, limit=limit, unit="s"
+                self._device, "does not answer like QTM", PORT_CURE, limit=limit, unit="s"
             ) from None
         except QtmError as refusal:
             raise ConnectionLost(
-                self._device, f"takes no more clients: {refusal.what}", "close another client of QTM"
+                self._device, f"accepts no more clients: {refusal.what}", "close another client of QTM"
             ) from refusal
         if not greeting.startswith(GREETING):
             raise ProtocolError(self._device, f"greets with {greeting[:60]!r}", PORT_CURE)

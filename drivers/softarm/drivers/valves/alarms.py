@@ -36,7 +36,7 @@ class ValveAlarms:
         """The terminal holds zeros that nobody wrote; tells whether that is news."""
         return self._alarms.set(
             WATCHDOG_FIRED,
-            "the terminal cleared its outputs by watchdog or restart",
+            "the terminal set its outputs to zero, by its watchdog or a restart",
             "find out what kept the host or the network busy, then arm again",
         )
 
@@ -93,7 +93,7 @@ class ValveAlarms:
             side = "above" if deviation > 0 else "below"
             self._alarms.set(
                 key,
-                f"chamber {chamber} stays {side} what was asked for longer than {self._reach_s:g} s",
+                f"chamber {chamber} stays {side} the set-points for longer than {self._reach_s:g} s",
                 "check supply, tubes and valve",
                 value=round(applied[chamber] + deviation, 1),
                 limit=applied[chamber],

@@ -94,7 +94,7 @@ class ValveBank(SupervisedDevice):
             InterlockError: The bank is not connected, only observes, or an alarm stands that forbids it.
         """
         if self.settings.observe:
-            raise InterlockError(self.name, "only observes", "open it for control")
+            raise InterlockError(self.name, "is open for observation only", "open it for control")
         if self.state not in ALIVE:
             error = self.failure
             what = "is not connected" if error is None else f"is not connected: {error.what}"

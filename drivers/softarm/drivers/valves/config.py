@@ -24,7 +24,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 def _listed(value: Any) -> Any:
-    """Take one number as a list of one, so that a mistake in it is told once."""
+    """Take one number as a list of one, so that an error in it is told once."""
     return (value,) if isinstance(value, (int, float)) else value
 
 

@@ -78,7 +78,7 @@ async def _modules(terminal: Terminal) -> str:
         faulty = _bits(await terminal.link.read(MODULES_FAULTY, MODULE_WORDS))
         (status,) = await terminal.link.read(TERMINAL_STATUS, 1)
     except ModbusExceptionError:
-        return "not told"
+        return "not reported"
     told = f"{len(present)} present, with error: {', '.join(map(str, faulty)) or 'none'}"
     if status & STATUS_FORCE_ACTIVE:
         told += "; FORCE ACTIVE: outputs do not follow the host"

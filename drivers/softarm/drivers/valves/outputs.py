@@ -79,7 +79,7 @@ class Outputs:
             InterlockError: The bank is armed; acknowledging interrupts regulation.
         """
         if self.armed:
-            raise InterlockError(self._device, "is armed", "vent before its errors are acknowledged")
+            raise InterlockError(self._device, "is armed", "vent before you acknowledge its errors")
         self._acknowledge_until_ns = self._clock() + round(seconds * NANOSECONDS)
 
     def command(self, setpoint: Sequence[float], lifetime_s: float) -> None:
@@ -94,7 +94,7 @@ class Outputs:
             LimitError: A pressure or the lifetime is out of range; nothing changes.
         """
         if not self.armed:
-            raise InterlockError(self._device, f"takes no set-point: {self.reason}", "arm it first")
+            raise InterlockError(self._device, f"accepts no set-point: {self.reason}", "arm it first")
         limit_lifetime(self._device, lifetime_s, self.limits)
         limit_step(self._device, setpoint, self._level, self.limits, 0.0)
         self._setpoint = tuple(float(pressure) for pressure in setpoint)

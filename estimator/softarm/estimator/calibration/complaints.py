@@ -34,7 +34,7 @@ def complaints(recording: Recording, run: Run) -> tuple[str, ...]:
             )
         elif tied and float(np.nanmax(np.abs(tension))) <= LEAST_PULL:
             found.append(
-                f"{run.name}, gauge {gauge}: its cord was slack throughout, so it tells no force; "
+                f"{run.name}, gauge {gauge}: its cord was slack throughout, so it measured no force; "
                 "move the gauge away until the cord is taut, then in small steps"
             )
     silent = (

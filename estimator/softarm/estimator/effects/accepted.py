@@ -35,7 +35,7 @@ def _placed(entry: Physics, world: World) -> PlacedEffect:
     effect = EFFECTS.get(entry.effect)
     if effect is None:
         cure = "remove it, or name one of the library"
-        raise InputError(f"physics.{entry.effect}", "it has no equation to act by", cure)
+        raise InputError(f"physics.{entry.effect}", "the model has no equation for this effect", cure)
     names = {parameter.name for parameter in effect.parameters}
     if set(entry.parameters) != names:
         what = f"parameters {', '.join(sorted(entry.parameters)) or 'none'}"

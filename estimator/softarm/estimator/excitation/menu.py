@@ -138,7 +138,11 @@ def poses(segments: Segments, limits: Limits) -> Manoeuvre:
     path.vent(0.5).hold(2.0)
     excites: frozenset[Excitation] = frozenset({"motion", "large_pressures", "pressure_steps"})
     return Manoeuvre(
-        "poses", "loads, contacts and whatever depends on the pose", path.times, path.pressures, excites
+        "poses",
+        "loads, contacts and other effects that depend on the pose",
+        path.times,
+        path.pressures,
+        excites,
     )
 
 

@@ -16,7 +16,7 @@ State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 
 LEAST_ROWS = 6
-"""Fewer independent measurements cannot tell a force, its place and a mistake of the model apart."""
+"""Fewer independent measurements cannot tell a force, its place and an error of the model apart."""
 FINE = 20
 """Heights looked at between two candidates."""
 CHI_SQUARE_95 = 3.841

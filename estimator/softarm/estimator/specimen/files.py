@@ -25,7 +25,7 @@ def load_specimen(source: str | Path) -> Specimen:
 
     Raises:
         InputError: The file is absent or unreadable, its TOML is malformed, or values are wrong; in one
-            line with every mistake, each with its field, its value, the limit and the cure.
+            line with every error, each with its field, its value, the limit and the cure.
     """
     if str(source) in SHIPPED:
         text = (resources.files("softarm.estimator.specimen") / "shipped" / f"{source}.toml").read_text(

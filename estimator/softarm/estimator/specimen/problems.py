@@ -35,11 +35,11 @@ TYPES = {
 
 
 class SpecimenError(InputError):
-    """Several mistakes in one specimen, told in one line.
+    """Several errors in one specimen, told in one line.
 
     Args:
         file: The specimen's file.
-        problems: The mistakes, each with the path of its field, what is wrong and its cure.
+        problems: The errors, each with the path of its field, what is wrong and its cure.
     """
 
     def __init__(self, file: str, problems: tuple[Inconsistency, ...]) -> None:
@@ -47,7 +47,7 @@ class SpecimenError(InputError):
             f"({number}) {problem.field}: {problem.what}, {problem.cure};"
             for number, problem in enumerate(problems, 1)
         )
-        super().__init__(file, f"{len(problems)} mistakes: {listed.rstrip(';')}", "correct them all")
+        super().__init__(file, f"{len(problems)} errors: {listed.rstrip(';')}", "correct them all")
         self.problems = problems
 
 

@@ -36,7 +36,7 @@ SERVER_FAULTS = (
     Fault("silence", "connections stay open, nothing is sent and no command is answered"),
     Fault("zero_size", "a packet header with size 0 instead of a frame", once=True),
     Fault("huge_size", "a packet header with size 4294967295 instead of a frame", once=True),
-    Fault("unknown_type", "a packet of type 77 beside a frame", once=True),
+    Fault("unknown_type", "a packet of type 77 in addition to a frame", once=True),
     Fault("truncated_component", "a component that claims more bytes than its packet has", once=True),
     Fault("split", "packets arrive in two TCP segments"),
     Fault("coalesce", "packets arrive five at a time"),

@@ -39,7 +39,7 @@ def bend_faults(sensors: int) -> tuple[Fault, ...]:
         Fault("reboot", "the microcontroller resets: silence, boot text", once=True),
         Fault(
             "cannot_connect",
-            "reboots, says that a sensor is missing and prints 0.00 for it",
+            "reboots, reports that a sensor is missing and prints 0.00 for it",
             parameters={"sensor": 2},
             limits=sensor,
         ),

@@ -9,12 +9,12 @@ BITS_PER_BYTE = 10
 
 PORT_FAULTS = (
     Fault("unplug", "the device is gone; a new one appears behind the same link when cleared"),
-    Fault("silence", "the line is up, the device says nothing"),
+    Fault("silence", "the line is up, but the device sends nothing"),
     Fault("garbage", "random bytes between frames", True, {"size": 11}, {"size": (1, 4096)}),
-    Fault("bit_flip", "single bits turn", parameters={"per_byte": 0.01}, limits={"per_byte": (0, 1)}),
-    Fault("byte_loss", "single bytes vanish", parameters={"per_byte": 0.01}, limits={"per_byte": (0, 1)}),
+    Fault("bit_flip", "single bits are inverted", parameters={"per_byte": 0.01}, limits={"per_byte": (0, 1)}),
+    Fault("byte_loss", "single bytes are lost", parameters={"per_byte": 0.01}, limits={"per_byte": (0, 1)}),
     Fault("torn_frame", "a frame stops half way", once=True),
-    Fault("stall", "the line halts in mid-frame and goes on later", True, {"seconds": 0.2}),
+    Fault("stall", "the line stops in mid-frame and continues later", True, {"seconds": 0.2}),
 )
 
 

@@ -13,7 +13,7 @@ MALFORMED = {"nan": b"nan", "inf": b"inf", "text": b"HX711 not found", "long": b
 LINE_GAUGE_FAULTS = (
     *PORT_FAULTS,
     *GAUGE_FAULTS,
-    Fault("malformed", "a line that is no number", once=True, parameters={"kind": "nan"},
+    Fault("malformed", "a line that is not a number", once=True, parameters={"kind": "nan"},
           limits={"kind": tuple(MALFORMED)}),
 )  # fmt: skip
 

@@ -21,8 +21,8 @@ NEWTONS_PER = {
 
 GAUGE_FAULTS = (
     Fault("over_range", "the load is beyond the range"),
-    Fault("operator_zero", "somebody presses zero", once=True),
-    Fault("power_off", "the gauge has switched itself off; cleared: somebody switches it on"),
+    Fault("operator_zero", "the operator presses zero", once=True),
+    Fault("power_off", "the gauge has switched itself off, until the operator switches it on (cleared)"),
     Fault("offset", "the zero has drifted", parameters={"newtons": 0.05}, limits={"newtons": (-50, 50)}),
 )
 

@@ -18,7 +18,9 @@ MALFORMED = {
 
 QUATERNION_LINE_FAULTS = (
     *PORT_FAULTS,
-    Fault("malformed", "a line that is no quaternion", True, {"kind": "three"}, {"kind": tuple(MALFORMED)}),
+    Fault(
+        "malformed", "a line that is not a quaternion", True, {"kind": "three"}, {"kind": tuple(MALFORMED)}
+    ),
     Fault("reset", "the sketch restarts: a second of silence, heading 0", once=True),
 )
 

@@ -10,9 +10,9 @@ from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, CellFigure
 SAUTER_FAULTS = (
     *PORT_FAULTS,
     *GAUGE_FAULTS,
-    Fault("unit", "the operator has chosen another unit; nothing on the wire says so",
+    Fault("unit", "the operator has chosen another unit, which the gauge does not send",
           parameters={"unit": "kg"}, limits={"unit": ("N", "kg", "lb")}),
-    Fault("deaf", "a request is not heard", once=True),
+    Fault("deaf", "a request is ignored", once=True),
 )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ WITMOTION_FAULTS = (
     SLIP_FAULT,
     Fault("forgets", "the configuration falls back to the factory's: 10 Hz, no quaternion", once=True),
     Fault("locked", "configuration commands have no effect"),
-    Fault("wrong_content", "no quaternion frames, whatever the mask says"),
+    Fault("wrong_content", "no quaternion frames, even if the mask includes them"),
 )
 
 

@@ -29,7 +29,9 @@ def node_faults(channels: int) -> tuple[Fault, ...]:
         channels: Number of valves behind it.
     """
     return (
-        Fault("watchdog_fired", "outputs fall to the fail-safe state as if no master had spoken", once=True),
+        Fault(
+            "watchdog_fired", "outputs go to the fail-safe state, as when no master sends requests", once=True
+        ),
         Fault("no_watchdog", "register 46100 answers exception 2"),
         Fault(
             "second_master",

@@ -29,7 +29,7 @@ WIRE_FAULTS = (
         parameters={"code": DEVICE_BUSY},
         limits={"code": (1, 255)},
     ),
-    Fault("short_reply", "one register fewer than asked for", once=True),
+    Fault("short_reply", "one register fewer than requested", once=True),
     Fault("wrong_function", "answer with another function code", once=True),
     Fault("wrong_transaction", "answer with another transaction id", once=True),
     Fault("wrong_protocol", "answer with a protocol id that is not 0", once=True),

@@ -14,5 +14,5 @@ def check_disk(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find too little space for a recording."""
     free = observation.recorder.free_bytes
     if free is not None and free < LOW_BYTES:
-        message = f"{free / 1e6:.0f} MB are left; recordings end at {RESERVE_BYTES / 1e6:.0f} MB"
-        yield Diagnostic("disk_full", "recorder", "warning", message, "move old recordings away")
+        message = f"{free / 1e6:.0f} MB are left on the disk; recordings end at {RESERVE_BYTES / 1e6:.0f} MB"
+        yield Diagnostic("disk_full", "recorder", "warning", message, "move old recordings to another disk")

@@ -21,14 +21,14 @@ def check_estimator(observation: ServiceHealth) -> Iterator[Diagnostic]:
             return
         message, hint = "the estimator is still being built", "wait until it is ready"
     elif estimator.gave_up:
-        message = "the estimator's process died too often and is not started again"
-        hint = "see the log for what ended it, then restart the service"
+        message = "the estimator's process died too often; the service does not start it again"
+        hint = "see the log for the cause, then restart the service"
     elif not estimator.running:
-        message, hint = "the estimator's process is not running", "it is started again by itself; see the log"
+        message, hint = "the estimator's process is not running", "the service restarts it; see the log"
     elif severity == "warning" and estimator.age_s is None and observation.settling:
         return
     elif estimator.age_s is None or estimator.age_s > estimator.deadline_s:
-        message, hint = "the estimator gives no results", "a sensor may be lost: see the other findings"
+        message, hint = "the estimator returns no results", "a sensor may be lost: see the other findings"
         if observation.busy:
             message = f"{message}, while {observation.busy}"
             hint = "the processor is late: end other programs, or give softarm a core"

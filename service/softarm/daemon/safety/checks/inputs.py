@@ -23,7 +23,9 @@ def check_inputs(observation: ServiceHealth) -> Iterator[Diagnostic]:
 
 def _stale(entry: Input, severity: Severity, busy: str) -> Diagnostic:
     age = "no reading yet" if entry.age_s is None else f"no valid reading for {entry.age_s:.2f} s"
-    consequence = "" if entry.needed else "; the others carry on and the covariance grows"
+    consequence = (
+        "" if entry.needed else "; the estimator continues with the other sensors, and the covariance grows"
+    )
     if busy:
         hint = "the processor is late, perhaps not the sensor: end other programs, or give softarm a core"
         return Diagnostic("stale_sensor", entry.name, severity, f"{age}, while {busy}{consequence}", hint)

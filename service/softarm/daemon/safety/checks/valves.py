@@ -16,7 +16,7 @@ def check_valves(observation: ServiceHealth) -> Iterator[Diagnostic]:
         age = "never answered" if valves.age_s is None else f"has not answered for {valves.age_s:.2f} s"
         message, hint = (
             f"the valve bank {age}",
-            "check power, network and address; its own watchdog vents meanwhile",
+            "check power, network and address; the watchdog of the terminal vents meanwhile",
         )
         if observation.busy and valves.age_s is not None:
             message = f"{message}, while {observation.busy}"
