@@ -30,7 +30,7 @@ def test_a_dry_run_prints_the_whole_menu(capsys: pytest.CaptureFixture[str]):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ([], "nothing says which arm"),
+        ([], "no arm is given"),
         (["--dry-run", "--manoeuvre", "dance"], "choose from: growing_cycles"),
         (["--dry-run", "--report", "/nonexistent"], "there is no such report"),
         (["--arm", "nobody", "--endpoint", "tcp/127.0.0.1:1"], "tcp/127.0.0.1:1"),

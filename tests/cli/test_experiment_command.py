@@ -10,9 +10,9 @@ from softarm.experiments.seed import SeedResult
 REFUSED = {
     "nothing named": (["force"], "give either --fake or --arm ID"),
     "both named": (["force", "--fake", "--arm", "sopra"], "give either --fake or --arm ID"),
-    "recorded on an arm": (["validate", "--arm", "sopra", "--recorded"], "--recorded goes with --fake"),
-    "a scenario on an arm": (["force", "--arm", "sopra", "--scenario", "day.toml"], "goes with --fake, live"),
-    "a scenario, recorded": (["all", "--fake", "--scenario", "day.toml"], "goes with --fake, live"),
+    "recorded on an arm": (["validate", "--arm", "sopra", "--recorded"], "--recorded needs --fake"),
+    "a scenario on an arm": (["force", "--arm", "sopra", "--scenario", "day.toml"], "--scenario needs --fake and excludes --recorded"),
+    "a scenario, recorded": (["all", "--fake", "--scenario", "day.toml"], "--scenario needs --fake and excludes --recorded"),
     "all on an arm": (["all", "--arm", "sopra"], "run each experiment alone on --arm"),
 }
 

@@ -431,7 +431,7 @@ def test_an_observer_writes_nothing(virtual):
 
     async def body(bank, terminal, readings):
         await asyncio.sleep(0.5)
-        with pytest.raises(InterlockError, match="only observes"):
+        with pytest.raises(InterlockError, match="observation only"):
             bank.arm()
         assert len(readings) > 40
         assert readings[-1].value.echo[0] == 20_000.0

@@ -296,7 +296,7 @@ def test_the_eleventh_client_is_told_and_tries_again(wire):
         rig.inject("qtm", "full")
         with pytest.raises(DeviceErrors) as caught:
             await capture.connect()
-        assert "takes no more clients" in caught.value.lines()[0]
+        assert "accepts no more clients" in caught.value.lines()[0]
         assert "close another client of QTM" in caught.value.lines()[0]
         rig.boards["qtm"].clear()
         await wire.until(lambda: capture.state is ConnectionState.STREAMING, within=5)

@@ -40,9 +40,7 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
     # Not blocked: the children would inherit that, and could not be asked to end.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with ExitStack() as stack:
-        say(
-            "starting the simulated instruments and the service; the estimator needs half a minute, at first more"
-        )
+        say("starting the simulated instruments and the service; the estimator needs half a minute or more")
         rig = stack.enter_context(FakeRig(settings, out))
         client = stack.enter_context(connect(rig))
         page = Process(

@@ -120,9 +120,7 @@ def _connect(
     if arm is not None:
         return stack.enter_context(SoftarmClient(arm, endpoint, "softarm excite", zenoh_config))
     settings = RigSettings(DEMO_SCENARIO, specimen=specimen or str(fake_specimen()), endpoint=endpoint)
-    say(
-        "starting the simulated instruments and the service; the estimator needs half a minute, at first more"
-    )
+    say("starting the simulated instruments and the service; the estimator needs half a minute or more")
     client = stack.enter_context(connect(stack.enter_context(FakeRig(settings, out))))
     wait_ready(client)
     return client

@@ -230,9 +230,7 @@ def _live(name: str, settings: "LiveRigSettings", *, as_json: bool) -> int:
         click.prompt(f"{sentence} Press Enter", default="", show_default=False, err=True)
 
     if settings.arm is None:
-        say(
-            "starting the simulated instruments and the service; the estimator needs half a minute, at first more"
-        )
+        say("starting the simulated instruments and the service; the estimator needs half a minute or more")
     try:
         with progress(f"experiment {name}") as advance:
             tables = run_live(name, settings, seed=1, ask=ask, tell=say, advance=lambda: advance(1))

@@ -105,7 +105,7 @@ async def test_tare_is_the_mean_of_valid_readings() -> None:
     device, readings = gauge()
     taring = asyncio.create_task(device.tare(readings=2))
     await asyncio.sleep(0)
-    with pytest.raises(InterlockError, match="under way"):
+    with pytest.raises(InterlockError, match="already running"):
         await device.tare()
     for grams in (100, 99999999, 102):
         device.receive(lutron(grams), 0)

@@ -71,14 +71,14 @@ def test_a_version_too_old_is_a_configuration_error(virtual: Any) -> None:
 @pytest.mark.parametrize(
     ("greeting", "kind", "match"),
     [
-        (b"", ConnectionLost, "does not greet as QTM does"),
+        (b"", ConnectionLost, "does not answer like QTM"),
         (text(1, "SSH-2.0"), ProtocolError, "greets with 'SSH-2.0'; use the little-endian port"),
         (struct.pack(">II", 35, 1) + b"QTM RT Interface connected\0", ProtocolError, "little-endian port"),
         (b"QTM RT Interface connected\r\n", ProtocolError, "22223 by default"),
         (
             text(0, "Connection refused. Max number of clients reached."),
             ConnectionLost,
-            "takes no more clients",
+            "accepts no more clients",
         ),
     ],
 )

@@ -97,7 +97,7 @@ async def test_unplugging_ends_the_link_and_takes_the_reader_off(terminal: Termi
         async with asyncio.timeout(5):
             await link.wait_lost()
     assert not asyncio.get_running_loop().remove_reader(descriptor)
-    with pytest.raises(ConnectionLost, match="takes no commands"):
+    with pytest.raises(ConnectionLost, match="accepts no commands"):
         link.write(b"?")
     link.close()
 

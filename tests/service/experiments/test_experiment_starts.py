@@ -98,7 +98,7 @@ def test_a_silent_gauge_is_named_before_anybody_pulls() -> None:
             )
 
     bench = LiveRig(cast(Any, Client()), cast(Any, None), cast(Any, None))
-    with pytest.raises(InputError, match="sopra, gauge of tip: tells nothing; switch it on"):
+    with pytest.raises(InputError, match="sopra, gauge of tip: publishes nothing; switch it on"):
         bench.require_gauge()
     assert bench.lost() == ["orientation_tip: no reading yet; check its cable"]
 

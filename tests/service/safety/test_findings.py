@@ -177,5 +177,5 @@ def test_silence_on_a_late_processor_is_reported_as_such():
 def test_estimator_that_is_not_started_again_is_said_to_be_so():
     gone = replace(HEALTHY.estimator, running=False, gave_up=True)
     (finding,) = HealthMonitor(ALL_CHECKS).evaluate(replace(HEALTHY, estimator=gone))
-    assert "not started again" in finding.message
+    assert "does not start it again" in finding.message
     assert "restart the service" in finding.hint

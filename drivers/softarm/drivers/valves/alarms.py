@@ -36,7 +36,7 @@ class ValveAlarms:
         """The terminal holds zeros that nobody wrote; tells whether that is news."""
         return self._alarms.set(
             WATCHDOG_FIRED,
-            "the terminal set its outputs to zero, by its watchdog or a restart",
+            "the terminal cleared its outputs, by its watchdog or a restart",
             "find out what kept the host or the network busy, then arm again",
         )
 
