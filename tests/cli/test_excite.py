@@ -28,16 +28,16 @@ def test_a_dry_run_prints_the_whole_menu(capsys: pytest.CaptureFixture[str]):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "status", "told"),
     [
-        ([], "no arm is given"),
-        (["--dry-run", "--manoeuvre", "dance"], "choose from: growing_cycles"),
-        (["--dry-run", "--report", "/nonexistent"], "there is no such report"),
-        (["--arm", "nobody", "--endpoint", "tcp/127.0.0.1:1"], "tcp/127.0.0.1:1"),
+        ([], 2, "no arm is given"),
+        (["--dry-run", "--manoeuvre", "dance"], 2, "choose from: growing_cycles"),
+        (["--dry-run", "--report", "/nonexistent"], 2, "there is no such report"),
+        (["--arm", "nobody", "--endpoint", "tcp/127.0.0.1:1"], 1, "tcp/127.0.0.1:1"),
     ],
 )
-def test_mistakes_are_told_in_one_line(words: list[str], told: str, capsys: pytest.CaptureFixture[str]):
-    assert run(["excite", *words]) == 2
+def test_errors_are_one_line(words: list[str], status: int, told: str, capsys: pytest.CaptureFixture[str]):
+    assert run(["excite", *words]) == status
     said = capsys.readouterr().err.strip()
     assert told in said
     assert "\n" not in said

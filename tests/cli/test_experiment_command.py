@@ -11,9 +11,12 @@ REFUSED = {
     "nothing named": (["force"], "give either --fake or --arm ID"),
     "both named": (["force", "--fake", "--arm", "sopra"], "give either --fake or --arm ID"),
     "recorded on an arm": (["validate", "--arm", "sopra", "--recorded"], "--recorded needs --fake"),
-    "a scenario on an arm": (["force", "--arm", "sopra", "--scenario", "day.toml"], "--scenario needs --fake and excludes --recorded"),
-    "a scenario, recorded": (["all", "--fake", "--scenario", "day.toml"], "--scenario needs --fake and excludes --recorded"),
-    "all on an arm": (["all", "--arm", "sopra"], "run each experiment alone on --arm"),
+    "a scenario on an arm": (
+        ["force", "--arm", "sopra", "--scenario", "day.toml"],
+        "--scenario needs --fake",
+    ),
+    "a scenario, recorded": (["all", "--fake", "--scenario", "day.toml"], "--scenario needs --fake"),
+    "all on an arm": (["all", "--arm", "sopra"], "run each experiment on its own"),
 }
 
 

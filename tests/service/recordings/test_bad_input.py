@@ -29,7 +29,7 @@ CASES = {
     "leading zero": ("t_s,pressure_00_pa\n0,1\n", "nearest is pressure_0_pa"),
     "foreign column": ("t_s,pressure_0_pa,temperature\n0,1,2\n", "'temperature'.*rename or remove"),
     "duplicate": ("t_s,pressure_0_pa,pressure_0_pa\n0,1,2\n", "stands twice, in places 2 and 3"),
-    "half a bend": ("t_s,bend_tip_x_rad\n0,1\n", "column bend_tip_y_rad: is missing, but bend_tip_x_rad is there"),
+    "half a bend": ("t_s,bend_tip_x_rad\n0,1\n", "bend_tip_y_rad: is missing, but bend_tip_x_rad is there"),
     "no channel": ("t_s\n0\n1\n", "no usable channel"),
     "empty cells": ("t_s,pressure_0_pa\n0,\n1,\n", "every cell is empty"),
     "text": ("t_s,pressure_0_pa\n0,1\n1,off\n", r"_pa, row 2 \(line 3\): 'off' is not a number"),
