@@ -19,7 +19,9 @@ BLOCKS = np.arange(40) // 10
 
 def _products(residual: np.ndarray, columns: np.ndarray) -> list:
     scale = np.array([0.1, 0.2])
-    return products_of(residual, columns, scale, BLOCKS, np.zeros(40, dtype=bool), 0, nominal=False)
+    return products_of(
+        residual, columns, scale, BLOCKS, np.zeros(40, dtype=bool), np.zeros(40, dtype=bool), 0, nominal=False
+    )
 
 
 def test_a_belief_learns_what_least_squares_finds(data: tuple[np.ndarray, np.ndarray]) -> None:

@@ -90,11 +90,12 @@ def test_a_sensor_that_shows_too_much_is_named_or_offered_beside_a_soft_segment(
     assert set(named) <= {"sensor_scale", "segment_stiffness"}
 
 
-def test_held_out_recordings_can_only_take_a_finding_back(weak: Outcome) -> None:
-    """No fit and no choice sees them: where they do not show the effect, it is found, and then not proven."""
+def test_confirming_data_can_only_take_a_finding_back(weak: Outcome) -> None:
+    """No fit sees them: where they do not show the effect, it is found, and then not proven."""
     sessions, unchanged = trial([WEAK]), trial([])
     split, _ = hold_out(sessions, np.array(model().specimen.pressure_limits))
-    held = {s.name: s.heldout for s in split if s.heldout.any()}
+    held = {s.name: s.heldout & ~s.reported for s in split}
+    held = {name: flags for name, flags in held.items() if flags.any()}
     assert held
     without = [
         replace(s, readings=np.where(held[s.name][:, None], u.readings, s.readings)) if s.name in held else s
@@ -104,6 +105,21 @@ def test_held_out_recordings_can_only_take_a_finding_back(weak: Outcome) -> None
     (found,) = weak.accepted
     assert not again.accepted
     assert any("not proven" in note and found.effect.name in note for note in again.diagnosis.notes)
+
+
+def test_reported_data_decide_nothing(weak: Outcome) -> None:
+    """Whatever they show, the verdict and the findings are the same; only their errors tell."""
+    sessions = trial([WEAK])
+    split, _ = hold_out(sessions, np.array(model().specimen.pressure_limits))
+    off = [
+        replace(one, readings=one.readings + 0.05 * cut.reported[:, None])
+        for one, cut in zip(sessions, split, strict=True)
+    ]
+    again = _diagnose(off)
+    assert any(cut.reported.any() for cut in split)
+    assert again.diagnosis.verdict == weak.diagnosis.verdict
+    assert [one.theta.tolist() for one in again.accepted] == [one.theta.tolist() for one in weak.accepted]
+    assert again.diagnosis.heldout.after > 10.0 * weak.diagnosis.heldout.after
 
 
 def test_one_seed_gives_one_report(weak: Outcome) -> None:

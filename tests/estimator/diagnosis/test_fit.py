@@ -33,10 +33,8 @@ class Runaway:
 def ground() -> Ground:
     left = SHAPE * SIZE / (1.0 + SIZE) + np.random.default_rng(3).normal(0.0, 1e-3, SHAPE.shape)
     weight, blocks = np.full(SHAPE.shape, 1e3), np.zeros(len(SHAPE), dtype=int)
-    common = np.ones((*SHAPE.shape, 1), dtype=np.float32)
-    parts = products_of(
-        left, common, np.full(SHAPE.shape, 1e-3), blocks, np.zeros(len(SHAPE), dtype=bool), 0, nominal=False
-    )
+    common, unseen = np.ones((*SHAPE.shape, 1), dtype=np.float32), np.zeros(len(SHAPE), dtype=bool)
+    parts = products_of(left, common, np.full(SHAPE.shape, 1e-3), blocks, unseen, unseen, 0, nominal=False)
     view = View(cast("Stage", Runaway()), left * weight, weight, (common * 1e3).reshape(-1, 1))
     return Ground.of([view], Belief(np.zeros(1), np.eye(1)), 1.0, total(parts, 1))
 

@@ -26,8 +26,25 @@ def test_something_is_held_out_and_most_is_not(sessions: list[Session], count: i
     assert not split[0].heldout.any()
     held = np.concatenate([one.heldout for one in split[1:]])
     assert 0.1 < held.mean() < 0.45
-    assert ("whole recordings" in how) == (count >= 4)
+    assert ("whole recording" in how) == (count >= 4)
     assert any(not one.heldout.all() for one in split[1:])
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 6])
+def test_what_confirms_is_not_what_is_reported_and_both_are_there(
+    sessions: list[Session], count: int
+) -> None:
+    split, how = hold_out(sessions[: count + 1], LIMITS)
+    reported = np.concatenate([one.reported for one in split])
+    confirming = np.concatenate([one.heldout for one in split]) & ~reported
+    assert reported.mean() > 0.03
+    assert ("none confirmed" in how) == (count == 1)
+    assert confirming.any() == (count > 1)  # one short recording has a single stretch to spare
+    assert all(
+        one.reported[one.blocks == b].all() or not one.reported[one.blocks == b].any()
+        for one in split
+        for b in np.unique(one.blocks)
+    )
 
 
 def test_the_only_recording_of_a_kind_is_not_held_out(sessions: list[Session]) -> None:
@@ -51,3 +68,17 @@ def test_every_effect_and_every_pair_has_its_words() -> None:
         assert not effect.by_fit or all(len(values) == shape for values in effect.shapes), name
     assert {need for effect in EFFECTS.values() for need in effect.needs} <= set(EXCITATION)
     assert all(manoeuvre(one, other) for one in EFFECTS for other in EFFECTS if one != other)
+
+
+def test_a_session_that_was_never_split_reports_what_is_held_out_however_it_is_thinned() -> None:
+    one = replace(session("run", 1), heldout=np.arange(len(session("run", 1).clock)) % 2 == 0)
+    thin = one.thin(np.arange(one.samples) < 20)
+    shorter = replace(thin, heldout=thin.heldout[:7])
+    assert thin.reported.tolist() == thin.heldout.tolist()
+    assert shorter.reported.tolist() == shorter.heldout.tolist()
+
+
+def test_thinning_keeps_what_confirms_with_its_samples(sessions: list[Session]) -> None:
+    split, _ = hold_out(sessions[:4], LIMITS)
+    chosen = next(one for one in split if (one.heldout & ~one.reported).any())
+    assert chosen.thin(chosen.heldout).reported.tolist() == chosen.reported[chosen.heldout].tolist()

@@ -198,3 +198,9 @@ def test_the_file_is_written_whole_and_alike_each_time(tmp_path: Path):
     first = written(diagnosis())
     assert first.startswith(b"<!doctype html>")
     assert written(diagnosis()) == first
+
+
+def test_the_page_states_how_large_an_effect_would_have_to_be():
+    text = read(page(consistent(), load_specimen("sopra"))).text
+    assert "tip payload" in text
+    assert "12 g" in text

@@ -10,6 +10,7 @@ from softarm.cli import run
 from softarm.estimator.diagnosis.result import (
     Baseline,
     ChannelError,
+    DetectionLimit,
     Diagnosis,
     Evidence,
     Finding,
@@ -55,7 +56,8 @@ def test_a_report_reads_back_as_it_was_written(tmp_path: Path) -> None:
 
 
 def test_a_report_holds_what_the_contract_lists() -> None:
-    told = json.loads(report_of(_diagnosis()).dump())
+    limit = DetectionLimit("tip_payload", Place(section="tip"), "mass", 0.012, "kg")
+    told = json.loads(report_of(replace(_diagnosis(), detection_limits=(limit,))).dump())
     assert told["schema"] == "softarm.diagnosis/1"
     assert set(told) == {
         "schema",
@@ -67,7 +69,9 @@ def test_a_report_holds_what_the_contract_lists() -> None:
         "heldout",
         "calibration_of_noise",
         "unexplained",
+        "detection_limits",
     }
+    assert set(told["detection_limits"][0]) == {"effect", "where", "parameter", "size", "unit"}
     assert set(told["baseline"]) == {"rms", "noise_floor", "normalised_rms"}
     assert set(told["heldout"]) == {
         "rms_before",

@@ -72,8 +72,10 @@ class Predictions:
         )
 
 
-def held_out(search: Search, before: Fit | None, after: Fit | None, *, known: bool = False) -> Predictions:
-    """Predict held-out stretches without and with effects.
+def held_out(
+    search: Search, before: Fit | None, after: Fit | None, *, known: bool = False, confirming: bool = False
+) -> Predictions:
+    """Predict held-out stretches without and with effects: those that have decided nothing.
 
     Common coefficients are those of the model with the effects, learnt outside these stretches. Squares are
     over the noise of quiet stretches; where the arm swings after fast changes they count less.
@@ -84,14 +86,16 @@ def held_out(search: Search, before: Fit | None, after: Fit | None, *, known: bo
         after: Effects with them.
         known: Whether the model without effects is the one that was known before any of the recordings in
             question was seen.
+        confirming: Predict the stretches on which the choice was confirmed instead.
     """
     learnt = learnt_coefficients(search, after)
-    first, counts = _squares(search, before, search.belief.mean if known else learnt)
-    last, _ = _squares(search, after, learnt)
+    common = search.belief.mean if known else learnt
+    first, counts = _squares(search, before, common, confirming=confirming)
+    last, _ = _squares(search, after, learnt, confirming=confirming)
     return Predictions(first, last, counts)
 
 
-def _squares(search: Search, fit: Fit | None, common: Floats) -> tuple[Floats, Floats]:
+def _squares(search: Search, fit: Fit | None, common: Floats, *, confirming: bool) -> tuple[Floats, Floats]:
     """Give the squares over the noise, and their number, of each held-out stretch."""
     floors = search.evidence.floors
     squares: list[float] = []
@@ -99,14 +103,15 @@ def _squares(search: Search, fit: Fit | None, common: Floats) -> tuple[Floats, F
     for number, left in enumerate(search.residuals(fit)):
         stage = search.evidence.stages[number]
         session = stage.session
-        if session.nominal or not session.heldout.any():
+        unseen = session.heldout & ~session.reported if confirming else session.reported
+        if session.nominal or not unseen.any():
             continue
         names = channels(stage.suite)
         row = np.array([search.weights.scale[name] for name in names])
         calm = row / np.hypot(row, stage.unrest) / [floors[name] for name in names]
         own = ((left - search.evidence.columns[number] @ common) * calm) ** 2
-        for block in np.unique(session.blocks[session.heldout]):
-            chosen = own[(session.blocks == block) & session.heldout]
+        for block in np.unique(session.blocks[unseen]):
+            chosen = own[(session.blocks == block) & unseen]
             squares.append(float(np.nansum(chosen)))
             counts.append(float(np.isfinite(chosen).sum()))
     return np.array(squares), np.array(counts)
@@ -123,7 +128,7 @@ def heldout_result(search: Search, fit: Fit | None, predictions: Predictions, ho
     """
     rms_before, rms_after = predictions.rms()
     interval = (0.0, 0.0)
-    if len(predictions.before) and not np.array_equal(predictions.before, predictions.after):
+    if len(predictions.before) > 1 and not np.array_equal(predictions.before, predictions.after):
         interval = bootstrap(search.rng, predictions.before, predictions.after)
     learnt = learnt_coefficients(search, fit)
     left = residuals_of(search, fit, learnt)
@@ -133,7 +138,7 @@ def heldout_result(search: Search, fit: Fit | None, predictions: Predictions, ho
 
 
 def proven(search: Search) -> tuple[Choice, list[EffectName]]:
-    """Search until all that is accepted holds on held-out data.
+    """Search until all that is accepted holds on data that confirm it, which are reported nowhere.
 
     The more effects have failed there, the surer the next must be; and one that explains little of what these
     did is a fragment of something else.
@@ -157,7 +162,7 @@ def proven(search: Search) -> tuple[Choice, list[EffectName]]:
 
 
 def unproven(search: Search, choice: Choice, sure: float = SURE) -> list[int]:
-    """List accepted effects without which held-out data are predicted as well; all, where none is as good.
+    """List accepted effects without which confirming data are predicted as well; all, where none is as good.
 
     Judged like folds in ``Search.judge``: calibration is believed as before the recordings in question.
 
@@ -169,10 +174,10 @@ def unproven(search: Search, choice: Choice, sure: float = SURE) -> list[int]:
     fit = choice.fit
     if fit is None:
         return []
-    after = [part for part in search.parts(fit) if part.heldout]
+    after = _confirming(search.parts(fit))
 
     def better(others: Fit | None) -> bool:
-        before = [part for part in search.parts(others) if part.heldout]
+        before = _confirming(search.parts(others))
         drawn = [_gain(search, before, after, chosen) for chosen in _draws(search.rng, len(after))]
         whole = _gain(search, before, after, range(len(after)))
         return whole > NOTHING and float(np.percentile(drawn, sure)) > -NOTHING
@@ -183,6 +188,11 @@ def unproven(search: Search, choice: Choice, sure: float = SURE) -> list[int]:
     if len(every) > 1 and not better(None):
         return every
     return [k for k in every if not better(search.subset(fit, [j for j in every if j != k]))]
+
+
+def _confirming(parts: Sequence[Products]) -> list[Products]:
+    """List the stretches on which a choice is confirmed: no fit has seen them, and they are not reported."""
+    return [part for part in parts if part.heldout and not part.reported]
 
 
 def _draws(rng: np.random.Generator, count: int) -> list[list[int]]:

@@ -16,6 +16,7 @@ from softarm.estimator.diagnosis.conclude import (
     proven,
     unknown,
 )
+from softarm.estimator.diagnosis.detection import detection_limits
 from softarm.estimator.diagnosis.evidence import Evidence
 from softarm.estimator.diagnosis.form import form_columns
 from softarm.estimator.diagnosis.gram import total
@@ -210,7 +211,8 @@ def _outcome(
     notes = (*notes, *disagreement(search, choice))
     predictions = held_out(search, None, choice.fit, known=choice.fit is not None)
     findings = (*findings_of(search, choice), *stuck_findings(stuck))
-    remainder = _remainder(search, choice, predictions.rms()[1])
+    confirming = held_out(search, None, choice.fit, known=choice.fit is not None, confirming=True)
+    remainder = _remainder(search, choice, confirming.rms()[1])
     first_map = _map(search, None)
     left_map = _map(search, choice) if choice.fit is not None else first_map
     baseline = _baseline(suspects, evidence.floors)
@@ -236,6 +238,7 @@ def _outcome(
         heldout=heldout,
         unexplained=unexplained,
         not_testable=_not_testable(search, findings),
+        detection_limits=detection_limits(search),
         notes=tuple(notes),
         traces=traces_of(search, choice.fit),
     )
@@ -300,7 +303,7 @@ def _changed(search: Search, choice: Choice) -> bool:
     evidence, share = search.evidence, search.weights.share
     if not any(stage.session.nominal for stage in evidence.stages):
         return False
-    left = search.parts(choice.fit)
+    left = [part for part in search.parts(choice.fit) if not part.reported]
     return evidence_of_change(evidence, search.belief, search.width, left, share) > CHANGED
 
 

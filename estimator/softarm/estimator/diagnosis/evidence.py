@@ -177,6 +177,7 @@ class Evidence:
             self.scale(weights, number),
             session.blocks,
             session.heldout,
+            session.reported,
             number,
             nominal=session.nominal,
         )

@@ -23,7 +23,8 @@ class Products:
         session: Number of its session.
         block: Number of the stretch in the session.
         nominal: Whether the arm was in its known state.
-        heldout: Whether no fit and no choice may see it.
+        heldout: Whether no fit may see it.
+        reported: Whether no choice may see it either.
         count: Number of residuals.
         matrix: X^T W X, shape (columns, columns).
         vector: X^T W r, shape (columns,).
@@ -34,6 +35,7 @@ class Products:
     block: int
     nominal: bool
     heldout: bool
+    reported: bool
     count: int
     matrix: Floats
     vector: Floats
@@ -46,6 +48,7 @@ def products_of(
     scale: Floats,
     blocks: NDArray[np.int64],
     heldout: Flags,
+    reported: Flags,
     session: int,
     *,
     nominal: bool,
@@ -58,6 +61,7 @@ def products_of(
         scale: Standard deviation of each row, shape (rows,), or of each residual, (samples, rows).
         blocks: Stretch of each sample, shape (samples,).
         heldout: Samples held out, the same for a whole stretch, shape (samples,).
+        reported: Those of them that decide nothing, likewise.
         session: Number of the session.
         nominal: Whether the arm was in its known state.
     """
@@ -67,9 +71,9 @@ def products_of(
         rows: NDArray[Any] = np.asarray(columns[own][seen] * weight[:, None], dtype=columns.dtype)
         matrix = np.asarray(rows.T @ rows, dtype=np.float64)
         vector = np.asarray(rows.T @ left, dtype=np.float64)
-        flag = bool(heldout[own].any())
+        flags = bool(heldout[own].any()), bool(reported[own].any())
         power = float(left @ left)
-        found.append(Products(session, block, nominal, flag, len(left), matrix, vector, power))
+        found.append(Products(session, block, nominal, *flags, len(left), matrix, vector, power))
     return found
 
 

@@ -45,7 +45,7 @@ def channel_errors(search: Search, before: Residuals, after: Residuals) -> dict[
     squares: dict[str, list[Floats]] = {}
     kinds: dict[str, str] = {}
     for number, stage in _questioned(search):
-        seen = stage.session.heldout
+        seen = stage.session.reported
         both = np.stack([before[number][seen], after[number][seen]])
         for row, (name, unit) in enumerate(zip(channels(stage.suite), stage.suite.units, strict=True)):
             good = np.isfinite(both[..., row]).all(axis=0)
@@ -74,8 +74,9 @@ def innovation_test(search: Search, residuals: Residuals) -> InnovationTest:
     products: dict[str, list[Floats]] = {}
     for number, stage in _questioned(search):
         scaled = residuals[number] / _assumed(search, stage)
-        for block in np.unique(stage.session.blocks[stage.session.heldout]):
-            own = scaled[(stage.session.blocks == block) & stage.session.heldout]
+        seen = stage.session.reported
+        for block in np.unique(stage.session.blocks[seen]):
+            own = scaled[(stage.session.blocks == block) & seen]
             for name, column in zip(channels(stage.suite), own.T, strict=True):
                 pairs = column[1:] * column[:-1]
                 variances.setdefault(name, []).append(column[np.isfinite(column)] ** 2)
@@ -119,9 +120,9 @@ def worst_stretch(search: Search, residuals: Residuals) -> Stretch | None:
 
 
 def _questioned(search: Search) -> Iterator[tuple[int, Stage]]:
-    """List the sessions in question that have held-out samples, with their numbers."""
+    """List the sessions in question of which something is reported, with their numbers."""
     for number, stage in enumerate(search.evidence.stages):
-        if not stage.session.nominal and stage.session.heldout.any():
+        if not stage.session.nominal and stage.session.reported.any():
             yield number, stage
 
 

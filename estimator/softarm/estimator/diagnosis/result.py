@@ -355,6 +355,25 @@ class NotTestable:
 
 
 @dataclass(frozen=True)
+class DetectionLimit:
+    """The least size of an effect that nine of ten such recordings would show, to first order.
+
+    Args:
+        effect: Its name.
+        where: Where it acts.
+        parameter: Which of its amplitudes.
+        size: The size.
+        unit: Its unit.
+    """
+
+    effect: EffectName
+    where: Place
+    parameter: str
+    size: float
+    unit: str
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The whole result.
 
@@ -369,6 +388,7 @@ class Diagnosis:
         heldout: How much better the model predicts.
         unexplained: What is left.
         not_testable: What these recordings could not have shown.
+        detection_limits: How large each effect would have to be to be found.
         notes: Plain sentences on the data and on the way: gaps, clocks, what was decimated, what was assumed.
         traces: Channels before and after.
         seconds: How long it took.
@@ -384,6 +404,7 @@ class Diagnosis:
     heldout: Heldout
     unexplained: Unexplained
     not_testable: tuple[NotTestable, ...] = ()
+    detection_limits: tuple[DetectionLimit, ...] = ()
     notes: tuple[str, ...] = ()
     traces: tuple[Trace, ...] = field(default=(), repr=False)
     seconds: float = 0.0

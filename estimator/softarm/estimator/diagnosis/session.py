@@ -28,8 +28,10 @@ class Session:
         readings: Stacked readings, NaN where lost, shape (samples, readings).
         sigma: Standard deviation of each row's noise in a sample, shape (rows,).
         blocks: Number of the stretch of time that each sample belongs to, shape (samples,).
-        heldout: Samples that neither a fit nor a choice may see, shape (samples,).
+        heldout: Samples that no fit may see, shape (samples,).
         ring: Frequency at which the arm swung when it was released [Hz].
+        confirms: Of those held out, the samples on which a choice is confirmed, shape (samples,); the others
+            decide nothing.
     """
 
     name: str
@@ -44,6 +46,12 @@ class Session:
     blocks: Indices
     heldout: Flags
     ring: float | None = None
+    confirms: Flags | bool = False
+
+    @property
+    def reported(self) -> Flags:
+        """Samples that neither a fit nor a choice may see, shape (samples,)."""
+        return np.asarray(self.heldout & ~np.asarray(self.confirms), dtype=np.bool_)
 
     @property
     def samples(self) -> int:
@@ -78,6 +86,7 @@ class Session:
             readings=self.readings[keep],
             blocks=self.blocks[keep],
             heldout=self.heldout[keep],
+            confirms=self.confirms if isinstance(self.confirms, bool) else self.confirms[keep],
         )
 
 

@@ -16,10 +16,11 @@ LEAST = 4
 
 
 def hold_out(sessions: Sequence[Session], limits: np.ndarray) -> tuple[tuple[Session, ...], str]:
-    """Mark what is held out.
+    """Cut the recordings in question into three parts: to fit on, to confirm a choice on, and to report.
 
-    Of four or more recordings in question, whole ones are held out whose excitation the others have as well,
-    and of the others every fifth stretch of time; of fewer recordings, every fourth stretch.
+    Of four or more, whole recordings are held out whose excitation the others have as well: the last of them
+    is reported. The others, and every fifth stretch of time of what remains, confirm. Of fewer recordings,
+    every fourth stretch is held out; these confirm and are reported in turn, and a single one is reported.
 
     Args:
         sessions: All sessions, nominal ones among them.
@@ -32,16 +33,21 @@ def hold_out(sessions: Sequence[Session], limits: np.ndarray) -> tuple[tuple[Ses
     if len(suspects) >= LEAST:
         chosen = _spare(sessions, suspects, limits)
         if chosen:
-            names = ", ".join(sessions[k].name for k in chosen)
             marked = tuple(
-                s
-                if s.nominal
-                else replace(s, heldout=np.ones(s.samples, dtype=bool) if k in chosen else s.blocks % 5 == 3)
+                s if s.nominal else _by_recording(s, whole=k in chosen, reported=k == chosen[-1])
                 for k, s in enumerate(sessions)
             )
-            return marked, f"whole recordings held out ({names}), and every fifth stretch of the others"
-    marked = tuple(s if s.nominal else _stretches(s) for s in sessions)
-    return marked, "every fourth stretch of time held out, from one and the same kind of run"
+            return marked, (
+                f"the whole recording {sessions[chosen[-1]].name}, which decided nothing; what confirmed the "
+                "choice lies in the others"
+            )
+    marked = _by_stretches(sessions)
+    if not any((session.heldout & ~session.reported).any() for session in marked):
+        return marked, "the one stretch of time that could be spared, which decided nothing; none confirmed"
+    return marked, (
+        "every eighth stretch of time, which decided nothing, from one and the same kind of run; what "
+        "confirmed the choice lies between them"
+    )
 
 
 def excitation(sessions: Sequence[Session], limits: np.ndarray) -> frozenset[str]:
@@ -71,7 +77,24 @@ def _spare(sessions: Sequence[Session], suspects: Sequence[int], limits: np.ndar
     return sorted(chosen)
 
 
-def _stretches(session: Session) -> Session:
-    """Hold every fourth stretch out, beginning with the third."""
-    out = session.blocks % 4 == 2
-    return replace(session, heldout=out)
+def _by_recording(session: Session, *, whole: bool, reported: bool) -> Session:
+    """Hold a whole recording out, or every fifth stretch of it."""
+    out = np.ones(session.samples, dtype=bool) if whole else session.blocks % 5 == 3
+    return replace(session, heldout=out, confirms=out & (not reported))
+
+
+def _by_stretches(sessions: Sequence[Session]) -> tuple[Session, ...]:
+    """Hold every fourth stretch out, beginning with the third; every second of these is reported."""
+    stretches = [
+        (k, block)
+        for k, s in enumerate(sessions)
+        if not s.nominal
+        for block in np.unique(s.blocks[s.blocks % 4 == 2]).tolist()
+    ]
+    confirming = set(stretches[::2]) if len(stretches) > 1 else set()
+    marked = []
+    for k, session in enumerate(sessions):
+        out = (session.blocks % 4 == 2) & (not session.nominal)
+        own = [block for number, block in confirming if number == k]
+        marked.append(replace(session, heldout=out, confirms=out & np.isin(session.blocks, own)))
+    return tuple(marked)

@@ -7,6 +7,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from softarm.analysis.diagnosis import sentences
 from softarm.analysis.diagnosis.figures import draw_arm, draw_exposure, draw_trace
+from softarm.estimator.diagnosis.detection import by_effect
 from softarm.estimator.diagnosis.result import Cell, Diagnosis, LocationMap
 from softarm.estimator.effects.effect import describe
 from softarm.estimator.specimen import Specimen
@@ -51,6 +52,7 @@ def page(diagnosis: Diagnosis, specimen: Specimen) -> str:
         rejected=REJECTED,
         traces=[(trace, draw_trace(trace)) for trace in diagnosis.traces if len(trace.time)],
         channels=_channels(diagnosis),
+        limits=by_effect(diagnosis.detection_limits),
         pneumatic=bool(specimen.chambers),
     )
 

@@ -109,6 +109,16 @@ class NoisePart(_Part):
     innovation_correlation: dict[str, Number]
 
 
+class LimitPart(_Part):
+    """How large an effect would have to be at a place to be found in nine of ten such recordings."""
+
+    effect: EffectName
+    where: Where
+    parameter: str
+    size: Number
+    unit: str
+
+
 class UnexplainedPart(_Part):
     """What is left."""
 
@@ -129,6 +139,7 @@ class Report(_Part):
     heldout: HeldoutPart
     calibration_of_noise: NoisePart
     unexplained: UnexplainedPart
+    detection_limits: list[LimitPart]
 
     def dump(self) -> str:
         """Return the text of ``report.json``."""
@@ -165,6 +176,16 @@ def report_of(diagnosis: Diagnosis) -> Report:
         unexplained=UnexplainedPart(
             normalised_rms=left.normalised_rms, where=_where(left.where), when=left.when
         ),
+        detection_limits=[
+            LimitPart(
+                effect=one.effect,
+                where=_where(one.where),
+                parameter=one.parameter,
+                size=one.size,
+                unit=one.unit,
+            )
+            for one in diagnosis.detection_limits
+        ],
     )
 
 

@@ -1,0 +1,106 @@
+"""How large an effect would have to be to be found in some recordings.
+
+An effect of amplitude a, alone, lowers the cost by a noncentral chi-square of noncentrality a^2 M, with M the
+information that the searched stretches hold on its amplitude once all that is common to the recordings is
+integrated out. It is accepted where this gain pays for its parameters and for a size that nobody expects,
+decides even where single recordings scatter, exceeds what the search finds in 99 % of recordings without any
+effect, and is material. With G the largest of these, sqrt(gain) scatters about a sqrt(M) by at most 1, so
+
+    a = (sqrt(G) + 1.28) / sqrt(M)
+
+is found in nine of ten recordings. All is to first order in the effect.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.diagnosis.belief import Marginal
+from softarm.estimator.diagnosis.candidates import MOST_SURPRISE
+from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.gram import total
+from softarm.estimator.diagnosis.judge import CERTAIN, EXPLAINABLE, FALSE_ALARM, MATERIAL
+from softarm.estimator.diagnosis.result import DetectionLimit
+from softarm.estimator.diagnosis.screen import INVISIBLE, null_scores
+
+Floats = NDArray[np.float64]
+
+POWER = 1.2816
+"""Quantile of a standard normal below which nine of ten lie."""
+
+
+def detection_limits(search: Search) -> tuple[DetectionLimit, ...]:
+    """Compute the limit of every amplitude of every effect at every place, the median over its shapes.
+
+    Args:
+        search: The search whose rules decide.
+
+    Returns:
+        Those that have a limit within the bounds of their parameter.
+    """
+    evidence, library = search.evidence, search.evidence.library
+    seen = total([part for part in search.parts(None) if not part.heldout], evidence.size)
+    marginal = Marginal.of(search.belief, seen, search.weights.share)
+    # A generator of its own: the limits must not change what is drawn after them.
+    null = null_scores(evidence, marginal, np.random.default_rng(0))
+    chance = float(np.quantile(null, 1.0 - FALSE_ALARM))
+    sizes: dict[tuple[int, int], list[float]] = {}
+    for column, direction in enumerate(library.directions):
+        if direction.parameter < 0:
+            continue
+        effect = library.hypotheses[direction.hypothesis].effect
+        own = evidence.nuisances + column
+        least = required_gain(search.price, len(effect.parameters), chance, marginal.count)
+        spread = effect.parameters[direction.parameter].spread / direction.typical
+        size = limit(float(marginal.matrix[own, own]), least, spread) * direction.typical
+        sizes.setdefault((direction.hypothesis, direction.parameter), []).append(size)
+    return tuple(
+        DetectionLimit(hypothesis.name, hypothesis.place, parameter.name, size, parameter.unit)
+        for (number, index), own_sizes in sizes.items()
+        for hypothesis in (library.hypotheses[number],)
+        for parameter in (hypothesis.effect.parameters[index],)
+        for size in (float(np.median(own_sizes)),)
+        if size <= max(abs(parameter.lower), abs(parameter.upper))
+    )
+
+
+def required_gain(price: float, parameters: int, chance: float, count: float) -> float:
+    """Compute the gain in cost from which an effect is accepted, whatever its size is expected to be.
+
+    Args:
+        price: What each parameter costs.
+        parameters: Number of parameters.
+        chance: Score, after the price, that 99 % of searches without any effect stay below.
+        count: Effective number of residuals.
+    """
+    return max(max(CERTAIN, chance) + price * parameters, MATERIAL * EXPLAINABLE * count)
+
+
+def limit(information: float, gain: float, spread: float) -> float:
+    """Compute the amplitude that is found in nine of ten recordings.
+
+    Args:
+        information: M.
+        gain: The gain that is required beside the price of a surprising size.
+        spread: Standard deviation of the amplitude's prior.
+    """
+    if information <= INVISIBLE:
+        return np.inf
+    least, most = ((np.sqrt(gain + more) + POWER) / np.sqrt(information) for more in (0.0, MOST_SURPRISE))
+    for _ in range(50):  # the price of a size grows with it, so halving finds where the two agree
+        middle = 0.5 * (least + most)
+        surprise = min((middle / spread) ** 2, MOST_SURPRISE)
+        enough = middle * np.sqrt(information) >= np.sqrt(gain + surprise) + POWER
+        least, most = (least, middle) if enough else (middle, most)
+    return float(most)
+
+
+def by_effect(limits: Sequence[DetectionLimit]) -> list[DetectionLimit]:
+    """Keep the largest limit of each amplitude: beyond it the effect is found wherever it acts."""
+    largest: dict[tuple[str, str], DetectionLimit] = {}
+    for one in limits:
+        key = (one.effect, one.parameter)
+        if key not in largest or one.size > largest[key].size:
+            largest[key] = one
+    return list(largest.values())
