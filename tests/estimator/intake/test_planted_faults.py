@@ -5,6 +5,8 @@ import re
 import numpy as np
 import pytest
 
+from softarm.estimator.calibration import arrange
+from softarm.estimator.errors import InputError
 from softarm.estimator.intake import take_in
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import load_specimen
@@ -135,6 +137,13 @@ def test_sensors_that_were_never_seen_end_without_an_error(good: Recording) -> N
         for n, v in good.columns.items()
     }
     take_in(Recording("run", good.time, columns, good.info), SPECIMEN)
+
+
+def test_a_recording_without_any_motion_that_was_read_is_refused(good: Recording) -> None:
+    columns = {n: v if n.startswith("pressure") else np.full_like(v, np.nan) for n, v in good.columns.items()}
+    bends = {n: v for n, v in columns.items() if n.startswith(("pressure", "bend"))}
+    with pytest.raises(InputError, match="no reading of its motion can be fitted"):
+        arrange(Recording("run", good.time, bends, good.info), SPECIMEN, ("base", "intermediate", "tip"))
 
 
 def _require(sentences: tuple[str, ...], words: str) -> None:

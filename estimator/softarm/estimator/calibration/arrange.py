@@ -120,6 +120,12 @@ def arrange(
     suite = SensorSuite(tuple(sensor for sensor, _ in sensors.values()))
     readings = suite.stack({name: values for name, (_, values) in sensors.items()})
     rows = np.isfinite(readings).any(axis=1)
+    if not rows.any():
+        raise InputError(
+            recording.name,
+            "no reading of its motion can be fitted",
+            "record motion that is seen and no event",
+        )
     pulls = known_pulls(recording, specimen, registration, loads)
     bridged = [interpolate(recording.time, recording.time, column) for column in pulls.T]
     run = Run(

@@ -122,10 +122,10 @@ def diagnose(
         for stage in stages
     )
     masses = Masses.of(model.specimen, model.sections, stages[0].world.segments)
-    swing = fit_swing([stage for stage in stages if stage.session.nominal] or stages, masses)
+    swing, words = fit_swing([stage for stage in stages if stage.session.nominal] or stages, masses)
+    notes = (*notes, *words)
     if swing is not None:
         stages = tuple(swinging(stage, swing, masses) for stage in stages)
-        notes = (*notes, swing.tell())
     library = build_library(
         _common_world(stages).world, np.concatenate([s.pressures for s in split]), effects
     )

@@ -61,11 +61,21 @@ class Swing:
         )
 
 
-def fit_swing(stages: Sequence[Stage], masses: Masses) -> Swing | None:
-    """Find how the arm of some stages swings; ``None`` where recordings show no swing."""
-    quick = [stage for stage in stages if stage.session.step <= LONGEST_STEP and _driven(stage)]
+def fit_swing(stages: Sequence[Stage], masses: Masses) -> tuple[Swing | None, tuple[str, ...]]:
+    """Find how the arm of some stages swings.
+
+    Returns:
+        The swing, ``None`` where recordings show none, and what to note about it.
+    """
+    driven = [stage for stage in stages if stage.session.step <= LONGEST_STEP and _driven(stage)]
+    quick = [stage for stage in driven if _bounded(stage, masses)]
+    notes = tuple(
+        f"{stage.session.name}: no swing was fitted, since the model's stiffness is not known along it."
+        for stage in driven
+        if not any(stage is one for one in quick)
+    )
     if not quick:
-        return None
+        return None, notes
     still = [_fast(stage, stage.residual) for stage in quick]
     loudest = np.argsort([-float(left @ left) for left in still])[:BUSIEST]
     quick, still = [quick[k] for k in loudest], [still[k] for k in loudest]
@@ -82,16 +92,17 @@ def fit_swing(stages: Sequence[Stage], masses: Masses) -> Swing | None:
     found = least_squares(left, START, bounds=(LOWER, UPPER), diff_step=1e-2, x_scale=(0.2, 1.0, 0.01, 0.02))
     before, after = float(sum(one @ one for one in still)), float(found.fun @ found.fun)
     if after > (1.0 - LEAST_GAIN) * before:
-        return None
+        return None, notes
     logarithm, a, b, delay = found.x.tolist()
     mass = float(np.exp(logarithm))
     frequency = matrices[0].frequencies()[0] / np.sqrt(mass)
-    return Swing(mass, (a, b), delay, float(np.sqrt(after / before)), float(frequency))
+    swing = Swing(mass, (a, b), delay, float(np.sqrt(after / before)), float(frequency))
+    return swing, (*notes, swing.tell())
 
 
 def swinging(stage: Stage, swing: Swing, masses: Masses) -> Stage:
     """Give a stage whose model swings; the couples that make it do so become part of its drive."""
-    if stage.session.step > LONGEST_STEP or not stage.arm.baseline.converged.any():
+    if stage.session.step > LONGEST_STEP or not _bounded(stage, masses):
         return stage
     swaying = _swaying(stage, masses)
     theta = np.array([np.log(swing.mass), *swing.damping, swing.delay])
@@ -103,6 +114,16 @@ def swinging(stage: Stage, swing: Swing, masses: Masses) -> Stage:
         _held(stage)[:, None], stage.unrest, swing.doubt * _envelope(stage, _seen(stage, swaying, lag))
     )
     return replace(stage, arm=arm, drive=drive, doubtful=doubtful)
+
+
+def _bounded(stage: Stage, masses: Masses) -> bool:
+    """Check that an arm with the usual masses swings by finite amounts along a stage."""
+    if not stage.arm.baseline.converged.any():
+        return False
+    swaying = _swaying(stage, masses)
+    if not (np.isfinite(swaying.stiffness).all() and np.isfinite(swaying.mass).all()):
+        return False
+    return bool(np.isfinite(_couples(swaying, _lag(stage, swaying, np.array(START)))).all())
 
 
 def _envelope(stage: Stage, swung: Floats) -> Floats:

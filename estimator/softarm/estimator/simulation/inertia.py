@@ -73,8 +73,9 @@ class Swaying:
         """Reduce the arm to its strains in every pose."""
         frames = response.frames
         samples, sections = frames.positions.shape[:2]
-        by_wrench = _filled(response.load_jacobian, response.converged)
         rows = segments.rows(frames).reshape(samples, -1, 6 * sections)
+        stable = _stable(rows @ response.load_jacobian @ np.swapaxes(rows, 1, 2), response.converged)
+        by_wrench = _filled(response.load_jacobian, stable)
         turned = by_wrench @ np.swapaxes(rows, 1, 2)
         compliance = rows @ turned
         stiffness = np.asarray(np.linalg.inv(0.5 * (compliance + np.swapaxes(compliance, 1, 2))), np.float64)
@@ -105,8 +106,20 @@ class Swaying:
         return found
 
 
+def _stable(compliance: Floats, converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Find the samples at a stable equilibrium, shape (samples,).
+
+    Beyond the pressures that a model was fitted to, its compliance may have negative eigenvalues: such an arm
+    would not swing but leave its pose without bound.
+    """
+    stable = converged & np.isfinite(compliance).all(axis=(1, 2))
+    symmetric = 0.5 * (compliance + np.swapaxes(compliance, 1, 2))
+    stable[stable] = np.linalg.eigvalsh(symmetric[stable])[:, 0] > 0.0
+    return stable
+
+
 def _filled(by_wrench: Floats, converged: NDArray[np.bool_]) -> Floats:
-    """Take the typical compliance where the model found no equilibrium."""
+    """Take the typical compliance where the model found no stable equilibrium."""
     if converged.all() or not converged.any():
         return by_wrench
     return np.where(converged[:, None, None], by_wrench, np.median(by_wrench[converged], axis=0))

@@ -1,0 +1,46 @@
+"""The fit of a swing where the model is not fit for it: beyond its pressures, or without a stiffness."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from softarm.estimator.diagnosis.nuisances import calibrate_sessions
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.diagnosis.swing import LONGEST_STEP, Swing, fit_swing, swinging
+from softarm.estimator.simulation.inertia import Masses
+from tests.estimator.diagnosis.linear_arm import model, session
+
+MASSES = Masses(np.array([0.02, 0.023]), np.array([0.16, 0.082]))
+
+
+@pytest.fixture(scope="module")
+def stage() -> Stage:
+    """A stage whose samples are near enough to show a swing."""
+    slow = session("run", 0)
+    quick = replace(slow, clock=slow.clock[0] + 0.5 * (slow.clock - slow.clock[0]))
+    assert quick.step <= LONGEST_STEP
+    return calibrate_sessions(model(), [quick]).stage(model(), quick)
+
+
+def with_compliance(stage: Stage, factor: float, samples: slice) -> Stage:
+    """Multiply the compliance at some samples."""
+    baseline = stage.arm.baseline
+    jacobian = baseline.input_jacobian.copy()
+    jacobian[samples, :, baseline.chambers : -3] *= factor
+    return replace(stage, arm=replace(stage.arm, baseline=replace(baseline, input_jacobian=jacobian)))
+
+
+def test_an_unstable_stretch_does_not_unsettle_the_swing(stage: Stage) -> None:
+    unstable = with_compliance(stage, -1.0, slice(60, 120))
+    _, notes = fit_swing([unstable], MASSES)
+    assert not any("no swing was fitted" in note for note in notes)
+    swing = Swing(1.0, (2.0, 0.002), 0.03, 0.1, 2.0)
+    usual = np.abs(swinging(stage, swing, MASSES).drive.couples).max()
+    assert np.abs(swinging(unstable, swing, MASSES).drive.couples).max() < 10.0 * usual
+
+
+def test_no_swing_is_fitted_without_a_stiffness(stage: Stage) -> None:
+    swing, notes = fit_swing([with_compliance(stage, np.nan, slice(None))], MASSES)
+    assert swing is None
+    assert notes == ("run: no swing was fitted, since the model's stiffness is not known along it.",)
