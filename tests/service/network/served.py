@@ -76,7 +76,6 @@ class ServedArm:
                     tasks.create_task(serve_each(self.bus.next_call, self.server.serve, tasks)),
                     tasks.create_task(self._step(control)),
                 )
-                self._up.set()
                 await self._end.wait()
                 for task in background:
                     task.cancel()
@@ -86,6 +85,8 @@ class ServedArm:
             async for tick in ticker.ticks():
                 control.instruments.read()
                 control.step(tick)
+                if self.mode != "STARTING":
+                    self._up.set()
 
     def _instruments(self, readings):
         instruments = standins.Instruments(readings)
