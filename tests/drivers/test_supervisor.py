@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from softarm.drivers.alarms import Alarms
 from softarm.drivers.backoff import Backoff
 from softarm.drivers.device import SupervisedDevice, close_all, connect_all
-from softarm.drivers.errors import ConfigurationError, ConnectionLost, DeviceErrors
+from softarm.drivers.errors import ConfigurationError, ConnectionLost, DeviceError, DeviceErrors
 from softarm.drivers.health import Health
 from softarm.drivers.supervisor import STALE, TRANSITIONS, ConnectionState, Supervisor, Timing
 
@@ -226,6 +226,22 @@ def test_stop_while_connecting_answers_the_caller(virtual):
             await starting
 
     virtual.run(main)
+
+
+def test_a_stop_also_ends_a_start_that_waits_for_a_failed_attempt_to_close(virtual):
+    rig = Rig(virtual, [("open", MISFIT, 1.0)], stale_after_s=0.5, lost_after_s=2.0)
+
+    async def main():
+        first = asyncio.create_task(rig.supervisor.start())
+        await asyncio.sleep(1.0)
+        second = asyncio.create_task(rig.supervisor.start())
+        await asyncio.sleep(0)
+        await rig.supervisor.stop()
+        outcomes = await asyncio.gather(first, second, return_exceptions=True)
+        assert all(isinstance(outcome, DeviceError) for outcome in outcomes)
+
+    virtual.run(main)
+    assert rig.supervisor.state is ConnectionState.DISCONNECTED
 
 
 outcomes = st.tuples(

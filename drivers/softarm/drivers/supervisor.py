@@ -131,7 +131,7 @@ class Supervisor:
         self._task: asyncio.Task[None] | None = None
         self._waiting: list[tuple[frozenset[ConnectionState], asyncio.Future[ConnectionState]]] = []
         self._heard_ns = self._valid_ns = 0
-        self._failures_in_row = 0
+        self._failures_in_row = self._stops = 0
         health.alarms.observer = self._follow_alarms
 
     async def start(self) -> None:
@@ -142,7 +142,10 @@ class Supervisor:
                 attempts go on until `stop`.
         """
         if self._task is not None and self.error is not None and not self.error.retried:
+            stops = self._stops
             await asyncio.wait({self._task})
+            if self._stops != stops:
+                raise self._closed()
         if not self.retrying:
             self._enter(ConnectionState.CONNECTING)
             self._task = asyncio.create_task(self._run(), name=f"{self.device} supervisor")
@@ -150,10 +153,14 @@ class Supervisor:
         if outcome is ConnectionState.FAULT and self.error is not None:
             raise self.error
         if outcome is ConnectionState.DISCONNECTED:
-            raise ConnectionLost(self.device, "was closed while it connected", "connect again")
+            raise self._closed()
+
+    def _closed(self) -> ConnectionLost:
+        return ConnectionLost(self.device, "was closed while it connected", "connect again")
 
     async def stop(self) -> None:
         """End the session, which leaves the device safe, and the attempts."""
+        self._stops += 1
         task, self._task = self._task, None
         if task is not None:
             await finish(task, cancel=True)

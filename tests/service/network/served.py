@@ -13,6 +13,7 @@ from softarm.daemon.control.tick import Ticker
 from softarm.daemon.loop import ControlLoop
 from softarm.daemon.network.bus import Bus
 from softarm.daemon.network.inbox import serve_each
+from softarm_client.modes import Mode
 from softarm_client.session import NetworkSettings, client_settings, listening_endpoint, open_session
 from tests.service import standins
 
@@ -41,10 +42,12 @@ class ServedArm:
         folder: Takes poses and recordings.
         settings: Where to listen.
         endpoint: Where clients connect; the service's own port when left out.
+        up: Modes in which the arm counts as up: the block begins in one of them.
     """
 
-    def __init__(self, folder, settings=FREE_PORT, endpoint=None):
+    def __init__(self, folder, settings=FREE_PORT, endpoint=None, up=frozenset(Mode) - {Mode.STARTING}):
         self._folder, self._settings, self.endpoint = folder, settings, endpoint
+        self._up_modes = up
         self._up = threading.Event()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()), daemon=True)
 
@@ -85,7 +88,7 @@ class ServedArm:
             async for tick in ticker.ticks():
                 control.instruments.read()
                 control.step(tick)
-                if self.mode != "STARTING":
+                if self.mode in self._up_modes:
                     self._up.set()
 
     def _instruments(self, readings):
