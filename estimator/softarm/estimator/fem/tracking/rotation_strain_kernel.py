@@ -2,7 +2,9 @@
 
 Eight elements go through together, one per lane, in single precision: what that leaves out of a step is out
 of balance at the next residual. Nodal values enter less those of the element's first node, so that a small
-strain does not drown in the motion of the whole. Matrices stand at addresses, nine rows of lanes each.
+strain does not drown in the motion of the whole. Matrices stand at addresses, nine rows of lanes each. The
+address of a local array is taken inside the loop that uses it: Numba frees an array after the last mention of
+its name, and an address is none.
 """
 
 from typing import Any
@@ -238,12 +240,11 @@ def carried_divergence(
     corners = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
     forces = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
     work = np.empty((2, 9, SINGLE_LANES), dtype=np.float32)
-    field = work.ctypes.data
-    rotated = field + MATRIX
     for e in range(connectivity.shape[0]):
         _collect_corners(source, connectivity[e], corners)
         forces[:] = 0.0
         for p in range(points):
+            field, rotated = work[0].ctypes.data, work[1].ctypes.data
             slopes, rotation = gradients[e, p].ctypes.data, rotations[e * points + p].ctypes.data
             _gradient(corners.ctypes.data, slopes, nodes, field)
             if back:
@@ -269,12 +270,11 @@ def finite_rotation_divergence(
     corners = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
     forces = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
     work = np.empty((7, 9, SINGLE_LANES), dtype=np.float32)
-    field = work.ctypes.data
-    rotated, rest = field + MATRIX, field + 2 * MATRIX
     for e in range(connectivity.shape[0]):
         _collect_corners(source, connectivity[e], corners)
         forces[:] = 0.0
         for p in range(points):
+            field, rotated, rest = work[0].ctypes.data, work[1].ctypes.data, work[2].ctypes.data
             slopes, at = gradients[e, p].ctypes.data, e * points + p
             _gradient(corners.ctypes.data, slopes, nodes, field)
             _product(rotations[at].ctypes.data, field, rotated)
@@ -287,9 +287,8 @@ def finite_rotation_divergence(
 def rotations_between(before: Singles, after: Singles, rotations: Singles) -> None:
     """Fill the rotation of F_after F_before^-1 at every point, by Newton's iteration (Higham 1986)."""
     work = np.empty((2, 9, SINGLE_LANES), dtype=np.float32)
-    cofactors = work.ctypes.data
-    reciprocal = cofactors + MATRIX
     for p in range(after.shape[0]):
+        cofactors, reciprocal = work[0].ctypes.data, work[1].ctypes.data
         matrix = rotations[p].ctypes.data
         _cofactors(before[p].ctypes.data, cofactors, reciprocal)
         _times_cofactors(after[p].ctypes.data, cofactors, reciprocal, matrix)
