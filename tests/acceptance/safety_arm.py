@@ -74,6 +74,10 @@ class InlineEstimator:
     def watch(self) -> None:
         """Do nothing: it answers always."""
 
+    def close(self) -> None:
+        """End the solver's threads."""
+        self._solver.close()
+
     def _answer(self, result: EstimationResult) -> None:
         self._busy = False
         self._on_result(result)
@@ -163,7 +167,9 @@ class SafetyArm:
     def _estimator(self, on_result: Callable[[EstimationResult], None]) -> InlineEstimator:
         config = self._setup.config
         sensors = tuple(sensor for sensor in config.sensors if sensor.kind != "gauge")
-        return InlineEstimator(SolverSettings(self._setup.specimen, sensors, config.control), on_result)
+        settings = SolverSettings(self._setup.specimen, sensors, config.control)
+        self.estimator = InlineEstimator(settings, on_result)
+        return self.estimator
 
     @property
     def mode(self) -> Mode:
@@ -316,6 +322,7 @@ async def safety_arm(kinds: Mapping[str, str], folder: Path) -> AsyncIterator[Sa
             ticking.cancel()
             await asyncio.wait({ticking})
             await arm.instruments.close()
+            arm.estimator.close()
             if not ticking.cancelled():
                 ticking.result()
 

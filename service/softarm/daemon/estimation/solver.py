@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -101,7 +102,10 @@ class Solver:
         process = LoadProcess(sigma, settings.control.load_time_constant_s)
         tracker = TrackerSettings(process, self._actuation, self._limits, tolerances=LIVE)
         self._rod = trusted_rod(specimen) if settings.control.model == "rod" else None
-        self._check = None if self._rod is None else RodCheck(stretched(self._model, specimen)).__enter__()
+        self._threads = ExitStack()
+        self._check: RodCheck | None = None
+        if self._rod is not None:
+            self._check = self._threads.enter_context(RodCheck(stretched(self._model, specimen)))
         following = self._followed(specimen)
         self._estimator: Follower[Any] = estimator_of(
             specimen, following, self._model.loads, self._suite, tracker, pressures_measured=True
@@ -117,12 +121,16 @@ class Solver:
         self._warm_up(np.array(specimen.gravity_m_s2))
 
     def _followed(self, specimen: Specimen) -> Any:
-        """Give the model of the estimates; its thread lives as long as the process, this solver's alone."""
+        """Give the model of the estimates."""
         loads = section_loads(self._model.sections) if specimen.physics else self._model.loads
         if self._rod is not None:
             return self._rod.with_loads(loads)
         followed = self._model.with_loads(loads) if specimen.physics else self._model
-        return TrackingModel(followed, BackgroundFactorisation(followed).__enter__())
+        return TrackingModel(followed, self._threads.enter_context(BackgroundFactorisation(followed)))
+
+    def close(self) -> None:
+        """End the threads of this solver; a process that ends with it needs no call."""
+        self._threads.close()
 
     def _warm_up(self, gravity: np.ndarray[Any, np.dtype[np.float64]]) -> None:
         """Compile and factor once, so that the first live request is as fast as the rest."""
