@@ -22,7 +22,7 @@ from softarm.analysis.diagnosis.report import Report, read_report
 from softarm.cli.output import say, show
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.common.tables import Table
-from softarm.estimator.excitation import Choice, Manoeuvre
+from softarm.estimator.excitation import ChosenManoeuvre, Manoeuvre
 from softarm.experiments.excitation import Recorded, run_excitation, run_manoeuvre, specimen_of_arm
 from softarm.experiments.excitation_plan import manoeuvres_of
 from softarm.experiments.recovery import until_allowed
@@ -149,7 +149,7 @@ def close_the_loop(specimen: str, out: Path, endpoint: str) -> tuple[Report, Wat
 
 
 def _record(client: SoftarmClient, menu: dict[str, Manoeuvre], names: Sequence[str]) -> list[Recorded]:
-    choices = [Choice(menu[name]) for name in names]
+    choices = [ChosenManoeuvre(menu[name]) for name in names]
     return patiently(client, lambda: run_excitation(client, choices, lambda _: False, lambda _: None))
 
 

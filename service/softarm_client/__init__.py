@@ -1,6 +1,6 @@
 """A client of the softarm service: the streams of an arm, its commands, its lease and its recordings."""
 
-from softarm_client.arm import Arm, Recording
+from softarm_client.arm import ActiveRecording, Arm
 from softarm_client.client import HeldLease
 from softarm_client.errors import (
     ClientError,
@@ -14,6 +14,7 @@ from softarm_client.modes import Mode
 from softarm_client.streams import Stream
 
 __all__ = [
+    "ActiveRecording",
     "Arm",
     "ClientError",
     "CommandRefusedError",
@@ -22,7 +23,6 @@ __all__ = [
     "HeldLease",
     "Mismatch",
     "Mode",
-    "Recording",
     "ServiceSilentError",
     "SetupError",
     "State",

@@ -117,7 +117,7 @@ class Recordings(Verbs):
 
 
 @dataclass
-class Recording:
+class ActiveRecording:
     """A recording in progress, or ended.
 
     Args:
@@ -197,7 +197,7 @@ class Arm(SoftarmClient):
         return Stream(self, "event", Event, silent_s)
 
     @contextmanager
-    def recording(self, name: str = "recording") -> Iterator[Recording]:
+    def recording(self, name: str = "recording") -> Iterator[ActiveRecording]:
         """Record every stream within a block.
 
         Args:
@@ -206,7 +206,7 @@ class Arm(SoftarmClient):
         Yields:
             The recording: its path and, after the block, how many messages were lost.
         """
-        recording = Recording(self.recordings.start(name).path)
+        recording = ActiveRecording(self.recordings.start(name).path)
         try:
             yield recording
         finally:

@@ -20,7 +20,7 @@ INCOMPRESSIBLE = 0.499
 
 
 @dataclass(frozen=True)
-class Trial:
+class MeshTrial:
     """One mesh to try.
 
     Args:
@@ -52,7 +52,7 @@ class Response:
     values: dict[str, float]
 
 
-def respond(specimen: Specimen, trial: Trial) -> Response:
+def respond(specimen: Specimen, trial: MeshTrial) -> Response:
     """Mesh a specimen as a trial says, and give its small-load responses."""
     if trial.poisson is not None:
         materials = {
@@ -77,30 +77,30 @@ def respond(specimen: Specimen, trial: Trial) -> Response:
     return Response(len(mesh.points), sum(len(block.connectivity) for block in mesh.blocks), values)
 
 
-def trials(specimen: Specimen) -> Iterator[tuple[str, Trial]]:
+def trials(specimen: Specimen) -> Iterator[tuple[str, MeshTrial]]:
     """List the meshes of the table, each with what the table calls it."""
     default = DEFAULTS[specimen.geometry.kind]
     slender = Resolution(layers=6, section_layers=2)
     wide = Resolution(around=2, through=2, layers=12, section_layers=3)
     fine = Resolution(around=3, through=3, layers=18, section_layers=4)
-    yield "linear tetrahedra", Trial("tet4", slender)
-    yield "linear tetrahedra", Trial("tet4", wide)
-    yield "linear tetrahedra", Trial("tet4", fine, heavy=True)
-    yield "quadratic tetrahedra, curved", Trial("tet10", slender)
-    yield "quadratic tetrahedra, curved", Trial("tet10", wide, heavy=True)
-    yield "trilinear hexahedra, mean dilatation", Trial("hex8", slender)
-    yield "trilinear hexahedra, mean dilatation", Trial("hex8", wide)
-    yield "trilinear hexahedra, mean dilatation", Trial("hex8", fine, heavy=True)
-    yield "20-node hexahedra, default", Trial("hex20", default)
+    yield "linear tetrahedra", MeshTrial("tet4", slender)
+    yield "linear tetrahedra", MeshTrial("tet4", wide)
+    yield "linear tetrahedra", MeshTrial("tet4", fine, heavy=True)
+    yield "quadratic tetrahedra, curved", MeshTrial("tet10", slender)
+    yield "quadratic tetrahedra, curved", MeshTrial("tet10", wide, heavy=True)
+    yield "trilinear hexahedra, mean dilatation", MeshTrial("hex8", slender)
+    yield "trilinear hexahedra, mean dilatation", MeshTrial("hex8", wide)
+    yield "trilinear hexahedra, mean dilatation", MeshTrial("hex8", fine, heavy=True)
+    yield "20-node hexahedra, default", MeshTrial("hex20", default)
     yield (
         "20-node hexahedra, twice the layers",
-        Trial("hex20", Resolution(default.around, default.through, 2 * default.layers, 2)),
+        MeshTrial("hex20", Resolution(default.around, default.through, 2 * default.layers, 2)),
     )
-    yield "20-node hexahedra, each in 8", Trial("hex20", default.refined(2))
-    yield f"linear tetrahedra, nu = {INCOMPRESSIBLE}", Trial("tet4", slender, INCOMPRESSIBLE)
+    yield "20-node hexahedra, each in 8", MeshTrial("hex20", default.refined(2))
+    yield f"linear tetrahedra, nu = {INCOMPRESSIBLE}", MeshTrial("tet4", slender, INCOMPRESSIBLE)
     yield (
         f"20-node hexahedra, default, nu = {INCOMPRESSIBLE}",
-        Trial("hex20", default, INCOMPRESSIBLE),
+        MeshTrial("hex20", default, INCOMPRESSIBLE),
     )
 
 
@@ -119,9 +119,9 @@ def measure(
     """
     default = DEFAULTS[specimen.geometry.kind]
     finest = default.refined(2 if quick else 4)
-    references: dict[float | None, Response] = {None: respond(specimen, Trial("hex20", finest))}
+    references: dict[float | None, Response] = {None: respond(specimen, MeshTrial("hex20", finest))}
     done(1)
-    references[INCOMPRESSIBLE] = respond(specimen, Trial("hex20", default.refined(2), INCOMPRESSIBLE))
+    references[INCOMPRESSIBLE] = respond(specimen, MeshTrial("hex20", default.refined(2), INCOMPRESSIBLE))
     done(1)
     rows: list[dict[str, Cell]] = []
     errors: dict[str, float] = {}
@@ -130,7 +130,7 @@ def measure(
             found, reference = respond(specimen, trial), references[trial.poisson]
             ratios = {key: found.values[key] / reference.values[key] for key in reference.values}
             rows.append({"mesh": name, "nodes": found.nodes, "elements": found.elements, **ratios})
-            if trial == Trial("hex20", default):
+            if trial == MeshTrial("hex20", default):
                 errors = {key: ratio - 1.0 for key, ratio in ratios.items()}
         done(1)
     return rows, errors, references[None]

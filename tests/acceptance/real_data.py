@@ -20,8 +20,8 @@ from softarm.estimator.arm import build_arm
 from softarm.estimator.calibration import (
     Calibrated,
     CalibrationRefusedError,
+    CalibrationRun,
     Options,
-    Run,
     arrange,
     calibrate,
     calibrated_specimen,
@@ -185,7 +185,12 @@ def unknown_rows(founds: Sequence[Calibrated]) -> list[dict[str, Cell]]:
 
 
 def arm_errors(
-    model: BatchArmModel, recording: Recording, run: Run, calibrated: Specimen, train: Flags, rate: float
+    model: BatchArmModel,
+    recording: Recording,
+    run: CalibrationRun,
+    calibrated: Specimen,
+    train: Flags,
+    rate: float,
 ) -> ArmErrors:
     """Compare a calibrated model and a line on training and on held-out samples.
 
@@ -283,7 +288,7 @@ def _length(offsets: Floats) -> float:
     return float(1e3 * np.sqrt((offsets.reshape(-1, 3) ** 2).sum(axis=1).mean()))
 
 
-def predict(model: BatchArmModel, calibrated: Specimen, run: Run) -> Floats:
+def predict(model: BatchArmModel, calibrated: Specimen, run: CalibrationRun) -> Floats:
     """Give the readings of a run that a calibrated specimen predicts, shape (samples, readings)."""
     gain = calibrated.calibration.stretch_gain.value
     setting = Setting.of(calibrated, StretchLaw.of(calibrated, model.sections) if gain else None)

@@ -6,7 +6,7 @@ from concurrent.futures import as_completed
 import click
 
 from acceptance import safety_run
-from acceptance.safety_cases import FAST_S, Outcome
+from acceptance.safety_cases import FAST_S, Expectation
 from acceptance.safety_processes import EVENT_NOTES, strike_processes
 from acceptance.safety_run import BENCHES, KINDS, MODES, Case, everything, parts, run
 from softarm.analysis.diagnosis.workers import workers
@@ -69,7 +69,7 @@ def summary(cases: Sequence[Case]) -> list[dict[str, Cell]]:
 
 def _row(kind: str, mode: str, cases: Iterable[Case]) -> dict[str, Cell]:
     listed = list(cases)
-    vents = [case for case in listed if case.outcome is Outcome.VENTS]
+    vents = [case for case in listed if case.outcome is Expectation.VENTS]
     fast = [case.vented_s for case in vents if case.within_s == FAST_S and case.vented_s is not None]
     return {
         "device": kind,

@@ -6,7 +6,7 @@ from enum import StrEnum
 from softarm.daemon.safety.modes import Mode
 
 
-class Outcome(StrEnum):
+class Expectation(StrEnum):
     """Where a fault leaves the arm."""
 
     VENTS = "vents"
@@ -61,7 +61,9 @@ STRIKE: Mapping[str, Mapping[str, object]] = {"stuck_valve": {"channel": 3}, "va
 """Parameters of faults whose defaults would not show on this bench."""
 
 
-def expected(kind: str, fault: str, mode: Mode, away_s: float, deadline_s: float) -> tuple[Outcome, float]:
+def expected(
+    kind: str, fault: str, mode: Mode, away_s: float, deadline_s: float
+) -> tuple[Expectation, float]:
     """State where a fault must leave the arm, and how soon it is vented.
 
     A mode that follows the pose ends when a needed pose was away for longer than its deadline, whatever took
@@ -78,12 +80,12 @@ def expected(kind: str, fault: str, mode: Mode, away_s: float, deadline_s: float
         The outcome, and the time until the terminal holds zeros [s].
     """
     if (kind, fault) in SILENT_FAULTS:
-        return (Outcome.VENTS, SLOW_S) if mode in PLAYING else (Outcome.CARRIES_ON, FAST_S)
+        return (Expectation.VENTS, SLOW_S) if mode in PLAYING else (Expectation.CARRIES_ON, FAST_S)
     if kind.startswith("festo") and fault in VALVE_FAULTS:
-        return Outcome.VENTS, FAST_S
+        return Expectation.VENTS, FAST_S
     if kind == "qualisys" and mode in BLIND_MODES:
         if fault in BLINDING_FAULTS or away_s > deadline_s + CLOSE_S:
-            return Outcome.VENTS, FAST_S
+            return Expectation.VENTS, FAST_S
         if away_s > deadline_s:
-            return Outcome.EITHER, FAST_S
-    return Outcome.CARRIES_ON, FAST_S
+            return Expectation.EITHER, FAST_S
+    return Expectation.CARRIES_ON, FAST_S

@@ -55,7 +55,7 @@ with SoftarmClient(sys.argv[1], sys.argv[2], name="mortal") as client:
 
 
 @dataclass(frozen=True)
-class Event:
+class ProcessEvent:
     """What was done to the rig, and what became of the arm.
 
     Args:
@@ -176,7 +176,7 @@ def other_client(settings: RigSettings, what: str) -> Iterator[subprocess.Popen[
             process.kill()
 
 
-def strike_processes() -> list[Event]:
+def strike_processes() -> list[ProcessEvent]:
     """Start a rig and strike its processes, the service itself last."""
     with tempfile.TemporaryDirectory(prefix="softarm-safety-") as folder:
         settings = RigSettings(
@@ -189,7 +189,7 @@ def strike_processes() -> list[Event]:
                 return [strike(arm) for strike in STRIKES]
 
 
-def _stalled_subscriber(arm: LiveArm) -> Event:
+def _stalled_subscriber(arm: LiveArm) -> ProcessEvent:
     with other_client(arm.rig.settings, "listen") as process, arm.under_pressure(Mode.ARMED):
         before = arm.client.state()
         process.send_signal(signal.SIGSTOP)
@@ -198,10 +198,10 @@ def _stalled_subscriber(arm: LiveArm) -> Event:
         ticked = (after.ticks - before.ticks) / STALLED_S
         said = f"{ticked:.0f} ticks a second, {after.overruns - before.overruns} skipped"
         fine = after.mode == Mode.ARMED and ticked > 0.9 * arm.rig.settings.rate_hz
-        return Event("a subscriber stalls", Mode.ARMED, 0.0 if vented else None, None, said, fine)
+        return ProcessEvent("a subscriber stalls", Mode.ARMED, 0.0 if vented else None, None, said, fine)
 
 
-def _full_disk(arm: LiveArm) -> Event:
+def _full_disk(arm: LiveArm) -> ProcessEvent:
     _, hard = resource.prlimit(arm.pid, resource.RLIMIT_FSIZE)
     with arm.under_pressure(Mode.ARMED):
         arm.client.command("record/start", name="full")
@@ -212,12 +212,12 @@ def _full_disk(arm: LiveArm) -> Event:
             resource.prlimit(arm.pid, resource.RLIMIT_FSIZE, (hard, hard))
         said = next(f.message for f in state.findings if f.code == "recorder_failed")
         vented = not any(arm.setpoints())
-        return Event(
+        return ProcessEvent(
             "the disk is full", Mode.ARMED, 0.0 if vented else None, None, said, state.mode == Mode.ARMED
         )
 
 
-def _frozen_loop(arm: LiveArm) -> Event:
+def _frozen_loop(arm: LiveArm) -> ProcessEvent:
     with arm.under_pressure(Mode.ARMED):
         begin = time.monotonic()
         os.kill(arm.pid, signal.SIGSTOP)
@@ -226,20 +226,22 @@ def _frozen_loop(arm: LiveArm) -> Event:
         finally:
             os.kill(arm.pid, signal.SIGCONT)
         state = arm.wait(lambda s: s.mode == Mode.FAULTED)
-        return Event("the loop freezes", Mode.ARMED, vented_s, FAST_S, state.fault_cause or "", True)
+        return ProcessEvent("the loop freezes", Mode.ARMED, vented_s, FAST_S, state.fault_cause or "", True)
 
 
-def _killed_client(arm: LiveArm) -> Event:
+def _killed_client(arm: LiveArm) -> ProcessEvent:
     with other_client(arm.rig.settings, "lease") as process:
         arm.wait(lambda s: s.mode == Mode.ARMED)
         begin = time.monotonic()
         process.kill()
         vented_s = arm.vented_s(begin)
         state = arm.wait(lambda s: s.mode == Mode.IDLE)
-        return Event("the lease's holder is killed", Mode.ARMED, vented_s, 1.0 + FAST_S, state.mode, True)
+        return ProcessEvent(
+            "the lease's holder is killed", Mode.ARMED, vented_s, 1.0 + FAST_S, state.mode, True
+        )
 
 
-def _killed_estimator(arm: LiveArm) -> Event:
+def _killed_estimator(arm: LiveArm) -> ProcessEvent:
     with arm.under_pressure(Mode.HOLDING):
         begin = time.monotonic()
         os.kill(child_of(arm.pid), signal.SIGKILL)
@@ -248,10 +250,12 @@ def _killed_estimator(arm: LiveArm) -> Event:
         said = state.fault_cause or ""
         wait_ready(arm.client)
         arm.wait(lambda s: not any(f.code == "estimator_failed" for f in s.findings), RESTART_S)
-        return Event("the estimator is killed", Mode.HOLDING, vented_s, FAST_S, said, "estimator" in said)
+        return ProcessEvent(
+            "the estimator is killed", Mode.HOLDING, vented_s, FAST_S, said, "estimator" in said
+        )
 
 
-def _killed_service(arm: LiveArm) -> Event:
+def _killed_service(arm: LiveArm) -> ProcessEvent:
     with SoftarmClient(arm.rig.settings.arm, arm.rig.settings.endpoint) as client:
         client.acquire()
         client.command("arm")
@@ -261,10 +265,10 @@ def _killed_service(arm: LiveArm) -> Event:
         begin = time.monotonic()
         os.kill(arm.pid, signal.SIGKILL)
         vented_s = arm.vented_s(begin)
-        return Event("the service is killed", Mode.ARMED, vented_s, FAST_S, "", True)
+        return ProcessEvent("the service is killed", Mode.ARMED, vented_s, FAST_S, "", True)
 
 
-STRIKES: tuple[Callable[[LiveArm], Event], ...] = (
+STRIKES: tuple[Callable[[LiveArm], ProcessEvent], ...] = (
     _stalled_subscriber,
     _full_disk,
     _frozen_loop,

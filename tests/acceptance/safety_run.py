@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from acceptance.safety_arm import SafetyArm, safety_arm
-from acceptance.safety_cases import SLOW_S, STRIKE, Outcome, expected
+from acceptance.safety_cases import SLOW_S, STRIKE, Expectation, expected
 from softarm.cli import fakes
 from softarm.daemon.safety.modes import PRESSURISED, Mode
 
@@ -52,9 +52,9 @@ class Case:
     kind: str
     fault: str
     mode: Mode
-    wanted: Outcome
+    wanted: Expectation
     within_s: float
-    outcome: Outcome
+    outcome: Expectation
     vented_s: float | None
     stayed: bool
     recovered: bool
@@ -63,10 +63,10 @@ class Case:
     @property
     def right(self) -> bool:
         """Whether all is as stated."""
-        in_time = self.outcome is Outcome.CARRIES_ON or (
+        in_time = self.outcome is Expectation.CARRIES_ON or (
             self.vented_s is not None and self.vented_s <= self.within_s
         )
-        fits = self.wanted in (self.outcome, Outcome.EITHER)
+        fits = self.wanted in (self.outcome, Expectation.EITHER)
         return fits and in_time and self.stayed and self.recovered
 
 
@@ -142,7 +142,7 @@ async def _strike(arm: SafetyArm, name: str, kind: str, fault: Any, mode: Mode) 
     board.set(fault.name, STRIKE.get(fault.name))
     vented_s = await _watch(arm, SLOW_S + 0.3 if slow else LASTS_S)
     wanted, within_s = expected(kind, fault.name, mode, arm.gaps.longest_s, arm.deadline_s)
-    outcome = Outcome.VENTS if arm.mode is not mode else Outcome.CARRIES_ON
+    outcome = Expectation.VENTS if arm.mode is not mode else Expectation.CARRIES_ON
     said = arm.loop.controller.modes.fault_cause or ""
     left = arm.mode
     board.clear(fault.name)

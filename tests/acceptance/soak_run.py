@@ -143,7 +143,7 @@ class Soak:
             FakeControl(str(rig.announcement["control"])) as fakes,
         ):
             wait_ready(client)
-            memory = Memory(rig)
+            memory = MemoryGrowth(rig)
             dice = random.Random(settings.seed)
             workers = [
                 threading.Thread(target=self._strike, args=(fakes, random.Random(dice.random()))),
@@ -167,7 +167,7 @@ class Soak:
             self._last = message
             self._tally.states += 1
 
-    def _watch(self, memory: "Memory") -> None:
+    def _watch(self, memory: "MemoryGrowth") -> None:
         begin = time.monotonic()
         settled = begin + SETTLE_SHARE * self._settings.seconds
         while (now := time.monotonic()) < begin + self._settings.seconds:
@@ -240,7 +240,7 @@ class Soak:
             path = Path(str(applied.applied["path"]))
             self._tally.readable.append(self._reader.submit(_is_readable, path))
 
-    def _sum_up(self, memory: "Memory", ended: bool) -> SoakResult:
+    def _sum_up(self, memory: "MemoryGrowth", ended: bool) -> SoakResult:
         tally, last = self._tally, self._last
         unreadable = sum(not found.result() for found in tally.readable)
         figures: dict[str, float | int | str] = {
@@ -286,7 +286,7 @@ def _is_readable(path: Path) -> bool:
         return False
 
 
-class Memory:
+class MemoryGrowth:
     """Resident memory of the service's processes.
 
     Args:

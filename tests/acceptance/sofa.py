@@ -13,11 +13,11 @@ import numpy as np
 from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.common.tables import Cell, Table
 from softarm.estimator.errors import InputError
-from softarm.estimator.fem import FiniteElementModel, Material, Section
+from softarm.estimator.fem import FiniteElementModel, Material, SectionNodes
 from softarm.estimator.inverse import Tolerances, Unknowns, forces_problem, independent_prior
-from softarm.estimator.mesh import ElementBlock, Floats, Mesh, Surface
+from softarm.estimator.mesh import ElementBlock, ElementSurface, Floats, Mesh
 from softarm.estimator.model import Inputs, Load
-from softarm.estimator.sensing import Marker, SensorSuite
+from softarm.estimator.sensing import MarkerPosition, SensorSuite
 
 MESHES = ("sopra_464", "sopra_1184")
 LAWS = {"small": "small", "large": "corotational", "polar": "corotational_edge_polar"}
@@ -53,7 +53,7 @@ class Reference:
             return np.full(len(self.mesh.points), self.about["uniform_nodal_mass_kg"])
         return self.nodal_volume * float(self.about["rho"])
 
-    def model(self, law: str, mass: str, sections: tuple[Section, ...] = ()) -> FiniteElementModel:
+    def model(self, law: str, mass: str, sections: tuple[SectionNodes, ...] = ()) -> FiniteElementModel:
         """Build the model of this mesh."""
         tip = [Load(f"tip_{a}", "force", tuple(row), "tip") for a, row in zip("xyz", np.eye(3), strict=True)]
         material = Material(law, self.about["E_Pa"], self.about["nu"])  # type: ignore[arg-type]
@@ -91,7 +91,9 @@ def read_reference(folder: Path, name: str) -> Reference:
     with np.load(files[3]) as data:
         trajectory = {key: data[key] for key in data.files if key != "note"}
     tetrahedra = shape["tets"].astype(np.int64)
-    walls = {f"chamber_{k}": Surface("tri3", shape[f"chamber{k}_tris"].astype(np.int64)) for k in range(6)}
+    walls = {
+        f"chamber_{k}": ElementSurface("tri3", shape[f"chamber{k}_tris"].astype(np.int64)) for k in range(6)
+    }
     mesh = Mesh(
         shape["points"],
         (ElementBlock("tet4", tetrahedra, np.zeros(len(tetrahedra), dtype=np.int64)),),
@@ -138,12 +140,12 @@ def inverse(reference: Reference, samples: int) -> dict[str, Cell]:
     trajectory = reference.trajectory
     nodes = trajectory["markers"].astype(int)
     points = [
-        Section(f"marker_{k}", point=tuple(reference.mesh.points[node])) for k, node in enumerate(nodes)
+        SectionNodes(f"marker_{k}", point=tuple(reference.mesh.points[node])) for k, node in enumerate(nodes)
     ]
     model = reference.model("corotational", "uniform", tuple(points))
     first = len(model.sections) - len(points)
     suite = SensorSuite(
-        tuple(Marker(p.name, first + k, MARKER_SIGMA_M, np.zeros(3)) for k, p in enumerate(points))
+        tuple(MarkerPosition(p.name, first + k, MARKER_SIGMA_M, np.zeros(3)) for k, p in enumerate(points))
     )
     unknowns = Unknowns.of(model.chambers, model.loads, force=0.05)
     prior = independent_prior(unknowns, FORCE_SIGMA_N)

@@ -6,12 +6,12 @@ import click
 
 from acceptance.verification.bodies import body_results
 from acceptance.verification.elements import element_results
-from acceptance.verification.held import Result
+from acceptance.verification.held import HeldResult
 from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.common.tables import Cell, Table
 
 
-def row(result: Result) -> dict[str, Cell]:
+def row(result: HeldResult) -> dict[str, Cell]:
     """Give the table's row of one check."""
     return {
         "check": result.check,

@@ -9,15 +9,15 @@ import pytest
 from softarm.analysis.diagnosis.report import report_of
 from softarm.cli import run
 from softarm.cli.excite import plan_tables, shortened
-from softarm.estimator.excitation import Choice, Manoeuvre, Plan
+from softarm.estimator.excitation import ChosenManoeuvre, ExcitationPlan, Manoeuvre
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.excitation_plan import count_of_pairs, manoeuvres_of
 from tests.service.diagnosis.made_diagnosis import diagnosis
 
 
-def choice(seconds: float) -> Choice:
+def choice(seconds: float) -> ChosenManoeuvre:
     path = Manoeuvre("short", "nothing", np.array([0.0, seconds]), np.zeros((2, 6)))
-    return Choice(path)
+    return ChosenManoeuvre(path)
 
 
 def test_a_dry_run_prints_the_whole_menu(capsys: pytest.CaptureFixture[str]):
@@ -50,7 +50,7 @@ def test_a_report_of_another_specimen_is_refused(tmp_path: Path, capsys: pytest.
 
 
 def test_a_plan_is_cut_to_the_time_there_is():
-    plan = Plan((choice(50.0), choice(100.0), choice(20.0)))
+    plan = ExcitationPlan((choice(50.0), choice(100.0), choice(20.0)))
     assert [one.manoeuvre.duration for one in shortened(plan, 90.0 / 60.0).choices] == [50.0, 20.0]
     assert shortened(plan, None) == plan
     assert len(plan_tables(plan)[0].rows) == 3

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from softarm.cli import doctor, fakes
-from softarm.cli.doctor import Tally, command, describe, examine, read_devices, tables
+from softarm.cli.doctor import CheckTally, command, describe, examine, read_devices, tables
 from softarm.drivers.errors import ConnectionLost
 from softarm.drivers.reading import Reading
 from softarm.estimator.errors import InputError
@@ -113,7 +113,7 @@ def test_counters_and_invalid_readings_are_remarks(virtual):
     async def main():
         bank = build(virtual, MemoryTerminal(virtual.clock), observe=True)
         await bank.connect()
-        tally = Tally()
+        tally = CheckTally()
         for index in range(3):
             tally.take(Reading("valves", None, None, index * 10**7, 0, index, 0, index > 0, "x", ("late",)))
         bank.health.gaps = 4

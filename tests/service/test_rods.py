@@ -5,7 +5,7 @@ import pytest
 import softarm.common.rods as rods
 from softarm.common.errors import WorkFailedError
 from softarm.common.shipped import fake_specimen
-from softarm.estimator.rod import FittedRod, HeldOut, Report, shape_key
+from softarm.estimator.rod import FittedRod, HeldOut, HeldOutReport, shape_key
 from softarm.estimator.rod.archive import to_bytes
 from softarm.estimator.specimen import load_specimen
 from tests.estimator.rod.linear_rod import linear_rod
@@ -19,7 +19,7 @@ def cache(tmp_path, monkeypatch):
 
 def fitted(error: float = 0.004, lost: int = 0) -> FittedRod:
     found = HeldOut(10, lost, 1e-3, 2e-3, 1e-4, 2e-4, error, 2 * error, (1.0, 0.2))
-    return FittedRod(linear_rod(8, quadratic=1e-3), Report(found, found), 100, 2)
+    return FittedRod(linear_rod(8, quadratic=1e-3), HeldOutReport(found, found), 100, 2)
 
 
 def specimen(wall: float = 0.0021):

@@ -4,15 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softarm.estimator.fem import FiniteElementModel, Material, Membrane, Section, Springs
+from softarm.estimator.fem import FiniteElementModel, Material, Membrane, SectionNodes, Springs
 from softarm.estimator.fem.parity.rings import wall_rings
 from softarm.estimator.geometry import Resolution, build_mesh
 from softarm.estimator.geometry.checks import element_volumes
 from softarm.estimator.mesh import Mesh
 from softarm.estimator.model import Load
 from softarm.estimator.rotations import from_quaternions
-from softarm.estimator.specimen import Section as SectionEntry
-from softarm.estimator.specimen import Specimen
+from softarm.estimator.specimen import Section, Specimen
 
 
 def default_loads(specimen: Specimen, sections: Sequence[str] = ()) -> tuple[Load, ...]:
@@ -110,7 +109,7 @@ def fibres(specimen: Specimen, mesh: Mesh) -> tuple[Membrane | Springs, ...]:
             return ()
 
 
-def _section(entry: SectionEntry) -> Section:
+def _section(entry: Section) -> SectionNodes:
     rotation = from_quaternions(np.array([entry.frame_quaternion]))[0]
     rows = tuple(tuple(float(value) for value in row) for row in rotation)
-    return Section(entry.name, entry.frame_origin_m, rows)  # type: ignore[arg-type]
+    return SectionNodes(entry.name, entry.frame_origin_m, rows)  # type: ignore[arg-type]

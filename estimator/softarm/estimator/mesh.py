@@ -33,7 +33,7 @@ class ElementBlock:
 
 
 @dataclass(frozen=True)
-class Surface:
+class ElementSurface:
     """Facets of one kind; their normals (right-hand rule over the corners) point out of the solid.
 
     Args:
@@ -60,5 +60,5 @@ class Mesh:
     points: Floats
     blocks: tuple[ElementBlock, ...]
     regions: tuple[str, ...]
-    surfaces: Mapping[str, Surface] = field(default_factory=dict)
+    surfaces: Mapping[str, ElementSurface] = field(default_factory=dict)
     node_sets: Mapping[str, Indices] = field(default_factory=dict)

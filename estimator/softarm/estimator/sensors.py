@@ -7,7 +7,14 @@ import numpy as np
 
 from softarm.estimator.errors import InputError
 from softarm.estimator.rotations import exp, from_quaternions
-from softarm.estimator.sensing import ActuationMap, Bend, Marker, Orientation, Registration, SectionPose
+from softarm.estimator.sensing import (
+    ActuationMap,
+    Bend,
+    MarkerPosition,
+    MeasuredPose,
+    Orientation,
+    Registration,
+)
 from softarm.estimator.specimen import Specimen
 
 
@@ -86,10 +93,10 @@ class SpecimenSensors:
             self.registration,
         )
 
-    def pose(self, section: str) -> SectionPose:
+    def pose(self, section: str) -> MeasuredPose:
         """Pose of a motion-capture body on a section, named ``frame_<section>``."""
         found = self.specimen.calibration.frame(section)
-        return SectionPose(
+        return MeasuredPose(
             f"frame_{section}",
             self._index(section),
             self.specimen.noise.position_m,
@@ -99,7 +106,7 @@ class SpecimenSensors:
             self.registration,
         )
 
-    def marker(self, name: str) -> Marker:
+    def marker(self, name: str) -> MarkerPosition:
         """Marker of the specimen, named ``marker_<name>``.
 
         Raises:
@@ -107,7 +114,7 @@ class SpecimenSensors:
         """
         for marker in self.specimen.markers:
             if marker.name == name:
-                return Marker(
+                return MarkerPosition(
                     f"marker_{name}",
                     self._index(marker.section),
                     self.specimen.noise.marker_m,

@@ -19,7 +19,14 @@ from softarm.estimator.fem.tracking import BackgroundFactorisation, TrackingMode
 from softarm.estimator.fem.tracking.frozen_tangent import freeze_tangent
 from softarm.estimator.geometry import DEFAULTS, Resolution, build_mesh
 from softarm.estimator.geometry.convert import to_elements
-from softarm.estimator.inverse import Estimator, Limits, LoadProcess, Tolerances, TrackerSettings, Unknowns
+from softarm.estimator.inverse import (
+    Estimator,
+    InputBounds,
+    LoadProcess,
+    Tolerances,
+    TrackerSettings,
+    Unknowns,
+)
 from softarm.estimator.inverse.objectives import Iterate, SensorObjective
 from softarm.estimator.inverse.program import build_program, solve_program
 from softarm.estimator.mesh import Floats, Mesh
@@ -50,7 +57,7 @@ GROWTH = (
 
 
 @dataclass(frozen=True)
-class Run:
+class TimedRun:
     """A motion of the arm with what sensors see of it.
 
     Args:
@@ -62,7 +69,7 @@ class Run:
     readings: Floats
 
 
-def motion(model: FiniteElementModel, suite: SensorSuite, gravity: Floats, samples: int) -> Run:
+def motion(model: FiniteElementModel, suite: SensorSuite, gravity: Floats, samples: int) -> TimedRun:
     """Move the arm slowly by pressures up to 24 kPa and forces up to 0.25 N at each section."""
     state, inputs, readings = model.rest(), [], []
     for k in range(samples):
@@ -74,7 +81,7 @@ def motion(model: FiniteElementModel, suite: SensorSuite, gravity: Floats, sampl
         frames = model.linearise(state, found).frames
         inputs.append(found)
         readings.append(suite.predict(Scene(frames, gravity)))
-    return Run(tuple(inputs), np.array(readings))
+    return TimedRun(tuple(inputs), np.array(readings))
 
 
 def milliseconds(work: Callable[[], Any], repeats: int = REPEATS) -> Floats:
@@ -93,7 +100,7 @@ def figures(spent: Floats) -> dict[str, Cell]:
     return {"median_ms": float(np.median(spent)), "p99_ms": float(np.percentile(spent, 99))}
 
 
-def parts(model: FiniteElementModel, suite: SensorSuite, run: Run) -> list[dict[str, Cell]]:
+def parts(model: FiniteElementModel, suite: SensorSuite, run: TimedRun) -> list[dict[str, Cell]]:
     """Time the parts of a step at one instant of the motion."""
     inputs = run.inputs[0]
     state, _ = model.solve(inputs, model.rest())
@@ -108,7 +115,7 @@ def parts(model: FiniteElementModel, suite: SensorSuite, run: Run) -> list[dict[
     unknowns = Unknowns.of(model.chambers, model.loads)
     vector = unknowns.vector(inputs)
     rows = (objective.rows(Iterate(step.frames, vector, model.chambers, step.response)),)
-    program = build_program(rows, Limits.free(unknowns.size), vector, unknowns.scale, 1.0)
+    program = build_program(rows, InputBounds.free(unknowns.size), vector, unknowns.scale, 1.0)
     cases: list[tuple[str, Callable[[], Any]]] = [
         ("residual", lambda: model.balance(state.displacement, inputs, tangent=False)),
         ("residual and tangent", lambda: model.balance(state.displacement, inputs)),
@@ -120,7 +127,9 @@ def parts(model: FiniteElementModel, suite: SensorSuite, run: Run) -> list[dict[
     return [{"part": name, **figures(milliseconds(work))} for name, work in cases]
 
 
-def follow(estimator: Estimator[Any, Any], run: Run, noise: int | None) -> tuple[dict[str, Cell], Floats]:
+def follow(
+    estimator: Estimator[Any, Any], run: TimedRun, noise: int | None
+) -> tuple[dict[str, Cell], Floats]:
     """Run an estimator along a motion.
 
     Returns:
@@ -151,7 +160,11 @@ def follow(estimator: Estimator[Any, Any], run: Run, noise: int | None) -> tuple
 
 
 def steps(
-    specimen: Specimen, model: FiniteElementModel, suite: SensorSuite, run: Run, done: Callable[[float], None]
+    specimen: Specimen,
+    model: FiniteElementModel,
+    suite: SensorSuite,
+    run: TimedRun,
+    done: Callable[[float], None],
 ) -> list[dict[str, Cell]]:
     """Follow the motion by every scheme, without and with noise."""
     table: list[dict[str, Cell]] = []
@@ -182,7 +195,7 @@ def tracker_settings(
 
 
 def switched_off(
-    specimen: Specimen, model: FiniteElementModel, suite: SensorSuite, run: Run
+    specimen: Specimen, model: FiniteElementModel, suite: SensorSuite, run: TimedRun
 ) -> list[dict[str, Cell]]:
     """Follow the motion, with noise, with each part of the tracking path switched off."""
     random, settings = np.random.default_rng(1), tracker_settings(specimen, model)

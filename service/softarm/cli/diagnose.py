@@ -112,7 +112,7 @@ def command(
     from softarm.analysis.diagnosis.html import FILE as HTML
     from softarm.analysis.diagnosis.html import write_html
     from softarm.analysis.diagnosis.report import report_of
-    from softarm.analysis.diagnosis.run import Request, improved_specimen, run
+    from softarm.analysis.diagnosis.run import DiagnosisRequest, improved_specimen, run
     from softarm.analysis.diagnosis.sentences import summary
     from softarm.analysis.diagnosis.workers import workers
     from softarm.analysis.offline.inputs import load_recordings, specimen_of
@@ -120,7 +120,7 @@ def command(
     from softarm.recordings.files import refuse_existing
 
     robot = specimen_of(specimen, recordings, load_recordings(recordings[:1]))
-    request = Request(recordings, nominal, robot, seed, effects)
+    request = DiagnosisRequest(recordings, nominal, robot, seed, effects)
     digest = digest_of(request)
     earlier = done_before(out, digest) if out is not None and not force else None
     if out is not None and earlier is not None and (write_specimen is None or write_specimen.exists()):

@@ -36,7 +36,7 @@ REMARKS = {
 
 
 @dataclass
-class Tally:
+class CheckTally:
     """Counts what one device delivers.
 
     Attributes:
@@ -210,7 +210,7 @@ async def examine_all(
 
 async def examine(config: DriverConfig, seconds: float) -> Examination:
     """Connect to one device, listen, and return what was found."""
-    tally = Tally()
+    tally = CheckTally()
     device = config.build(tally.take, observe=True)
     try:
         await _listen(device, seconds)
@@ -228,7 +228,7 @@ async def _listen(device: Device, seconds: float) -> None:
     await asyncio.sleep(seconds)
 
 
-def describe(config: DriverConfig, device: Device, tally: Tally) -> Examination:
+def describe(config: DriverConfig, device: Device, tally: CheckTally) -> Examination:
     """Return what was found out about a device at the end of the examination."""
     health = device.health
     round_trip = health.round_trip
@@ -252,7 +252,7 @@ def _standing(device: Device) -> ConnectionState:
     return device.state if device.state in ALIVE or not device.health.failures else ConnectionState.FAULT
 
 
-def _findings(name: str, device: Device, tally: Tally) -> list[DeviceNote]:
+def _findings(name: str, device: Device, tally: CheckTally) -> list[DeviceNote]:
     health = device.health
     found = []
     if device.state not in ALIVE:

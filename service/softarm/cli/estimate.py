@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from softarm.analysis.offline.surface import BodySurface
     from softarm.analysis.offline.track import Track
-    from softarm.estimator.calibration import Run
+    from softarm.estimator.calibration import CalibrationRun
     from softarm.estimator.specimen import Specimen
 
 DEFAULT_RATE = 10.0
@@ -128,7 +128,7 @@ def _chosen(robot: "Specimen") -> str:
     return "fem" if robot.physics or known_trusted_rod(robot) is None else "rod"
 
 
-def _on_mesh(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any], BodySurface]]":
+def _on_mesh(robot: "Specimen", run: "CalibrationRun") -> "tuple[Track[Any], Callable[[Any], BodySurface]]":
     """Estimate on the finite elements, begun at the rod's answers where it is known."""
     from dataclasses import replace
 
@@ -146,7 +146,7 @@ def _on_mesh(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any]
     return found, lambda state: outer_surface(model, state)
 
 
-def _on_rod(robot: "Specimen", run: "Run") -> "tuple[Track[Any], Callable[[Any], BodySurface]]":
+def _on_rod(robot: "Specimen", run: "CalibrationRun") -> "tuple[Track[Any], Callable[[Any], BodySurface]]":
     """Estimate on the calibrated rod."""
     from softarm.analysis.offline.surface import skin_surface
     from softarm.analysis.offline.track import track

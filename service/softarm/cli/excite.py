@@ -14,7 +14,7 @@ from softarm.common.tables import Cell, Table
 from softarm_client.session import DEFAULT_ENDPOINT
 
 if TYPE_CHECKING:
-    from softarm.estimator.excitation import Manoeuvre, Plan
+    from softarm.estimator.excitation import ExcitationPlan, Manoeuvre
     from softarm.estimator.specimen import Specimen
     from softarm.experiments.excitation import Recorded
     from softarm_client.client import SoftarmClient
@@ -136,7 +136,7 @@ def _offline_specimen(specimen: str | None, report: Path | None) -> "Specimen":
     return load_specimen(specimen or "sopra")
 
 
-def _plan(robot: "Specimen", menu: Sequence["Manoeuvre"], report: Path | None) -> "Plan":
+def _plan(robot: "Specimen", menu: Sequence["Manoeuvre"], report: Path | None) -> "ExcitationPlan":
     from softarm.analysis.diagnosis.report import read_report
     from softarm.experiments.excitation_plan import count_of_pairs, make_plan
 
@@ -145,7 +145,7 @@ def _plan(robot: "Specimen", menu: Sequence["Manoeuvre"], report: Path | None) -
         return make_plan(robot, menu, read, advance)
 
 
-def shortened(plan: "Plan", minutes: float | None) -> "Plan":
+def shortened(plan: "ExcitationPlan", minutes: float | None) -> "ExcitationPlan":
     """Leave out the manoeuvres that would end after some minutes."""
     if minutes is None:
         return plan
@@ -162,7 +162,7 @@ def _ask(manoeuvre: "Manoeuvre") -> bool:
     return click.confirm(f"{manoeuvre.name}: {manoeuvre.by_hand}. Done", default=True, err=True)
 
 
-def plan_tables(plan: "Plan") -> tuple[Table, ...]:
+def plan_tables(plan: "ExcitationPlan") -> tuple[Table, ...]:
     """Arrange a plan: its manoeuvres, and what it decides."""
     rows: list[dict[str, Cell]] = []
     for choice in plan.choices:
@@ -184,7 +184,7 @@ def plan_tables(plan: "Plan") -> tuple[Table, ...]:
     return tuple(tables)
 
 
-def _rivals_table(plan: "Plan") -> Table:
+def _rivals_table(plan: "ExcitationPlan") -> Table:
     from softarm.estimator.excitation.plan import ENOUGH
 
     rows: list[dict[str, Cell]] = [

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from softarm.estimator.calibration import Calibrated, Run, check_drift
+from softarm.estimator.calibration import Calibrated, CalibrationRun, check_drift
 from softarm.estimator.calibration.unknowns import Modulus
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.specimen import Specimen
@@ -14,7 +14,7 @@ from softarm.experiments.paper_calibration import calibrate_as_paper
 from softarm.experiments.validation import pose_errors
 from softarm.experiments.whole_runs import sampled
 
-Runs = Callable[[str, Specimen], Run]
+Runs = Callable[[str, Specimen], CalibrationRun]
 Models = Callable[[Specimen], BatchArmModel]
 SAMPLES = 6
 

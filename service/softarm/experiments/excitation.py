@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.estimator.errors import InputError
-from softarm.estimator.excitation import Choice, Manoeuvre
+from softarm.estimator.excitation import ChosenManoeuvre, Manoeuvre
 from softarm.estimator.specimen import Specimen
 from softarm.experiments.session import recorded
 from softarm_client.client import SoftarmClient
@@ -61,7 +61,7 @@ def _values(table: object, key: str) -> Sequence[float]:
 
 def run_excitation(
     client: SoftarmClient,
-    choices: Sequence[Choice],
+    choices: Sequence[ChosenManoeuvre],
     ask: Callable[[Manoeuvre], bool],
     advance: Callable[[float], None],
 ) -> list[Recorded]:

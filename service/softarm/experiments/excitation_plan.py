@@ -10,7 +10,16 @@ from softarm.estimator.arm import build_arm
 from softarm.estimator.effects import EFFECTS, Spot, World
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.errors import InputError
-from softarm.estimator.excitation import Limits, Manoeuvre, Plan, Rivals, Subject, menu, plan_for, whole
+from softarm.estimator.excitation import (
+    ExcitationPlan,
+    Manoeuvre,
+    ManoeuvreLimits,
+    Rivals,
+    SeparatedArm,
+    menu,
+    plan_for,
+    whole,
+)
 from softarm.estimator.model import Frames
 from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.response import BatchArmModel
@@ -45,7 +54,7 @@ def manoeuvres_of(
     Raises:
         InputError: A name is unknown.
     """
-    limits = Limits(np.array(specimen.pressure_limits), slew, share)
+    limits = ManoeuvreLimits(np.array(specimen.pressure_limits), slew, share)
     order = [part.name for part in specimen.segments]
     every = menu(tuple(order.index(chamber.segment) for chamber in specimen.chambers), limits)
     known = {manoeuvre.name: manoeuvre for manoeuvre in every}
@@ -62,7 +71,7 @@ def make_plan(
     manoeuvres: Sequence[Manoeuvre],
     report: Report | None,
     advance: Callable[[float], None] = lambda _: None,
-) -> Plan:
+) -> ExcitationPlan:
     """Plan the manoeuvres that split a report's rivals, or all of them where nothing is in doubt.
 
     Args:
@@ -95,7 +104,7 @@ def count_of_pairs(report: Report | None) -> int:
     return 0 if report is None else sum(len(finding.confusable_with) for finding in report.findings)
 
 
-def subject_of(specimen: Specimen, sensors: Sequence[str] = ()) -> Subject:
+def subject_of(specimen: Specimen, sensors: Sequence[str] = ()) -> SeparatedArm:
     """Build the model on which rivals are tried.
 
     Args:
@@ -115,7 +124,7 @@ def subject_of(specimen: Specimen, sensors: Sequence[str] = ()) -> Subject:
         tuple(make[kind](section) for kind, _, section in (name.partition("_") for name in names))
     )
     world = World.of(specimen, segments, sections, arm.stiffness(), names)
-    return Subject(arm, segments, world, suite, np.array(specimen.gravity_m_s2))
+    return SeparatedArm(arm, segments, world, suite, np.array(specimen.gravity_m_s2))
 
 
 def _arm(specimen: Specimen) -> SimulatedArm:

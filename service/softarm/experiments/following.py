@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from softarm.analysis.offline.track import Waypoints, begin_near, settings
 from softarm.common.errors import WorkFailedError
-from softarm.estimator.calibration import Run
-from softarm.estimator.inverse import Estimate, Estimator
+from softarm.estimator.calibration import CalibrationRun
+from softarm.estimator.inverse import ArmEstimate, Estimator
 from softarm.estimator.model import ArmModel
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
@@ -19,10 +19,10 @@ Floats = NDArray[np.float64]
 def follow(
     model: ArmModel[Any, Any],
     specimen: Specimen,
-    run: Run,
+    run: CalibrationRun,
     moments: Floats,
     waypoints: Waypoints[Any] | None = None,
-) -> list[Estimate[Any]]:
+) -> list[ArmEstimate[Any]]:
     """Follow a run and keep the estimates at some moments.
 
     Args:

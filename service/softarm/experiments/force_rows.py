@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import Track, Waypoints, track
 from softarm.estimator.arm import default_loads
-from softarm.estimator.calibration import Run, arrange, section_forces
+from softarm.estimator.calibration import CalibrationRun, arrange, section_forces
 from softarm.estimator.calibration.scatter import scatter_in
 from softarm.estimator.fem import FiniteElementState
 from softarm.estimator.inverse import ContactProfile
@@ -80,7 +80,7 @@ class PullCase:
     waypoints: Waypoints[Any] = field(default_factory=Waypoints)
 
     @property
-    def run(self) -> Run:
+    def run(self) -> CalibrationRun:
         """The recording with the gauge as known forces."""
         return arrange(self.recording, self.specimen, None, section_forces(self.specimen))
 

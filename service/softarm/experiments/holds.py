@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration import Run
+from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.recording import Recording
 
 Floats = NDArray[np.float64]
@@ -27,7 +27,7 @@ class Holds:
         loads: Known forces [N], shape (holds, loads).
     """
 
-    run: Run
+    run: CalibrationRun
     time: Floats
     pressures: Floats
     readings: Floats
@@ -64,7 +64,7 @@ def hold_windows(recording: Recording, shortest: float = 2.0, look: float = LOOK
     return np.column_stack([ends[long] - look, ends[long]])
 
 
-def means(run: Run, windows: Floats) -> Holds:
+def means(run: CalibrationRun, windows: Floats) -> Holds:
     """Average a run over windows; a window without any complete reading is left out.
 
     Args:

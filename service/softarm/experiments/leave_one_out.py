@@ -14,7 +14,7 @@ from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import build_layout
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.response import BatchArmModel
-from softarm.estimator.sensing import SectionPose
+from softarm.estimator.sensing import MeasuredPose
 from softarm.estimator.specimen import Specimen
 from softarm.experiments.holds import Holds
 from softarm.experiments.validation import PoseErrors, pose_deviation
@@ -54,7 +54,7 @@ def leave_one_out_errors(model: BatchArmModel, specimen: Specimen, holds: Holds)
     left[~np.isfinite(at.innovation)] = np.nan
     found = []
     for sensor in holds.run.suite.measurements:
-        if isinstance(sensor, SectionPose):
+        if isinstance(sensor, MeasuredPose):
             rows = holds.run.suite.slices[sensor.name]
             spread = np.broadcast_to(deviations[rows], (count, 6))
             part = left[:, rows]

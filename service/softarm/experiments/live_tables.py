@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from softarm.analysis.calibration_tables import calibration_tables
 from softarm.common.tables import Table
 from softarm.estimator.calibration import (
+    CalibrationRun,
     Options,
-    Run,
     arrange,
     calibrate,
     calibrated_specimen,
@@ -153,7 +153,7 @@ def _taught(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedR
     result.notes.append(f"{counted} to within the sensors' noise{lost}.")
 
 
-def _pose_before(run: Run, end: float) -> Floats:
+def _pose_before(run: CalibrationRun, end: float) -> Floats:
     """Give the mean pose of a look that ends then, NaN where nothing was seen, shape (7,)."""
     seen = means(run, np.array([[end - LOOK_S, end]])).readings
     return seen[0] if len(seen) else np.full(run.readings.shape[1], np.nan)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from softarm.estimator.calibration import Run
+from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.calibration.fit import CalibrationFit, fit
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import Layout, build_layout
@@ -45,7 +45,7 @@ class PaperCalibration:
 
 
 def calibrate_as_paper(
-    model: BatchArmModel, specimen: Specimen, sweep: Run, pulls: Run, nodes: int = 10
+    model: BatchArmModel, specimen: Specimen, sweep: CalibrationRun, pulls: CalibrationRun, nodes: int = 10
 ) -> PaperCalibration:
     """Calibrate twice, as the paper does.
 
@@ -78,7 +78,7 @@ def calibrate_as_paper(
 
 
 def _fit(
-    model: BatchArmModel, specimen: Specimen, runs: Sequence[Run], nodes: int, *, with_gains: bool
+    model: BatchArmModel, specimen: Specimen, runs: Sequence[CalibrationRun], nodes: int, *, with_gains: bool
 ) -> CalibrationFit:
     chosen: tuple[Nodes, ...] = tuple(choose_nodes(run, nodes) for run in runs)
     layout = _layout(specimen, runs[0], model, _names(specimen, with_gains=with_gains))
@@ -91,7 +91,7 @@ def _names(specimen: Specimen, *, with_gains: bool) -> list[str]:
     return [f"modulus.{segment.name}" for segment in specimen.segments] + gains
 
 
-def _layout(specimen: Specimen, run: Run, model: BatchArmModel, names: list[str]) -> Layout:
+def _layout(specimen: Specimen, run: CalibrationRun, model: BatchArmModel, names: list[str]) -> Layout:
     """Tie the moduli together and the mean gain to one."""
     chambers = [chamber.index for chamber in specimen.chambers]
     whole = build_layout(specimen, run.suite, run.pressure_source, chambers, model.regions)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.analysis.offline.track import State, Track
-from softarm.estimator.calibration import Run
+from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.calibration.pulls import cord_direction, gauged_section
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
@@ -52,7 +52,7 @@ class GaugePull:
         return np.where(size > 0.1, across / np.maximum(size, 1e-9), 0.0)
 
 
-def pull_of(recording: Recording, specimen: Specimen, run: Run) -> GaugePull:
+def pull_of(recording: Recording, specimen: Specimen, run: CalibrationRun) -> GaugePull:
     """Find the pull in a recording.
 
     Args:
@@ -127,7 +127,7 @@ def look_windows(recording: Recording, look: float = LOOK_S) -> Floats:
     return np.column_stack([ends - look, ends])
 
 
-def at_looks(run: Run, windows: Floats) -> Run:
+def at_looks(run: CalibrationRun, windows: Floats) -> CalibrationRun:
     """Average a run over looks, so that each becomes one sample."""
     held = means(run, windows)
     return replace(

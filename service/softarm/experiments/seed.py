@@ -12,8 +12,8 @@ from softarm.common.errors import WorkFailedError
 from softarm.estimator.arm import default_loads
 from softarm.estimator.calibration import (
     Calibrated,
+    CalibrationRun,
     Options,
-    Run,
     arrange,
     calibrate,
     calibrated_specimen,
@@ -140,7 +140,7 @@ class SeedBench:
         run = FakeRun(name, RUNS[name], seed=100 * self.plan.number + number, arm=self.plan.number)
         return load_recording(perform(run, self.plan.folder))
 
-    def run(self, name: str, specimen: Specimen) -> Run:
+    def run(self, name: str, specimen: Specimen) -> CalibrationRun:
         """Give a recording arranged for a specimen, its gauge as known forces."""
         return arrange(self.recording(name), specimen, None, section_forces(specimen))
 

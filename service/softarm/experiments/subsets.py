@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration import Run
+from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.errors import InputError
-from softarm.estimator.sensing import Bend, Measurement, Orientation, SectionPose, SensorSuite
+from softarm.estimator.sensing import Bend, MeasuredPose, Measurement, Orientation, SensorSuite
 
 Floats = NDArray[np.float64]
 SUBSETS = ("bends", "orientations", "poses", "fused")
 
 
-def subset(run: Run, kind: str, noise: dict[str, float] | None = None) -> Run:
+def subset(run: CalibrationRun, kind: str, noise: dict[str, float] | None = None) -> CalibrationRun:
     """Give a run whose suite holds one kind of sensor.
 
     Args:
@@ -46,7 +46,7 @@ def _taken(sensor: Measurement, readings: Floats, kind: str) -> tuple[Measuremen
         return sensor, readings
     if kind == "bends":
         return (sensor, readings) if isinstance(sensor, Bend) else None
-    if not isinstance(sensor, SectionPose):
+    if not isinstance(sensor, MeasuredPose):
         return None
     if kind == "poses":
         return sensor, readings
@@ -63,7 +63,7 @@ def _taken(sensor: Measurement, readings: Floats, kind: str) -> tuple[Measuremen
 def _widened(sensor: Measurement, noise: dict[str, float]) -> Measurement:
     """Add the calibration's scatter to a sensor's own noise."""
     widen: Callable[[Any, str], Any] = lambda own, name: np.hypot(own, noise.get(name, 0.0))  # noqa: E731
-    if isinstance(sensor, SectionPose):
+    if isinstance(sensor, MeasuredPose):
         return replace(
             sensor,
             position_sigma=widen(sensor.position_sigma, f"{sensor.name} position"),

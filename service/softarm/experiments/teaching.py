@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import actuation
 from softarm.common.errors import WorkFailedError
-from softarm.estimator.calibration import Run, arrange
+from softarm.estimator.calibration import CalibrationRun, arrange
 from softarm.estimator.calibration.scatter import scatter_in
 from softarm.estimator.errors import InputError
 from softarm.estimator.inverse import approach, replace_loads, settle
 from softarm.estimator.model import Frames
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions, log
-from softarm.estimator.sensing import SectionPose, SensorSuite
+from softarm.estimator.sensing import MeasuredPose, SensorSuite
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
 from softarm.experiments.figures import Cells, beside, error_figures, without_unit
@@ -136,14 +136,14 @@ def taught_poses(recording: Recording, specimen: Specimen, section: str = "tip")
     return TaughtPoses(SensorSuite((sensor,)), held.readings, held.time)
 
 
-def pose_of(run: Run, section: str) -> tuple[SectionPose, Floats]:
+def pose_of(run: CalibrationRun, section: str) -> tuple[MeasuredPose, Floats]:
     """Give the sensor of a section's pose and its readings, shape (samples, 7).
 
     Raises:
         InputError: The recording has no such pose.
     """
     for sensor in run.suite.measurements:
-        if isinstance(sensor, SectionPose) and sensor.name == f"frame_{section}":
+        if isinstance(sensor, MeasuredPose) and sensor.name == f"frame_{section}":
             return sensor, run.readings[:, run.suite.reading_slices[sensor.name]]
     raise InputError(run.name, f"has no pose of {section}", "bring its markers into view, and record anew")
 
@@ -226,7 +226,7 @@ def _as_shown(suite: SensorSuite, specimen: Specimen) -> SensorSuite:
         tuple(
             replace(sensor, position_sigma=noise.position_m, rotation_sigma=noise.orientation_rad)
             for sensor in suite.measurements
-            if isinstance(sensor, SectionPose)
+            if isinstance(sensor, MeasuredPose)
         )
     )
 
@@ -240,7 +240,7 @@ def out_of_reach(goal: Frames, nearest: Frames | None) -> tuple[float, float]:
     return 1e3 * distance, float(np.degrees(np.linalg.norm(turn)))
 
 
-def _slow(recording: Recording, specimen: Specimen) -> Run:
+def _slow(recording: Recording, specimen: Specimen) -> CalibrationRun:
     run = arrange(recording, specimen)
     return resample(subset(run, "poses", scatter_in(specimen, run)), RATE_HZ)
 

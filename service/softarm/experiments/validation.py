@@ -10,7 +10,7 @@ from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.response import BatchArmModel
-from softarm.estimator.sensing import Scene, SectionPose, SensorSuite
+from softarm.estimator.sensing import MeasuredPose, Scene, SensorSuite
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import StretchLaw
 from softarm.experiments.figures import Cells, beside, error_figures, inside, without_unit
@@ -67,7 +67,7 @@ def pose_errors(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple
     Raises:
         InputError: There are too few poses, or no motion capture.
     """
-    sensors = [sensor for sensor in holds.run.suite.measurements if isinstance(sensor, SectionPose)]
+    sensors = [sensor for sensor in holds.run.suite.measurements if isinstance(sensor, MeasuredPose)]
     if len(holds) < FEWEST_POSES:
         raise InputError(
             holds.run.name,
@@ -99,7 +99,7 @@ def pose_deviation(specimen: Specimen, suite: SensorSuite) -> Floats:
     spread = np.empty(suite.size)
     for sensor in suite.measurements:
         own = np.sqrt(np.diag(sensor.covariance(np.zeros(sensor.reading_size))))
-        if isinstance(sensor, SectionPose):
+        if isinstance(sensor, MeasuredPose):
             own[:3] = np.hypot(own[:3], scatter.get(f"{sensor.name} position", 0.0))
             own[3:] = np.hypot(own[3:], scatter.get(f"{sensor.name} rotation", 0.0))
         else:

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from softarm.estimator.calibration import Run
+from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.calibration.nodes import choose_nodes
 from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.experiments.holds import Holds
 
 
-def sampled(run: Run, count: int, *, pulled: bool = False) -> Holds:
+def sampled(run: CalibrationRun, count: int, *, pulled: bool = False) -> Holds:
     """Average a run over short windows, evenly spread.
 
     Args:

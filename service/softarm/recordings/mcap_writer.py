@@ -29,7 +29,7 @@ UNITS = {"pa": "Pa, gauge", "m": "m", "rad": "rad", "n": "N", "s": "s", "nm": "N
 
 
 @dataclass(frozen=True)
-class Stream:
+class TopicWriter:
     """What one channel carries.
 
     Args:
@@ -98,7 +98,7 @@ class StreamWriter:
     def __init__(
         self,
         file: IO[bytes],
-        streams: Iterable[Stream] = (),
+        streams: Iterable[TopicWriter] = (),
         *,
         attachments: Mapping[str, bytes] | None = None,
         columns: Sequence[str] = (),
@@ -122,7 +122,7 @@ class StreamWriter:
         for stream in streams:
             self.add_stream(stream)
 
-    def add_stream(self, stream: Stream) -> None:
+    def add_stream(self, stream: TopicWriter) -> None:
         """Announce a stream before its first message."""
         schema = self._writer.register_schema(
             f"softarm.{stream.topic}", "jsonschema", _schema(stream, stamped=self._start is not None)
@@ -198,7 +198,7 @@ def write_recording(
     streams = streams_of(recording.columns)
     writer = StreamWriter(
         file,
-        [Stream(topic, tuple(fields)) for topic, fields in streams.items()],
+        [TopicWriter(topic, tuple(fields)) for topic, fields in streams.items()],
         attachments={INFO_FILE: format_info(recording.info), **(attachments or {})},
         columns=list(recording.columns),
         flush_period_ns=None,
@@ -240,7 +240,7 @@ def streams_of(columns: Iterable[str]) -> dict[str, dict[str, str]]:
     return streams
 
 
-def _schema(stream: Stream, *, stamped: bool) -> bytes:
+def _schema(stream: TopicWriter, *, stamped: bool) -> bytes:
     properties: dict[str, Any] = {TIME: {"type": "number", "description": "time of the recording [s]"}}
     if stamped:
         properties[HOST_STAMP] = {

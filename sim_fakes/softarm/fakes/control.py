@@ -10,7 +10,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from softarm.estimator.errors import InputError
 from softarm.fakes.faults import nearest
-from softarm.fakes.parts import NotNegative, Part, Positive, ValvesPart, Vector
+from softarm.fakes.parts import ConfigTable, NotNegative, Positive, ValvesPart, Vector
 from softarm.fakes.plant.state import Cord, Hand
 from softarm.fakes.rig import Rig
 from softarm.fakes.scenario import Parameter
@@ -18,7 +18,7 @@ from softarm.fakes.scenario import Parameter
 LONGEST_LINE = 65536
 
 
-class FaultRequest(Part):
+class FaultRequest(ConfigTable):
     """Switch a fault on; with ``for_s`` it goes off again by itself."""
 
     do: Literal["fault"]
@@ -29,7 +29,7 @@ class FaultRequest(Part):
     for_s: Positive | None = None
 
 
-class ClearRequest(Part):
+class ClearRequest(ConfigTable):
     """Switch off one fault, all of one device, or all."""
 
     do: Literal["clear"]
@@ -37,7 +37,7 @@ class ClearRequest(Part):
     fault: str | None = None
 
 
-class CordRequest(Part):
+class CordRequest(ConfigTable):
     """Tie the cord of the gauge to a section, or take it off when no section is named."""
 
     do: Literal["cord"]
@@ -46,7 +46,7 @@ class CordRequest(Part):
     length_m: NotNegative = 0.0
 
 
-class HandRequest(Part):
+class HandRequest(ConfigTable):
     """Put a hand on a section, or take it away when no section is named."""
 
     do: Literal["hand"]
@@ -56,7 +56,7 @@ class HandRequest(Part):
     stiffness_n_per_m: NotNegative = 0.0
 
 
-class SwitchRequest(Part):
+class SwitchRequest(ConfigTable):
     """Set a concealed effect of the arm, of the valves or of a sensor."""
 
     do: Literal["switch"]
@@ -64,7 +64,7 @@ class SwitchRequest(Part):
     value: Any = None
 
 
-class AskRequest(Part):
+class AskRequest(ConfigTable):
     """Ask for the endpoints and fault counts, the true state of the arm, or the faults that there are."""
 
     do: Literal["status", "truth", "catalogue"]

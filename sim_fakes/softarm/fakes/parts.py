@@ -13,13 +13,13 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
 
 
-class Part(BaseModel):
+class ConfigTable(BaseModel):
     """A table of the file; an unknown key is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class DevicePart(Part):
+class DevicePart(ConfigTable):
     """What every device has: a name and a kind."""
 
     name: Name
@@ -66,7 +66,7 @@ class ValvesPart(DevicePart):
         return self
 
 
-class BodyPart(Part):
+class BodyPart(ConfigTable):
     """A rigid body of the motion capture.
 
     Attributes:

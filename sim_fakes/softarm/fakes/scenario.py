@@ -14,8 +14,8 @@ from softarm.fakes.parts import (
     PART_OF_KIND,
     AnyDevice,
     BodyPart,
+    ConfigTable,
     NotNegative,
-    Part,
     Port,
     Positive,
     ValvesPart,
@@ -26,7 +26,7 @@ Parameter = bool | int | float | str
 SHIPPED = ("demo", "bench", "bad_day")
 
 
-class PlantPart(Part):
+class PlantPart(ConfigTable):
     """The arm.
 
     Attributes:
@@ -38,7 +38,7 @@ class PlantPart(Part):
     switches: Annotated[dict[str, Any], Field(default_factory=dict)]
 
 
-class FaultPart(Part):
+class FaultPart(ConfigTable):
     """A scripted fault.
 
     Attributes:
@@ -58,7 +58,7 @@ class FaultPart(Part):
     parameters: Annotated[dict[str, Parameter], Field(default_factory=dict)]
 
 
-class CordPart(Part):
+class CordPart(ConfigTable):
     """The cord to the force gauge: section, hook in the laboratory frame [m], length [m]."""
 
     section: str
@@ -66,7 +66,7 @@ class CordPart(Part):
     length_m: NotNegative
 
 
-class Scenario(Part):
+class Scenario(ConfigTable):
     """A bench of fakes.
 
     Attributes:
@@ -157,7 +157,7 @@ def _error_line(entry: Any) -> str:
 def _near(words: Sequence[str]) -> str:
     """Name the known key that is nearest to an unknown one."""
     part = PART_OF_KIND.get(words[-2]) if len(words) > 1 else Scenario
-    tables: list[type[Part]] = [part] if part else [PlantPart, CordPart, FaultPart, BodyPart]
+    tables: list[type[ConfigTable]] = [part] if part else [PlantPart, CordPart, FaultPart, BodyPart]
     known = {key for table in tables for key in table.model_fields}
     close = difflib.get_close_matches(words[-1], known, n=1)
     return f", did you mean {close[0]!r}?" if close else ""

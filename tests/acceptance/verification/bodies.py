@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from acceptance.verification.box import box, mapped, with_nodes, with_surface
-from acceptance.verification.held import Result, facet_forces, free_body, solve_held
+from acceptance.verification.held import HeldResult, facet_forces, free_body, solve_held
 from softarm.estimator.fem import FiniteElementModel, Material, Settings
 from softarm.estimator.mesh import ElementKind, Floats
 from softarm.estimator.model import Inputs, Load
@@ -19,7 +19,7 @@ COOK_TIP = 6.9
 
 def lame_cylinder(
     kind: ElementKind, poisson: float, limit: float, cells: tuple[int, int, int] = (4, 6, 1)
-) -> Result:
+) -> HeldResult:
     """Load a quarter of a thick-walled cylinder by internal pressure in plane strain, in the linear range.
 
     u(r) = (1 + nu) p a^2 / (E (b^2 - a^2)) [(1 - 2 nu) r + b^2 / r]
@@ -47,7 +47,7 @@ def lame_cylinder(
         * ((1.0 - 2.0 * poisson) * INNER + OUTER**2 / INNER)
     )
     error = float(np.abs(outward / expected - 1.0).max())
-    return Result(
+    return HeldResult(
         "thick-walled cylinder", f"{kind}, nu = {poisson}", expected, float(outward.mean()), error, limit,
         "Lame (1852), bore displacement [m]",
     )  # fmt: skip
@@ -77,7 +77,7 @@ def elastica_tip(load: float) -> tuple[float, float]:
     return float(end[2]), float(1.0 - end[3])
 
 
-def elastica(kind: ElementKind, load: float, limit: float, cells: tuple[int, int, int]) -> Result:
+def elastica(kind: ElementKind, load: float, limit: float, cells: tuple[int, int, int]) -> HeldResult:
     """Bend a slender cantilever far by a force at its tip that keeps its direction."""
     length, width, young = 0.3, 0.005, 3e5
     mesh = box(kind, cells, (width, width, length))
@@ -96,13 +96,13 @@ def elastica(kind: ElementKind, load: float, limit: float, cells: tuple[int, int
     lateral = float((tip[0] - width / 2.0) / length)
     expected, _ = elastica_tip(load)
     error = abs(lateral / expected - 1.0) if found.converged else np.inf
-    return Result(
+    return HeldResult(
         "elastica", f"{kind}, F L^2/EI = {load:g}", expected, lateral, error, limit,
         "Bisshopp and Drucker (1945), lateral tip displacement over length",
     )  # fmt: skip
 
 
-def cook_membrane(kind: ElementKind, cells: int, limit: float, steps: int = 12) -> Result:
+def cook_membrane(kind: ElementKind, cells: int, limit: float, steps: int = 12) -> HeldResult:
     """Shear Cook's tapered panel in plane strain, mu = 80.1938 and kappa = 401889.8, large displacements."""
     shear, bulk, thickness = 80.1938, 401889.8, 1.0
     poisson = (3.0 * bulk - 2.0 * shear) / (6.0 * bulk + 2.0 * shear)
@@ -121,13 +121,13 @@ def cook_membrane(kind: ElementKind, cells: int, limit: float, steps: int = 12) 
     found = solve_held(body, held, lambda _: np.zeros_like(mesh.points), force, steps=steps, tolerance=1e-7)
     corner = np.argmin(np.abs(mesh.points - [48.0, 60.0, 0.0]).sum(axis=1))
     tip = float(found[corner, 1])
-    return Result(
+    return HeldResult(
         "Cook's membrane", f"{kind}, {cells} x {cells}, nu = {poisson:.4f}", COOK_TIP, tip,
         abs(tip / COOK_TIP - 1.0), limit, "de Souza Neto et al. (1996), vertical displacement of the corner",
     )  # fmt: skip
 
 
-def body_results(quick: bool) -> Iterator[Result]:
+def body_results(quick: bool) -> Iterator[HeldResult]:
     """Run the checks of whole bodies."""
     yield lame_cylinder("hex20", 0.3, 2e-3)
     yield lame_cylinder("hex20", 0.4999, 5e-3)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from softarm.estimator.geometry.convert import to_elements
 from softarm.estimator.geometry.faces import boundary_faces
-from softarm.estimator.mesh import ElementBlock, ElementKind, Floats, Indices, Mesh, Surface
+from softarm.estimator.mesh import ElementBlock, ElementKind, ElementSurface, Floats, Indices, Mesh
 from softarm.estimator.reference_elements import CORNERS, FACE_KIND, HEX_EDGES
 
 Predicate = Callable[[Floats], NDArray[np.bool_]]
@@ -61,4 +61,4 @@ def with_surface(mesh: Mesh, name: str, where: Predicate) -> Mesh:
     block = mesh.blocks[0]
     facets, kind = boundary_faces(block.kind, block.connectivity), FACE_KIND[block.kind]
     chosen = facets[where(mesh.points[facets[:, : CORNERS[kind]]].mean(axis=1))]
-    return replace(mesh, surfaces={**mesh.surfaces, name: Surface(kind, chosen)})
+    return replace(mesh, surfaces={**mesh.surfaces, name: ElementSurface(kind, chosen)})

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from acceptance.verification.box import box, mapped
-from acceptance.verification.held import Result, free_body, solve_held, tangent_and_forces
+from acceptance.verification.held import HeldResult, free_body, solve_held, tangent_and_forces
 from softarm.estimator.fem import Material
 from softarm.estimator.fem.elements.material import CorotationalLaw, HyperelasticLaw
 from softarm.estimator.geometry.faces import boundary_faces
@@ -63,7 +63,7 @@ def _edge_ends(mesh: Mesh, middles: Indices) -> Indices:
     return np.array([from_rest[int(middle)] for middle in middles])
 
 
-def patch_test(kind: ElementKind, law: HyperelasticLaw | CorotationalLaw = "neo_hookean") -> Result:
+def patch_test(kind: ElementKind, law: HyperelasticLaw | CorotationalLaw = "neo_hookean") -> HeldResult:
     """Prescribe a homogeneous deformation on the boundary of a distorted mesh: it must hold inside."""
     mesh = distorted(kind)
     # The edge frames differ between elements by the order of the strain, and with them the stresses.
@@ -79,12 +79,12 @@ def patch_test(kind: ElementKind, law: HyperelasticLaw | CorotationalLaw = "neo_
     )
     error = float(np.abs(found - exact).max() / np.abs(exact).max())
     limit = 0.2 * strain if framed else 1e-9
-    return Result(
+    return HeldResult(
         "patch test", f"{kind}, {law}", 0.0, error, error, limit, "homogeneous deformation (Irons 1966)"
     )
 
 
-def rigid_modes(kind: ElementKind, law: HyperelasticLaw | CorotationalLaw = "neo_hookean") -> Result:
+def rigid_modes(kind: ElementKind, law: HyperelasticLaw | CorotationalLaw = "neo_hookean") -> HeldResult:
     """Count the modes without stiffness of a free body, and see that a finite turn makes no force."""
     mesh = distorted(kind, 2)
     body = free_body(mesh, Material(law, 1.0, 0.4, shape=(0.3, 0.1)))
@@ -98,7 +98,7 @@ def rigid_modes(kind: ElementKind, law: HyperelasticLaw | CorotationalLaw = "neo
     _, forces = tangent_and_forces(body, mesh.points @ turn.T - mesh.points + 0.3)
     turned = 0.0 if law == "small" else float(np.abs(forces).max() / np.abs(matrix).max())
     error = abs(modes - 6) + turned
-    return Result("rigid modes", f"{kind}, {law}", 6.0, float(modes), error, 1e-12, "frame indifference")
+    return HeldResult("rigid modes", f"{kind}, {law}", 6.0, float(modes), error, 1e-12, "frame indifference")
 
 
 def _papkovich(x: Floats, poisson: float) -> Floats:
@@ -113,7 +113,7 @@ def _papkovich(x: Floats, poisson: float) -> Floats:
     return np.asarray(field)
 
 
-def convergence(kind: ElementKind, cells: tuple[int, ...] = (2, 4, 8), poisson: float = 0.3) -> Result:
+def convergence(kind: ElementKind, cells: tuple[int, ...] = (2, 4, 8), poisson: float = 0.3) -> HeldResult:
     """Observe the order of the error under refinement, for an exact solution of linear elasticity."""
     errors = []
     for count in cells:
@@ -126,7 +126,7 @@ def convergence(kind: ElementKind, cells: tuple[int, ...] = (2, 4, 8), poisson: 
         errors.append(_mean_square_error(mesh, found, poisson))
     order = float(np.log(errors[-2] / errors[-1]) / np.log(cells[-1] / cells[-2]))
     shortfall = max(0.0, ORDERS[kind] - 0.2 - order)
-    return Result(
+    return HeldResult(
         "order of convergence", f"{kind}, displacement", ORDERS[kind], order, shortfall, 0.0,
         "exact solution after Papkovich (1932)",
     )  # fmt: skip
@@ -144,7 +144,7 @@ def _mean_square_error(mesh: Mesh, found: Floats, poisson: float) -> float:
     return float(np.sqrt((measure * (gap**2).sum(axis=2)).sum()))
 
 
-def element_results(quick: bool) -> Iterator[Result]:
+def element_results(quick: bool) -> Iterator[HeldResult]:
     """Run the checks of every kind and law."""
     for kind in KINDS:
         yield patch_test(kind)

@@ -17,7 +17,7 @@ NOBODY = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
-class Result:
+class HeldResult:
     """One row of the verification table.
 
     Args:

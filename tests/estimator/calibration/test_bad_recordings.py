@@ -10,8 +10,8 @@ from toy import toy
 
 from softarm.estimator.calibration import (
     CalibrationRefusedError,
+    CalibrationRun,
     Options,
-    Run,
     arrange,
     calibrate,
     check_drift,
@@ -149,7 +149,7 @@ def test_a_sensor_that_never_answered_is_gone_on_without(sopra: Specimen) -> Non
 
 @pytest.mark.parametrize("judge", [calibrate, check_drift])
 def test_motion_without_known_forces_is_refused(
-    sopra: Specimen, judge: Callable[[NodeByNode, Specimen, list[Run]], object]
+    sopra: Specimen, judge: Callable[[NodeByNode, Specimen, list[CalibrationRun]], object]
 ) -> None:
     known = sopra.calibration.model_copy(update={"scatter": {"bend_tip": 0.01}})
     specimen = sopra.model_copy(update={"calibration": known})

@@ -9,8 +9,8 @@ from toy import toy
 
 from softarm.estimator.calibration import (
     CalibrationRefusedError,
+    CalibrationRun,
     Options,
-    Run,
     arrange,
     calibrate,
     calibrated_specimen,
@@ -255,7 +255,7 @@ def test_a_calibration_goes_stale_when_the_arm_changes(sopra: Specimen) -> None:
     later = arrange(record(seed=5), known, SECTIONS)
     assert not any(drift.stale for drift in check_drift(solver, known, [later]))
     softened = {**later.__dict__, "pressures": 1.15 * later.pressures}
-    drifts = check_drift(solver, known, [Run(**softened)])
+    drifts = check_drift(solver, known, [CalibrationRun(**softened)])
     assert all(drift.stale and drift.ratio > 1.3 for drift in drifts)
 
 

@@ -6,7 +6,7 @@ import pytest
 from softarm.analysis.diagnosis.report import report_of
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis import diagnose as whole
-from softarm.estimator.diagnosis.diagnose import Outcome, diagnose
+from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, diagnose
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.split import hold_out
 from softarm.estimator.effects import EFFECTS, Spot
@@ -40,12 +40,12 @@ LOCKING = replace(EFFECTS["material_stiffening"], act=_lock)
 """Physics that the library lacks."""
 
 
-def _diagnose(sessions: list[Session]) -> Outcome:
+def _diagnose(sessions: list[Session]) -> DiagnosisOutcome:
     return diagnose(model(), sessions, Inline(), effects=TRIED)
 
 
 @pytest.fixture(scope="module")
-def weak() -> Outcome:
+def weak() -> DiagnosisOutcome:
     return _diagnose(trial([WEAK]))
 
 
@@ -55,7 +55,7 @@ def test_nothing_new_is_consistent() -> None:
     assert not found.findings
 
 
-def test_a_weak_chamber_is_named_and_placed(weak: Outcome) -> None:
+def test_a_weak_chamber_is_named_and_placed(weak: DiagnosisOutcome) -> None:
     (finding,) = weak.diagnosis.findings
     assert weak.diagnosis.verdict == "explained"
     assert (finding.effect, finding.where) == ("chamber_gain", Place(chamber=1))
@@ -65,13 +65,13 @@ def test_a_weak_chamber_is_named_and_placed(weak: Outcome) -> None:
     assert weak.diagnosis.heldout.after < weak.diagnosis.heldout.before
 
 
-def test_an_inseparable_rival_is_named_with_what_would_tell(weak: Outcome) -> None:
+def test_an_inseparable_rival_is_named_with_what_would_tell(weak: DiagnosisOutcome) -> None:
     (finding,) = weak.diagnosis.findings
     named = {rival.effect: rival.manoeuvre for rival in finding.confusable_with}
     assert "close the valve" in named.get("line_leak", "close the valve")
 
 
-def test_the_mismatch_is_located_before_any_hypothesis(weak: Outcome) -> None:
+def test_the_mismatch_is_located_before_any_hypothesis(weak: DiagnosisOutcome) -> None:
     best = weak.diagnosis.map.best
     assert best is not None
     assert best.p_value < 0.05
@@ -90,7 +90,7 @@ def test_a_sensor_that_shows_too_much_is_named_or_offered_beside_a_soft_segment(
     assert set(named) <= {"sensor_scale", "segment_stiffness"}
 
 
-def test_confirming_data_can_only_take_a_finding_back(weak: Outcome) -> None:
+def test_confirming_data_can_only_take_a_finding_back(weak: DiagnosisOutcome) -> None:
     """No fit sees them: where they do not show the effect, it is found, and then not proven."""
     sessions, unchanged = trial([WEAK]), trial([])
     split, _ = hold_out(sessions, np.array(model().specimen.pressure_limits))
@@ -107,7 +107,7 @@ def test_confirming_data_can_only_take_a_finding_back(weak: Outcome) -> None:
     assert any("not proven" in note and found.effect.name in note for note in again.diagnosis.notes)
 
 
-def test_reported_data_decide_nothing(weak: Outcome) -> None:
+def test_reported_data_decide_nothing(weak: DiagnosisOutcome) -> None:
     """Whatever they show, the verdict and the findings are the same; only their errors tell."""
     sessions = trial([WEAK])
     split, _ = hold_out(sessions, np.array(model().specimen.pressure_limits))
@@ -122,7 +122,7 @@ def test_reported_data_decide_nothing(weak: Outcome) -> None:
     assert again.diagnosis.heldout.after > 10.0 * weak.diagnosis.heldout.after
 
 
-def test_one_seed_gives_one_report(weak: Outcome) -> None:
+def test_one_seed_gives_one_report(weak: DiagnosisOutcome) -> None:
     again = _diagnose(trial([WEAK]))
     assert report_of(again.diagnosis) == report_of(weak.diagnosis)
 

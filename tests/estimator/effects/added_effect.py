@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import Spot, chambers
 
 Floats = NDArray[np.float64]
@@ -20,7 +20,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 EFFECT = Effect(
     name="chamber_growth",  # type: ignore[arg-type]
     hook="pressure",
-    parameters=(Parameter("growth", "1", 0.1, -0.5, 0.5, spread=0.1),),
+    parameters=(ParameterSpec("growth", "1", 0.1, -0.5, 0.5, spread=0.1),),
     places=chambers,
     act=act,
     statement="{where} pushes more the fuller it is: {growth} at 20 kPa.",

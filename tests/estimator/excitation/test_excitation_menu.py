@@ -7,10 +7,10 @@ import pytest
 
 from softarm.estimator.effects.effect import Excitation
 from softarm.estimator.effects.excitation import inventory
-from softarm.estimator.excitation import Limits, Manoeuvre, menu
+from softarm.estimator.excitation import Manoeuvre, ManoeuvreLimits, menu
 
 SEGMENTS = (0, 0, 0, 1, 1, 1)
-LIMITS = Limits(np.full(6, 65e3), slew=100e3)
+LIMITS = ManoeuvreLimits(np.full(6, 65e3), slew=100e3)
 MENU = menu(SEGMENTS, LIMITS)
 
 
@@ -23,8 +23,8 @@ def test_manoeuvres_keep_to_the_limits_and_end_vented(manoeuvre: Manoeuvre):
 
 
 def test_a_slower_slew_makes_no_manoeuvre_faster():
-    slow = {m.name: m for m in menu(SEGMENTS, Limits(np.full(6, 65e3), slew=20e3))}
-    assert all(m.within(Limits(np.full(6, 65e3), slew=20e3)) for m in slow.values())
+    slow = {m.name: m for m in menu(SEGMENTS, ManoeuvreLimits(np.full(6, 65e3), slew=20e3))}
+    assert all(m.within(ManoeuvreLimits(np.full(6, 65e3), slew=20e3)) for m in slow.values())
     assert all(slow[m.name].duration >= m.duration - 1e-9 for m in MENU)
     assert slow["steps"].duration > 1.3 * next(m for m in MENU if m.name == "steps").duration
 
@@ -45,6 +45,6 @@ def test_the_whole_menu_excites_everything_but_a_long_run():
 
 
 def test_an_arm_without_chambers_is_turned_and_plucked():
-    bare = menu((), Limits(np.zeros(0)))
+    bare = menu((), ManoeuvreLimits(np.zeros(0)))
     assert {m.name for m in bare} == {"rest", "mount_turned_x", "mount_turned_y", "pluck"}
     assert all(m.pressures.shape[1] == 0 and m.duration > 0.0 for m in bare)

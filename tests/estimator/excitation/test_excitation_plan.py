@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from softarm.estimator.excitation import Limits, Rivals, Subject, menu, plan_for, whole
+from softarm.estimator.excitation import ManoeuvreLimits, Rivals, SeparatedArm, menu, plan_for, whole
 from softarm.estimator.excitation.plan import ENOUGH
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.simulation import Drive, Segments
 from tests.estimator.effects.effects_bench import SUITE, WORLD, placed
 from tests.estimator.simulation.straight_arm import SEGMENTS, straight_arm
 
-LIMITS = Limits(np.full(6, 8e3), share=1.0)  # the straight arm is linear for small bends only
+LIMITS = ManoeuvreLimits(np.full(6, 8e3), share=1.0)  # the straight arm is linear for small bends only
 MENU = {m.name: m for m in menu((0, 0, 0, 1, 1, 1), LIMITS)}
 
 
@@ -28,7 +28,7 @@ class StraightArm:
         return straight_arm(drive.time).respond(drive, near)
 
 
-SUBJECT = Subject(StraightArm(), SEGMENTS, WORLD, SUITE, np.array([0.0, 0.0, 9.81]))
+SUBJECT = SeparatedArm(StraightArm(), SEGMENTS, WORLD, SUITE, np.array([0.0, 0.0, 9.81]))
 WEIGHT = placed("tip_payload", [0.02], section="tip")
 SPREAD = placed("distributed_mass", [0.15])
 CREEP = placed("viscoelastic_creep", [0.2, 8.0, 0.0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from softarm.estimator.derivatives import derivative_error
-from softarm.estimator.fem import FiniteElementModel, Section
+from softarm.estimator.fem import FiniteElementModel, SectionNodes
 from softarm.estimator.fem.sections import SectionFit, build_section, build_slice
 from softarm.estimator.rotations import exp, log
 
@@ -14,7 +14,7 @@ ArmOf = Callable[..., FiniteElementModel]
 
 
 def _fit(arm: FiniteElementModel) -> SectionFit:
-    skin = build_section(arm.mesh, Section("skin", point=(0.002, 0.003, 0.06)))
+    skin = build_section(arm.mesh, SectionNodes("skin", point=(0.002, 0.003, 0.06)))
     frames = (*arm.frames.values(), build_slice(arm.mesh, 0.05), skin)
     return SectionFit.of(frames, len(arm.mesh.points))
 

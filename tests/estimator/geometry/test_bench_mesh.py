@@ -5,7 +5,7 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from acceptance.mesh import Trial, command, judge, respond
+from acceptance.mesh import MeshTrial, command, judge, respond
 from softarm.estimator.geometry import DEFAULTS
 from softarm.estimator.specimen import load_specimen
 
@@ -19,8 +19,8 @@ def test_the_verdict_holds_every_error_and_their_spread_to_its_limit() -> None:
 def test_the_default_of_sopra_serves_force_and_pressure() -> None:
     """Against itself with every edge halved; the benchmark divides once more."""
     specimen = load_specimen("sopra")
-    found = respond(specimen, Trial("hex20", DEFAULTS["swept_lobes"]))
-    finer = respond(specimen, Trial("hex20", DEFAULTS["swept_lobes"].refined(2)))
+    found = respond(specimen, MeshTrial("hex20", DEFAULTS["swept_lobes"]))
+    finer = respond(specimen, MeshTrial("hex20", DEFAULTS["swept_lobes"].refined(2)))
     errors = {key: found.values[key] / finer.values[key] - 1.0 for key in finer.values}
     assert set(errors) == {"force", "upper", "lower"}
     assert max(map(abs, errors.values())) < 0.015

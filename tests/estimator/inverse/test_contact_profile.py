@@ -3,13 +3,13 @@ import pytest
 
 from softarm.estimator.inverse import ContactProfile, Unknowns, forces_problem, independent_prior
 from softarm.estimator.model import Inputs, Load
-from softarm.estimator.sensing import Orientation, Scene, SectionPose, SensorSuite
+from softarm.estimator.sensing import MeasuredPose, Orientation, Scene, SensorSuite
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 PRESSURES = np.array([30e3, 5e3, 12e3, 8e3, 41e3, 20e3])
 SIGMA = np.full(6, 200.0)
 PROFILE = ContactProfile(np.linspace(0.04, 0.27, 10), form_share=0.0)
-POSES = SensorSuite((SectionPose("upper", 0, 2e-4, 2e-3), SectionPose("lower", 1, 2e-4, 2e-3)))
+POSES = SensorSuite((MeasuredPose("upper", 0, 2e-4, 2e-3), MeasuredPose("lower", 1, 2e-4, 2e-3)))
 
 
 def touched(arm, height, force, suite):

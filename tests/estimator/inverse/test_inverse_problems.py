@@ -5,7 +5,7 @@ import pytest
 
 from softarm.estimator.inverse import (
     Estimator,
-    Limits,
+    InputBounds,
     LoadProcess,
     Prior,
     Problem,
@@ -18,7 +18,14 @@ from softarm.estimator.inverse import (
 )
 from softarm.estimator.model import Inputs
 from softarm.estimator.rotations import exp, log
-from softarm.estimator.sensing import ActuationMap, Marker, Orientation, Scene, SectionPose, SensorSuite
+from softarm.estimator.sensing import (
+    ActuationMap,
+    MarkerPosition,
+    MeasuredPose,
+    Orientation,
+    Scene,
+    SensorSuite,
+)
 
 RANDOM = np.random.default_rng(11)
 GRAVITY = np.array([0.0, 0.0, 9.81])
@@ -90,7 +97,7 @@ def test_search_from_far_out_of_balance_needs_no_equilibrium_to_start(arm) -> No
 
 def bounded_problem(unknowns: Unknowns, suite: SensorSuite, readings: np.ndarray, prior: Prior) -> Problem:
     """Ask for pressures and loads together, the pressures within their limits."""
-    limits = Limits.free(unknowns.size).bound(slice(0, unknowns.chambers), 0.0, LIMITS)
+    limits = InputBounds.free(unknowns.size).bound(slice(0, unknowns.chambers), 0.0, LIMITS)
     return Problem(unknowns, suite, (SensorObjective(suite, readings), prior), limits, GRAVITY)
 
 
@@ -113,7 +120,7 @@ def test_six_pressures_and_four_forces_are_too_many_for_two_orientations(arm) ->
 
 def test_pressures_and_forces_together_where_sensors_suffice(arm) -> None:
     inputs, state = truth(arm)
-    suite = SensorSuite(tuple(SectionPose(f"pose_{k}", k, 1e-5, 1e-5) for k in range(2)))
+    suite = SensorSuite(tuple(MeasuredPose(f"pose_{k}", k, 1e-5, 1e-5) for k in range(2)))
     unknowns = Unknowns.of(6, arm.loads)
     weak = Prior(np.full(10, 0.0), np.diag(1.0 / np.concatenate([np.full(6, 1e7), np.full(4, 1e3)]) ** 2))
     problem = bounded_problem(unknowns, suite, readings_of(arm, suite, inputs, state), weak)
@@ -165,7 +172,11 @@ def settings(time_constant: float = 1.0) -> TrackerSettings:
 
 def test_tracker_follows_and_survives_lost_sensors_without_a_jump(arm) -> None:
     suite = SensorSuite(
-        (Orientation("upper", 0, SIGMA), Orientation("lower", 1, SIGMA), Marker("m", 1, 1e-4, np.zeros(3)))
+        (
+            Orientation("upper", 0, SIGMA),
+            Orientation("lower", 1, SIGMA),
+            MarkerPosition("m", 1, 1e-4, np.zeros(3)),
+        )
     )
     tracker = Estimator(arm, suite, settings())
     loads, spread = [], []

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from softarm.estimator.errors import InputError
-from softarm.estimator.inverse import Limits, QuadraticProgram, solve_program
+from softarm.estimator.inverse import InputBounds, QuadraticProgram, solve_program
 from softarm.estimator.inverse.unknowns import Unknowns
 
 RANDOM = np.random.default_rng(3)
@@ -37,11 +37,11 @@ def test_solution_meets_the_optimality_conditions(spread: float) -> None:
 
 def test_crossed_bounds_are_refused() -> None:
     with pytest.raises(InputError, match="input 1 has the lower bound 2 above the upper bound 1"):
-        Limits.free(3).bound(slice(1, 2), 2.0, 1.0)
+        InputBounds.free(3).bound(slice(1, 2), 2.0, 1.0)
 
 
 def test_held_is_not_reported_as_reached() -> None:
-    limits = Limits.free(3).bound(slice(0, 2), 0.0, 1.0).hold(slice(2, 3), 0.5)
+    limits = InputBounds.free(3).bound(slice(0, 2), 0.0, 1.0).hold(slice(2, 3), 0.5)
     low, high = limits.reached(np.array([0.0, 1.0, 0.5]), np.ones(3))
     assert low.tolist() == [True, False, False]
     assert high.tolist() == [False, True, False]

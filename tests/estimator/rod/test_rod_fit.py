@@ -9,11 +9,11 @@ from softarm.estimator.model import Inputs
 from softarm.estimator.rod import Recipe, shape_key
 from softarm.estimator.rod.archive import from_bytes
 from softarm.estimator.rod.load_stiffness import exact_moves
-from softarm.estimator.rod.samples import Plan, sampling_loads
+from softarm.estimator.rod.samples import SamplingPlan, sampling_loads
 from softarm.estimator.rod.stations import cut
 from softarm.estimator.specimen import load_specimen
 
-SMALL = Recipe(plan=Plan(rays=6), check=Plan(rays=2, seed=101, pressure=1.0))
+SMALL = Recipe(plan=SamplingPlan(rays=6), check=SamplingPlan(rays=2, seed=101, pressure=1.0))
 
 
 @pytest.mark.parametrize("data", [b"", b"PK\x03\x04 cut off", b"\x93NUMPY", bytes(200)])

@@ -12,12 +12,12 @@ from softarm.estimator.rotations import exp
 from softarm.estimator.sensing import (
     ActuationMap,
     Bend,
-    Marker,
+    MarkerPosition,
+    MeasuredPose,
     Measurement,
     Orientation,
     Registration,
     Scene,
-    SectionPose,
     SensorSuite,
     register,
 )
@@ -45,8 +45,8 @@ def misaligned(sensor: Measurement) -> Measurement:
 
 SENSORS = [
     misaligned(Orientation("orientation", 1, 0.01, registration=REGISTRATION)),
-    misaligned(SectionPose("pose", 1, 1e-3, 0.01, registration=REGISTRATION)),
-    misaligned(Marker("marker", 0, 1e-3, np.array([0.01, 0.02, -0.03]), registration=REGISTRATION)),
+    misaligned(MeasuredPose("pose", 1, 1e-3, 0.01, registration=REGISTRATION)),
+    misaligned(MarkerPosition("marker", 0, 1e-3, np.array([0.01, 0.02, -0.03]), registration=REGISTRATION)),
     misaligned(Bend("bend_upper", 0, 0.01)),
     misaligned(Bend("bend_lower", 1, 0.01, reference=0, mirrored=True)),
 ]
@@ -173,7 +173,7 @@ def test_suite_cuts_its_readings_and_names_the_unit_of_each_row() -> None:
         np.testing.assert_allclose(own, sensor.predict(at))
         assert len(suite.units[suite.slices[sensor.name]]) == sensor.size
     assert suite.reading_size == readings.shape[-1]
-    lengths = [sensor.units for sensor in SENSORS if isinstance(sensor, Marker)]
+    lengths = [sensor.units for sensor in SENSORS if isinstance(sensor, MarkerPosition)]
     assert lengths == [("m", "m", "m")] * len(lengths)
     # Rows in metres move with the sections' places; those in radians do not.
     twists = suite.sensitivity(at, readings).twists

@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from acceptance.verification import bodies, elements
-from acceptance.verification.held import Result
+from acceptance.verification.held import HeldResult
 
 
 @pytest.mark.parametrize("checks", [elements.element_results, bodies.body_results])
-def test_known_answers_are_met(checks: Callable[[bool], Iterator[Result]]) -> None:
+def test_known_answers_are_met(checks: Callable[[bool], Iterator[HeldResult]]) -> None:
     results = list(checks(True))
     assert results
     assert [result for result in results if not result.passed] == []

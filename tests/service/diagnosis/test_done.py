@@ -7,20 +7,20 @@ import pytest
 
 from softarm.analysis.diagnosis.done import digest_of, done_before, write_digest, write_report
 from softarm.analysis.diagnosis.report import report_of
-from softarm.analysis.diagnosis.run import Request
+from softarm.analysis.diagnosis.run import DiagnosisRequest
 from softarm.estimator.specimen import load_specimen
 from tests.service.diagnosis.made_diagnosis import diagnosis
 
 
 @pytest.fixture
-def request_of(tmp_path: Path) -> Request:
+def request_of(tmp_path: Path) -> DiagnosisRequest:
     for name in ("run", "known"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "recording.csv").write_text("t_s,pressure_0_pa\n0,0\n")
-    return Request((tmp_path / "run",), (tmp_path / "known",), load_specimen("sopra"))
+    return DiagnosisRequest((tmp_path / "run",), (tmp_path / "known",), load_specimen("sopra"))
 
 
-def test_the_same_diagnosis_is_known_again(request_of: Request, tmp_path: Path) -> None:
+def test_the_same_diagnosis_is_known_again(request_of: DiagnosisRequest, tmp_path: Path) -> None:
     out = tmp_path / "out"
     report = report_of(diagnosis())
     digest = digest_of(request_of)
@@ -33,7 +33,7 @@ def test_the_same_diagnosis_is_known_again(request_of: Request, tmp_path: Path) 
     assert done_before(out, digest) is None
 
 
-def test_whatever_goes_in_counts(request_of: Request, tmp_path: Path) -> None:
+def test_whatever_goes_in_counts(request_of: DiagnosisRequest, tmp_path: Path) -> None:
     digest = digest_of(request_of)
     assert digest_of(request_of) == digest
     others = [

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from softarm.analysis.diagnosis.run import Request, improved_specimen, run
+from softarm.analysis.diagnosis.run import DiagnosisRequest, improved_specimen, run
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.common.shipped import fake_specimen
-from softarm.estimator.diagnosis.diagnose import Outcome
+from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome
 from softarm.estimator.effects import EFFECTS, Spot, World
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.errors import InputError
@@ -41,7 +41,7 @@ def _refused(
     words: str, *recordings: Path, nominal: tuple[Path, ...] = (), specimen: Specimen = SOPRA
 ) -> None:
     with pytest.raises(InputError, match=words) as caught:
-        run(Request(recordings, nominal, specimen), Inline())
+        run(DiagnosisRequest(recordings, nominal, specimen), Inline())
     assert "\n" not in str(caught.value)
 
 
@@ -63,7 +63,7 @@ def test_a_recording_that_is_too_short_or_too_still_is_refused(tmp_path: Path) -
 
 def test_an_effect_that_does_not_exist_is_named_with_the_nearest(moving: Path) -> None:
     with pytest.raises(InputError, match="did you mean line_lag"):
-        run(Request((moving,), (), SOPRA, effects=("line_lagg",)), Inline())
+        run(DiagnosisRequest((moving,), (), SOPRA, effects=("line_lagg",)), Inline())
 
 
 def test_a_clock_that_goes_back_is_refused(moving: Path, tmp_path: Path) -> None:
@@ -74,10 +74,10 @@ def test_a_clock_that_goes_back_is_refused(moving: Path, tmp_path: Path) -> None
     _refused("time goes back", back)
 
 
-def _outcome(gain: float, chamber: int) -> Outcome:
+def _outcome(gain: float, chamber: int) -> DiagnosisOutcome:
     place: World = world()
     placed = PlacedEffect(EFFECTS["chamber_gain"], Spot(place, Place(chamber=chamber)), np.array([gain]))
-    return Outcome(replace(diagnosis(), recordings=("run",)), (placed,), ((0.01,),))
+    return DiagnosisOutcome(replace(diagnosis(), recordings=("run",)), (placed,), ((0.01,),))
 
 
 def test_what_was_found_is_handed_over_and_replaces_its_like() -> None:

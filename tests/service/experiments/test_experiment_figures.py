@@ -7,7 +7,7 @@ from softarm.estimator.calibration import arrange, section_forces
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.recording import Recording
-from softarm.estimator.sensing import Bend, Orientation, SectionPose
+from softarm.estimator.sensing import Bend, MeasuredPose, Orientation
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.figures import beside, error_figures, inside, without_unit
 from softarm.experiments.holds import hold_windows, means
@@ -170,7 +170,7 @@ def test_looks_end_where_the_gauge_sets_off() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "sensors"), [("orientations", Orientation), ("poses", SectionPose), ("fused", SectionPose)]
+    ("kind", "sensors"), [("orientations", Orientation), ("poses", MeasuredPose), ("fused", MeasuredPose)]
 )
 def test_subsets_keep_one_kind_of_sensor(kind: str, sensors: type) -> None:
     run = arrange(posed(), load_specimen("sopra"))

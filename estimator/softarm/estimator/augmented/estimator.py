@@ -23,13 +23,13 @@ from softarm.estimator.effects.simulate import (
     standing_pressures,
 )
 from softarm.estimator.effects.world import World
-from softarm.estimator.inverse import Estimate, Estimator, TrackerSettings
+from softarm.estimator.inverse import ArmEstimate, Estimator, TrackerSettings
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
 from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp, from_quaternions, to_quaternions
 from softarm.estimator.sensing import Scene, SensorSuite
-from softarm.estimator.simulation import Arm, Drive, Segments, SimulatedArm
+from softarm.estimator.simulation import Drive, RespondingArm, Segments, SimulatedArm
 from softarm.estimator.simulation.compliance import bounded_inverse
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
@@ -54,7 +54,7 @@ class Follower(Protocol[State]):
     def model(self) -> Any:
         """The model it runs on, with the unknown loads."""
 
-    def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> Estimate[State]:
+    def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> ArmEstimate[State]:
         """Estimate at an instant; see ``softarm.estimator.inverse.Estimator.update``."""
 
 
@@ -106,7 +106,7 @@ def estimator_of(
 
 
 def registered_again(
-    suite: SensorSuite, arm: Arm, world: World, effects: Sequence[PlacedEffect], drive: Drive
+    suite: SensorSuite, arm: RespondingArm, world: World, effects: Sequence[PlacedEffect], drive: Drive
 ) -> SensorSuite:
     """Find the laboratory by the base at rest, where the base that was recorded had turned.
 
@@ -173,7 +173,7 @@ class AugmentedEstimator(Generic[State, Step]):
         self._pull = np.zeros((1, len(self._arm_model.sections), 6))
         self._turn = np.eye(3)
 
-    def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> Estimate[State]:
+    def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> ArmEstimate[State]:
         """Estimate at an instant; see ``softarm.estimator.inverse.Estimator.update``."""
         acting = self._settings.actuation.to_chamber(pressures)
         lost = ~np.isfinite(acting)
@@ -216,7 +216,7 @@ class AugmentedEstimator(Generic[State, Step]):
             found = np.maximum(found + pressures - acting, 0.0)
         return found
 
-    def _bend(self, drive: Drive, estimate: Estimate[State]) -> None:
+    def _bend(self, drive: Drive, estimate: ArmEstimate[State]) -> None:
         """Take the stiffness of the segments in the pose of an estimate; the couples keep their strains."""
         if not any(placed.field == "eigenstrains" for placed in self._effects):
             return

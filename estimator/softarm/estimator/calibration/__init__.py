@@ -1,6 +1,6 @@
 """Calibration: from recordings to moduli, chamber gains and the alignment of sensors."""
 
-from softarm.estimator.calibration.arrange import Run, arrange
+from softarm.estimator.calibration.arrange import CalibrationRun, arrange
 from softarm.estimator.calibration.calibrate import CalibrationRefusedError, Options, calibrate
 from softarm.estimator.calibration.drift import Drift, check_drift
 from softarm.estimator.calibration.identifiability import Identified
@@ -10,11 +10,11 @@ from softarm.estimator.calibration.pulls import section_forces
 __all__ = [
     "Calibrated",
     "CalibrationRefusedError",
+    "CalibrationRun",
     "Check",
     "Drift",
     "Identified",
     "Options",
-    "Run",
     "arrange",
     "calibrate",
     "calibrated_specimen",

@@ -25,7 +25,7 @@ OVERSHOOT = 1.1  # a measured pressure may pass the limit that commands must kee
 
 
 @dataclass(frozen=True)
-class Run:
+class CalibrationRun:
     """A recording arranged for a model of its specimen.
 
     Args:
@@ -67,7 +67,7 @@ class Run:
         """Whether a known force acts on the arm at some time."""
         return bool((np.abs(np.nan_to_num(self.loads)) > LEAST_PULL).any())
 
-    def window(self, keep: Flags) -> "Run":
+    def window(self, keep: Flags) -> "CalibrationRun":
         """Keep some samples, shape (samples,)."""
         return replace(
             self,
@@ -77,7 +77,7 @@ class Run:
             loads=self.loads[keep],
         )
 
-    def delayed(self, lag: float) -> "Run":
+    def delayed(self, lag: float) -> "CalibrationRun":
         """Move the pressures to a clock that is ``lag`` seconds ahead of that of the motion."""
         moved = [interpolate(self.time - lag, self.time, column) for column in self.pressures.T]
         pressures = np.column_stack(moved) if moved else self.pressures
@@ -89,7 +89,7 @@ def arrange(
     specimen: Specimen,
     sections: Sequence[str] | None = None,
     loads: Sequence[Load] = (),
-) -> Run:
+) -> CalibrationRun:
     """Arrange a recording.
 
     Bends, poses and markers become sensors with the specimen's noise and calibration; markers and poses of
@@ -128,7 +128,7 @@ def arrange(
         )
     pulls = known_pulls(recording, specimen, registration, loads)
     bridged = [interpolate(recording.time, recording.time, column) for column in pulls.T]
-    run = Run(
+    run = CalibrationRun(
         recording.name,
         recording.time,
         pressures,

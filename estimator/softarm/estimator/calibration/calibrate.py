@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration.arrange import Run
+from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.fit import CalibrationFit, fit
-from softarm.estimator.calibration.forward import Evaluation, Forward
+from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.identifiability import KEPT, fitted, identify, kept
 from softarm.estimator.calibration.layout import Layout, build_layout
 from softarm.estimator.calibration.nodes import (
@@ -72,7 +72,7 @@ class Options:
 def calibrate(
     model: BatchArmModel,
     specimen: Specimen,
-    runs: Sequence[Run],
+    runs: Sequence[CalibrationRun],
     options: Options | None = None,
 ) -> Calibrated:
     """Fit moduli, chamber gains and biases, and the alignment of sensors to recordings.
@@ -147,11 +147,11 @@ def training_flags(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
 
 
 def _judged(
-    held_out: Sequence[Evaluation],
-    trained: Sequence[Evaluation],
+    held_out: Sequence[NodePredictions],
+    trained: Sequence[NodePredictions],
     nodes: Sequence[Nodes],
     train: Sequence[Flags],
-) -> tuple[Sequence[Evaluation], Sequence[Nodes]]:
+) -> tuple[Sequence[NodePredictions], Sequence[Nodes]]:
     """Give the nodes that no fit has seen and what was predicted for them; all where every one was seen."""
     unseen = [~flags for flags in train]
     if any(flags.any() for flags in unseen):
@@ -159,7 +159,7 @@ def _judged(
     return trained, _parts(nodes, train)
 
 
-def _choose(runs: Sequence[Run], lags: Sequence[float | None], count: int) -> tuple[Nodes, ...]:
+def _choose(runs: Sequence[CalibrationRun], lags: Sequence[float | None], count: int) -> tuple[Nodes, ...]:
     aligned = [run.delayed(lag) if lag else run for run, lag in zip(runs, lags, strict=True)]
     durations = [max(float(run.time[-1] - run.time[0]), 1e-3) * _worth(run) for run in aligned]
     shares = [max(8, round(count * duration / sum(durations))) for duration in durations]
@@ -169,7 +169,7 @@ def _choose(runs: Sequence[Run], lags: Sequence[float | None], count: int) -> tu
     return tuple(own for own in chosen if len(own.time))
 
 
-def _worth(run: Run) -> float:
+def _worth(run: CalibrationRun) -> float:
     """Look more often where a gauge pulls: its readings are coarse, and they tell the stiffness itself."""
     return PULLED_WORTH if run.pulled else 1.0
 
@@ -191,7 +191,7 @@ def _axes_wanted(specimen: Specimen, options: Options) -> bool:
     return not specimen.calibration.bends
 
 
-def _with_axes(run: Run, found: Mapping[str, AxesFit]) -> Run:
+def _with_axes(run: CalibrationRun, found: Mapping[str, AxesFit]) -> CalibrationRun:
     """Give a run whose bends have the axes that were found."""
     measurements = tuple(
         replace(m, in_plane=found[m.name].in_plane, mirrored=found[m.name].mirrored)
@@ -211,7 +211,7 @@ def _fit_determined(
     forward: Forward,
     known: Layout,
     start: Floats,
-    before: Sequence[Evaluation],
+    before: Sequence[NodePredictions],
     train: Sequence[Flags],
     options: Options,
 ) -> tuple[CalibrationFit, Layout]:
@@ -231,9 +231,9 @@ def _fit_determined(
 
 
 def _check(
-    before: Sequence[Evaluation],
-    trained: Sequence[Evaluation],
-    held_out: Sequence[Evaluation],
+    before: Sequence[NodePredictions],
+    trained: Sequence[NodePredictions],
+    held_out: Sequence[NodePredictions],
     nodes: Sequence[Nodes],
     train: Sequence[Flags],
 ) -> Check:
@@ -275,20 +275,20 @@ def _parts(nodes: Sequence[Nodes], flags: Sequence[Flags]) -> tuple[Nodes, ...]:
     return tuple(own.keep(chosen) for own, chosen in zip(nodes, flags, strict=True))
 
 
-def _frames(evaluations: Sequence[Evaluation], flags: Sequence[Flags]) -> list[Frames]:
+def _frames(evaluations: Sequence[NodePredictions], flags: Sequence[Flags]) -> list[Frames]:
     return [part.frames for part in _subset(evaluations, flags)]
 
 
-def _subset(evaluations: Sequence[Evaluation], flags: Sequence[Flags]) -> tuple[Evaluation, ...]:
+def _subset(evaluations: Sequence[NodePredictions], flags: Sequence[Flags]) -> tuple[NodePredictions, ...]:
     return tuple(part.keep(chosen) for part, chosen in zip(evaluations, flags, strict=True))
 
 
 def _joined(
-    whole: Sequence[Evaluation],
-    trained: Sequence[Evaluation],
-    held_out: Sequence[Evaluation],
+    whole: Sequence[NodePredictions],
+    trained: Sequence[NodePredictions],
+    held_out: Sequence[NodePredictions],
     train: Sequence[Flags],
-) -> tuple[Evaluation, ...]:
+) -> tuple[NodePredictions, ...]:
     """Give evaluations of all nodes with the model's states of the last evaluations of both parts."""
     found = []
     for every, seen, unseen, flags in zip(whole, trained, held_out, train, strict=True):
@@ -304,7 +304,7 @@ def _handedness(nodes: Sequence[Nodes]) -> dict[str, bool]:
     return {bend.name.removeprefix("bend_"): bend.mirrored for bend in bends}
 
 
-def _require_solutions(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> None:
+def _require_solutions(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> None:
     solved = np.concatenate([evaluation.converged for evaluation in evaluations])
     if solved.mean() < LEAST_SOLVED:
         raise CalibrationRefusedError(

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration.arrange import Run
+from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.pulls import HOOK, LEAST_PULL
 from softarm.estimator.recording import Recording
 
@@ -13,7 +13,7 @@ NEAR_MOST = 0.8  # of a gauge's largest reading
 LONGEST_GAP = 0.5  # s between two readings of a gauge within its range
 
 
-def complaints(recording: Recording, run: Run) -> tuple[str, ...]:
+def complaints(recording: Recording, run: CalibrationRun) -> tuple[str, ...]:
     """Name gauges that were slack, silent or beyond their range, and sensors that never answered.
 
     Args:
@@ -63,7 +63,7 @@ def silent_at_most(time: Floats, tension: Floats) -> float:
     return float(gaps[long & high[:-1] & high[1:]].sum())
 
 
-def silent_sensors(run: Run) -> tuple[str, ...]:
+def silent_sensors(run: CalibrationRun) -> tuple[str, ...]:
     """Name the sensors of a run that have no reading at all."""
     slices = run.suite.reading_slices
     return tuple(name for name, own in slices.items() if not np.isfinite(run.readings[:, own]).any())

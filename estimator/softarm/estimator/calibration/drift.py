@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
-from softarm.estimator.calibration.arrange import Run
+from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import build_layout
 from softarm.estimator.calibration.nodes import NEVER_TOGETHER, TOGETHER, Nodes, choose_nodes
@@ -53,7 +53,7 @@ class Drift:
 
 
 def check_drift(
-    model: BatchArmModel, specimen: Specimen, runs: Sequence[Run], nodes: int = 60
+    model: BatchArmModel, specimen: Specimen, runs: Sequence[CalibrationRun], nodes: int = 60
 ) -> tuple[Drift, ...]:
     """Compare recordings with what the specimen's calibration predicts for them.
 
@@ -95,7 +95,7 @@ def _judge(name: str, scatter: float, calibrated: float, limit: float) -> Drift:
     return Drift(name, scatter, calibrated, bool(scatter > limit * calibrated))
 
 
-def _nodes(runs: Sequence[Run], count: int) -> tuple[Nodes, ...]:
+def _nodes(runs: Sequence[CalibrationRun], count: int) -> tuple[Nodes, ...]:
     aligned = [run.delayed(lag) if (lag := estimate_lag(run)) else run for run in runs]
     chosen = tuple(choose_nodes(run, max(8, count // len(runs))) for run in aligned)
     if not sum(len(own.time) for own in chosen):

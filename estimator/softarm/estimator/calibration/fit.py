@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration.forward import Evaluation, Forward
+from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.scatter import vented
-from softarm.estimator.sensing import Measurement, SectionPose
+from softarm.estimator.sensing import MeasuredPose, Measurement
 from softarm.estimator.statistics import (
     MAD_TO_STD,
     correlation_length,
@@ -83,7 +83,9 @@ class Scatter:
     correlated: float = 1.0
 
     @classmethod
-    def of(cls, rows: "ResidualRows", evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> "Scatter":
+    def of(
+        cls, rows: "ResidualRows", evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]
+    ) -> "Scatter":
         """Estimate both from residuals."""
         return cls(_scatter(rows), mean_correlation_length(evaluations, nodes))
 
@@ -110,7 +112,7 @@ class CalibrationFit:
 
     values: Floats
     covariance: Floats
-    evaluations: tuple[Evaluation, ...]
+    evaluations: tuple[NodePredictions, ...]
     scatter: Scatter
     status: str
     iterations: int
@@ -123,7 +125,7 @@ def fit(
     *,
     iterations: int = 15,
     tolerance: float = 0.05,
-    evaluations: Sequence[Evaluation] | None = None,
+    evaluations: Sequence[NodePredictions] | None = None,
     scatter: Scatter | None = None,
 ) -> CalibrationFit:
     """Fit the unknowns to the nodes.
@@ -164,13 +166,13 @@ def fit(
 
 
 def robust_cost(
-    forward: Forward, evaluations: Sequence[Evaluation], values: Floats, scatter: Scatter
+    forward: Forward, evaluations: Sequence[NodePredictions], values: Floats, scatter: Scatter
 ) -> float:
     """Compute what a fit minimises, at values that were evaluated."""
     return _normal_equations(forward, collect(evaluations, forward.nodes), values, scatter)[2]
 
 
-def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> ResidualRows:
+def collect(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> ResidualRows:
     """Stack the residuals that are present."""
     parts = []
     first_block = 0
@@ -208,7 +210,7 @@ def collect(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> Residu
     )
 
 
-def mean_correlation_length(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> float:
+def mean_correlation_length(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> float:
     """Compute the number of consecutive nodes that say the same thing, averaged over the sensors' rows."""
     lengths: list[float] = []
     for evaluation, own in zip(evaluations, nodes, strict=True):
@@ -220,7 +222,7 @@ def mean_correlation_length(evaluations: Sequence[Evaluation], nodes: Sequence[N
 def _kinds(measurement: Measurement) -> list[str]:
     """Name what each row of a sensor shares its scatter with: all rows of one kind of sensor and unit."""
     kind = type(measurement).__name__.lower()
-    if isinstance(measurement, SectionPose):
+    if isinstance(measurement, MeasuredPose):
         return [f"{kind} position"] * 3 + [f"{kind} rotation"] * 3
     return [kind] * measurement.size
 

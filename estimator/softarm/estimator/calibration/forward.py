@@ -20,7 +20,7 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class NodePredictions:
     """The model at the nodes of one run, at some values of the unknowns.
 
     Args:
@@ -46,9 +46,9 @@ class Evaluation:
         """Frames of the sections at each node."""
         return self.response.frames
 
-    def keep(self, flags: Flags) -> "Evaluation":
+    def keep(self, flags: Flags) -> "NodePredictions":
         """Keep some nodes, shape (nodes,)."""
-        return Evaluation(
+        return NodePredictions(
             self.innovation[flags], self.jacobian[flags], self.rigid[flags], self.response.at(flags)
         )
 
@@ -69,7 +69,9 @@ class Forward:
     nodes: tuple[Nodes, ...]
     segments: Segments | None = None
 
-    def evaluate(self, values: Floats, starts: Sequence[Evaluation] | None = None) -> tuple[Evaluation, ...]:
+    def evaluate(
+        self, values: Floats, starts: Sequence[NodePredictions] | None = None
+    ) -> tuple[NodePredictions, ...]:
         """Solve the model at every node.
 
         Args:
@@ -80,17 +82,17 @@ class Forward:
             One evaluation per run.
         """
         setting = self.layout.setting(values)
-        earlier: Sequence[Evaluation | None] = starts or [None] * len(self.nodes)
+        earlier: Sequence[NodePredictions | None] = starts or [None] * len(self.nodes)
         return tuple(
             self._evaluate_run(setting, nodes, start)
             for nodes, start in zip(self.nodes, earlier, strict=True)
         )
 
-    def _evaluate_run(self, setting: Setting, nodes: Nodes, start: Evaluation | None) -> Evaluation:
+    def _evaluate_run(self, setting: Setting, nodes: Nodes, start: NodePredictions | None) -> NodePredictions:
         at = self.predict(setting, nodes, start.response if start is not None else None)
         converged = at.response.converged[:, None]
         innovation = np.where(converged, at.innovation, np.nan)
-        return Evaluation(innovation, self.layout.jacobian(at), at.rigid_jacobian, at.response)
+        return NodePredictions(innovation, self.layout.jacobian(at), at.rigid_jacobian, at.response)
 
     def predict(self, setting: Setting, nodes: Nodes, start: ArmResponse | None = None) -> Prediction:
         """Solve the calibrated model at the nodes of one run and compare it with the readings."""

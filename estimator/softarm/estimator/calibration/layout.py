@@ -23,7 +23,7 @@ from softarm.estimator.calibration.unknowns import (
     Torsion,
     Unknown,
 )
-from softarm.estimator.sensing import Bend, Measurement, Orientation, SectionPose, SensorSuite
+from softarm.estimator.sensing import Bend, MeasuredPose, Measurement, Orientation, SensorSuite
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import StretchLaw
 
@@ -63,7 +63,7 @@ ALIGNMENT_SPREAD = {
 """Standard deviation of what is known beforehand of each alignment parameter [rad or m]."""
 
 BEND_ALIGNMENT = ("in_plane", "bias_x", "bias_y")
-POSE_ALIGNMENT = SectionPose.parameter_names
+POSE_ALIGNMENT = MeasuredPose.parameter_names
 
 
 @dataclass(frozen=True)
@@ -277,7 +277,7 @@ def _alignment(suite: SensorSuite) -> list[Unknown]:
     for sensor in suite.measurements:
         if isinstance(sensor, Bend):
             names: tuple[str, ...] = BEND_ALIGNMENT
-        elif isinstance(sensor, SectionPose):
+        elif isinstance(sensor, MeasuredPose):
             names = POSE_ALIGNMENT
         elif isinstance(sensor, Orientation):
             names = Orientation.parameter_names

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from softarm.estimator.calibration.arrange import Floats, Run
+from softarm.estimator.calibration.arrange import CalibrationRun, Floats
 
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
@@ -41,7 +41,7 @@ class Nodes:
         blocks: Which block of ``BLOCK`` seconds each belongs to, shape (nodes,).
     """
 
-    run: Run
+    run: CalibrationRun
     time: Floats
     pressures: Floats
     readings: Floats
@@ -62,7 +62,7 @@ class Nodes:
         )
 
 
-def choose_nodes(run: Run, count: int, window: float | None = None) -> Nodes:
+def choose_nodes(run: CalibrationRun, count: int, window: float | None = None) -> Nodes:
     """Choose windows of a run and average each.
 
     They are evenly spaced; while a gauge pulls, each is moved to where hook and arm rest the most around it:
@@ -102,7 +102,7 @@ def choose_nodes(run: Run, count: int, window: float | None = None) -> Nodes:
     )
 
 
-def block_of(run: Run, time: Floats) -> Indices:
+def block_of(run: CalibrationRun, time: Floats) -> Indices:
     """Number the blocks of ``BLOCK`` seconds that times belong to."""
     blocks: Indices = ((time - run.time[0]) // BLOCK).astype(np.int64)
     return blocks
@@ -114,7 +114,7 @@ def training_blocks(blocks: Sequence[int] | Indices) -> Flags:
     return training
 
 
-def _resting(run: Run, speeds: Floats, number: int, margin: float) -> Floats:
+def _resting(run: CalibrationRun, speeds: Floats, number: int, margin: float) -> Floats:
     """Find the moment of each of ``number`` even stretches around which the fastest motion is the slowest."""
     step = float(np.median(np.diff(run.time))) if len(run.time) > 1 else 1.0
     busiest = maximum_filter1d(speeds, 2 * max(1, round(margin / step)) + 1, mode="nearest")
@@ -133,7 +133,7 @@ def _mean(readings: Floats) -> Floats:
     return np.where(seen.any(axis=0), total / np.maximum(seen.sum(axis=0), 1), np.nan)
 
 
-def _speed(run: Run) -> Floats:
+def _speed(run: CalibrationRun) -> Floats:
     """Give how fast readings and pressures move, in their own spreads per second, shape (samples,).
 
     Columns that hold little but noise are left out: in their own spreads, noise is fast.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.calibration.fit import fit
-from softarm.estimator.calibration.forward import Evaluation, Forward
+from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.layout import Layout
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.pulls import LEAST_PULL
@@ -59,7 +59,7 @@ class Told:
 
 
 def told_by_pulls(
-    forward: Forward, start: Floats, before: Sequence[Evaluation], train: Sequence[Flags]
+    forward: Forward, start: Floats, before: Sequence[NodePredictions], train: Sequence[Flags]
 ) -> Told:
     """Fit everything but what belongs to the pressures to the pulls on the vented arm.
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration.arrange import Run
+from softarm.estimator.calibration.arrange import CalibrationRun
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -48,7 +48,7 @@ def fit_line(pressures: Floats, readings: Floats) -> Line:
     return Line(np.asarray(slopes, dtype=np.float64))
 
 
-def estimate_lag(run: Run) -> float | None:
+def estimate_lag(run: CalibrationRun) -> float | None:
     """Estimate how far the motion lags behind the pressures [s]: where a line explains it best.
 
     The lag of the clocks and that of the arm's own inertia add up; a static model wants both gone.
@@ -66,7 +66,7 @@ def estimate_lag(run: Run) -> float | None:
     return _lowest(lags, left)
 
 
-def _unexplained(run: Run) -> float:
+def _unexplained(run: CalibrationRun) -> float:
     """Give the share of the readings' variance that a line leaves, each reading over its own."""
     seen = np.isfinite(run.readings).all(axis=1) & np.isfinite(run.pressures).all(axis=1)
     readings = run.readings[seen]

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration.arrange import Run
-from softarm.estimator.calibration.forward import Evaluation
+from softarm.estimator.calibration.arrange import CalibrationRun
+from softarm.estimator.calibration.forward import NodePredictions
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.outcome import by_quantity
 from softarm.estimator.specimen import Specimen
@@ -19,7 +19,7 @@ VENTED_PULLS = ", vented pulls"
 PRESSURISED_PULLS = ", pressurised pulls"
 
 
-def rms(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> dict[str, float]:
+def rms(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> dict[str, float]:
     """Give the root mean square of the innovations by component of each sensor, over all runs."""
     squares: dict[str, list[Floats]] = {}
     for evaluation, own in zip(evaluations, nodes, strict=True):
@@ -30,7 +30,7 @@ def rms(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> dict[str, 
     return {name: float(np.sqrt(values.mean())) for name, values in joined.items() if len(values)}
 
 
-def scatter_by_condition(evaluations: Sequence[Evaluation], nodes: Sequence[Nodes]) -> dict[str, float]:
+def scatter_by_condition(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> dict[str, float]:
     """Give the scatter of each sensor by quantity: without known forces, and by name while a gauge pulls.
 
     An arm that hangs vented, drawn by a gauge, stays near rest and scatters less than one under pressure.
@@ -59,7 +59,7 @@ def scatter_by_condition(evaluations: Sequence[Evaluation], nodes: Sequence[Node
     return found
 
 
-def scatter_in(specimen: Specimen, run: Run) -> dict[str, float]:
+def scatter_in(specimen: Specimen, run: CalibrationRun) -> dict[str, float]:
     """Give the scatter that a specimen's calibration left in the condition of a run [m or rad].
 
     Args:

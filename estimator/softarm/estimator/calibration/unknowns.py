@@ -16,7 +16,7 @@ from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import skew
-from softarm.estimator.sensing import ActuationMap, Marker, Scene, SectionPose, SensorSuite
+from softarm.estimator.sensing import ActuationMap, MarkerPosition, MeasuredPose, Scene, SensorSuite
 
 Floats = NDArray[np.float64]
 
@@ -410,7 +410,7 @@ def lever(suite: SensorSuite, innovation: Floats) -> Floats:
     """
     more = np.zeros((*innovation.shape, 6))
     for measurement in suite.measurements:
-        if isinstance(measurement, SectionPose | Marker):
+        if isinstance(measurement, MeasuredPose | MarkerPosition):
             first = suite.slices[measurement.name].start
             more[:, first : first + 3, 3:] = skew(innovation[:, first : first + 3])
     return more

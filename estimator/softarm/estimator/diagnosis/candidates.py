@@ -49,7 +49,7 @@ class Accepted:
 
 
 @dataclass(frozen=True)
-class Choice:
+class ChosenEffects:
     """The end of the search.
 
     Args:

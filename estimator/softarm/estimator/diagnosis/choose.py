@@ -12,12 +12,12 @@ from softarm.estimator.diagnosis.candidates import (
     ALIKE,
     Accepted,
     Candidate,
-    Choice,
+    ChosenEffects,
     is_told,
     plainest_first,
     surprise,
 )
-from softarm.estimator.diagnosis.evidence import Evidence
+from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.fit import Fit, Ground, View, fit_effects, gain_of
 from softarm.estimator.diagnosis.gram import Products, total
 from softarm.estimator.diagnosis.judge import CERTAIN, Judgement, judge
@@ -71,7 +71,7 @@ class Search:
         settled: Those of them that have been fitted on the model itself, whichever fit was kept.
     """
 
-    evidence: Evidence
+    evidence: RegressionProblem
     weights: Weights
     belief: Belief
     rng: np.random.Generator
@@ -83,7 +83,7 @@ class Search:
     tried: dict[tuple[object, ...], Candidate | None] = field(default_factory=dict, compare=False)
     settled: set[tuple[object, ...]] = field(default_factory=set, compare=False)
 
-    def run(self, refused: frozenset[int] = frozenset()) -> Choice:
+    def run(self, refused: frozenset[int] = frozenset()) -> ChosenEffects:
         """Add effects while they hold.
 
         Args:
@@ -116,7 +116,7 @@ class Search:
             self.advance(1.0)
             accepted, fit, dropped = self.pruned(accepted, fit)
             refused |= dropped
-        return Choice(tuple(accepted), fit, alarm_p, turned_down)
+        return ChosenEffects(tuple(accepted), fit, alarm_p, turned_down)
 
     def parts(self, fit: Fit | None) -> list[Products]:
         """Give the products of the residuals that accepted effects leave, without nominal recordings."""
@@ -313,7 +313,7 @@ class Search:
         left = self.refit(others).gain if others is not None else 0.0
         return fit.gain - left > LEAST_BIC + self.price * len(fit.thetas[number])
 
-    def without(self, choice: Choice, dropped: Sequence[int]) -> Choice:
+    def without(self, choice: ChosenEffects, dropped: Sequence[int]) -> ChosenEffects:
         """Take effects back, and fit the others again."""
         kept = [k for k in range(len(choice.accepted)) if k not in dropped]
         left = self.subset(choice.fit, kept) if choice.fit is not None else None

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.diagnosis.belief import Marginal
-from softarm.estimator.diagnosis.candidates import TIED, Accepted, Candidate, Choice
+from softarm.estimator.diagnosis.candidates import TIED, Accepted, Candidate, ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gram import Products, total
@@ -31,7 +31,7 @@ from softarm.estimator.diagnosis.result import (
 )
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
-from softarm.estimator.diagnosis.unnamed import Law
+from softarm.estimator.diagnosis.unnamed import FreeLaw
 from softarm.estimator.diagnosis.words import dependence, manoeuvre, sentence_on
 from softarm.estimator.effects import EFFECTS, describe
 from softarm.estimator.specimen.physics import EffectName, Place
@@ -137,7 +137,7 @@ def heldout_result(search: Search, fit: Fit | None, predictions: Predictions, ho
     return Heldout(rms_before, rms_after, interval, how, errors, innovation_test(search, left))
 
 
-def proven(search: Search) -> tuple[Choice, list[EffectName]]:
+def proven(search: Search) -> tuple[ChosenEffects, list[EffectName]]:
     """Search until all that is accepted holds on data that confirm it, which are reported nowhere.
 
     The more effects have failed there, the surer the next must be; and one that explains little of what these
@@ -161,7 +161,7 @@ def proven(search: Search) -> tuple[Choice, list[EffectName]]:
             return search.without(choice, lost) if lost else choice, names
 
 
-def unproven(search: Search, choice: Choice, sure: float = SURE) -> list[int]:
+def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[int]:
     """List accepted effects without which confirming data are predicted as well; all, where none is as good.
 
     Judged like folds in ``Search.judge``: calibration is believed as before the recordings in question.
@@ -213,7 +213,7 @@ def _gain(
     return costs[0] - costs[1]
 
 
-def findings_of(search: Search, choice: Choice) -> tuple[Finding, ...]:
+def findings_of(search: Search, choice: ChosenEffects) -> tuple[Finding, ...]:
     """Describe every accepted effect with its evidence; the one that explains most comes first."""
     fit = choice.fit
     if fit is None:
@@ -230,7 +230,7 @@ def findings_of(search: Search, choice: Choice) -> tuple[Finding, ...]:
     return tuple(finding for _, finding in sorted(found, key=lambda entry: -entry[0]))
 
 
-def unknown(left: Unexplained, heldout: Heldout, search_p: float, law: Law | None) -> Finding:
+def unknown(left: Unexplained, heldout: Heldout, search_p: float, law: FreeLaw | None) -> Finding:
     """Report that something is missing which no known effect explains.
 
     Args:
@@ -255,7 +255,7 @@ def unknown(left: Unexplained, heldout: Heldout, search_p: float, law: Law | Non
 
 def _finding(
     search: Search,
-    choice: Choice,
+    choice: ChosenEffects,
     accepted: Accepted,
     index: int,
     predictions: Predictions,
@@ -321,7 +321,7 @@ def _tied(winner: Candidate, other: Candidate, own: EffectName, rival: EffectNam
     return share >= TIED or (bool(alike) and share >= 0.9)
 
 
-def _exposure(search: Search, choice: Choice, index: int) -> Exposure | None:
+def _exposure(search: Search, choice: ChosenEffects, index: int) -> Exposure | None:
     """Show the residual of the channel that a finding improves most against what exposes it."""
     fit = choice.fit
     assert fit is not None

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.diagnosis.candidates import Choice
+from softarm.estimator.diagnosis.candidates import ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.conclude import (
     findings_of,
@@ -17,7 +17,7 @@ from softarm.estimator.diagnosis.conclude import (
     unknown,
 )
 from softarm.estimator.diagnosis.detection import detection_limits
-from softarm.estimator.diagnosis.evidence import Evidence
+from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.form import form_columns
 from softarm.estimator.diagnosis.gram import total
 from softarm.estimator.diagnosis.innovations import learnt_coefficients, residuals_of, worst_stretch
@@ -43,7 +43,7 @@ from softarm.estimator.diagnosis.stuck import Stuck, find_stuck, stuck_findings,
 from softarm.estimator.diagnosis.swapped import refuse_swapped
 from softarm.estimator.diagnosis.swing import fit_swing, swinging
 from softarm.estimator.diagnosis.traces import traces_of
-from softarm.estimator.diagnosis.unnamed import Law, better_law
+from softarm.estimator.diagnosis.unnamed import FreeLaw, better_law
 from softarm.estimator.diagnosis.words import possible
 from softarm.estimator.effects import EFFECTS, describe
 from softarm.estimator.effects.placed import PlacedEffect
@@ -67,7 +67,7 @@ SOLVED = DIRECT | {"couple", "support", "sensing"}
 
 
 @dataclass(frozen=True)
-class Outcome:
+class DiagnosisOutcome:
     """A diagnosis with what a caller may want to keep.
 
     Args:
@@ -94,7 +94,7 @@ def diagnose(
     notes: Sequence[str] = (),
     effects: Sequence[EffectName] | None = None,
     advance: Callable[[str], None] = lambda _: None,
-) -> Outcome:
+) -> DiagnosisOutcome:
     """Find the physics that a model lacks.
 
     Args:
@@ -139,7 +139,7 @@ def diagnose(
     )
     forms = columns[0].shape[-1] - len(fitted.values) - len(library.directions)
     residuals = tuple(stage.residual for stage in stages)
-    evidence = Evidence(model.specimen.name, stages, fitted, library, residuals, columns, forms)
+    evidence = RegressionProblem(model.specimen.name, stages, fitted, library, residuals, columns, forms)
     weights = evidence.weigh()
     belief, width = belief_before(evidence, weights)
     advance("fitting")
@@ -200,12 +200,12 @@ def _notes(width: float, known: Sequence[Session]) -> list[str]:
 
 def _outcome(
     search: Search,
-    choice: Choice,
+    choice: ChosenEffects,
     how: str,
     notes: Sequence[str],
     stuck: tuple[Stuck, ...],
-    law: Law | None,
-) -> Outcome:
+    law: FreeLaw | None,
+) -> DiagnosisOutcome:
     evidence = search.evidence
     suspects = [stage for stage in evidence.stages if not stage.session.nominal]
     notes = (*notes, *disagreement(search, choice))
@@ -246,14 +246,14 @@ def _outcome(
     known = len(evidence.fitted.values)
     covariance = search.belief.covariance[:known, :known]
     if fit is None:
-        return Outcome(diagnosis, (), (), evidence.fitted, covariance)
+        return DiagnosisOutcome(diagnosis, (), (), evidence.fitted, covariance)
     world = _common_world(evidence.stages).world
     placed = tuple(h.placed(world, theta) for h, theta in zip(fit.hypotheses, fit.thetas, strict=True))
     stds = tuple(tuple(fit.stds(k).tolist()) for k in range(len(placed)))
-    return Outcome(diagnosis, placed, stds, evidence.fitted, covariance)
+    return DiagnosisOutcome(diagnosis, placed, stds, evidence.fitted, covariance)
 
 
-def disagreement(search: Search, choice: Choice) -> list[str]:
+def disagreement(search: Search, choice: ChosenEffects) -> list[str]:
     """Report where the best candidate was rejected because recordings show it in different sizes."""
     if choice.turned_down is None or choice.turned_down[1].spread <= HETEROGENEITY:
         return []
@@ -282,7 +282,7 @@ def _baseline(stages: Sequence[Stage], floors: Mapping[str, float]) -> Baseline:
     return Baseline(rms, {name: floors[name] for name in rms}, kinds, whole)
 
 
-def _remainder(search: Search, choice: Choice, over_noise: float) -> float:
+def _remainder(search: Search, choice: ChosenEffects, over_noise: float) -> float:
     """Give what the library cannot explain of the recordings in question, over the same of nominal ones.
 
     Without nominal recordings it is over the noise: then nobody says that a mismatch is usual.
@@ -293,12 +293,12 @@ def _remainder(search: Search, choice: Choice, over_noise: float) -> float:
     return left / known if known > 0.0 else max(left, over_noise)
 
 
-def _map(search: Search, choice: Choice | None) -> LocationMap:
+def _map(search: Search, choice: ChosenEffects | None) -> LocationMap:
     residuals = search.residuals(choice.fit if choice else None)
     return locate(search.evidence, residuals, search.weights, search.belief, search.rng)
 
 
-def _changed(search: Search, choice: Choice) -> bool:
+def _changed(search: Search, choice: ChosenEffects) -> bool:
     """Tell whether the recordings in question have changed more than the findings say."""
     evidence, share = search.evidence, search.weights.share
     if not any(stage.session.nominal for stage in evidence.stages):
@@ -307,14 +307,14 @@ def _changed(search: Search, choice: Choice) -> bool:
     return evidence_of_change(evidence, search.belief, search.width, left, share) > CHANGED
 
 
-def _verdict(choice: Choice, *, changed: bool, found: bool) -> Verdict:
+def _verdict(choice: ChosenEffects, *, changed: bool, found: bool) -> Verdict:
     if found:
         return "partly_explained" if changed else "explained"
     doubtful = choice.turned_down is not None and choice.turned_down[1].gain_ci95[0] > 0.1
     return "unexplained" if changed or (doubtful and choice.alarm_p < SIGNIFICANT) else "consistent"
 
 
-def _unexplained(verdict: Verdict, after: float, found: LocationMap, law: Law | None) -> Unexplained:
+def _unexplained(verdict: Verdict, after: float, found: LocationMap, law: FreeLaw | None) -> Unexplained:
     if law is not None:
         return Unexplained(after, law.place, law.regime, found)
     best = found.best
@@ -353,4 +353,4 @@ def _not_testable(search: Search, findings: Sequence[Finding]) -> tuple[NotTesta
     return tuple(found)
 
 
-__all__ = ["Outcome", "diagnose"]
+__all__ = ["DiagnosisOutcome", "diagnose"]

@@ -35,7 +35,7 @@ ABSENT = 0.01
 
 
 @dataclass(frozen=True)
-class Evidence:
+class RegressionProblem:
     """Residuals and columns of all sessions.
 
     Args:

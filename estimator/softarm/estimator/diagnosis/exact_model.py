@@ -11,7 +11,7 @@ from softarm.estimator.effects import World
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
-from softarm.estimator.simulation import Arm, Drive
+from softarm.estimator.simulation import Drive, RespondingArm
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -34,7 +34,7 @@ class ExactModel:
         world: What effects may refer to.
     """
 
-    arm: Arm
+    arm: RespondingArm
     drive: Drive
     baseline: ArmResponse
     world: World

@@ -11,7 +11,7 @@ from softarm.estimator.diagnosis.belief import Belief, Factor
 from softarm.estimator.diagnosis.gram import Total
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.stage import Stage
-from softarm.estimator.effects import Parameter
+from softarm.estimator.effects import ParameterSpec
 
 Floats = NDArray[np.float64]
 
@@ -266,7 +266,7 @@ def _slopes(
 class _Chart:
     """Parameters of several effects in units of the fit: over their typical size, or as logarithms."""
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[ParameterSpec, ...]
     sizes: tuple[int, ...]
 
     @classmethod
@@ -274,7 +274,7 @@ class _Chart:
         parameters = tuple(p for h in hypotheses for p in h.effect.parameters)
         return cls(parameters, tuple(len(h.effect.parameters) for h in hypotheses))
 
-    def _unit(self, parameter: Parameter) -> float:
+    def _unit(self, parameter: ParameterSpec) -> float:
         return abs(parameter.typical) or parameter.spread or 1.0
 
     def units(self, theta: Floats) -> Floats:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.diagnosis.belief import Belief, Marginal
-from softarm.estimator.diagnosis.evidence import Evidence
+from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.gram import Total, total
 from softarm.estimator.diagnosis.result import Cell, CellKind, LocationMap, Regime
 from softarm.estimator.diagnosis.session import channels
@@ -53,7 +53,7 @@ class Spotted:
 
 
 def locate(
-    evidence: Evidence,
+    evidence: RegressionProblem,
     residuals: Sequence[Floats],
     weights: Weights,
     belief: Belief,
@@ -116,7 +116,7 @@ def cells_of(stage: Stage) -> tuple[list[tuple[CellKind, str, str, str, Regime]]
 
 
 def _cross(
-    evidence: Evidence,
+    evidence: RegressionProblem,
     weights: Weights,
     number: int,
     residual: Floats,

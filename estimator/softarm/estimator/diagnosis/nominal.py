@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.diagnosis.belief import Belief, Marginal
-from softarm.estimator.diagnosis.evidence import Evidence
+from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.gram import Products, total
 from softarm.estimator.diagnosis.weights import Weights
 
@@ -24,7 +24,7 @@ NUISANCE = 0.1
 """What changes of the calibration from run to run, in its prior spread, per typical size of effects."""
 
 
-def belief_before(evidence: Evidence, weights: Weights) -> tuple[Belief, float]:
+def belief_before(evidence: RegressionProblem, weights: Weights) -> tuple[Belief, float]:
     """Give the belief with which the recordings in question are judged, and the width it rests on.
 
     Args:
@@ -40,13 +40,13 @@ def belief_before(evidence: Evidence, weights: Weights) -> tuple[Belief, float]:
     return learnt.wider(_spreads(evidence, width)), width
 
 
-def _spreads(evidence: Evidence, width: float) -> Floats:
+def _spreads(evidence: RegressionProblem, width: float) -> Floats:
     changed = width * evidence.typical
     changed[: evidence.nuisances] *= NUISANCE
     return changed
 
 
-def _width(evidence: Evidence, prior: Belief, parts: Sequence[Products], share: float) -> float:
+def _width(evidence: RegressionProblem, prior: Belief, parts: Sequence[Products], share: float) -> float:
     """Choose the width at which every nominal recording is best predicted from the others."""
     sessions = sorted({part.session for part in parts})
     if len(sessions) == 1:
@@ -76,7 +76,7 @@ def predictive(belief: Belief, fold: Sequence[Products], share: float, size: int
 
 
 def evidence_of_change(
-    evidence: Evidence, belief: Belief, width: float, parts: Sequence[Products], share: float
+    evidence: RegressionProblem, belief: Belief, width: float, parts: Sequence[Products], share: float
 ) -> float:
     """Give how much likelier recordings are if more than a little has changed since the nominal ones.
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration.arrange import Run
+from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.fit import Scatter, fit
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import Layout, build_layout
@@ -145,7 +145,7 @@ def _nodes(sessions: Sequence[Session], count: int) -> tuple[Nodes, ...]:
 def _nodes_of(session: Session) -> Nodes:
     """Take the samples of a session as nodes of a calibration, all of one weight."""
     loads = session.wrenches.reshape(session.samples, -1)
-    run = Run(
+    run = CalibrationRun(
         session.name,
         session.clock,
         session.pressures,

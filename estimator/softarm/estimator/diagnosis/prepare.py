@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration import Run, arrange, section_forces
+from softarm.estimator.calibration import CalibrationRun, arrange, section_forces
 from softarm.estimator.calibration.pulls import HOOK, LEAST_PULL, gauged_section
 from softarm.estimator.diagnosis.session import Floats, Indices, Session
 from softarm.estimator.errors import InputError
@@ -206,7 +206,7 @@ def _without_unknown_gauges(recording: Recording, specimen: Specimen, notes: lis
     return replace(recording, columns=columns)
 
 
-def _wrenches(run: Run, forces: Sequence[Load], sections: tuple[str, ...]) -> Floats:
+def _wrenches(run: CalibrationRun, forces: Sequence[Load], sections: tuple[str, ...]) -> Floats:
     """Arrange the known forces as wrenches on the sections, shape (samples, sections, 6)."""
     wrenches = np.zeros((len(run.time), len(sections), 6))
     for force, amplitude in zip(forces, run.loads.T, strict=True):

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.diagnosis.belief import Marginal
-from softarm.estimator.diagnosis.evidence import Evidence
+from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.library import Direction
-from softarm.estimator.effects import Parameter
+from softarm.estimator.effects import ParameterSpec
 
 Floats = NDArray[np.float64]
 
@@ -17,7 +17,9 @@ INVISIBLE = 1e-3
 """Gain in cost of a typical effect below which it leaves no trace at all."""
 
 
-def screen(evidence: Evidence, marginal: Marginal, taken: frozenset[int]) -> list[tuple[int, float, Floats]]:
+def screen(
+    evidence: RegressionProblem, marginal: Marginal, taken: frozenset[int]
+) -> list[tuple[int, float, Floats]]:
     """Rank hypotheses by their linear gain less the price of their parameters.
 
     Args:
@@ -47,7 +49,7 @@ def screen(evidence: Evidence, marginal: Marginal, taken: frozenset[int]) -> lis
     return sorted(ranked, key=lambda entry: -entry[1])
 
 
-def null_scores(evidence: Evidence, marginal: Marginal, rng: np.random.Generator) -> Floats:
+def null_scores(evidence: RegressionProblem, marginal: Marginal, rng: np.random.Generator) -> Floats:
     """Draw the best score of the whole screen where nothing is missing, shape (draws,)."""
     first = evidence.nuisances
     drawn = marginal.null_draws(rng, DRAWS, first)
@@ -68,7 +70,7 @@ def null_scores(evidence: Evidence, marginal: Marginal, rng: np.random.Generator
 
 
 def _start(
-    parameters: Sequence[Parameter], directions: Sequence[Direction], values: Floats
+    parameters: Sequence[ParameterSpec], directions: Sequence[Direction], values: Floats
 ) -> tuple[Floats, bool]:
     """Turn linear coefficients into parameters to start from; whether their signs are allowed."""
     theta = directions[0].theta.copy()

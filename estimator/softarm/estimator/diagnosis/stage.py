@@ -18,7 +18,7 @@ from softarm.estimator.model import Frames
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.rotations import exp
 from softarm.estimator.sensing import Scene, SensorSuite
-from softarm.estimator.simulation import Arm, Drive, LinearisedArm, Segments, SimulatedArm
+from softarm.estimator.simulation import Drive, LinearisedArm, RespondingArm, Segments, SimulatedArm
 from softarm.estimator.simulation.compliance import stiffness_along
 from softarm.estimator.specimen import Specimen
 
@@ -52,7 +52,7 @@ class Model:
         """Names of the sections whose frames it gives."""
         return self.model.sections
 
-    def arm(self, setting: Setting) -> Arm:
+    def arm(self, setting: Setting) -> RespondingArm:
         """Return the calibrated arm: stiffness, torsion and the worth of pressures under stretch."""
         return SimulatedArm(setting.model(self.model), self.segments)
 
@@ -75,7 +75,7 @@ class Stage:
     session: Session
     setting: Setting
     arm: LinearisedArm
-    exact: Arm
+    exact: RespondingArm
     world: World
     suite: SensorSuite
     drive: Drive

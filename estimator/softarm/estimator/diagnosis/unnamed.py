@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.diagnosis.belief import Marginal
-from softarm.estimator.diagnosis.candidates import Choice
+from softarm.estimator.diagnosis.candidates import ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.gram import total
 from softarm.estimator.diagnosis.stage import Stage
@@ -34,7 +34,7 @@ ANY_SIZE = 100.0
 
 
 @dataclass(frozen=True)
-class Law:
+class FreeLaw:
     """What a law without a name explains.
 
     Args:
@@ -58,7 +58,7 @@ class Law:
         return f"{seen} No known effect explains it; a free law fits far better than the closest, {names}."
 
 
-def better_law(search: Search, choice: Choice) -> Law | None:
+def better_law(search: Search, choice: ChosenEffects) -> FreeLaw | None:
     """Give the law without a name that explains far more than what was accepted, if there is one."""
     best = max(laws(search), key=lambda law: law.delta_bic)
     fit = choice.fit
@@ -71,7 +71,7 @@ def better_law(search: Search, choice: Choice) -> Law | None:
     return replace(best, nearest=nearest) if better else None
 
 
-def laws(search: Search) -> list[Law]:
+def laws(search: Search) -> list[FreeLaw]:
     """Fit every law alone."""
     suspects = [stage for stage in search.evidence.stages if not stage.session.nominal]
     highest = max(float(stage.session.pressures.max(initial=0.0)) for stage in suspects)
@@ -129,7 +129,7 @@ def by_neighbours(stage: Stage, highest: float) -> Floats:
     return np.stack(columns, axis=-1)
 
 
-def _fitted(search: Search, columns: Callable[[Stage], Floats], place: Place, regime: str) -> Law:
+def _fitted(search: Search, columns: Callable[[Stage], Floats], place: Place, regime: str) -> FreeLaw:
     """Fit the coefficients of a law to the searched stretches, beside what is common to all recordings."""
     evidence, weights = search.evidence, search.weights
     parts = [part for part in evidence.widened(weights, columns) if not part.heldout]
@@ -140,4 +140,4 @@ def _fitted(search: Search, columns: Callable[[Stage], Floats], place: Place, re
         belief = belief.beside(0.0, ANY_SIZE * seen.power / own_power if own_power > 0.0 else 1.0)
     before = Marginal.cost_of(search.belief, seen.first(evidence.size), weights.share)
     gain = before - Marginal.cost_of(belief, seen, weights.share)
-    return Law(place, regime, gain - search.price * len(powers))
+    return FreeLaw(place, regime, gain - search.price * len(powers))

@@ -29,7 +29,7 @@ LEAST_CHANGE, SUDDEN = 3000.0, 0.1
 """Set-points must change by so much [Pa] within such a time [s] for a lag to be told from a bias."""
 
 
-class Law(NamedTuple):
+class ValveLaw(NamedTuple):
     """What a valve settles at; see ``Valve``."""
 
     bias: float = 0.0
@@ -130,7 +130,7 @@ def static(asked: Floats, bias: float, gain: float, deadband: float, ceiling: fl
 
 def _valve(chamber: int, time: Floats, asked: Floats, given: Floats, ceiling: float) -> Valve:
     found = _static_law(*_holds(time, asked, given), ceiling)
-    law = found or Law()
+    law = found or ValveLaw()
     timed = bool(np.abs(np.interp(time + SUDDEN, time, asked) - asked).max() > LEAST_CHANGE)
     dead_time, lag = _timing(time, asked, given, law) if timed else (0.0, 0.0)
     noise = float(np.median(np.abs(np.diff(given))) / 0.6745 / np.sqrt(2.0))
@@ -161,7 +161,7 @@ def _holds(time: Floats, asked: Floats, given: Floats) -> tuple[Floats, Floats]:
     return np.array(levels), np.array(reached)
 
 
-def _static_law(level: Floats, pressure: Floats, ceiling: float) -> Law | None:
+def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw | None:
     """Fit the settled law to the holds, each hold one point; ``None`` where the valve was never held open."""
     opened = level > OPEN
     if not opened.any():
@@ -174,7 +174,7 @@ def _static_law(level: Floats, pressure: Floats, ceiling: float) -> Law | None:
     below = passing & (pressure < ceiling - 500.0)
     error = pressure[below] - level[below]
     if not len(error):
-        return Law(deadband=deadband, ceiling=ceiling) if np.isfinite(ceiling) else None
+        return ValveLaw(deadband=deadband, ceiling=ceiling) if np.isfinite(ceiling) else None
     gain = 0.0
     if len(error) >= 4 and np.ptp(level[below]) > 10e3:
         gain = float(np.polyfit(level[below], error, 1)[0])
@@ -182,7 +182,7 @@ def _static_law(level: Floats, pressure: Floats, ceiling: float) -> Law | None:
     left = error - gain * level[below]
     spread = float(np.std(left, ddof=1)) if len(left) > 1 else 100.0
     bias = float(np.median(left))
-    return Law(bias + (1.0 + gain) * deadband if deadband else bias, spread, gain, deadband, ceiling)
+    return ValveLaw(bias + (1.0 + gain) * deadband if deadband else bias, spread, gain, deadband, ceiling)
 
 
 def _ceiling(level: Floats, pressure: Floats) -> float:
@@ -197,7 +197,7 @@ def _ceiling(level: Floats, pressure: Floats) -> float:
     return highest if near.sum() >= 2 and np.ptp(level[near]) > 2e3 and missing.max() > 3e3 else float("inf")
 
 
-def _timing(time: Floats, asked: Floats, given: Floats, law: Law) -> tuple[float, float]:
+def _timing(time: Floats, asked: Floats, given: Floats, law: ValveLaw) -> tuple[float, float]:
     """Find the dead time at the onsets of steps, then the lag that leaves least around changes."""
     changing = np.abs(np.diff(asked, prepend=asked[0])) > 50.0
     since = np.maximum.accumulate(np.where(changing, time, time[0] - 10.0))

@@ -4,7 +4,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import get_args
 
-from softarm.estimator.effects.effect import Effect, Memory, ModalChange, Parameter, Signals, describe
+from softarm.estimator.effects.effect import Effect, Memory, ModalChange, ParameterSpec, Signals, describe
 from softarm.estimator.effects.world import Spot, World
 from softarm.estimator.specimen.physics import EffectName
 
@@ -19,7 +19,7 @@ __all__ = [
     "Effect",
     "Memory",
     "ModalChange",
-    "Parameter",
+    "ParameterSpec",
     "Signals",
     "Spot",
     "World",

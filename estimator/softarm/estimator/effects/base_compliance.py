@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     everywhere,
@@ -21,7 +21,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 EFFECT = Effect(
     name="base_compliance",
     hook="support",
-    parameters=(Parameter("compliance", "rad/(N m)", 0.05, 0.0, 5.0, spread=0.2),),
+    parameters=(ParameterSpec("compliance", "rad/(N m)", 0.05, 0.0, 5.0, spread=0.2),),
     places=everywhere,
     act=act,
     statement="The mount yields: it turns by {compliance} of moment on it.",

@@ -7,7 +7,7 @@ clamp sits askew in its mount, none where the mount itself is turned.
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     everywhere,
@@ -31,9 +31,9 @@ EFFECT = Effect(
     name="base_tilt",
     hook="support",
     parameters=(
-        Parameter("tilt_x", "rad", 0.05, -0.6, 0.6, spread=0.05),
-        Parameter("tilt_y", "rad", 0.05, -0.6, 0.6, spread=0.05),
-        Parameter("beneath", "1", 0.5, 0.0, 1.0, "shape", spread=1.0),
+        ParameterSpec("tilt_x", "rad", 0.05, -0.6, 0.6, spread=0.05),
+        ParameterSpec("tilt_y", "rad", 0.05, -0.6, 0.6, spread=0.05),
+        ParameterSpec("beneath", "1", 0.5, 0.0, 1.0, "shape", spread=1.0),
     ),
     places=everywhere,
     act=act,

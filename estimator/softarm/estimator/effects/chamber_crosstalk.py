@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     whole_segments_and_chambers,
@@ -29,7 +29,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 EFFECT = Effect(
     name="chamber_crosstalk",
     hook="pressure",
-    parameters=(Parameter("share", "1", 0.08, -1.0, 1.0, spread=0.1),),
+    parameters=(ParameterSpec("share", "1", 0.08, -1.0, 1.0, spread=0.1),),
     places=whole_segments_and_chambers,
     act=act,
     statement="Pressure in {where} also acts on the other segment: for each pascal, the nearest chamber "

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     whole_and_chambers,
@@ -21,7 +21,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 EFFECT = Effect(
     name="chamber_gain",
     hook="pressure",
-    parameters=(Parameter("gain", "1", 0.08, -0.9, 2.0, spread=0.1),),
+    parameters=(ParameterSpec("gain", "1", 0.08, -0.9, 2.0, spread=0.1),),
     places=whole_and_chambers,
     act=act,
     statement="Pressure in {where} has {gain:less|more} effect than in the model.",

@@ -6,7 +6,7 @@ n = (cos a, sin a, 0) points into the wall, d is its distance from the arm's axi
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     AROUND,
     Spot,
@@ -33,9 +33,9 @@ EFFECT = Effect(
     name="contact_obstacle",
     hook="load",
     parameters=(
-        Parameter("stiffness", "N/m", 30.0, SOFTEST, 5000.0, spread=100.0),
-        Parameter("distance", "m", 0.01, -0.5, 0.5, "shape", "linear", spread=0.1),
-        Parameter(
+        ParameterSpec("stiffness", "N/m", 30.0, SOFTEST, 5000.0, spread=100.0),
+        ParameterSpec("distance", "m", 0.01, -0.5, 0.5, "shape", "linear", spread=0.1),
+        ParameterSpec(
             "azimuth", "rad", 0.0, -3.141592653589793, 3.141592653589793, "shape", "linear", spread=2.0
         ),
     ),

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, ModalChange, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ModalChange, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     everywhere,
@@ -26,7 +26,7 @@ def modal(theta: Floats) -> ModalChange:
 EFFECT = Effect(
     name="distributed_mass",
     hook="gravity",
-    parameters=(Parameter("change", "1", 0.1, -0.9, 2.0, spread=0.1),),
+    parameters=(ParameterSpec("change", "1", 0.1, -0.9, 2.0, spread=0.1),),
     places=everywhere,
     act=act,
     statement="The mass of {where} is {change:lower|higher} than in the model.",

@@ -63,7 +63,7 @@ class Signals:
 
 
 @dataclass(frozen=True)
-class Parameter:
+class ParameterSpec:
     """A number of an effect.
 
     Args:
@@ -161,7 +161,7 @@ class Effect:
 
     name: EffectName
     hook: Hook
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[ParameterSpec, ...]
     places: Callable[[World], tuple[Place, ...]]
     act: Act
     statement: str

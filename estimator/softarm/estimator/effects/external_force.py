@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     moving_sections,
@@ -33,9 +33,9 @@ EFFECT = Effect(
     name="external_force",
     hook="load",
     parameters=(
-        Parameter("force_x", "N", 0.05, -20.0, 20.0, spread=0.2),
-        Parameter("force_y", "N", 0.05, -20.0, 20.0, spread=0.2),
-        Parameter("force_z", "N", 0.05, -20.0, 20.0, spread=0.2),
+        ParameterSpec("force_x", "N", 0.05, -20.0, 20.0, spread=0.2),
+        ParameterSpec("force_y", "N", 0.05, -20.0, 20.0, spread=0.2),
+        ParameterSpec("force_z", "N", 0.05, -20.0, 20.0, spread=0.2),
     ),
     places=moving_sections,
     act=act,

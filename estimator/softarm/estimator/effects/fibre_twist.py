@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     whole_and_segments,
@@ -25,7 +25,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 EFFECT = Effect(
     name="fibre_twist",
     hook="couple",
-    parameters=(Parameter("turn", "rad/Pa", 1e-06, -0.0001, 0.0001, spread=2e-06),),
+    parameters=(ParameterSpec("turn", "rad/Pa", 1e-06, -0.0001, 0.0001, spread=2e-06),),
     places=whole_and_segments,
     act=act,
     statement="The fibres of {where} convert pressure into twist: {turn}.",

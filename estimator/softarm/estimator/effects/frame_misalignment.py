@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.readings import from_vector, to_vector
 from softarm.estimator.effects.world import (
     Spot,
@@ -28,7 +28,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 EFFECT = Effect(
     name="frame_misalignment",
     hook="sensing",
-    parameters=(Parameter("yaw", "rad", 0.05, -1.6, 1.6, spread=0.1),),
+    parameters=(ParameterSpec("yaw", "rad", 0.05, -1.6, 1.6, spread=0.1),),
     places=sensors,
     act=act,
     statement="{where} is mounted {yaw} off about the axis of the arm.",

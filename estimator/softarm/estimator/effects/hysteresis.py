@@ -7,7 +7,7 @@ Its exact step over a change du of one sign is z' = s r + (z - s r) exp(-|du| / 
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     whole_and_segments,
@@ -36,8 +36,8 @@ EFFECT = Effect(
     name="hysteresis",
     hook="couple",
     parameters=(
-        Parameter("strength", "1", 0.15, -0.5, 0.9, spread=0.2),
-        Parameter("reach", "rad", 0.1, 0.002, 2.0, "shape", "log", spread=1.0),
+        ParameterSpec("strength", "1", 0.15, -0.5, 0.9, spread=0.2),
+        ParameterSpec("reach", "rad", 0.1, 0.002, 2.0, "shape", "log", spread=1.0),
     ),
     places=whole_and_segments,
     act=act,

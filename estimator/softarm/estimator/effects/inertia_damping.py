@@ -7,7 +7,7 @@ One mode for all of the place: rings of a few hertz are of the arm's first bendi
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     whole_and_segments,
@@ -28,8 +28,8 @@ EFFECT = Effect(
     name="inertia_damping",
     hook="couple",
     parameters=(
-        Parameter("inertia_time", "s", 0.02, 0.0, 0.2, spread=0.03),
-        Parameter("damping_time", "s", 0.01, 0.0, 2.0, spread=0.1),
+        ParameterSpec("inertia_time", "s", 0.02, 0.0, 0.2, spread=0.03),
+        ParameterSpec("damping_time", "s", 0.01, 0.0, 2.0, spread=0.1),
     ),
     places=whole_and_segments,
     act=act,

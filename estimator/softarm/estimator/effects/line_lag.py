@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     whole_and_chambers,
@@ -23,7 +23,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 EFFECT = Effect(
     name="line_lag",
     hook="command",
-    parameters=(Parameter("lag", "s", 0.3, 0.0, 20.0, spread=0.5),),
+    parameters=(ParameterSpec("lag", "s", 0.3, 0.0, 20.0, spread=0.5),),
     places=whole_and_chambers,
     act=act,
     statement="Pressure arrives late in {where}: the line has a time constant of {lag}.",

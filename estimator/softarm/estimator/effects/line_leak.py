@@ -6,7 +6,7 @@ p = p_in - s z, tau z' = p_in - z, s the share lost in a long hold and tau the t
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     whole_and_chambers,
@@ -28,8 +28,8 @@ EFFECT = Effect(
     name="line_leak",
     hook="pressure",
     parameters=(
-        Parameter("share", "1", 0.1, 0.0, 0.95, spread=0.1),
-        Parameter("time_constant", "s", 5.0, 0.1, 500.0, "shape", "log", spread=1.5),
+        ParameterSpec("share", "1", 0.1, 0.0, 0.95, spread=0.1),
+        ParameterSpec("time_constant", "s", 5.0, 0.1, 500.0, "shape", "log", spread=1.5),
     ),
     places=whole_and_chambers,
     act=act,

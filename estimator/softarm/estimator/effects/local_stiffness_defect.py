@@ -10,7 +10,7 @@ with q = D / (1 - D) and D the share of bending stiffness lost about the axis.
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, ModalChange, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ModalChange, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     segments,
@@ -40,8 +40,8 @@ EFFECT = Effect(
     name="local_stiffness_defect",
     hook="couple",
     parameters=(
-        Parameter("depth", "1", 0.2, -2.0, 0.9, spread=0.3),
-        Parameter("azimuth", "rad", 0.5, -2.0 * np.pi, 2.0 * np.pi, "shape", "linear", spread=1.8),
+        ParameterSpec("depth", "1", 0.2, -2.0, 0.9, spread=0.3),
+        ParameterSpec("azimuth", "rad", 0.5, -2.0 * np.pi, 2.0 * np.pi, "shape", "linear", spread=1.8),
     ),
     places=segments,
     act=act,

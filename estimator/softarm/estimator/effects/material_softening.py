@@ -7,7 +7,7 @@ of 2 it is the leading term of Yeoh's law, with n of 1 a modulus that falls from
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.large_strain import losses
 from softarm.estimator.effects.world import (
     Spot,
@@ -28,8 +28,8 @@ EFFECT = Effect(
     name="material_softening",
     hook="couple",
     parameters=(
-        Parameter("growth", "1", 0.2, 0.0, 20.0, spread=0.5),
-        Parameter("exponent", "1", 1.5, 0.5, 3.0, "shape", "log", spread=0.4),
+        ParameterSpec("growth", "1", 0.2, 0.0, 20.0, spread=0.5),
+        ParameterSpec("exponent", "1", 1.5, 0.5, 3.0, "shape", "log", spread=0.4),
     ),
     places=whole_and_segments,
     act=act,

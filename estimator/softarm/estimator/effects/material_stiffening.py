@@ -7,7 +7,7 @@ with q of the step before.
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.large_strain import losses
 from softarm.estimator.effects.world import (
     Spot,
@@ -35,7 +35,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 EFFECT = Effect(
     name="material_stiffening",
     hook="couple",
-    parameters=(Parameter("growth", "1/rad2", 0.2, 0.0, 20.0, spread=0.5),),
+    parameters=(ParameterSpec("growth", "1/rad2", 0.2, 0.0, 20.0, spread=0.5),),
     places=whole_and_segments,
     act=act,
     statement="The material of {where} stiffens with strain: its stiffness grows by {growth:percent} at a "

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.large_strain import size
 from softarm.estimator.effects.world import (
     Spot,
@@ -33,8 +33,8 @@ EFFECT = Effect(
     name="mullins_softening",
     hook="couple",
     parameters=(
-        Parameter("strength", "1", 0.15, 0.0, 0.8, spread=0.2),
-        Parameter("width", "rad", 0.3, 0.02, 3.0, "shape", "log", spread=0.7),
+        ParameterSpec("strength", "1", 0.15, 0.0, 0.8, spread=0.2),
+        ParameterSpec("width", "rad", 0.3, 0.02, 3.0, "shape", "log", spread=0.7),
     ),
     places=whole_and_segments,
     act=act,

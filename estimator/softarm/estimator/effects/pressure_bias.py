@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     whole_and_chambers,
@@ -23,7 +23,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 EFFECT = Effect(
     name="pressure_bias",
     hook="pressure",
-    parameters=(Parameter("bias", "Pa", -600.0, -20000.0, 20000.0, spread=1000.0),),
+    parameters=(ParameterSpec("bias", "Pa", -600.0, -20000.0, 20000.0, spread=1000.0),),
     places=whole_and_chambers,
     act=act,
     statement="The pressure in {where} is off by {bias} whenever the chamber is not vented.",

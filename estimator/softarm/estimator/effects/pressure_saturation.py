@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     whole_and_chambers,
@@ -33,7 +33,7 @@ def cuts(spot: Spot, highest: Floats) -> tuple[Floats, ...]:
 EFFECT = Effect(
     name="pressure_saturation",
     hook="command",
-    parameters=(Parameter("shortfall", "Pa", 20000.0, 0.0, 500000.0, spread=20000.0),),
+    parameters=(ParameterSpec("shortfall", "Pa", 20000.0, 0.0, 500000.0, spread=20000.0),),
     places=whole_and_chambers,
     act=act,
     statement="The pressure in {where} stops {shortfall} below its limit.",

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, ModalChange, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ModalChange, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     segments,
@@ -26,7 +26,7 @@ def modal(theta: Floats) -> ModalChange:
 EFFECT = Effect(
     name="segment_stiffness",
     hook="couple",
-    parameters=(Parameter("change", "1", 0.1, -0.8, 4.0, spread=0.2),),
+    parameters=(ParameterSpec("change", "1", 0.1, -0.8, 4.0, spread=0.2),),
     places=segments,
     act=act,
     statement="The stiffness of {where} is {change:lower|higher} than in the model.",

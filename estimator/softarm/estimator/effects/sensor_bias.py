@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.readings import from_vector, to_vector
 from softarm.estimator.effects.world import (
     Spot,
@@ -25,8 +25,8 @@ EFFECT = Effect(
     name="sensor_bias",
     hook="sensing",
     parameters=(
-        Parameter("bias_x", "rad", 0.01, -1.0, 1.0, spread=0.02),
-        Parameter("bias_y", "rad", 0.01, -1.0, 1.0, spread=0.02),
+        ParameterSpec("bias_x", "rad", 0.01, -1.0, 1.0, spread=0.02),
+        ParameterSpec("bias_y", "rad", 0.01, -1.0, 1.0, spread=0.02),
     ),
     places=sensors,
     act=act,

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.readings import from_vector, to_vector
 from softarm.estimator.effects.world import (
     Spot,
@@ -25,8 +25,8 @@ EFFECT = Effect(
     name="sensor_drift",
     hook="sensing",
     parameters=(
-        Parameter("rate_x", "rad/s", 0.0001, -0.01, 0.01, spread=0.0002),
-        Parameter("rate_y", "rad/s", 0.0001, -0.01, 0.01, spread=0.0002),
+        ParameterSpec("rate_x", "rad/s", 0.0001, -0.01, 0.01, spread=0.0002),
+        ParameterSpec("rate_y", "rad/s", 0.0001, -0.01, 0.01, spread=0.0002),
     ),
     places=sensors,
     act=act,

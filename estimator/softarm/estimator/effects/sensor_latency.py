@@ -7,7 +7,7 @@ kept, and is brought back to unit length.
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.readings import QUATERNION, turns
 from softarm.estimator.effects.world import (
     Spot,
@@ -44,7 +44,7 @@ def _unflipped(quaternions: Floats) -> Floats:
 EFFECT = Effect(
     name="sensor_latency",
     hook="sensing",
-    parameters=(Parameter("delay", "s", 0.1, 0.0, 1.0, spread=0.1),),
+    parameters=(ParameterSpec("delay", "s", 0.1, 0.0, 1.0, spread=0.1),),
     places=sensors,
     act=act,
     statement="{where} reports its readings {delay} late.",

@@ -6,7 +6,7 @@ A frame shows too much of its way and of its turn from where it was first seen.
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.readings import QUATERNION, turns
 from softarm.estimator.effects.world import (
     Spot,
@@ -32,7 +32,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 EFFECT = Effect(
     name="sensor_scale",
     hook="sensing",
-    parameters=(Parameter("scale", "1", 0.05, -0.9, 2.0, spread=0.1),),
+    parameters=(ParameterSpec("scale", "1", 0.05, -0.9, 2.0, spread=0.1),),
     places=sensors,
     act=act,
     statement="{where} reads {scale:too low|too high}.",

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     sensors,
@@ -27,8 +27,8 @@ EFFECT = Effect(
     name="sensor_stuck",
     hook="sensing",
     parameters=(
-        Parameter("share", "1", 1.0, 0.0, 1.0, spread=0.5),
-        Parameter("since", "s", 0.1, 0.0, 100000.0, "shape", "linear", spread=1000.0),
+        ParameterSpec("share", "1", 1.0, 0.0, 1.0, spread=0.5),
+        ParameterSpec("since", "s", 0.1, 0.0, 100000.0, "shape", "linear", spread=1000.0),
     ),
     places=sensors,
     act=act,

@@ -17,7 +17,7 @@ from softarm.estimator.effects.placed import PlacedEffect, signals_of
 from softarm.estimator.effects.world import World
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.sensing import Scene, SensorSuite
-from softarm.estimator.simulation import Arm, Drive
+from softarm.estimator.simulation import Drive, RespondingArm
 
 Floats = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ class Simulation:
 
 def simulate_with(
     effects: Sequence[PlacedEffect],
-    arm: Arm,
+    arm: RespondingArm,
     world: World,
     drive: Drive,
     suite: SensorSuite | None = None,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from softarm.estimator.effects import contact_obstacle
 from softarm.estimator.effects.contact_obstacle import SOFTEST
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     AROUND,
     Spot,
@@ -31,9 +31,9 @@ EFFECT = Effect(
     name="tether_stiffness",
     hook="load",
     parameters=(
-        Parameter("stiffness", "N/m", 5.0, 0.0, SOFTEST, spread=20.0),
-        Parameter("slack", "m", 0.01, 0.0, 0.5, "shape", "linear", spread=0.05),
-        Parameter("azimuth", "rad", 0.0, -np.pi, np.pi, "shape", "linear", spread=2.0),
+        ParameterSpec("stiffness", "N/m", 5.0, 0.0, SOFTEST, spread=20.0),
+        ParameterSpec("slack", "m", 0.01, 0.0, 0.5, "shape", "linear", spread=0.05),
+        ParameterSpec("azimuth", "rad", 0.0, -np.pi, np.pi, "shape", "linear", spread=2.0),
     ),
     places=moving_sections,
     act=act,

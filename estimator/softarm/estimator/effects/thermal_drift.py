@@ -6,7 +6,7 @@ A body that warms up to its surroundings nears their temperature exponentially (
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     whole_and_segments,
@@ -27,8 +27,8 @@ EFFECT = Effect(
     name="thermal_drift",
     hook="couple",
     parameters=(
-        Parameter("change", "1", 0.1, -0.6, 2.0, spread=0.1),
-        Parameter("time_constant", "s", 400.0, 30.0, 20000.0, "shape", "log", 1.0),
+        ParameterSpec("change", "1", 0.1, -0.6, 2.0, spread=0.1),
+        ParameterSpec("time_constant", "s", 400.0, 30.0, 20000.0, "shape", "log", 1.0),
     ),
     places=whole_and_segments,
     act=act,

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     whole_and_chambers,
@@ -21,7 +21,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 EFFECT = Effect(
     name="valve_deadband",
     hook="command",
-    parameters=(Parameter("band", "Pa", 1500.0, 0.0, 20000.0, spread=1500.0),),
+    parameters=(ParameterSpec("band", "Pa", 1500.0, 0.0, 20000.0, spread=1500.0),),
     places=whole_and_chambers,
     act=act,
     statement="The valve of {where} has a dead band: the first {band} of its set-point have no effect.",

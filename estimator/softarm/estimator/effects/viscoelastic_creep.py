@@ -9,7 +9,7 @@ there at once may change too, by i.
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.effects.effect import Effect, Memory, Parameter, Signals
+from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import Spot, whole_and_segments
 from softarm.estimator.simulation.filters import first_order
 
@@ -28,9 +28,9 @@ EFFECT = Effect(
     name="viscoelastic_creep",
     hook="couple",
     parameters=(
-        Parameter("strength", "1", 0.1, -0.5, 2.0, spread=0.2),
-        Parameter("time_constant", "s", 20.0, 0.5, 500.0, "shape", "log", 1.5),
-        Parameter("instant_change", "1", 0.05, -0.5, 0.5, spread=0.1),
+        ParameterSpec("strength", "1", 0.1, -0.5, 2.0, spread=0.2),
+        ParameterSpec("time_constant", "s", 20.0, 0.5, 500.0, "shape", "log", 1.5),
+        ParameterSpec("instant_change", "1", 0.05, -0.5, 0.5, spread=0.1),
     ),
     places=whole_and_segments,
     act=act,

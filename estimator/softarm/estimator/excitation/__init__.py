@@ -1,8 +1,19 @@
 """Manoeuvres that tell physical effects apart, and the choice among them."""
 
-from softarm.estimator.excitation.manoeuvre import Limits, Manoeuvre
+from softarm.estimator.excitation.manoeuvre import Manoeuvre, ManoeuvreLimits
 from softarm.estimator.excitation.menu import menu
-from softarm.estimator.excitation.plan import Choice, Plan, Rivals, plan_for, whole
-from softarm.estimator.excitation.separation import Subject, Trial
+from softarm.estimator.excitation.plan import ChosenManoeuvre, ExcitationPlan, Rivals, plan_for, whole
+from softarm.estimator.excitation.separation import SeparatedArm, SeparationTrial
 
-__all__ = ["Choice", "Limits", "Manoeuvre", "Plan", "Rivals", "Subject", "Trial", "menu", "plan_for", "whole"]
+__all__ = [
+    "ChosenManoeuvre",
+    "ExcitationPlan",
+    "Manoeuvre",
+    "ManoeuvreLimits",
+    "Rivals",
+    "SeparatedArm",
+    "SeparationTrial",
+    "menu",
+    "plan_for",
+    "whole",
+]

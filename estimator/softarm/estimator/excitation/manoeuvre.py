@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Limits:
+class ManoeuvreLimits:
     """What no manoeuvre exceeds.
 
     Args:
@@ -69,26 +69,26 @@ class Manoeuvre:
             return np.zeros((len(time), 3))
         return np.column_stack([np.interp(time, self.times, column) for column in self.forces.T])
 
-    def within(self, limits: Limits) -> bool:
+    def within(self, limits: ManoeuvreLimits) -> bool:
         """Tell whether pressures and their changes stay within limits."""
         change = np.abs(np.diff(self.pressures, axis=0)) / np.diff(self.times)[:, None]
         inside = (self.pressures >= 0.0) & (self.pressures <= limits.pressures)
         return bool(inside.all() and (change <= limits.slew * (1.0 + 1e-9)).all())
 
 
-class Path:
+class ManoeuvrePath:
     """Points of a manoeuvre, collected one after another, none faster than the limits allow.
 
     Args:
         limits: What the path keeps to.
     """
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: ManoeuvreLimits) -> None:
         self._limits = limits
         self._times = [0.0]
         self._points: list[Floats] = [np.zeros(len(limits.pressures))]
 
-    def go(self, level: Floats, seconds: float = 0.0) -> "Path":
+    def go(self, level: Floats, seconds: float = 0.0) -> "ManoeuvrePath":
         """Go to a level in some seconds, or as fast as the slew allows."""
         change = float(np.abs(level - self._points[-1]).max(initial=0.0))
         fastest = change / self._limits.slew
@@ -98,11 +98,11 @@ class Path:
         self._points.append(level)
         return self
 
-    def hold(self, seconds: float) -> "Path":
+    def hold(self, seconds: float) -> "ManoeuvrePath":
         """Stay."""
         return self.go(self._points[-1], seconds)
 
-    def vent(self, seconds: float = 0.0) -> "Path":
+    def vent(self, seconds: float = 0.0) -> "ManoeuvrePath":
         """Go to no pressure."""
         return self.go(np.zeros_like(self._points[-1]), seconds)
 

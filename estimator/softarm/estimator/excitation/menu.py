@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.effects.effect import Excitation
-from softarm.estimator.excitation.manoeuvre import Limits, Manoeuvre, Path
+from softarm.estimator.excitation.manoeuvre import Manoeuvre, ManoeuvreLimits, ManoeuvrePath
 
 Floats = NDArray[np.float64]
 Segments = tuple[int, ...]
@@ -18,7 +18,7 @@ POSES = 10
 GOLDEN = 0.6180339887
 
 
-def menu(segments: Segments, limits: Limits) -> tuple[Manoeuvre, ...]:
+def menu(segments: Segments, limits: ManoeuvreLimits) -> tuple[Manoeuvre, ...]:
     """List every manoeuvre in the order in which a whole run does them; the rested arm comes first.
 
     Args:
@@ -29,15 +29,15 @@ def menu(segments: Segments, limits: Limits) -> tuple[Manoeuvre, ...]:
     return tuple(make(segments, limits) for make in makers)
 
 
-def rest(segments: Segments, limits: Limits) -> Manoeuvre:  # noqa: ARG001
+def rest(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:  # noqa: ARG001
     """Leave the arm vented: noise, its correlation in time, drift."""
-    path = Path(limits).hold(60.0)
+    path = ManoeuvrePath(limits).hold(60.0)
     return Manoeuvre("rest", "noise and drift", path.times, path.pressures, frozenset({"rest"}))
 
 
-def growing_cycles(segments: Segments, limits: Limits) -> Manoeuvre:
+def growing_cycles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     """Cycle one chamber of each segment twice at each amplitude; the first passage is seen once only."""
-    path, full = Path(limits), _one_of_each(segments, limits, 0)
+    path, full = ManoeuvrePath(limits), _one_of_each(segments, limits, 0)
     for level in np.repeat([0.25, 0.5, 0.75, 1.0], 2):
         path.go(level * full, 3.5).vent(3.5)
     return Manoeuvre(
@@ -49,9 +49,9 @@ def growing_cycles(segments: Segments, limits: Limits) -> Manoeuvre:
     )
 
 
-def each_alone(segments: Segments, limits: Limits) -> Manoeuvre:  # noqa: ARG001
+def each_alone(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:  # noqa: ARG001
     """Fill and vent each chamber alone, slowly, then fast."""
-    path = Path(limits)
+    path = ManoeuvrePath(limits)
     for ramp, hold in ((4.0, 2.0), (0.4, 2.0)):
         for level in np.diag(limits.top):
             path.go(level, ramp).hold(hold).vent(ramp).hold(1.0)
@@ -62,18 +62,18 @@ def each_alone(segments: Segments, limits: Limits) -> Manoeuvre:  # noqa: ARG001
     return Manoeuvre("each_alone", shows, path.times, path.pressures, excites)
 
 
-def ramps(segments: Segments, limits: Limits) -> Manoeuvre:
+def ramps(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     """Go to one pose and back at rates a decade apart."""
-    path, full = Path(limits), _one_of_each(segments, limits, 1)
+    path, full = ManoeuvrePath(limits), _one_of_each(segments, limits, 1)
     for seconds in (3.0, 10.0, 30.0):
         path.go(full, seconds).hold(2.0).vent(seconds).hold(2.0)
     excites: frozenset[Excitation] = frozenset({"motion", "two_rates", "large_pressures"})
     return Manoeuvre("ramps", "what depends on the rate", path.times, path.pressures, excites)
 
 
-def triangles(segments: Segments, limits: Limits) -> Manoeuvre:
+def triangles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     """Reversal curves at two amplitudes and two rates."""
-    path, full = Path(limits), _one_of_each(segments, limits, 0)
+    path, full = ManoeuvrePath(limits), _one_of_each(segments, limits, 0)
     for speed in (8e3, 40e3):
         for level, before in ((1.0, 0.0), (0.3, 1.0), (0.8, 0.3), (0.0, 0.8), (0.5, 0.0), (0.0, 0.5)):
             path.go(level * full, float(abs(level - before) * full.max()) / speed)
@@ -81,9 +81,9 @@ def triangles(segments: Segments, limits: Limits) -> Manoeuvre:
     return Manoeuvre("triangles", "loops that no rate changes", path.times, path.pressures, excites)
 
 
-def holds(segments: Segments, limits: Limits) -> Manoeuvre:
+def holds(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     """Step to a pose and hold it long, then vent and wait as long."""
-    path = Path(limits)
+    path = ManoeuvrePath(limits)
     path.go(_one_of_each(segments, limits, 2)).hold(40.0).vent().hold(40.0)
     excites: frozenset[Excitation] = frozenset(
         {"motion", "holds", "pressure_steps", "large_pressures", "rest"}
@@ -91,9 +91,9 @@ def holds(segments: Segments, limits: Limits) -> Manoeuvre:
     return Manoeuvre("holds", "what creeps and recovers", path.times, path.pressures, excites)
 
 
-def steps(segments: Segments, limits: Limits) -> Manoeuvre:
+def steps(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     """Jump to poses and let go, so that the arm rings."""
-    path = Path(limits)
+    path = ManoeuvrePath(limits)
     for number in range(6):
         path.go(_one_of_each(segments, limits, number) * (1.0 if number % 2 else 0.4)).hold(3.0).vent().hold(
             3.0
@@ -104,9 +104,9 @@ def steps(segments: Segments, limits: Limits) -> Manoeuvre:
     return Manoeuvre("steps", "lags, inertia and damping", path.times, path.pressures, excites)
 
 
-def staircase(segments: Segments, limits: Limits) -> Manoeuvre:
+def staircase(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     """Raise each chamber in small steps from zero: what a valve's dead band hides."""
-    path = Path(limits)
+    path = ManoeuvrePath(limits)
     for unit in np.eye(len(segments)):
         for level in np.arange(1e3, 8.5e3, 1e3):
             path.go(level * unit).hold(1.0)
@@ -115,9 +115,9 @@ def staircase(segments: Segments, limits: Limits) -> Manoeuvre:
     return Manoeuvre("staircase", "dead bands and biases near zero", path.times, path.pressures, excites)
 
 
-def co_contraction(segments: Segments, limits: Limits) -> Manoeuvre:
+def co_contraction(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     """Fill all chambers of a segment together, then of all segments."""
-    path, level = Path(limits), 0.9 * limits.top
+    path, level = ManoeuvrePath(limits), 0.9 * limits.top
     groups = [np.array(segments) == s for s in sorted(set(segments))]
     for mask in (*groups, np.ones(len(segments), dtype=bool)):
         path.go(level * mask, 5.0).hold(2.0).vent(5.0).hold(1.0)
@@ -125,9 +125,9 @@ def co_contraction(segments: Segments, limits: Limits) -> Manoeuvre:
     return Manoeuvre("co_contraction", "stretch without bending", path.times, path.pressures, excites)
 
 
-def poses(segments: Segments, limits: Limits) -> Manoeuvre:
+def poses(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     """Go through mixed poses and hold each for some seconds."""
-    path, count = Path(limits), len(segments)
+    path, count = ManoeuvrePath(limits), len(segments)
     for number in range(POSES):
         level = ((number + 1) * GOLDEN * np.arange(1, count + 1)) % 1.0 * limits.top
         for s in set(segments):
@@ -146,11 +146,11 @@ def poses(segments: Segments, limits: Limits) -> Manoeuvre:
     )
 
 
-def mount_turned(axis: str) -> Callable[[Segments, Limits], Manoeuvre]:
+def mount_turned(axis: str) -> Callable[[Segments, ManoeuvreLimits], Manoeuvre]:
     """Make the manoeuvre of each chamber alone with the mount turned about an axis of the base."""
 
-    def make(segments: Segments, limits: Limits) -> Manoeuvre:  # noqa: ARG001
-        path = Path(limits).hold(5.0)
+    def make(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:  # noqa: ARG001
+        path = ManoeuvrePath(limits).hold(5.0)
         for level in np.diag(limits.top):
             path.go(level, 1.5).hold(2.0).vent(1.5).hold(1.0)
         return Manoeuvre(
@@ -166,7 +166,7 @@ def mount_turned(axis: str) -> Callable[[Segments, Limits], Manoeuvre]:
     return make
 
 
-def pluck(segments: Segments, limits: Limits) -> Manoeuvre:  # noqa: ARG001
+def pluck(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:  # noqa: ARG001
     """Motion that no pressure causes: somebody draws the tip aside and lets go."""
     times, forces = [0.0], [np.zeros(3)]
     for direction in (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])):
@@ -184,7 +184,7 @@ def pluck(segments: Segments, limits: Limits) -> Manoeuvre:  # noqa: ARG001
     )
 
 
-def _one_of_each(segments: Segments, limits: Limits, number: int) -> Floats:
+def _one_of_each(segments: Segments, limits: ManoeuvreLimits, number: int) -> Floats:
     """Choose one chamber of each segment, another one for each number; pressures of shape (chambers,)."""
     level = np.zeros(len(segments))
     for s in set(segments):
@@ -194,7 +194,7 @@ def _one_of_each(segments: Segments, limits: Limits, number: int) -> Floats:
     return level
 
 
-_MAKERS: tuple[Callable[[Segments, Limits], Manoeuvre], ...] = (
+_MAKERS: tuple[Callable[[Segments, ManoeuvreLimits], Manoeuvre], ...] = (
     growing_cycles,
     rest,
     each_alone,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from softarm.estimator.effects.effect import describe
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.excitation.manoeuvre import Manoeuvre
-from softarm.estimator.excitation.separation import Subject, Trial
+from softarm.estimator.excitation.separation import SeparatedArm, SeparationTrial
 
 ENOUGH = 50.0
 """Separation D^2 from which two explanations are told apart, with a margin of two on chance."""
@@ -37,7 +37,7 @@ def _name(placed: PlacedEffect) -> str:
 
 
 @dataclass(frozen=True)
-class Choice:
+class ChosenManoeuvre:
     """A manoeuvre and what is expected of it.
 
     Args:
@@ -60,7 +60,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Plan:
+class ExcitationPlan:
     """What to run, in this order.
 
     Args:
@@ -68,7 +68,7 @@ class Plan:
         rivals: The pairs that it is to tell apart; none where everything is to be shown.
     """
 
-    choices: tuple[Choice, ...]
+    choices: tuple[ChosenManoeuvre, ...]
     rivals: tuple[Rivals, ...] = ()
 
     @property
@@ -86,17 +86,17 @@ class Plan:
         return tuple(p for k, p in enumerate(self.rivals) if self.separation(k) < ENOUGH)
 
 
-def whole(manoeuvres: Sequence[Manoeuvre]) -> Plan:
+def whole(manoeuvres: Sequence[Manoeuvre]) -> ExcitationPlan:
     """Plan everything, in the order given."""
-    return Plan(tuple(Choice(manoeuvre) for manoeuvre in manoeuvres))
+    return ExcitationPlan(tuple(ChosenManoeuvre(manoeuvre) for manoeuvre in manoeuvres))
 
 
 def plan_for(
     rivals: Sequence[Rivals],
     manoeuvres: Sequence[Manoeuvre],
-    subject: Subject,
+    subject: SeparatedArm,
     advance: Callable[[float], None] = lambda _: None,
-) -> Plan:
+) -> ExcitationPlan:
     """Choose manoeuvres for rivals, the one first that separates them most per second of run.
 
     Args:
@@ -108,7 +108,7 @@ def plan_for(
     left = []
     for manoeuvre in manoeuvres:
         trial = subject.trial(manoeuvre)
-        left.append(Choice(manoeuvre, tuple(_separation(trial, pair, advance) for pair in rivals)))
+        left.append(ChosenManoeuvre(manoeuvre, tuple(_separation(trial, pair, advance) for pair in rivals)))
     lacking, chosen = [ENOUGH] * len(rivals), []
     while left and any(lack > 0.0 for lack in lacking):
         best = max(left, key=lambda choice: choice.gain(lacking))
@@ -117,10 +117,10 @@ def plan_for(
         left.remove(best)
         chosen.append(best)
         lacking = [max(0.0, a - b) for a, b in zip(lacking, best.separations, strict=True)]
-    return Plan(tuple(chosen), tuple(rivals))
+    return ExcitationPlan(tuple(chosen), tuple(rivals))
 
 
-def _separation(trial: Trial, pair: Rivals, advance: Callable[[float], None]) -> float:
+def _separation(trial: SeparationTrial, pair: Rivals, advance: Callable[[float], None]) -> float:
     found = trial.separation(pair.found, pair.rival)
     advance(1)
     return found

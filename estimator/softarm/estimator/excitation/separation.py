@@ -24,7 +24,7 @@ from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp, log
 from softarm.estimator.sensing import Scene, SensorSuite
-from softarm.estimator.simulation import Arm, Drive, LinearisedArm, Segments
+from softarm.estimator.simulation import Drive, LinearisedArm, RespondingArm, Segments
 
 Floats = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ DIFFERENCE = 0.02
 
 
 @dataclass(frozen=True)
-class Subject:
+class SeparatedArm:
     """The arm on which rivals are tried.
 
     Args:
@@ -53,19 +53,19 @@ class Subject:
         gravity: In the usual base frame [m/s2], shape (3,).
     """
 
-    arm: Arm
+    arm: RespondingArm
     segments: Segments
     world: World
     suite: SensorSuite
     gravity: Floats
 
-    def trial(self, manoeuvre: Manoeuvre) -> "Trial":
+    def trial(self, manoeuvre: Manoeuvre) -> "SeparationTrial":
         """Run a manoeuvre on the model without effects, linearised along its way."""
         step = float(np.clip(manoeuvre.duration / SAMPLES, SHORTEST, LONGEST))
         time = np.arange(0.0, manoeuvre.duration, step)
         drive = self._drive(manoeuvre, time)
         baseline = _between(*self._stations(manoeuvre), time, self.segments)
-        return Trial(self, drive, LinearisedArm(self.segments, drive, baseline))
+        return SeparationTrial(self, drive, LinearisedArm(self.segments, drive, baseline))
 
     def _drive(self, manoeuvre: Manoeuvre, time: Floats) -> Drive:
         """Give the drive of a manoeuvre; a turned mount turns gravity the other way."""
@@ -94,7 +94,7 @@ class Subject:
 
 
 @dataclass(frozen=True)
-class Trial:
+class SeparationTrial:
     """A manoeuvre on the model, ready to try effects.
 
     Args:
@@ -103,7 +103,7 @@ class Trial:
         arm: The model linearised along it.
     """
 
-    subject: Subject
+    subject: SeparatedArm
     drive: Drive
     arm: LinearisedArm
 

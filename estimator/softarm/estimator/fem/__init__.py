@@ -8,7 +8,7 @@ from softarm.estimator.fem.elements.material import Material
 from softarm.estimator.fem.loads import DistributedLoad
 from softarm.estimator.fem.model import FiniteElementModel, FiniteElementState, FiniteElementStep
 from softarm.estimator.fem.parity.springs import Springs
-from softarm.estimator.fem.sections import Section
+from softarm.estimator.fem.sections import SectionNodes
 from softarm.estimator.fem.statics.equilibrium import Settings
 from softarm.estimator.fem.statics.solution import Solution, SolveStatus
 
@@ -19,7 +19,7 @@ __all__ = [
     "FiniteElementStep",
     "Material",
     "Membrane",
-    "Section",
+    "SectionNodes",
     "Settings",
     "Solution",
     "SolveStatus",

@@ -22,7 +22,7 @@ from softarm.estimator.mesh import ElementBlock, Floats, Indices, Mesh
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class AssembledForces:
     """Forces of the body at a configuration.
 
     Args:
@@ -96,7 +96,7 @@ class Body:
         *,
         tangent: bool = True,
         load_stiffness: bool = True,
-    ) -> Evaluation:
+    ) -> AssembledForces:
         """Evaluate forces, volumes and, where wanted, the tangent.
 
         Args:
@@ -126,7 +126,9 @@ class Body:
                 valid = valid and block.forces(positions, scales, forces, blocks, mirror, tangent)
         if self.symmetric:
             mirror = blocks
-        return Evaluation(forces, volumes, gradients, Tangent(blocks, mirror) if tangent else None, valid)
+        return AssembledForces(
+            forces, volumes, gradients, Tangent(blocks, mirror) if tangent else None, valid
+        )
 
     def parameter_forces(self, positions: Floats) -> Floats:
         """Differentiate the internal forces by the stiffness factors [N], shape (parameters, nodes, 3).

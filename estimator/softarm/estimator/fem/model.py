@@ -13,8 +13,8 @@ from softarm.estimator.fem.elements.material import Material
 from softarm.estimator.fem.linalg.cholesky import StiffnessFactor
 from softarm.estimator.fem.loads import LoadSet, build_loads, superpose
 from softarm.estimator.fem.parity.springs import Springs
-from softarm.estimator.fem.sections import Section, SectionFit, SectionFrame, SectionPoses, build_section
-from softarm.estimator.fem.statics.continuation import Path, between
+from softarm.estimator.fem.sections import SectionFit, SectionFrame, SectionNodes, SectionPoses, build_section
+from softarm.estimator.fem.statics.continuation import EquilibriumPath, between
 from softarm.estimator.fem.statics.equilibrium import Balance, Settings, stable_factor, take_step
 from softarm.estimator.fem.statics.solution import Solution
 from softarm.estimator.mesh import Floats, Mesh
@@ -136,7 +136,7 @@ class FiniteElementModel:
         materials: Mapping[str, Material],
         chambers: Sequence[str] | None = None,
         fibres: Sequence[Membrane | Springs] = (),
-        sections: Sequence[Section | str] = (),
+        sections: Sequence[SectionNodes | str] = (),
         loads: Sequence[Load] = (),
         clamp: str = "clamp",
         nodal_mass: Floats | None = None,
@@ -169,7 +169,7 @@ class FiniteElementModel:
             raise InputError("mesh", f"it has no node set {clamp!r}", f"name the held nodes (it has {known})")
         names = _chambers(mesh) if chambers is None else tuple(chambers)
         body = build_body(mesh, materials, names, fibres, mesh.node_sets[clamp])
-        listed = [Section(section) if isinstance(section, str) else section for section in sections]
+        listed = [SectionNodes(section) if isinstance(section, str) else section for section in sections]
         frames = {section.name: build_section(mesh, section) for section in listed}
         densities = np.array([materials[name].density for name in mesh.regions])
         return cls(
@@ -302,7 +302,7 @@ class FiniteElementModel:
             The state, how the solve ended, the linear solves it took and its residual.
         """
         start = start or self.rest()
-        path = Path(self.body, self.balance, start.inputs, inputs, self.nodal_mass, self.settings)
+        path = EquilibriumPath(self.body, self.balance, start.inputs, inputs, self.nodal_mass, self.settings)
         walked = path.walk(start.displacement)
         reached = inputs if walked.converged else between(start.inputs, inputs, path.fraction)
         state = FiniteElementState(walked.value, reached)

@@ -23,7 +23,7 @@ MOMENTS = 4
 
 
 @dataclass(frozen=True)
-class Section:
+class SectionNodes:
     """A rigid section whose frame the model gives.
 
     Args:
@@ -187,7 +187,7 @@ def _frame(points: PointMap, mesh: Mesh, origin: Floats | None, rotation: Floats
     return frame_of_points(points, mesh, origin, rotation)
 
 
-def build_section(mesh: Mesh, section: Section) -> SectionFrame:
+def build_section(mesh: Mesh, section: SectionNodes) -> SectionFrame:
     """Prepare the frame of a named section.
 
     Raises:

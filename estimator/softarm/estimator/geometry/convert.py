@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from softarm.estimator.geometry.orphans import without_orphans
-from softarm.estimator.mesh import ElementBlock, ElementKind, FacetKind, Floats, Indices, Mesh, Surface
+from softarm.estimator.mesh import ElementBlock, ElementKind, ElementSurface, FacetKind, Floats, Indices, Mesh
 from softarm.estimator.reference_elements import ELEMENT_FACES, HEX_EDGES, TET_EDGES, parent_nodes
 from softarm.estimator.shape_functions import shape_functions
 
@@ -27,7 +27,7 @@ def to_elements(mesh: Mesh, kind: ElementKind) -> Mesh:
     if kind in ("hex8", "tet4"):
         mesh = replace(mesh, node_sets=_corner_sets(mesh))
     if kind == "hex8":
-        surfaces = {name: Surface("quad4", s.facets[:, :4]) for name, s in mesh.surfaces.items()}
+        surfaces = {name: ElementSurface("quad4", s.facets[:, :4]) for name, s in mesh.surfaces.items()}
         hexahedra = ElementBlock("hex8", block.connectivity[:, :8], block.region)
         return without_orphans(Mesh(mesh.points, (hexahedra,), mesh.regions, surfaces, mesh.node_sets))
     corners, region = _split(block.connectivity[:, :8]), np.repeat(block.region, 6)
@@ -68,7 +68,7 @@ def _tetrahedra(
     facet_kind: FacetKind,
     facets: dict[str, Indices],
 ) -> Mesh:
-    surfaces = {name: Surface(facet_kind, nodes) for name, nodes in facets.items()}
+    surfaces = {name: ElementSurface(facet_kind, nodes) for name, nodes in facets.items()}
     block = ElementBlock(kind, connectivity, region)
     return without_orphans(Mesh(points, (block,), mesh.regions, surfaces, mesh.node_sets))
 

@@ -10,7 +10,7 @@ from softarm.estimator.geometry.checks import check_elements, check_mesh
 from softarm.estimator.geometry.faces import boundary_faces, connected_parts, is_among
 from softarm.estimator.geometry.groups import MeshFileContent, read_content
 from softarm.estimator.geometry.orphans import without_orphans
-from softarm.estimator.mesh import ElementBlock, FacetKind, Floats, Indices, Mesh, Surface
+from softarm.estimator.mesh import ElementBlock, ElementSurface, FacetKind, Floats, Indices, Mesh
 from softarm.estimator.reference_elements import FACE_KIND
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Chamber, MeshFile, Section, Specimen
@@ -126,7 +126,7 @@ def _section(mesh: Mesh, section: Section) -> Indices:
 
 def _surfaces(
     specimen: Specimen, geometry: MeshFile, content: MeshFileContent, mesh: Mesh, path: Path
-) -> dict[str, Surface]:
+) -> dict[str, ElementSurface]:
     """Find the walls of the chambers on the boundary of the body."""
     if not specimen.chambers:
         return {}
@@ -149,7 +149,7 @@ def _surfaces(
             wall = boundary[is_among(kind, boundary, facets)]
         else:
             wall = boundary[_nearest_surface(chamber, mesh.points, boundary, inner, where)]
-        surfaces[f"chamber_{chamber.index}"] = Surface(kind, wall)
+        surfaces[f"chamber_{chamber.index}"] = ElementSurface(kind, wall)
     return surfaces
 
 

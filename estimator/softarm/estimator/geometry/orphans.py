@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from softarm.estimator.mesh import ElementBlock, Indices, Mesh, Surface
+from softarm.estimator.mesh import ElementBlock, ElementSurface, Indices, Mesh
 
 
 def without_orphans(mesh: Mesh) -> Mesh:
@@ -23,7 +23,7 @@ def without_orphans(mesh: Mesh) -> Mesh:
         blocks=tuple(ElementBlock(b.kind, number[b.connectivity], b.region) for b in mesh.blocks),
         regions=mesh.regions,
         surfaces={
-            name: Surface(surface.kind, number[surface.facets[used[surface.facets].all(axis=1)]])
+            name: ElementSurface(surface.kind, number[surface.facets[used[surface.facets].all(axis=1)]])
             for name, surface in mesh.surfaces.items()
         },
         node_sets={name: members(nodes) for name, nodes in mesh.node_sets.items()},

@@ -85,7 +85,7 @@ def sample(patch: Patch) -> Floats:
 
 
 @dataclass(frozen=True)
-class Plan:
+class PatchLayout:
     """How the nodes of a cross-section make quadrilaterals; the same at every height.
 
     Args:
@@ -107,7 +107,7 @@ class Plan:
         return points
 
 
-def build_plan(patches: Sequence[Patch]) -> Plan:
+def build_plan(patches: Sequence[Patch]) -> PatchLayout:
     """Join patches that share sides into one plan.
 
     Args:
@@ -137,9 +137,9 @@ def _grid(m: int, n: int) -> Indices:
     return grid
 
 
-def _without_centres(quads: Indices, cavity: Indices, merge: Indices, nodes: int) -> Plan:
+def _without_centres(quads: Indices, cavity: Indices, merge: Indices, nodes: int) -> PatchLayout:
     """Drop the centres of the quadrilaterals, which eight-node ones do not have."""
     used = np.zeros(nodes + 1, dtype=bool)
     used[quads] = True
     number = np.where(used, np.cumsum(used) - 1, used.sum())
-    return Plan(number[quads], cavity, number[merge], int(used.sum()) + 1)
+    return PatchLayout(number[quads], cavity, number[merge], int(used.sum()) + 1)

@@ -7,9 +7,9 @@ import numpy as np
 
 from softarm.estimator.geometry.faces import boundary_faces, element_faces, is_among
 from softarm.estimator.geometry.orphans import without_orphans
-from softarm.estimator.geometry.patches import Patch, Plan, build_plan
+from softarm.estimator.geometry.patches import Patch, PatchLayout, build_plan
 from softarm.estimator.geometry.resolution import Resolution
-from softarm.estimator.mesh import ElementBlock, Floats, Indices, Mesh, Surface
+from softarm.estimator.mesh import ElementBlock, ElementSurface, Floats, Indices, Mesh
 from softarm.estimator.specimen import Specimen
 
 LEVEL_TOLERANCE_M = 1e-9
@@ -74,7 +74,7 @@ def _spacing(count: int, end_layer: float) -> Floats:
 
 
 def _extrude(
-    plan: Plan, patches: Callable[[float], Sequence[Patch]], levels: Floats
+    plan: PatchLayout, patches: Callable[[float], Sequence[Patch]], levels: Floats
 ) -> tuple[Floats, Indices]:
     """Place all nodes, and number those of every cell, cavities included; layer after layer."""
     count, layers = plan.nodes, len(levels) - 1
@@ -92,7 +92,7 @@ def _part_at(specimen: Specimen, height: float) -> int:
 
 
 def _chamber_cells(
-    specimen: Specimen, plan: Plan, lobes: Sequence[tuple[int, ...]], middle: Floats
+    specimen: Specimen, plan: PatchLayout, lobes: Sequence[tuple[int, ...]], middle: Floats
 ) -> Indices:
     """Compute the chamber that each cell belongs to, -1 for solid, shape (layers quads,)."""
     cells = np.full((len(middle), len(plan.quads)), -1)
@@ -104,16 +104,18 @@ def _chamber_cells(
     return cells.ravel()
 
 
-def _surfaces(block: ElementBlock, cells: Indices, chamber: Indices, chambers: int) -> dict[str, Surface]:
+def _surfaces(
+    block: ElementBlock, cells: Indices, chamber: Indices, chambers: int
+) -> dict[str, ElementSurface]:
     """Find the walls of the chambers, and what remains of the boundary."""
     boundary = boundary_faces("hex20", block.connectivity)
     outer = np.ones(len(boundary), dtype=bool)
     surfaces = {}
     for index in range(chambers):
         wall = is_among("quad8", boundary, element_faces("hex20", cells[chamber == index]))
-        surfaces[f"chamber_{index}"] = Surface("quad8", boundary[wall])
+        surfaces[f"chamber_{index}"] = ElementSurface("quad8", boundary[wall])
         outer &= ~wall
-    surfaces["outer"] = Surface("quad8", boundary[outer])
+    surfaces["outer"] = ElementSurface("quad8", boundary[outer])
     return surfaces
 
 

@@ -11,6 +11,6 @@
 """
 
 from softarm.estimator.intake.intake import take_in
-from softarm.estimator.intake.result import Event, Intake, Mismatch
+from softarm.estimator.intake.result import Disturbance, Intake, RecordingFault
 
-__all__ = ["Event", "Intake", "Mismatch", "take_in"]
+__all__ = ["Disturbance", "Intake", "RecordingFault", "take_in"]

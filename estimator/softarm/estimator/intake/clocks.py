@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from softarm.estimator.intake.grid import Grid, grid_of
 from softarm.estimator.intake.hypotheses import UNAMBIGUOUS
 from softarm.estimator.intake.law import first_order
-from softarm.estimator.intake.result import MOTION, Mismatch
+from softarm.estimator.intake.result import MOTION, RecordingFault
 from softarm.estimator.intake.streams import streams_of
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
@@ -68,7 +68,7 @@ class Shifts:
         return inside
 
 
-def mend_clocks(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+def mend_clocks(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Find streams whose clock is shifted, and shift them back where one shift wins.
 
     Where all sensors lag alike, the pressures are moved; else the sensor that strays.
@@ -82,7 +82,7 @@ def mend_clocks(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
     for candidate in (common, *alone):
         if candidate is not None and _shared(shifts, candidate[0]):
             return _mended(recording, ("pressures",), "the motion", candidate)
-    found: list[Mismatch] = []
+    found: list[RecordingFault] = []
     mended = recording
     for name, one in zip(shifts.names, alone, strict=True):
         if one is not None:
@@ -121,17 +121,17 @@ def _strayed(shifts: Shifts, likelihood: Floats) -> tuple[float, float, float, f
 
 def _mended(
     recording: Recording, columns: tuple[str, ...], subject: str, strayed: tuple[float, float, float, float]
-) -> tuple[Recording, tuple[Mismatch, ...]]:
+) -> tuple[Recording, tuple[RecordingFault, ...]]:
     lag, gain, other, lead = strayed
     odds = float(np.exp(min(gain, lead, 500.0)))
     what = f"{subject} is {abs(lag):.2f} s {_way(lag)} the pressures"
     if odds < UNAMBIGUOUS:
         what += f", or {abs(other):.2f} s {_way(other)} them"
         cure = "give all streams one clock, or record a motion that does not repeat"
-        return recording, (Mismatch(recording.name, "clock", columns, what, cure, False, odds),)
+        return recording, (RecordingFault(recording.name, "clock", columns, what, cure, False, odds),)
     if columns == ("pressures",):
         what += ": their clocks did not start together"
-        mismatch = Mismatch(
+        mismatch = RecordingFault(
             recording.name, "clock", columns, what, "the pressures were moved for this run", True, odds
         )
         return moved_pressures(recording, lag), (mismatch,)
@@ -140,7 +140,7 @@ def _mended(
         name: _moved(recording.time, values, -lag) if name.startswith(f"{subject}_") else values
         for name, values in recording.columns.items()
     }
-    mismatch = Mismatch(recording.name, "clock", columns, what, "moved for this run", True, odds)
+    mismatch = RecordingFault(recording.name, "clock", columns, what, "moved for this run", True, odds)
     return replace(recording, columns=moved), (mismatch,)
 
 

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.special import gammaln, logsumexp
 
 from softarm.estimator.intake.grid import Grid, grid_of
-from softarm.estimator.intake.law import START, Inputs, fit_variances, left_out, own_noise
+from softarm.estimator.intake.law import START, Predictors, fit_variances, left_out, own_noise
 from softarm.estimator.intake.provoked import slopes_of, unprovoked_motion
-from softarm.estimator.intake.result import Event
-from softarm.estimator.intake.streams import Stream, streams_of
+from softarm.estimator.intake.result import Disturbance
+from softarm.estimator.intake.streams import SampledStream, streams_of
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
 
@@ -88,7 +88,7 @@ class Errors:
     seconds: Indices
 
 
-def find_events(recording: Recording, specimen: Specimen) -> tuple[Event, ...]:
+def find_events(recording: Recording, specimen: Specimen) -> tuple[Disturbance, ...]:
     """Find the stretches of a recording that no steady law explains.
 
     Nothing is looked for in recordings that are short, in which no pressure changes or nothing moves.
@@ -117,7 +117,7 @@ def find_events(recording: Recording, specimen: Specimen) -> tuple[Event, ...]:
     return tuple(event for event in events if event is not None)
 
 
-def _has_law(recording: Recording, streams: tuple[Stream, ...]) -> bool:
+def _has_law(recording: Recording, streams: tuple[SampledStream, ...]) -> bool:
     """Whether a recording is long enough, moves, and has pressures that change."""
     seconds = float(np.ptp(recording.time)) if len(recording.time) > 1 else 0.0
     pressures = [recording.pressure(k)[0] for k in recording.chambers]
@@ -127,7 +127,9 @@ def _has_law(recording: Recording, streams: tuple[Stream, ...]) -> bool:
     )
 
 
-def _touches(recording: Recording, streams: tuple[Stream, ...]) -> dict[int, list[tuple[float, float]]]:
+def _touches(
+    recording: Recording, streams: tuple[SampledStream, ...]
+) -> dict[int, list[tuple[float, float]]]:
     """Find the stretches between motions that nothing provoked, of each moving stream."""
     fine = grid_of(recording, streams, FINEST)
     motion = unprovoked_motion(fine)
@@ -176,7 +178,7 @@ def _between(times: Sequence[float], recording: Recording, lost: Floats) -> list
 
 
 def law_errors(
-    recording: Recording, streams: tuple[Stream, ...], touched: Sequence[tuple[float, float]] = ()
+    recording: Recording, streams: tuple[SampledStream, ...], touched: Sequence[tuple[float, float]] = ()
 ) -> Errors | None:
     """Predict every second of a recording from all others.
 
@@ -194,7 +196,7 @@ def law_errors(
     rows = np.flatnonzero(free)
     if len(rows) * grid.step < SHORTEST:
         return None
-    inputs = Inputs.of(grid.time, grid.pressures).take(rows)
+    inputs = Predictors.of(grid.time, grid.pressures).take(rows)
     spreads = np.std(grid.values[rows], axis=0)
     scaled = (grid.values[rows] - np.median(grid.values[rows], axis=0)) / spreads
     numbers = (inputs.time - grid.time[0]).astype(np.int64)
@@ -205,7 +207,7 @@ def law_errors(
     return Errors(grid, rows, errors * spreads, variances, spreads, numbers)
 
 
-def _robust(inputs: Inputs, values: Floats, seconds: Indices, trusted: Floats) -> tuple[Floats, Floats]:
+def _robust(inputs: Predictors, values: Floats, seconds: Indices, trusted: Floats) -> tuple[Floats, Floats]:
     """Fit the law and the weight of each second in turn, and predict each second from the others."""
     weights, theta = trusted, START
     for _ in range(PASSES):
@@ -297,12 +299,12 @@ def _stretches(chance: Floats) -> list[tuple[int, int]]:
 def _event(
     recording: Recording,
     specimen: Specimen,
-    streams: Sequence[Stream],
+    streams: Sequence[SampledStream],
     left: Errors,
     chances: Floats,
     begin: int,
     end: int,
-) -> Event | None:
+) -> Disturbance | None:
     """Describe a stretch; ``None`` where it is too small to move a fit."""
     inside = (left.seconds >= begin) & (left.seconds < end)
     grid, numbers = left.grid, np.unique(left.grid.stream)
@@ -316,7 +318,7 @@ def _event(
     angle, length = (np.array([unit == kind for unit in grid.units]) for kind in ("rad", "m"))
     lengths = _tip_displacement(specimen, streams, left, inside) if not length.any() else sizes[length].max()
     start = grid.time[0] - grid.step / 2
-    return Event(
+    return Disturbance(
         recording.name,
         (
             max(start + begin - GUARD, float(recording.time[0])),
@@ -332,7 +334,9 @@ def _event(
     )
 
 
-def _tip_displacement(specimen: Specimen, streams: Sequence[Stream], left: Errors, inside: Flags) -> float:
+def _tip_displacement(
+    specimen: Specimen, streams: Sequence[SampledStream], left: Errors, inside: Flags
+) -> float:
     """Turn unexplained bends into a displacement of the tip [m], angles times distances from it."""
     tip = specimen.length_m
     total = np.zeros((int(inside.sum()), 2))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.intake.streams import Stream
+from softarm.estimator.intake.streams import SampledStream
 from softarm.estimator.recording import Recording
 
 Floats = NDArray[np.float64]
@@ -39,7 +39,7 @@ def pressures_of(recording: Recording) -> Floats:
     return np.column_stack(columns) if columns else np.zeros((len(recording.time), 0))
 
 
-def grid_of(recording: Recording, streams: tuple[Stream, ...], step: float) -> Grid:
+def grid_of(recording: Recording, streams: tuple[SampledStream, ...], step: float) -> Grid:
     """Average a recording over windows of ``step`` seconds.
 
     Args:

@@ -27,7 +27,7 @@ class Explanation(Generic[What]):
 
 
 @dataclass(frozen=True)
-class Choice(Generic[What]):
+class BestExplanation(Generic[What]):
     """The best explanation and the next.
 
     Args:
@@ -46,10 +46,10 @@ class Choice(Generic[What]):
         return self.odds >= UNAMBIGUOUS
 
 
-def choose(explanations: Sequence[Explanation[What]]) -> Choice[What]:
+def choose(explanations: Sequence[Explanation[What]]) -> BestExplanation[What]:
     """Order explanations by likelihood; of equal ones the first given is the best."""
     order = sorted(explanations, key=lambda one: -one.log_likelihood)
     if len(order) < 2:
-        return Choice(order[0], order[0], np.inf)
+        return BestExplanation(order[0], order[0], np.inf)
     gap = order[0].log_likelihood - order[1].log_likelihood
-    return Choice(order[0], order[1], float(np.exp(min(gap, 500.0))))
+    return BestExplanation(order[0], order[1], float(np.exp(min(gap, 500.0))))

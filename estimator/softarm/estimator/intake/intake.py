@@ -8,7 +8,7 @@ from softarm.estimator.intake.clocks import mend_clocks
 from softarm.estimator.intake.events import find_events
 from softarm.estimator.intake.labels import mend_labels
 from softarm.estimator.intake.limits import over_limit
-from softarm.estimator.intake.result import Intake, Mismatch
+from softarm.estimator.intake.result import Intake, RecordingFault
 from softarm.estimator.intake.sections import mend_bends, mend_sections
 from softarm.estimator.intake.structure import misfit
 from softarm.estimator.intake.units import mend_units
@@ -16,16 +16,18 @@ from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
 
 
-def _swapped(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+def _swapped(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Refuse channels that look exchanged without any model: which of the two is wrong, nobody can tell."""
     try:
         refuse_swapped_channels(recording, specimen)
     except InputError as error:
-        return recording, (Mismatch(recording.name, "labels", (), error.what, error.cure, mended=False),)
+        return recording, (
+            RecordingFault(recording.name, "labels", (), error.what, error.cure, mended=False),
+        )
     return recording, ()
 
 
-Step = Callable[[Recording, Specimen], tuple[Recording, tuple[Mismatch, ...]]]
+Step = Callable[[Recording, Specimen], tuple[Recording, tuple[RecordingFault, ...]]]
 STEPS: tuple[Step, ...] = (mend_units, mend_labels, mend_sections, mend_bends, _swapped, mend_clocks)
 
 

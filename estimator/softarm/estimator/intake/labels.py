@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.intake.hypotheses import Explanation, choose
-from softarm.estimator.intake.result import Kind, Mismatch
+from softarm.estimator.intake.result import Kind, RecordingFault
 from softarm.estimator.recording import MARKER_SUFFIXES, Recording
 from softarm.estimator.rotations import from_quaternions, log
 from softarm.estimator.specimen import Specimen
@@ -65,7 +65,7 @@ class Labelling:
     mirrored: bool
 
 
-def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Find exchanged markers and a mirrored laboratory, and mend them where one explanation wins."""
     chosen = [marker for marker in specimen.markers if marker.name in recording.markers]
     known = Known(
@@ -89,7 +89,7 @@ def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
     if worst > MISFIT * PLACED:
         what = f"the markers lie up to {1e3 * worst:.0f} mm off their places in the specimen under any names"
         cure = "give the specimen whose markers these are, or correct their offset_m"
-        return recording, (Mismatch(recording.name, "labels", known.names, what, cure, mended=False),)
+        return recording, (RecordingFault(recording.name, "labels", known.names, what, cure, mended=False),)
     if best == sensible:
         return recording, ()
     before = _worst(points, known, sensible.labels, False)
@@ -107,13 +107,13 @@ def _renamed(
     second: Labelling,
     before: float,
     after: float,
-) -> tuple[Recording, tuple[Mismatch, ...]]:
+) -> tuple[Recording, tuple[RecordingFault, ...]]:
     names = tuple(known.names[k] for k, label in enumerate(best.labels) if label != k) or known.names
     kind: Kind = "labels" if best.labels != tuple(range(len(known.names))) else "frame"
     if not unambiguous:
         what = f"{describe(known, best)}, or {describe(known, second)}"
         cure = f"correct the names or the axes of the export (odds only {odds:.0f})"
-        return recording, (Mismatch(recording.name, kind, names, what, cure, False, odds),)
+        return recording, (RecordingFault(recording.name, kind, names, what, cure, False, odds),)
     columns = dict(recording.columns)
     for k, label in enumerate(best.labels):
         for suffix in MARKER_SUFFIXES:
@@ -125,7 +125,7 @@ def _renamed(
             columns[f"marker_{name}_x_m"] = -columns[f"marker_{name}_x_m"]
     fits = f"to {1e3 * after:.1f} instead of {1e3 * before:.1f} mm"
     what = f"{describe(known, best)}: the markers fit their sections {fits}"
-    mismatch = Mismatch(recording.name, kind, names, what, "mended for this run", True, odds)
+    mismatch = RecordingFault(recording.name, kind, names, what, "mended for this run", True, odds)
     return replace(recording, columns=columns), (mismatch,)
 
 

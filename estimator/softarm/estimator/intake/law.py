@@ -46,7 +46,7 @@ LEVEL = 4.0
 
 
 @dataclass(frozen=True)
-class Inputs:
+class Predictors:
     """What the law may depend on, at each sample.
 
     Args:
@@ -62,18 +62,18 @@ class Inputs:
     rate: Floats
 
     @staticmethod
-    def of(time: Floats, pressures: Floats) -> "Inputs":
+    def of(time: Floats, pressures: Floats) -> "Predictors":
         """Filter pressures [Pa], shape (samples, chambers), at even times."""
         scaled = pressures / max(float(np.abs(pressures).max(initial=0.0)), 1.0)
         step = float(np.median(np.diff(time)))
         memory = [first_order(scaled, step / lag) - scaled for lag in FILTERS]
         ways = np.abs(np.diff(scaled, axis=0, prepend=scaled[:1])).sum(axis=1, keepdims=True)
         rate = first_order(ways, step / RECENT) * RECENT / step
-        return Inputs(time, scaled, np.column_stack(memory), np.minimum(rate[:, 0], 1.0))
+        return Predictors(time, scaled, np.column_stack(memory), np.minimum(rate[:, 0], 1.0))
 
-    def take(self, index: NDArray[np.int64]) -> "Inputs":
+    def take(self, index: NDArray[np.int64]) -> "Predictors":
         """Keep some samples."""
-        return Inputs(self.time[index], self.pressures[index], self.memory[index], self.rate[index])
+        return Predictors(self.time[index], self.pressures[index], self.memory[index], self.rate[index])
 
 
 def first_order(values: Floats, ratio: float) -> Floats:
@@ -87,7 +87,7 @@ def first_order(values: Floats, ratio: float) -> Floats:
     return out
 
 
-def covariances(inputs: Inputs, weights: Floats) -> list[Floats]:
+def covariances(inputs: Predictors, weights: Floats) -> list[Floats]:
     """Compute the covariance of each of ``PARTS`` with unit variance, shape (samples, samples) each."""
     p, time = inputs.pressures, inputs.time
     inner = p @ p.T
@@ -108,7 +108,7 @@ def covariances(inputs: Inputs, weights: Floats) -> list[Floats]:
     ]
 
 
-def fit_variances(inputs: Inputs, values: Floats, weights: Floats, start: Floats = START) -> Floats:
+def fit_variances(inputs: Predictors, values: Floats, weights: Floats, start: Floats = START) -> Floats:
     """Fit the logarithms of the variances of ``PARTS`` by marginal likelihood, shape (parts,).
 
     Args:
@@ -140,7 +140,7 @@ def fit_variances(inputs: Inputs, values: Floats, weights: Floats, start: Floats
 
 
 def left_out(
-    inputs: Inputs, values: Floats, weights: Floats, variances: Floats, blocks: NDArray[np.int64]
+    inputs: Predictors, values: Floats, weights: Floats, variances: Floats, blocks: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
     """Predict each block of time from all others.
 
@@ -171,7 +171,7 @@ def left_out(
     return errors, spreads
 
 
-def own_noise(inputs: Inputs, variances: Floats) -> Floats:
+def own_noise(inputs: Predictors, variances: Floats) -> Floats:
     """Compute the variance of what the law leaves at each sample of weight one, shape (samples,)."""
     scales = dict(zip(PARTS, np.exp(variances), strict=True))
     own: Floats = scales["noise"] + scales["discrepancy"] + scales["swing"] * inputs.rate**2

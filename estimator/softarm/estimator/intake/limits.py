@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from softarm.estimator.intake.result import Mismatch
+from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
 
@@ -16,7 +16,7 @@ GUARD = 0.5
 
 def over_limit(
     recording: Recording, specimen: Specimen
-) -> tuple[tuple[tuple[float, float], ...], tuple[Mismatch, ...]]:
+) -> tuple[tuple[tuple[float, float], ...], tuple[RecordingFault, ...]]:
     """Find the stretches [s] above the limit of a chamber, which no fit may see.
 
     Returns:
@@ -40,11 +40,13 @@ def over_limit(
     what = f"{'; '.join(words)} for {above.mean():.0%} of the time"
     if above.mean() > MOST:
         cure = "raise pressure_limit_pa in the specimen if the arm bears it, or give another specimen"
-        return stretches, (Mismatch(recording.name, "limit", ("pressures",), what, cure, mended=False),)
+        return stretches, (RecordingFault(recording.name, "limit", ("pressures",), what, cure, mended=False),)
     listed = ", ".join(f"{begin:.1f} to {end:.1f} s" for begin, end in stretches[:5])
     more = f" and {len(stretches) - 5} more" if len(stretches) > 5 else ""
     return stretches, (
-        Mismatch(recording.name, "limit", ("pressures",), what, f"left out of every fit: {listed}{more}"),
+        RecordingFault(
+            recording.name, "limit", ("pressures",), what, f"left out of every fit: {listed}{more}"
+        ),
     )
 
 

@@ -14,7 +14,7 @@ MOTION = ("bend_", "frame_", "marker_")
 
 
 @dataclass(frozen=True)
-class Mismatch:
+class RecordingFault:
     """A part of a recording that does not fit the specimen in its frame, label, unit or clock.
 
     Args:
@@ -47,7 +47,7 @@ class Mismatch:
 
 
 @dataclass(frozen=True)
-class Event:
+class Disturbance:
     """A stretch of time that no steady law of the arm explains.
 
     Args:
@@ -107,8 +107,8 @@ class Intake:
     """
 
     recording: Recording
-    mismatches: tuple[Mismatch, ...] = ()
-    events: tuple[Event, ...] = ()
+    mismatches: tuple[RecordingFault, ...] = ()
+    events: tuple[Disturbance, ...] = ()
     excluded: tuple[tuple[float, float], ...] = ()
     notes: tuple[str, ...] = field(default=())
 
@@ -138,7 +138,7 @@ class Intake:
             raise self.refusals[0]
         return self
 
-    def with_recording(self, recording: Recording, found: Sequence[Mismatch] = ()) -> "Intake":
+    def with_recording(self, recording: Recording, found: Sequence[RecordingFault] = ()) -> "Intake":
         """Return this intake with another recording and further mismatches."""
         return replace(self, recording=recording, mismatches=(*self.mismatches, *found))
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.intake.hypotheses import Explanation, choose
-from softarm.estimator.intake.result import Mismatch
+from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.recording import BEND_SUFFIXES, POSE_SUFFIXES, Recording
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Specimen
@@ -39,7 +39,7 @@ MISFIT = 3.0
 
 
 @dataclass(frozen=True)
-class Setup:
+class SensorChannels:
     """One explanation: recorded frames of the sections, mirrored axis, the base body's axis to the tip."""
 
     labels: tuple[int, ...]
@@ -48,7 +48,7 @@ class Setup:
     sign: float = 1.0
 
 
-def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Find exchanged sections and mirrored or turned frames, and mend them where one explanation wins."""
     names = [section.name for section in specimen.sections if section.name in recording.frames]
     if len(names) < 2 or names[0] != specimen.sections[0].name:
@@ -68,25 +68,29 @@ def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, 
     if off > MISFIT * CHORD * heights[-1]:
         what = f"positions and orientations of {', '.join(names)} contradict each other by {1e3 * off:.0f} mm"
         cure = "check the order of the quaternion (w, x, y, z), the axes of the bodies, and the specimen"
-        return recording, (Mismatch(recording.name, "frame", tuple(names), what, cure, mended=False),)
+        return recording, (RecordingFault(recording.name, "frame", tuple(names), what, cure, mended=False),)
     if best == _setups(len(names))[0]:
         return recording, ()
     words = _describe(names, best)
     columns = tuple(f"frame_{name}" for name in names)
     if best.axis != 2 or best.sign < 0.0:
         cure = "define the body so that its z points along the arm; how it is turned about z cannot be known"
-        return recording, (Mismatch(recording.name, "frame", columns[:1], words, cure, False, choice.odds),)
+        return recording, (
+            RecordingFault(recording.name, "frame", columns[:1], words, cure, False, choice.odds),
+        )
     if not choice.unambiguous:
         what = f"{words}, or {_describe(names, choice.second.what)}"
         cure = f"correct the export (odds only {choice.odds:.0f})"
-        return recording, (Mismatch(recording.name, "frame", columns, what, cure, False, choice.odds),)
+        return recording, (RecordingFault(recording.name, "frame", columns, what, cure, False, choice.odds),)
     before = _distance(poses, turns, heights, tried[0].what)
     what = f"{words}: positions follow from orientations to {1e3 * off:.0f} instead of {1e3 * before:.0f} mm"
-    mismatch = Mismatch(recording.name, "frame", columns, what, "mended for this run", True, choice.odds)
+    mismatch = RecordingFault(
+        recording.name, "frame", columns, what, "mended for this run", True, choice.odds
+    )
     return _mended(recording, names, best), (mismatch,)
 
 
-def mend_bends(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+def mend_bends(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Exchange bends that belong to each other's section, where frames show the tilts as well."""
     order = [section.name for section in specimen.sections]
     tilts = {}
@@ -116,26 +120,26 @@ def mend_bends(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
     what = f"bends of {' and '.join(names)} are exchanged: {fits}"
     streams = tuple(f"bend_{name}" for name in names)
     return replace(recording, columns=columns), (
-        Mismatch(recording.name, "labels", streams, what, "mended for this run"),
+        RecordingFault(recording.name, "labels", streams, what, "mended for this run"),
     )
 
 
-def _setups(count: int) -> list[Setup]:
+def _setups(count: int) -> list[SensorChannels]:
     """List the explanations, the recording as it is first."""
     orders = list(permutations(range(count)))
     mirrors: tuple[int | None, ...] = (None, 0, 1, 2)
-    plain = [Setup(labels, mirrored) for labels, mirrored in product(orders, mirrors)]
+    plain = [SensorChannels(labels, mirrored) for labels, mirrored in product(orders, mirrors)]
     others = ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, -1.0))
-    return [*plain, *(Setup(orders[0], None, axis, sign) for axis, sign in others)]
+    return [*plain, *(SensorChannels(orders[0], None, axis, sign) for axis, sign in others)]
 
 
-def _prior(setup: Setup) -> float:
+def _prior(setup: SensorChannels) -> float:
     moved = sum(label != k for k, label in enumerate(setup.labels))
     turned = setup.axis != 2 or setup.sign < 0.0
     return EXCHANGED * 0.5 * moved + TURNED * (setup.mirrored is not None) + TURNED * turned
 
 
-def _squares(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: Setup) -> float:
+def _squares(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: SensorChannels) -> float:
     """Compute squared errors of all chords, in their deviations."""
     errors = _chord_errors(poses, turns, heights, setup)
     middle = errors.mean(axis=0)
@@ -144,13 +148,13 @@ def _squares(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: Set
     return float(constant + varying)
 
 
-def _distance(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: Setup) -> float:
+def _distance(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: SensorChannels) -> float:
     """Compute the rms error of a chord [m]."""
     errors = _chord_errors(poses, turns, heights, setup)
     return float(np.sqrt((errors**2).sum(axis=2).mean()))
 
 
-def _chord_errors(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: Setup) -> Floats:
+def _chord_errors(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: SensorChannels) -> Floats:
     """Compute measured minus expected chords [m], shape (samples, chords, 3)."""
     mirror = np.ones(3)
     if setup.mirrored is not None:
@@ -175,7 +179,7 @@ def _samples(recording: Recording, names: Sequence[str]) -> Floats:
     return chosen
 
 
-def _describe(names: Sequence[str], setup: Setup) -> str:
+def _describe(names: Sequence[str], setup: SensorChannels) -> str:
     words = []
     moved = [k for k, label in enumerate(setup.labels) if label != k]
     if len(moved) == 2:
@@ -192,7 +196,7 @@ def _describe(names: Sequence[str], setup: Setup) -> str:
     return " and ".join(words) or "the frames as they are named"
 
 
-def _mended(recording: Recording, names: Sequence[str], setup: Setup) -> Recording:
+def _mended(recording: Recording, names: Sequence[str], setup: SensorChannels) -> Recording:
     columns = dict(recording.columns)
     for k, label in enumerate(setup.labels):
         for suffix in POSE_SUFFIXES:

@@ -20,7 +20,7 @@ SPREAD = (5.0, 95.0)
 
 
 @dataclass(frozen=True)
-class Stream:
+class SampledStream:
     """What one sensor of the motion recorded.
 
     Args:
@@ -50,7 +50,7 @@ class Stream:
         return moving
 
 
-def streams_of(recording: Recording, specimen: Specimen) -> tuple[Stream, ...]:
+def streams_of(recording: Recording, specimen: Specimen) -> tuple[SampledStream, ...]:
     """Collect the streams of a recording's bends, frames and markers.
 
     Markers that the specimen does not name, such as one on the hook of a gauge, are no part of the arm.
@@ -65,12 +65,12 @@ def streams_of(recording: Recording, specimen: Specimen) -> tuple[Stream, ...]:
     return (*bends, *frames, *markers)
 
 
-def _bend(recording: Recording, section: str) -> Stream:
+def _bend(recording: Recording, section: str) -> SampledStream:
     columns = _columns("bend", section, BEND_SUFFIXES)
-    return Stream(f"bend_{section}", "bend", section, columns, recording.bend(section), ("rad", "rad"))
+    return SampledStream(f"bend_{section}", "bend", section, columns, recording.bend(section), ("rad", "rad"))
 
 
-def _frame(recording: Recording, section: str) -> Stream:
+def _frame(recording: Recording, section: str) -> SampledStream:
     pose = recording.pose(section)
     seen = np.isfinite(pose).all(axis=1)
     vectors = np.full((len(pose), 3), np.nan)
@@ -80,14 +80,14 @@ def _frame(recording: Recording, section: str) -> Stream:
     values = np.column_stack([pose[:, :3], vectors])
     values[~seen] = np.nan
     units = ("m",) * 3 + ("rad",) * 3
-    return Stream(
+    return SampledStream(
         f"frame_{section}", "frame", section, _columns("frame", section, POSE_SUFFIXES), values, units
     )
 
 
-def _marker(recording: Recording, name: str) -> Stream:
+def _marker(recording: Recording, name: str) -> SampledStream:
     columns = _columns("marker", name, MARKER_SUFFIXES)
-    return Stream(f"marker_{name}", "marker", name, columns, recording.marker(name), ("m", "m", "m"))
+    return SampledStream(f"marker_{name}", "marker", name, columns, recording.marker(name), ("m", "m", "m"))
 
 
 def _columns(kind: str, name: str, suffixes: Sequence[str]) -> tuple[str, ...]:

@@ -1,11 +1,11 @@
 """Whether a recording is one of the specimen: its chambers, sections and markers."""
 
-from softarm.estimator.intake.result import Mismatch
+from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import SHIPPED, Specimen
 
 
-def misfit(recording: Recording, specimen: Specimen) -> tuple[Mismatch, ...]:
+def misfit(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, ...]:
     """List what of a recording the specimen lacks, as one refusal; empty where it fits."""
     words = []
     count = len(specimen.chambers)
@@ -38,7 +38,7 @@ def misfit(recording: Recording, specimen: Specimen) -> tuple[Mismatch, ...]:
         else "give the specimen that was recorded, or remove the columns"
     )
     return (
-        Mismatch(
+        RecordingFault(
             recording.name, "structure", ("specimen",), "; ".join(dict.fromkeys(words)), cure, mended=False
         ),
     )

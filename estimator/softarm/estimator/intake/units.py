@@ -16,8 +16,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.intake.hypotheses import Choice, Explanation, choose
-from softarm.estimator.intake.result import Kind, Mismatch
+from softarm.estimator.intake.hypotheses import BestExplanation, Explanation, choose
+from softarm.estimator.intake.result import Kind, RecordingFault
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Specimen
@@ -74,7 +74,7 @@ class Units:
     absolute: bool = False
 
 
-def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Bring pressures to gauge pressures in pascals, bends to radians, lengths to metres.
 
     Returns:
@@ -92,7 +92,9 @@ def pressure_columns(recording: Recording, kind: str) -> tuple[str, ...]:
     return tuple(name for name in names if name in recording.columns)
 
 
-def _pressures_and_bends(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+def _pressures_and_bends(
+    recording: Recording, specimen: Specimen
+) -> tuple[Recording, tuple[RecordingFault, ...]]:
     limits = specimen.pressure_limits
     if not limits or not recording.chambers or _declared_pascals(recording):
         return recording, ()
@@ -105,7 +107,7 @@ def _pressures_and_bends(recording: Recording, specimen: Specimen) -> tuple[Reco
         other = "; ".join(_named(recording, choice.second.what)[1]) or "pascals and radians as named"
         cure = f"convert the columns, or say pressure_unit = 'Pa' (odds only {choice.odds:.0f})"
         return recording, (
-            Mismatch(
+            RecordingFault(
                 recording.name, "unit", columns, f"{'; '.join(words)}, or {other}", cure, False, choice.odds
             ),
         )
@@ -115,7 +117,9 @@ def _pressures_and_bends(recording: Recording, specimen: Specimen) -> tuple[Reco
         if air is None:
             what = f"{'; '.join(words)}, and no vented stretch shows the pressure of the air"
             cure = "subtract the pressure of the air from the columns, or record a vented stretch"
-            return recording, (Mismatch(recording.name, "offset", columns, what, cure, False, choice.odds),)
+            return recording, (
+                RecordingFault(recording.name, "offset", columns, what, cure, False, choice.odds),
+            )
         offset = air
     mended = _converted(recording, found, offset)
     kind: Kind = "offset" if found.absolute else "unit"
@@ -124,7 +128,7 @@ def _pressures_and_bends(recording: Recording, specimen: Specimen) -> tuple[Reco
         if found.absolute
         else "converted for this run"
     )
-    return mended, (Mismatch(recording.name, kind, columns, "; ".join(words), done, True, choice.odds),)
+    return mended, (RecordingFault(recording.name, kind, columns, "; ".join(words), done, True, choice.odds),)
 
 
 def _declared_pascals(recording: Recording) -> bool:
@@ -268,7 +272,7 @@ def _converted(recording: Recording, units: Units, offset: float) -> Recording:
     return replace(recording, columns=columns)
 
 
-def _lengths(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[Mismatch, ...]]:
+def _lengths(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Bring positions to metres: markers and frames each have a size that the specimen knows."""
     mended, found = recording, []
     for kind, sizes in (
@@ -278,7 +282,7 @@ def _lengths(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple
         if sizes is None:
             continue
         size, expected, spread = sizes
-        choice: Choice[str] = choose(
+        choice: BestExplanation[str] = choose(
             [
                 Explanation(unit, prior - 0.5 * (np.log(max(size * factor, 1e-12) / expected) / spread) ** 2)
                 for unit, (factor, prior) in LENGTHS.items()
@@ -293,13 +297,13 @@ def _lengths(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple
         what = f"the {kind}s lie {size:.4g} apart, the specimen's {expected:.4g} m: they are in {unit}"
         if not choice.unambiguous:
             cure = f"convert them to metres (odds only {choice.odds:.0f} against {choice.second.what})"
-            found.append(Mismatch(recording.name, "unit", names, what, cure, False, choice.odds))
+            found.append(RecordingFault(recording.name, "unit", names, what, cure, False, choice.odds))
             continue
         factor = LENGTHS[unit][0]
         scaled = {name: v * factor if name in names else v for name, v in mended.columns.items()}
         mended = replace(mended, columns=scaled)
         found.append(
-            Mismatch(recording.name, "unit", names, what, "converted for this run", True, choice.odds)
+            RecordingFault(recording.name, "unit", names, what, "converted for this run", True, choice.odds)
         )
     return mended, tuple(found)
 
@@ -351,7 +355,7 @@ PULL = 0.05
 """Pulls below it [N] show no sign."""
 
 
-def _pull_signs(recording: Recording) -> tuple[Recording, tuple[Mismatch, ...]]:
+def _pull_signs(recording: Recording) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Turn gauges whose cord would push: pull is positive, and a cord cannot push."""
     columns, found = dict(recording.columns), []
     tied: Mapping[str, object] = {**recording.info, **({"hook": True} if "hook" in recording.markers else {})}
@@ -366,5 +370,7 @@ def _pull_signs(recording: Recording) -> tuple[Recording, tuple[Mismatch, ...]]:
         if push > PULL and push > SIGN * max(pull, 0.0):
             columns[f"gauge_{name}_n"] = -force
             what = f"gauge {name} reads {-push:.3g} N at most, as if its cord pushed: its sign is turned"
-            found.append(Mismatch(recording.name, "sign", (f"gauge_{name}_n",), what, "turned for this run"))
+            found.append(
+                RecordingFault(recording.name, "sign", (f"gauge_{name}_n",), what, "turned for this run")
+            )
     return (replace(recording, columns=columns), tuple(found)) if found else (recording, ())

@@ -2,16 +2,16 @@
 
 from softarm.estimator.inverse.compensation import Compensation, approach, replace_loads, settle
 from softarm.estimator.inverse.contact_profile import ContactPlace, ContactProfile
-from softarm.estimator.inverse.estimate import Estimate
-from softarm.estimator.inverse.limits import Limits
+from softarm.estimator.inverse.estimate import ArmEstimate
+from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Minimum, Status, Tolerances, minimise
 from softarm.estimator.inverse.objectives import (
     Iterate,
     Objective,
     PressureReadings,
     Prior,
-    Rows,
     SensorObjective,
+    WeightedRows,
 )
 from softarm.estimator.inverse.observability import Observability
 from softarm.estimator.inverse.problem import (
@@ -30,13 +30,13 @@ from softarm.estimator.inverse.tracker import Estimator, TrackerSettings
 from softarm.estimator.inverse.unknowns import Unknowns
 
 __all__ = [
+    "ArmEstimate",
     "Compensation",
     "ContactPlace",
     "ContactProfile",
-    "Estimate",
     "Estimator",
+    "InputBounds",
     "Iterate",
-    "Limits",
     "LoadProcess",
     "Minimum",
     "Objective",
@@ -46,12 +46,12 @@ __all__ = [
     "Problem",
     "QuadraticProgram",
     "QuadraticSolution",
-    "Rows",
     "SensorObjective",
     "Status",
     "Tolerances",
     "TrackerSettings",
     "Unknowns",
+    "WeightedRows",
     "approach",
     "build_program",
     "forces_problem",

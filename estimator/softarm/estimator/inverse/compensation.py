@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from softarm.estimator.inverse.estimate import Estimate
-from softarm.estimator.inverse.limits import Limits
+from softarm.estimator.inverse.estimate import ArmEstimate
+from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Tolerances
 from softarm.estimator.inverse.objectives import PressureReadings, SensorObjective
 from softarm.estimator.inverse.observability import join
@@ -51,7 +51,7 @@ class Compensation:
 
 
 def replace_loads(
-    estimate: Estimate[State], suite: SensorSuite, limits: Floats, tare: Floats
+    estimate: ArmEstimate[State], suite: SensorSuite, limits: Floats, tare: Floats
 ) -> Compensation:
     """Find the pressures that hold the estimated pose once its loads are gone.
 
@@ -74,14 +74,14 @@ def replace_loads(
 
 def settle(
     model: ArmModel[State, Step],
-    estimate: Estimate[State],
+    estimate: ArmEstimate[State],
     suite: SensorSuite,
     limits: Floats,
     tare: Floats,
     first: Compensation,
     start: tuple[State, Inputs] | None = None,
     tolerances: Tolerances | None = None,
-) -> tuple[Compensation, Estimate[State] | None]:
+) -> tuple[Compensation, ArmEstimate[State] | None]:
     """Search on from what ``replace_loads`` found to the optimum of the nonlinear arm, its loads gone.
 
     Args:
@@ -100,7 +100,7 @@ def settle(
     unknowns, inputs, chambers = estimate.unknowns, estimate.inputs, estimate.unknowns.chambers
     scene = Scene(estimate.frames, inputs.loads)
     readings = suite.predict(scene)
-    bounds = Limits.free(unknowns.size).bound(slice(0, chambers), 0.0, limits)
+    bounds = InputBounds.free(unknowns.size).bound(slice(0, chambers), 0.0, limits)
     problem = Problem(
         unknowns,
         suite,
@@ -133,7 +133,7 @@ def settle(
 
 
 def approach(
-    estimate: Estimate[State],
+    estimate: ArmEstimate[State],
     suite: SensorSuite,
     limits: Floats,
     target: Frames,
@@ -163,7 +163,7 @@ def approach(
 
 
 def _solve(
-    estimate: Estimate[State],
+    estimate: ArmEstimate[State],
     suite: SensorSuite,
     limits: Floats,
     problem: tuple[Floats, Floats, Floats],

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import interp1d
 
-from softarm.estimator.inverse.estimate import Estimate
+from softarm.estimator.inverse.estimate import ArmEstimate
 from softarm.estimator.model import ArmModel, Inputs, Linearisation, Load
 from softarm.estimator.sensing import Scene, SensorSuite
 
@@ -86,7 +86,7 @@ class ContactProfile:
         start: State,
         suite: SensorSuite,
         readings: Floats,
-        estimate: Estimate[State],
+        estimate: ArmEstimate[State],
         tare: Floats,
     ) -> ContactPlace | None:
         """Place the push that explains what the estimate's loads, less the tare, explain.
@@ -124,7 +124,7 @@ class ContactProfile:
         inputs: Inputs,
         suite: SensorSuite,
         readings: Floats,
-        estimate: Estimate[State],
+        estimate: ArmEstimate[State],
         free: Floats,
     ) -> ContactPlace:
         """Place the push by one linearisation about a state under given inputs."""

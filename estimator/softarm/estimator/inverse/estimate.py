@@ -8,9 +8,9 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.inverse.limits import Limits
+from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Linearised, Minimum, Status
-from softarm.estimator.inverse.objectives import PRESSURES, Rows
+from softarm.estimator.inverse.objectives import PRESSURES, WeightedRows
 from softarm.estimator.inverse.observability import Observability, analyse
 from softarm.estimator.inverse.unknowns import Unknowns
 from softarm.estimator.model import Frames, Inputs
@@ -22,7 +22,7 @@ State = TypeVar("State")
 
 
 @dataclass(frozen=True)
-class Estimate(Generic[State]):
+class ArmEstimate(Generic[State]):
     """Inputs, state and frames that meet the readings best.
 
     Args:
@@ -48,8 +48,8 @@ class Estimate(Generic[State]):
     frames: Frames
     covariance: Floats
     motion: Floats
-    rows: tuple[Rows, ...]
-    limits: Limits
+    rows: tuple[WeightedRows, ...]
+    limits: InputBounds
     residuals: Mapping[str, Floats]
     status: Status
     iterations: int
@@ -143,7 +143,7 @@ class Estimate(Generic[State]):
         )
 
 
-def posterior(rows: tuple[Rows, ...], scale: Floats, fixed: Flags) -> Floats:
+def posterior(rows: tuple[WeightedRows, ...], scale: Floats, fixed: Flags) -> Floats:
     """Give the covariance of the inputs, (sum J^T R^-1 J)^-1 over those that can move.
 
     A direction that nothing determines is given a standard deviation of 1e3 times its scale instead of
@@ -167,8 +167,8 @@ def posterior(rows: tuple[Rows, ...], scale: Floats, fixed: Flags) -> Floats:
 
 
 def make_estimate(
-    minimum: Minimum[State], unknowns: Unknowns, limits: Limits, gravity: Floats, suite: SensorSuite
-) -> Estimate[State]:
+    minimum: Minimum[State], unknowns: Unknowns, limits: InputBounds, gravity: Floats, suite: SensorSuite
+) -> ArmEstimate[State]:
     """Turn the end of a search into an estimate.
 
     Args:
@@ -183,7 +183,7 @@ def make_estimate(
     for row in minimum.rows:
         if row.name == "sensors":
             residual[row.members] = row.innovation
-    return Estimate(
+    return ArmEstimate(
         unknowns=unknowns,
         inputs=unknowns.inputs(minimum.vector, gravity),
         state=minimum.state,

@@ -12,7 +12,7 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Limits:
+class InputBounds:
     """Bounds of the inputs; an input whose bounds are equal is held at that value.
 
     Args:
@@ -34,17 +34,17 @@ class Limits:
             raise InputError("limits", what, "give bounds that leave a value")
 
     @classmethod
-    def free(cls, size: int) -> "Limits":
+    def free(cls, size: int) -> "InputBounds":
         """Leave all inputs free."""
         return cls(np.full(size, -np.inf), np.full(size, np.inf))
 
-    def bound(self, members: slice, lower: Floats | float, upper: Floats | float) -> "Limits":
+    def bound(self, members: slice, lower: Floats | float, upper: Floats | float) -> "InputBounds":
         """Bound some inputs as well."""
         low, high = self.lower.copy(), self.upper.copy()
         low[members], high[members] = lower, upper
-        return Limits(low, high)
+        return InputBounds(low, high)
 
-    def hold(self, members: slice, values: Floats | float) -> "Limits":
+    def hold(self, members: slice, values: Floats | float) -> "InputBounds":
         """Hold some inputs at values (an equality)."""
         return self.bound(members, values, values)
 

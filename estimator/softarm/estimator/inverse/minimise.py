@@ -7,8 +7,8 @@ from typing import Any, Generic, Literal, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.inverse.limits import Limits
-from softarm.estimator.inverse.objectives import Iterate, Objective, Rows
+from softarm.estimator.inverse.limits import InputBounds
+from softarm.estimator.inverse.objectives import Iterate, Objective, WeightedRows
 from softarm.estimator.inverse.program import build_program, solve_program
 from softarm.estimator.inverse.unknowns import Unknowns
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation
@@ -84,7 +84,7 @@ class Minimum(Generic[State]):
     frames: Frames
     vector: Floats
     motion: Floats
-    rows: tuple[Rows, ...]
+    rows: tuple[WeightedRows, ...]
     status: Status
     iterations: int
     residual_norm: float
@@ -95,7 +95,7 @@ def minimise(
     model: ArmModel[State, Step],
     unknowns: Unknowns,
     objectives: Sequence[Objective],
-    limits: Limits,
+    limits: InputBounds,
     start: tuple[State, Inputs],
     tolerances: Tolerances | None = None,
     begun: Linearised[State] | None = None,
@@ -130,7 +130,7 @@ class _Point(Generic[State, Step]):
     state: State
     step: Step
     at: Iterate
-    rows: tuple[Rows, ...]
+    rows: tuple[WeightedRows, ...]
     cost: float
     residual_norm: float
 
@@ -140,7 +140,7 @@ class _Search(Generic[State, Step]):
     model: ArmModel[State, Step]
     unknowns: Unknowns
     objectives: tuple[Objective, ...]
-    limits: Limits
+    limits: InputBounds
     tolerances: Tolerances
 
     def linearised(self, state: State, inputs: Inputs) -> _Point[State, Step]:

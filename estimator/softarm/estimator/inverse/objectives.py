@@ -40,7 +40,7 @@ PRESSURES = "pressures"
 
 
 @dataclass(frozen=True)
-class Rows:
+class WeightedRows:
     """Linearised rows of one objective.
 
     Args:
@@ -68,7 +68,7 @@ class Rows:
 class Objective(Protocol):
     """Something that the inputs should meet."""
 
-    def rows(self, at: Iterate) -> Rows:
+    def rows(self, at: Iterate) -> WeightedRows:
         """Linearise at an iterate."""
 
 
@@ -92,7 +92,7 @@ class SensorObjective:
     def _own_noise(self) -> Floats:
         return self.suite.own_noise(self.readings)
 
-    def rows(self, at: Iterate) -> Rows:
+    def rows(self, at: Iterate) -> WeightedRows:
         """Linearise at an iterate; rows of absent sensors are left out."""
         scene = Scene(at.frames, at.vector[at.chambers :])
         seen = self.suite.observe(scene, self.readings, self._own_noise)
@@ -101,7 +101,7 @@ class SensorObjective:
         jacobian[:, at.chambers :] += seen.loads
         innovation = seen.innovation - drift
         information = np.asarray(np.linalg.inv(seen.covariance), dtype=np.float64)
-        return Rows(self.name, self.data, innovation, jacobian, information, seen.rows)
+        return WeightedRows(self.name, self.data, innovation, jacobian, information, seen.rows)
 
 
 @dataclass(frozen=True)
@@ -120,11 +120,11 @@ class PressureReadings:
     name: str = PRESSURES
     data: bool = True
 
-    def rows(self, at: Iterate) -> Rows:
+    def rows(self, at: Iterate) -> WeightedRows:
         """Linearise at an iterate."""
         seen, measured, information = self._seen
         jacobian = np.eye(len(at.vector))[seen]
-        return Rows(self.name, self.data, measured - at.vector[seen], jacobian, information, seen)
+        return WeightedRows(self.name, self.data, measured - at.vector[seen], jacobian, information, seen)
 
     @cached_property
     def _seen(self) -> tuple[NDArray[np.int64], Floats, Floats]:
@@ -147,7 +147,9 @@ class Prior:
     information: Floats
     name: str = "prior"
 
-    def rows(self, at: Iterate) -> Rows:
+    def rows(self, at: Iterate) -> WeightedRows:
         """Linearise at an iterate."""
         size = len(at.vector)
-        return Rows(self.name, False, self.mean - at.vector, np.eye(size), self.information, np.arange(size))
+        return WeightedRows(
+            self.name, False, self.mean - at.vector, np.eye(size), self.information, np.arange(size)
+        )

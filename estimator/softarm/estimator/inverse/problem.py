@@ -6,8 +6,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.inverse.estimate import Estimate, make_estimate
-from softarm.estimator.inverse.limits import Limits
+from softarm.estimator.inverse.estimate import ArmEstimate, make_estimate
+from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Linearised, Tolerances, minimise
 from softarm.estimator.inverse.objectives import Objective, PressureReadings, Prior, SensorObjective
 from softarm.estimator.inverse.unknowns import Unknowns
@@ -34,7 +34,7 @@ class Problem:
     unknowns: Unknowns
     suite: SensorSuite
     objectives: tuple[Objective, ...]
-    limits: Limits
+    limits: InputBounds
     gravity: Floats
 
     def solve(
@@ -43,7 +43,7 @@ class Problem:
         start: tuple[State, Inputs],
         tolerances: Tolerances | None = None,
         begun: Linearised[State] | None = None,
-    ) -> Estimate[State]:
+    ) -> ArmEstimate[State]:
         """Search from a state and inputs, or from where an earlier search left off if that serves."""
         state, inputs = start
         inputs = Inputs(inputs.pressures, inputs.loads, self.gravity)
@@ -88,7 +88,7 @@ def forces_problem(
         gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
     """
     chambers = slice(0, unknowns.chambers)
-    limits = Limits.free(unknowns.size)
+    limits = InputBounds.free(unknowns.size)
     objectives: tuple[Objective, ...] = (SensorObjective(suite, readings), prior)
     if pressure_sigma is None:
         limits = limits.hold(chambers, pressures)

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from proxsuite import proxqp
 
-from softarm.estimator.inverse.limits import Limits
-from softarm.estimator.inverse.objectives import Rows
+from softarm.estimator.inverse.limits import InputBounds
+from softarm.estimator.inverse.objectives import WeightedRows
 
 Floats = NDArray[np.float64]
 
@@ -44,7 +44,12 @@ class QuadraticSolution:
 
 
 def build_program(
-    rows: Sequence[Rows], limits: Limits, vector: Floats, scale: Floats, radius: float, damping: float = 1e-12
+    rows: Sequence[WeightedRows],
+    limits: InputBounds,
+    vector: Floats,
+    scale: Floats,
+    radius: float,
+    damping: float = 1e-12,
 ) -> QuadraticProgram:
     """Gather the objectives' rows: H = S sum(J^T R^-1 J) S, g = S sum(J^T R^-1 r), S = diag(scale).
 

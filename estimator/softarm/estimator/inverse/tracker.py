@@ -6,8 +6,8 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.inverse.estimate import Estimate
-from softarm.estimator.inverse.limits import Limits
+from softarm.estimator.inverse.estimate import ArmEstimate
+from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Linearised, Tolerances
 from softarm.estimator.inverse.objectives import Objective, PressureReadings, Prior, SensorObjective
 from softarm.estimator.inverse.problem import Problem
@@ -113,7 +113,7 @@ class Estimator(Generic[State, Step]):
         self._memory = _Memory(time, state, inputs, np.diag(variance))
         self._fresh = False
 
-    def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> Estimate[State]:
+    def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> ArmEstimate[State]:
         """Estimate at an instant.
 
         Args:
@@ -166,7 +166,7 @@ class Estimator(Generic[State, Step]):
 
     def _problem(self, readings: Floats, acting: Floats, prior: Prior, gravity: Floats) -> Problem:
         seen = np.isfinite(acting)
-        limits = Limits.free(self._unknowns.size)
+        limits = InputBounds.free(self._unknowns.size)
         lower, upper = limits.lower.copy(), limits.upper.copy()
         members = np.arange(self._unknowns.chambers)
         lost = members[~seen]
@@ -176,7 +176,7 @@ class Estimator(Generic[State, Step]):
             lower[members[seen]] = upper[members[seen]] = acting[seen]
         else:
             objectives = (*objectives, PressureReadings(acting, self._settings.actuation.chamber_sigma))
-        return Problem(self._unknowns, self._suite, objectives, Limits(lower, upper), gravity)
+        return Problem(self._unknowns, self._suite, objectives, InputBounds(lower, upper), gravity)
 
     def _start(self, problem: Problem, guess: Inputs) -> tuple[State, Inputs]:
         if self._memory is not None and not self._fresh:

@@ -2,15 +2,15 @@
 
 from softarm.estimator.rod.archive import shape_key
 from softarm.estimator.rod.fit import FittedRod, Recipe, adapted, fit_rod, sampled_model
-from softarm.estimator.rod.held_out import HeldOut, Report, check_rod
+from softarm.estimator.rod.held_out import HeldOut, HeldOutReport, check_rod
 from softarm.estimator.rod.model import CalibratedRod, RodStep
 
 __all__ = [
     "CalibratedRod",
     "FittedRod",
     "HeldOut",
+    "HeldOutReport",
     "Recipe",
-    "Report",
     "RodStep",
     "adapted",
     "check_rod",

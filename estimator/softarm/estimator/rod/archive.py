@@ -15,7 +15,7 @@ from softarm.estimator.geometry import DEFAULTS
 from softarm.estimator.rod.arrays import Laws
 from softarm.estimator.rod.chain import Chain
 from softarm.estimator.rod.fit import FittedRod, Recipe
-from softarm.estimator.rod.held_out import HeldOut, Report
+from softarm.estimator.rod.held_out import HeldOut, HeldOutReport
 from softarm.estimator.rod.laws import OUTPUTS
 from softarm.estimator.rod.model import CalibratedRod
 from softarm.estimator.specimen import MeshFile, Specimen
@@ -140,7 +140,7 @@ def _assemble(header: dict[str, Any], arrays: dict[str, Any]) -> FittedRod:
         for name, part in header["report"].items()
     }
     rod = CalibratedRod(chain, laws, (), arrays["reach"])
-    return FittedRod(rod, Report(**parts), int(header["samples"]), int(header["symmetries"]))
+    return FittedRod(rod, HeldOutReport(**parts), int(header["samples"]), int(header["symmetries"]))
 
 
 def shipped_rod(key: str) -> FittedRod | None:

@@ -44,7 +44,7 @@ class Laws(NamedTuple):
     stiffness: Floats
 
 
-class Drive(NamedTuple):
+class ChainInputs(NamedTuple):
     """What drives the chain.
 
     Args:

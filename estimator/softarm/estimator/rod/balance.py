@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from softarm.estimator.rod.arrays import Actions, Drive, Laws, Work
+from softarm.estimator.rod.arrays import Actions, ChainInputs, Laws, Work
 from softarm.estimator.rod.laws import evaluate_laws
 from softarm.estimator.rod.statics import action_points, place, wrenches
 from softarm.estimator.rod.tangent import (
@@ -22,7 +22,7 @@ Indices = NDArray[np.int64]
 
 @njit(cache=True, nogil=True)
 def linearise_chain(
-    length: Floats, actions: Actions, laws: Laws, drive: Drive, work: Work, gap: Floats
+    length: Floats, actions: Actions, laws: Laws, drive: ChainInputs, work: Work, gap: Floats
 ) -> None:
     """Evaluate law(wrench(strain)) + free - strain and, in ``work.tangent``, its negative derivative.
 
@@ -74,7 +74,7 @@ def settle(
     length: Floats,
     actions: Actions,
     laws: Laws,
-    drive: Drive,
+    drive: ChainInputs,
     work: Work,
     gap: Floats,
     tolerance: float,
@@ -213,7 +213,7 @@ def respond(
     length: Floats,
     actions: Actions,
     laws: Laws,
-    drive: Drive,
+    drive: ChainInputs,
     units: Floats,
     owner: Indices,
     columns: int,
@@ -348,7 +348,7 @@ def respond_all(
                 strain[i, k] = 0.0
                 for f in range(shapes.shape[1]):
                     strain[i, k] += shapes[6 * i + k, f] * free[s, f]
-        drive = Drive(pressures[s], force, couple, strain)
+        drive = ChainInputs(pressures[s], force, couple, strain)
         if not np.isnan(strains[s, 0, 0]):
             work.strain[:] = strains[s]
         count, _ = respond(

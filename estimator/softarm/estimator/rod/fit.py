@@ -8,13 +8,13 @@ import numpy as np
 from softarm.estimator.arm import build_arm, default_loads
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.geometry import DEFAULTS
-from softarm.estimator.rod.held_out import Report, check_rod
+from softarm.estimator.rod.held_out import HeldOutReport, check_rod
 from softarm.estimator.rod.local import local_states
 from softarm.estimator.rod.model import CalibratedRod
 from softarm.estimator.rod.regression import Form, fit_laws
 from softarm.estimator.rod.samples import (
-    Plan,
     Progress,
+    SamplingPlan,
     draw_samples,
     load_scale,
     rest_twists,
@@ -37,9 +37,11 @@ class Recipe:
         links_per_segment: Links in each soft segment.
     """
 
-    plan: Plan = field(default_factory=lambda: Plan(rays=96, stretch=1.7))
-    check: Plan = field(
-        default_factory=lambda: Plan(rays=16, seed=101, pressure=1.0, soft=1.25, bend=np.radians(100.0))
+    plan: SamplingPlan = field(default_factory=lambda: SamplingPlan(rays=96, stretch=1.7))
+    check: SamplingPlan = field(
+        default_factory=lambda: SamplingPlan(
+            rays=16, seed=101, pressure=1.0, soft=1.25, bend=np.radians(100.0)
+        )
     )
     form: Form = field(default_factory=Form)
     links_per_segment: int = 4
@@ -57,7 +59,7 @@ class FittedRod:
     """
 
     rod: CalibratedRod
-    report: Report
+    report: HeldOutReport
     samples: int
     symmetries: int
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.rod.model import CalibratedRod
-from softarm.estimator.rod.samples import Plan, Progress, Samples, draw_samples, load_scale
+from softarm.estimator.rod.samples import Progress, Samples, SamplingPlan, draw_samples, load_scale
 from softarm.estimator.rod.stations import NEAR, Stations
 from softarm.estimator.rotations import log
 from softarm.estimator.specimen import Specimen
@@ -53,7 +53,7 @@ class HeldOut:
 
 
 @dataclass(frozen=True)
-class Report:
+class HeldOutReport:
     """What a check found.
 
     Args:
@@ -70,10 +70,10 @@ def check_rod(
     specimen: Specimen,
     model: FiniteElementModel,
     stations: Stations,
-    plan: Plan,
+    plan: SamplingPlan,
     progress: Progress | None = None,
     executor: Executor | None = None,
-) -> Report:
+) -> HeldOutReport:
     """Compare a rod with its finite-element model along rays that the fit has not seen.
 
     Args:
@@ -100,7 +100,7 @@ def check_rod(
         samples = draw_samples(specimen, loaded, stations, rays, tell, executor)
         scale = load_scale(specimen, loaded, stations, plan.rotation)
         found.append(compare(rod.with_loads(loads), samples, scale))
-    return Report(*found)
+    return HeldOutReport(*found)
 
 
 def lateral_loads(specimen: Specimen) -> tuple[Load, ...]:

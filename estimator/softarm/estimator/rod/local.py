@@ -8,7 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from softarm.estimator.model import Load
-from softarm.estimator.rod.arrays import Actions, Drive
+from softarm.estimator.rod.arrays import Actions, ChainInputs
 from softarm.estimator.rod.chain import Chain
 from softarm.estimator.rod.samples import Samples
 from softarm.estimator.rod.statics import action_points, strain_between, wrenches
@@ -67,7 +67,7 @@ def local_kernel(
     for s in range(len(rotations)):
         strain_between(rotations[s], positions[s], length, strains[s], middles)
         action_points(strains[s], length, rotations[s], positions[s], actions, points)
-        drive = Drive(pressures, force[s], couple[s], strains[s])
+        drive = ChainInputs(pressures, force[s], couple[s], strains[s])
         wrenches(positions[s], middles, actions, points, drive, wrench[s], beyond)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.response import ArmResponse
-from softarm.estimator.rod.arrays import Actions, Drive, Laws, Work, new_work
+from softarm.estimator.rod.arrays import Actions, ChainInputs, Laws, Work, new_work
 from softarm.estimator.rod.balance import respond, respond_all
 from softarm.estimator.rod.chain import Chain
 
@@ -243,14 +243,14 @@ class CalibratedRod:
                 return step.strain, False
         return step.strain, True
 
-    def _drive(self, inputs: Inputs) -> Drive:
+    def _drive(self, inputs: Inputs) -> ChainInputs:
         links = self.chain.links
         force, couple = np.zeros((links + len(self.loads), 3)), np.zeros((links + len(self.loads), 3))
         force[:links] = self.chain.mass[:, None] * inputs.gravity
         sized = np.asarray(inputs.loads)[:, None]
         force[links:] = sized * self._directions[:, :3]
         couple[links:] = sized * self._directions[:, 3:]
-        return Drive(_dense(inputs.pressures), force, couple, self.rest())
+        return ChainInputs(_dense(inputs.pressures), force, couple, self.rest())
 
     def _work(self, strain: Floats) -> Work:
         work = new_work(self.chain.links, self.chain.links + len(self.loads), self.laws.chambers.shape[1])

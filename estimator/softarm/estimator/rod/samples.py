@@ -67,7 +67,7 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Plan:
+class SamplingPlan:
     """Where to sample.
 
     Rays lead from rest to the corners of a box; every step on the way is a sample, so what is solved to get
@@ -120,7 +120,7 @@ def draw_samples(
     specimen: Specimen,
     model: FiniteElementModel,
     stations: Stations,
-    plan: Plan,
+    plan: SamplingPlan,
     progress: Progress | None = None,
     executor: Executor | None = None,
 ) -> Samples:
@@ -200,7 +200,7 @@ class Ray:
     factors: dict[str, float]
 
 
-def _rays(specimen: Specimen, model: FiniteElementModel, scale: Floats, plan: Plan) -> Iterator[Ray]:
+def _rays(specimen: Specimen, model: FiniteElementModel, scale: Floats, plan: SamplingPlan) -> Iterator[Ray]:
     """Generate the rays; on half of them the arm hangs, on the rest gravity has any direction."""
     chambers, loads, segments = model.chambers, len(model.loads), len(specimen.segments)
     sequence = qmc.Sobol(chambers + loads + segments + 2, rng=plan.seed)
@@ -222,7 +222,7 @@ def _rays(specimen: Specimen, model: FiniteElementModel, scale: Floats, plan: Pl
         yield Ray(end, {part.name: factor for part, factor in named})
 
 
-def _share(loads: Sequence[Load], index: int, plan: Plan) -> Floats:
+def _share(loads: Sequence[Load], index: int, plan: SamplingPlan) -> Floats:
     """Compute the size of each load on a ray over its scale."""
     turn, kind = divmod(index, len(plan.kinds))
     alone, size = plan.kinds[kind]
@@ -238,7 +238,7 @@ def _share(loads: Sequence[Load], index: int, plan: Plan) -> Floats:
 
 
 def _follow(
-    model: FiniteElementModel, stations: Stations, ray: Ray, plan: Plan, scales: Mapping[str, float]
+    model: FiniteElementModel, stations: Stations, ray: Ray, plan: SamplingPlan, scales: Mapping[str, float]
 ) -> Iterator[tuple[Floats, ...]]:
     """Walk along a ray from rest until its end or until the arm grows soft."""
     settings = Settings(tolerance=TOLERANCE, iterations=NEWTON_STEPS)

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from softarm.estimator.rod.arrays import Actions, Drive
+from softarm.estimator.rod.arrays import Actions, ChainInputs
 from softarm.estimator.rod.vectors import cross, multiply, rotate, rotate_back
 from softarm.estimator.rotations import exp_kernel, quaternion_kernel, rotation_vector_kernel
 
@@ -133,7 +133,7 @@ def wrenches(
     middles: Floats,
     actions: Actions,
     points: Floats,
-    drive: Drive,
+    drive: ChainInputs,
     wrench: Floats,
     beyond: Floats,
 ) -> None:

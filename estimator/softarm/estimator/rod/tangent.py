@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from softarm.estimator.rod.arrays import Actions, Drive
+from softarm.estimator.rod.arrays import Actions, ChainInputs
 from softarm.estimator.rod.statics import add_part
 from softarm.estimator.rod.vectors import cross, rotate, rotate_back
 from softarm.estimator.rotations import exp_kernel, jacobian_kernel
@@ -241,7 +241,7 @@ def _turned_whole(positions: Floats, middles: Floats, beyond: Floats, i: int, tu
 
 
 @njit(cache=True, nogil=True)
-def turned_parts(middles: Floats, actions: Actions, drive: Drive, parts: Floats) -> None:
+def turned_parts(middles: Floats, actions: Actions, drive: ChainInputs, parts: Floats) -> None:
     """Fill what a unit turn changes of the wrench that actions inside each link add, shape (links, 6, 3)."""
     force, couple, column, spin = np.empty(3), np.empty(3), np.empty(6), np.empty(3)
     parts[:] = 0.0

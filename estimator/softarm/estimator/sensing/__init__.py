@@ -2,23 +2,23 @@
 
 from softarm.estimator.sensing.actuation import ActuationMap
 from softarm.estimator.sensing.bend import Bend
-from softarm.estimator.sensing.marker import Marker
+from softarm.estimator.sensing.marker import MarkerPosition
 from softarm.estimator.sensing.measurement import Measurement, Scene, Sensitivity
 from softarm.estimator.sensing.orientation import Orientation
 from softarm.estimator.sensing.registration import Registration, register
-from softarm.estimator.sensing.section_pose import SectionPose
+from softarm.estimator.sensing.section_pose import MeasuredPose
 from softarm.estimator.sensing.suite import Observation, SensorSuite
 
 __all__ = [
     "ActuationMap",
     "Bend",
-    "Marker",
+    "MarkerPosition",
+    "MeasuredPose",
     "Measurement",
     "Observation",
     "Orientation",
     "Registration",
     "Scene",
-    "SectionPose",
     "Sensitivity",
     "SensorSuite",
     "register",

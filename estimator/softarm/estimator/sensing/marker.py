@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Marker:
+class MarkerPosition:
     """A marker rigidly on a section, predicted at p + R offset with the section at p, R.
 
     The innovation is measured minus predicted in the base frame [m]; a reading is the position in the

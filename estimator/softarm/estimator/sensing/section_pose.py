@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class SectionPose:
+class MeasuredPose:
     """Position and orientation of a body fixed to a section.
 
     With the section at p, R the body is predicted at p + R offset, R exp(misalignment). The innovation is

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import skew
-from softarm.estimator.sensing.marker import Marker
+from softarm.estimator.sensing.marker import MarkerPosition
 from softarm.estimator.sensing.measurement import Measurement, Scene, Sensitivity, Unit
 from softarm.estimator.sensing.orientation import Orientation
-from softarm.estimator.sensing.section_pose import SectionPose
+from softarm.estimator.sensing.section_pose import MeasuredPose
 
 Floats = NDArray[np.float64]
 
@@ -227,7 +227,7 @@ class SensorSuite:
             self,
             measurements=tuple(
                 replace(m, registration=moved[id(m.registration)])
-                if isinstance(m, SectionPose | Orientation | Marker)
+                if isinstance(m, MeasuredPose | Orientation | MarkerPosition)
                 else m
                 for m in self.measurements
             ),

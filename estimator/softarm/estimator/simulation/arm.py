@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-class Arm(Protocol):
+class RespondingArm(Protocol):
     """Anything that responds to a drive: the model itself or its linearisation along a drive."""
 
     @property
@@ -93,7 +93,7 @@ class SimulatedArm:
     def respond(
         self, drive: Drive, near: ArmResponse | None = None, *, jacobians: bool = True
     ) -> ArmResponse:
-        """Compute the response to a drive, begun from the states of a response nearby; see ``Arm``.
+        """Compute the response to a drive, begun from the states of a response nearby; see ``RespondingArm``.
 
         A rotated base rotates gravity and the wrenches into its frame, and the frames out of it.
         """

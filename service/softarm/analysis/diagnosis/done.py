@@ -6,14 +6,14 @@ from pathlib import Path
 
 from softarm import estimator
 from softarm.analysis.diagnosis.report import FILE, Report, read_report
-from softarm.analysis.diagnosis.run import Request
+from softarm.analysis.diagnosis.run import DiagnosisRequest
 from softarm.recordings.files import write_whole
 
 DIGEST = "report.digest"
 """File beside the report; it is written last, so that it stands for a whole report."""
 
 
-def digest_of(request: Request) -> str:
+def digest_of(request: DiagnosisRequest) -> str:
     """Give a digest of recordings, specimen, seed, effects and the program itself.
 
     Raises:

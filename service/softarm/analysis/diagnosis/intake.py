@@ -7,7 +7,7 @@ import numpy as np
 
 from softarm.analysis.offline.inputs import taken_in
 from softarm.estimator.diagnosis.result import Diagnosis, Evidence, Finding, Quantity
-from softarm.estimator.intake import Event, Intake, Mismatch
+from softarm.estimator.intake import Disturbance, Intake, RecordingFault
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.specimen.physics import Place
@@ -46,7 +46,7 @@ def with_intakes(diagnosis: Diagnosis, intakes: Sequence[Intake], notes: Sequenc
     return replace(diagnosis, findings=findings, notes=(*notes, *diagnosis.notes))
 
 
-def event_finding(event: Event) -> Finding:
+def event_finding(event: Disturbance) -> Finding:
     """Report a stretch of time that no steady law explains."""
     begin, end = event.interval
     size, usual = (event.size_rad, event.usual_rad) if event.size_rad else (event.size_m, event.usual_m)
@@ -75,7 +75,7 @@ def event_finding(event: Event) -> Finding:
     )
 
 
-def mismatch_finding(mismatch: Mismatch) -> Finding:
+def mismatch_finding(mismatch: RecordingFault) -> Finding:
     """Report a frame, label, unit or clock that was mended."""
     one = mismatch.columns[0] if len(mismatch.columns) == 1 else None
     gain = float(np.log(min(mismatch.odds, SURE)))

@@ -15,7 +15,7 @@ from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rod import FittedRod, Recipe, fit_rod, sampled_model
 from softarm.estimator.rod.model import CalibratedRod
-from softarm.estimator.rod.samples import Plan
+from softarm.estimator.rod.samples import SamplingPlan
 from softarm.estimator.simulation import Segments, section_loads
 from softarm.estimator.specimen import Specimen
 
@@ -35,7 +35,7 @@ QUICK_RAYS = 14
 
 def quick_rod(specimen: Specimen, tell: Callable[[str], None]) -> FittedRod:
     """Fit a rod to fewer samples than usual, on the spot."""
-    recipe = Recipe(plan=Plan(rays=QUICK_RAYS), check=Plan(rays=1, seed=101, pressure=1.0))
+    recipe = Recipe(plan=SamplingPlan(rays=QUICK_RAYS), check=SamplingPlan(rays=1, seed=101, pressure=1.0))
     return fit_rod(
         specimen,
         sampled_model(specimen, recipe),

@@ -25,7 +25,7 @@ from softarm.estimator.calibration import (
 )
 from softarm.estimator.calibration.identifiability import identify
 from softarm.estimator.diagnosis.admit import Admitted, admit, motion_columns
-from softarm.estimator.diagnosis.diagnose import Outcome, diagnose
+from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, diagnose
 from softarm.estimator.diagnosis.prepare import LEAST_BLOCKS, averaged, blocks_of, prepare
 from softarm.estimator.diagnosis.release import find_release
 from softarm.estimator.diagnosis.session import Session
@@ -51,7 +51,7 @@ FEW = 400
 
 
 @dataclass(frozen=True)
-class Request:
+class DiagnosisRequest:
     """What to diagnose.
 
     Args:
@@ -69,7 +69,9 @@ class Request:
     effects: tuple[str, ...] = ()
 
 
-def run(request: Request, executor: Executor, tell: Callable[[str], None] = lambda _: None) -> Outcome:
+def run(
+    request: DiagnosisRequest, executor: Executor, tell: Callable[[str], None] = lambda _: None
+) -> DiagnosisOutcome:
     """Diagnose recordings.
 
     Args:
@@ -103,7 +105,7 @@ def run(request: Request, executor: Executor, tell: Callable[[str], None] = lamb
     if not any(motion_columns(recording) for recording in admitted.suspects):
         diagnosis = valve_diagnosis(request.specimen.name, admitted, valves, faults)
         diagnosis = with_intakes(diagnosis, intakes, found)
-        return Outcome(replace(diagnosis, seconds=time.monotonic() - began), (), ())
+        return DiagnosisOutcome(replace(diagnosis, seconds=time.monotonic() - began), (), ())
     known = known_rod(request.specimen)
 
     @cache
@@ -157,7 +159,7 @@ def with_axes(
     return calibrated_specimen(specimen, found), words
 
 
-def improved_specimen(specimen: Specimen, outcome: Outcome) -> Specimen:
+def improved_specimen(specimen: Specimen, outcome: DiagnosisOutcome) -> Specimen:
     """Write findings into a specimen; an effect replaces one of its kind at its place.
 
     A specimen that was calibrated stays so: the diagnosis calibrates on the rod, which is coarser than the
@@ -174,7 +176,7 @@ def improved_specimen(specimen: Specimen, outcome: Outcome) -> Specimen:
     return specimen.model_copy(update={"physics": (*kept, *entries)})
 
 
-def _calibrated(specimen: Specimen, outcome: Outcome) -> Specimen:
+def _calibrated(specimen: Specimen, outcome: DiagnosisOutcome) -> Specimen:
     fitted = outcome.fitted
     if fitted is None:
         return specimen

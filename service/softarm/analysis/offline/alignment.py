@@ -9,8 +9,8 @@ from softarm.common.rods import known_trusted_rod
 from softarm.estimator.arm import build_arm
 from softarm.estimator.calibration import (
     CalibrationRefusedError,
+    CalibrationRun,
     Options,
-    Run,
     arrange,
     calibrate,
     calibrated_specimen,
@@ -76,7 +76,7 @@ def quick_model(specimen: Specimen, advance: Callable[[float], None]) -> BatchAr
     return NodeByNode(build_arm(specimen, loads=()), advance)
 
 
-def _foreign(model: BatchArmModel, specimen: Specimen, run: Run) -> tuple[str, ...]:
+def _foreign(model: BatchArmModel, specimen: Specimen, run: CalibrationRun) -> tuple[str, ...]:
     """Name the bends that pressures predict badly, and far better with axes, gain and bias of their own."""
     nodes = choose_nodes(run, PROBES)
     none = np.zeros((len(nodes.time), 0))

@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.calibration import Run
+from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Floats
 
 
-def resample(run: Run, rate: float) -> Run:
+def resample(run: CalibrationRun, rate: float) -> CalibrationRun:
     """Average a run over consecutive windows; a run that is slower already stays as it is.
 
     The mean of a window of length 1 / rate keeps motion faster than half the rate from turning up at lower
@@ -28,7 +28,7 @@ def resample(run: Run, rate: float) -> Run:
         return run
     windows = ((run.time - run.time[0]) * rate + 1e-9).astype(np.int64)
     numbers, places = np.unique(windows, return_inverse=True)
-    return Run(
+    return CalibrationRun(
         run.name,
         _means(run.time[:, None], places, len(numbers))[:, 0],
         _means(run.pressures, places, len(numbers)),

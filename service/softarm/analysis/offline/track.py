@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.augmented import Follower, estimator_of
-from softarm.estimator.calibration import Run
+from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem import FiniteElementState
-from softarm.estimator.inverse import Estimate, Estimator, LoadProcess, TrackerSettings
+from softarm.estimator.inverse import ArmEstimate, Estimator, LoadProcess, TrackerSettings
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
 from softarm.estimator.sensing import ActuationMap, Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
@@ -80,7 +80,7 @@ class Track(Generic[State]):
         given_up: Number of samples at the end that were not tried, after too long a search in vain.
     """
 
-    run: Run
+    run: CalibrationRun
     sections: tuple[str, ...]
     loads: tuple[Load, ...]
     forces: Floats
@@ -105,7 +105,7 @@ class Track(Generic[State]):
 def track(
     model: ArmModel[State, Step],
     specimen: Specimen,
-    run: Run,
+    run: CalibrationRun,
     advance: Callable[[float], None] = lambda _: None,
     guide: ArmModel[Any, Any] | None = None,
     waypoints: Waypoints[State] | None = None,
@@ -167,7 +167,7 @@ def begin_near(
 
 
 def _estimator(
-    model: ArmModel[State, Step], specimen: Specimen, run: Run, guide: ArmModel[Any, Any] | None
+    model: ArmModel[State, Step], specimen: Specimen, run: CalibrationRun, guide: ArmModel[Any, Any] | None
 ) -> Follower[State]:
     """Make the estimator; physics of the specimen needs the model under the wrenches of its sections."""
     followed = model
@@ -188,7 +188,7 @@ def _estimator(
     )
 
 
-def settings(loads: Sequence[Load], specimen: Specimen, run: Run) -> TrackerSettings:
+def settings(loads: Sequence[Load], specimen: Specimen, run: CalibrationRun) -> TrackerSettings:
     """Choose what the estimator assumes of a run: noise of its pressures, spread of its loads."""
     sigma = [FORCE_SIGMA if load.kind == "force" else MOMENT_SIGMA for load in loads]
     return TrackerSettings(
@@ -198,7 +198,7 @@ def settings(loads: Sequence[Load], specimen: Specimen, run: Run) -> TrackerSett
     )
 
 
-def actuation(specimen: Specimen, run: Run) -> ActuationMap:
+def actuation(specimen: Specimen, run: CalibrationRun) -> ActuationMap:
     """Give the map from recorded to chamber pressures; nominal pressures are noisier than measured ones."""
     sections = tuple(section.name for section in specimen.sections)
     found = SpecimenSensors(specimen, sections, Registration()).actuation()
@@ -244,7 +244,7 @@ class _Samples:
             np.full(count, STATUSES.index("diverged")),
         )
 
-    def put(self, index: int, estimate: Estimate[State]) -> None:
+    def put(self, index: int, estimate: ArmEstimate[State]) -> None:
         self.status[index] = STATUSES.index(estimate.status)
         if estimate.status == "diverged":
             return
@@ -261,7 +261,7 @@ class _Samples:
     def track(
         self,
         model: ArmModel[State, Step],
-        run: Run,
+        run: CalibrationRun,
         shown: tuple[tuple[int, State], ...],
         statement: str,
     ) -> Track[State]:

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from softarm.analysis.plots.figures import label, save, stacked
-from softarm.estimator.excitation import Plan
+from softarm.estimator.excitation import ExcitationPlan
 
 KILO = 1e-3
 
 
-def plot_plan(plan: Plan, path: Path) -> Path:
+def plot_plan(plan: ExcitationPlan, path: Path) -> Path:
     """Draw the set-points of each manoeuvre, one panel a manoeuvre."""
     figure, panels = stacked(max(1, len(plan.choices)), share=False)
     for panel, choice in zip(panels, plan.choices, strict=False):

@@ -9,7 +9,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from softarm.analysis.plots.figures import blank
 from softarm.estimator.geometry import DEFAULTS, build_mesh
-from softarm.estimator.mesh import Floats, Mesh, Surface
+from softarm.estimator.mesh import ElementSurface, Floats, Mesh
 from softarm.estimator.specimen import Specimen
 
 MILLI = 1e3
@@ -73,7 +73,7 @@ def _draw_cross_section(axes: Axes, mesh: Mesh, height: float) -> None:
     axes.axvline(0.0, color="#cccccc", linewidth=0.5, zorder=0)
 
 
-def _ring(mesh: Mesh, surface: Surface, height: float) -> Floats:
+def _ring(mesh: Mesh, surface: ElementSurface, height: float) -> Floats:
     """Return the outline of a surface at the level nearest to a height, empty where it does not reach there.
 
     Nodes are ordered around their middle, from which every outline of the parametric bodies is seen whole.

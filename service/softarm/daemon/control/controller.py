@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.daemon.config import ControlSettings, SafetySettings
-from softarm.daemon.control.hold import Hold, HoldGoal, HoldLimits, advance_hold, begin_hold
+from softarm.daemon.control.hold import HoldControl, HoldGoal, HoldLimits, advance_hold, begin_hold
 from softarm.daemon.estimation.messages import HoldAnswer
 from softarm.daemon.safety.lease import LeaseManager
 from softarm.daemon.safety.modes import PRESSURISED, SERVICE, Mode, ModeMachine, Transition, Trigger
@@ -77,7 +77,7 @@ class Controller:
         self._lifetime_s = safety.setpoint_lifetime_s
         self._hold_limits = HoldLimits(control.hold_rate_per_s, control.hold_authority_pa, limits)
         self._wanted: Wanted | None = None
-        self._hold: Hold | None = None
+        self._hold: HoldControl | None = None
         self._asked = np.zeros_like(limits)
 
     @property
@@ -91,7 +91,7 @@ class Controller:
         return self._wanted is not None or self._hold is not None
 
     @property
-    def hold(self) -> Hold | None:
+    def hold(self) -> HoldControl | None:
         """The hold in progress."""
         return self._hold
 

@@ -24,7 +24,7 @@ class HoldGoal:
 
 
 @dataclass(frozen=True)
-class Hold:
+class HoldControl:
     """A hold in progress; each step gives the next one.
 
     Args:
@@ -61,14 +61,14 @@ class HoldLimits:
     maximum: Floats
 
 
-def begin_hold(goal: HoldGoal, applied: Floats, now_ns: int, ramp_s: float) -> Hold:
+def begin_hold(goal: HoldGoal, applied: Floats, now_ns: int, ramp_s: float) -> HoldControl:
     """Begin from what is applied now, so that nothing jumps."""
-    return Hold(goal, applied.copy(), now_ns, ramp_s, np.zeros_like(goal.pressures))
+    return HoldControl(goal, applied.copy(), now_ns, ramp_s, np.zeros_like(goal.pressures))
 
 
 def advance_hold(
-    hold: Hold, towards: Floats | None, now_ns: int, interval_s: float, limits: HoldLimits
-) -> tuple[Hold, Floats]:
+    hold: HoldControl, towards: Floats | None, now_ns: int, interval_s: float, limits: HoldLimits
+) -> tuple[HoldControl, Floats]:
     """Take one step of a hold.
 
     The set-point follows s(t) start + (1 - s(t)) goal with s a cubic from 1 to 0, so that it begins and ends

@@ -15,7 +15,7 @@ from typing import IO, Any
 from softarm.daemon.safety.checks.disk import RESERVE_BYTES
 from softarm.daemon.safety.observation import RecorderHealth
 from softarm.recordings.info import format_info
-from softarm.recordings.mcap_writer import INFO_FILE, STARTED, RecordTimes, Start, Stream, StreamWriter
+from softarm.recordings.mcap_writer import INFO_FILE, STARTED, RecordTimes, Start, StreamWriter, TopicWriter
 
 logger = logging.getLogger(__name__)
 
@@ -35,7 +35,7 @@ class RecorderError(Exception):
 class Sample:
     """One message of a stream of numbers."""
 
-    stream: Stream
+    stream: TopicWriter
     values: tuple[float, ...]
     stamp: RecordTimes
 

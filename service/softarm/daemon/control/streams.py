@@ -9,7 +9,7 @@ from softarm.daemon.control.readings import channel
 from softarm.daemon.control.recorder import Document, Recorder
 from softarm.daemon.control.recorder import Sample as RecordedSample
 from softarm.estimator.recording import BEND_SUFFIXES, POSE_SUFFIXES
-from softarm.recordings.mcap_writer import RecordTimes, Stream
+from softarm.recordings.mcap_writer import RecordTimes, TopicWriter
 
 APART_NS = 1_000
 """Samples that arrived together are kept so far apart: in a recording time rises."""
@@ -65,15 +65,15 @@ class RecordedStreams:
             reading.measured_ns if reading.device_time_ns is None else reading.device_time_ns,
             reading.sequence % 2**32,
         )
-        self._recorder.put(RecordedSample(Stream(topic, fields, reading.source), reading.value, stamp))
+        self._recorder.put(RecordedSample(TopicWriter(topic, fields, reading.source), reading.value, stamp))
 
     def commanded(self, pressures: Sequence[float], now_ns: int) -> None:
         """Record the pressures applied at a tick."""
-        self._put(Stream("pressures_cmd", self._pressures, "service"), tuple(pressures), now_ns)
+        self._put(TopicWriter("pressures_cmd", self._pressures, "service"), tuple(pressures), now_ns)
 
     def estimated(self, values: Mapping[str, float], time_s: float) -> None:
         """Record an estimate."""
-        stream = Stream("estimate", tuple(values), "service")
+        stream = TopicWriter("estimate", tuple(values), "service")
         self._put(stream, tuple(values.values()), self._after_last(stream.topic, round(time_s * 1e9)))
 
     def document(self, topic: str, content: Mapping[str, object]) -> None:
@@ -88,7 +88,7 @@ class RecordedStreams:
             self._start_ns = start.monotonic_ns
         return start is not None
 
-    def _put(self, stream: Stream, values: tuple[float, ...], now_ns: int) -> None:
+    def _put(self, stream: TopicWriter, values: tuple[float, ...], now_ns: int) -> None:
         if self._recording():
             self._recorder.put(RecordedSample(stream, values, self._stamp(now_ns)))
 

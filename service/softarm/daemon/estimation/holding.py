@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.daemon.estimation.messages import HoldAnswer, PoseTarget
-from softarm.estimator.inverse import Estimate, approach, replace_loads
+from softarm.estimator.inverse import ArmEstimate, approach, replace_loads
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.sensing import ActuationMap, SensorSuite
@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Arm:
+class HeldArm:
     """What commands act on.
 
     Args:
@@ -44,10 +44,10 @@ class Holding:
         arm: What commands act on.
     """
 
-    def __init__(self, arm: Arm) -> None:
+    def __init__(self, arm: HeldArm) -> None:
         self._arm = arm
 
-    def answer(self, estimate: Estimate[Any], tare: Floats, target: PoseTarget | None) -> HoldAnswer:
+    def answer(self, estimate: ArmEstimate[Any], tare: Floats, target: PoseTarget | None) -> HoldAnswer:
         """Find the pressures that would hold the estimated pose, and those towards a target.
 
         Args:

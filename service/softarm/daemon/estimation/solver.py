@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from softarm.common.rods import trusted_rod
 from softarm.daemon.config import ControlSettings, SensorSettings
-from softarm.daemon.estimation.holding import Arm, Holding
+from softarm.daemon.estimation.holding import HeldArm, Holding
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
 from softarm.daemon.estimation.rod_check import RodCheck
 from softarm.daemon.surface import drawn_surface
@@ -20,9 +20,9 @@ from softarm.estimator.augmented import AugmentedEstimator, Follower, estimator_
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.fem.tracking import BackgroundFactorisation, TrackingModel
 from softarm.estimator.inverse import (
+    ArmEstimate,
     ContactPlace,
     ContactProfile,
-    Estimate,
     LoadProcess,
     Tolerances,
     TrackerSettings,
@@ -112,7 +112,7 @@ class Solver:
         )
         follower = self._estimator
         unshaped = follower.unshaped if isinstance(follower, AugmentedEstimator) else np.asarray
-        self._holding = Holding(Arm(self._suite, self._actuation, self._limits, unshaped))
+        self._holding = Holding(HeldArm(self._suite, self._actuation, self._limits, unshaped))
         self._profile = ContactProfile(_heights(specimen), passes=1)
         every = (*self._model.loads, *self._profile.loads)
         plain: Any = self._rod or self._model
@@ -170,7 +170,7 @@ class Solver:
             rod_off_rad=None if self._check is None else self._check.departure,
         )
 
-    def _unseen(self, request: EstimationRequest, estimate: Estimate[Any]) -> tuple[str, ...]:
+    def _unseen(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> tuple[str, ...]:
         """Say what these sensors cannot tell; the answer of a moment ago serves while they are the same."""
         since_s, sensors, told = self._unobservable
         if not np.isfinite(estimate.motion).all():
@@ -180,7 +180,7 @@ class Solver:
             self._unobservable = (request.time_s, request.used, told)
         return told
 
-    def _innovations(self, request: EstimationRequest, estimate: Estimate[Any]) -> dict[str, float]:
+    def _innovations(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> dict[str, float]:
         found = {}
         for sensor in self._suite.measurements:
             reading = request.readings[self._suite.reading_slices[sensor.name]]
@@ -190,14 +190,14 @@ class Solver:
                 found[sensor.name] = float(np.sqrt(np.mean((residual / sigma) ** 2)))
         return found
 
-    def _held(self, request: EstimationRequest, estimate: Estimate[Any]) -> HoldAnswer | None:
+    def _held(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> HoldAnswer | None:
         """Find the pressures that hold the pose while they are asked for."""
         if not request.want_hold:
             return None
         tare = np.zeros(len(self._model.loads)) if request.tare is None else request.tare
         return self._holding.answer(estimate, tare, request.target)
 
-    def _contact(self, request: EstimationRequest, estimate: Estimate[Any]) -> ContactPlace | None:
+    def _contact(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> ContactPlace | None:
         """Place the push that the estimate's loads stand for."""
         if not estimate.converged:
             return None
@@ -210,7 +210,7 @@ class Solver:
             state = FiniteElementState(state.displacement, pushed)
         return self._profile.place(self._pushed, state, self._suite, request.readings, estimate, tare)
 
-    def _nodes(self, estimate: Estimate[Any]) -> NDArray[np.float32]:
+    def _nodes(self, estimate: ArmEstimate[Any]) -> NDArray[np.float32]:
         """Return position [m] and von Mises stress [Pa] of the surface's nodes, shape (nodes, 4).
 
         The rod has no stress: it is 0 there.

@@ -40,7 +40,7 @@ def load_pardiso() -> Any | None:
 
 
 @dataclass(frozen=True)
-class Rows:
+class CompressedRows:
     """The upper triangle of a pattern in compressed rows, indices from 1.
 
     Args:
@@ -54,7 +54,7 @@ class Rows:
     entry: Indices
 
     @classmethod
-    def of(cls, pattern: Pattern) -> "Rows":
+    def of(cls, pattern: Pattern) -> "CompressedRows":
         """List the entries of a pattern of 3 x 3 blocks."""
         slot = np.arange(pattern.slots)
         i, j = np.meshgrid(np.arange(3), np.arange(3), indexing="ij")
@@ -77,7 +77,7 @@ class Handle:
         rows: The pattern.
     """
 
-    def __init__(self, routine: Any, rows: Rows) -> None:
+    def __init__(self, routine: Any, rows: CompressedRows) -> None:
         self._routine, self._rows = routine, rows
         self._memory = np.zeros(64, dtype=np.int64)
         self._options = np.zeros(64, dtype=np.int32)
@@ -137,14 +137,14 @@ class PardisoPlan:
     """
 
     routine: Any
-    rows: Rows
+    rows: CompressedRows
     idle: deque[Handle] = field(default_factory=deque)
 
     @classmethod
     def of(cls, pattern: Pattern) -> "PardisoPlan | None":
         """Prepare a pattern of 3 x 3 blocks; None where PARDISO is not installed."""
         routine = load_pardiso()
-        return None if routine is None else cls(routine, Rows.of(pattern))
+        return None if routine is None else cls(routine, CompressedRows.of(pattern))
 
     def factorise(self, values: Floats) -> "PardisoFactor | None":
         """Factor a matrix of blocks, shape (slots, 3, 3); None where it is not positive definite."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from softarm.estimator.mesh import Floats, Indices, Surface
+from softarm.estimator.mesh import ElementSurface, Floats, Indices
 from softarm.estimator.reference_elements import CORNERS
 from softarm.estimator.shape_functions import shape_functions
 
@@ -10,7 +10,7 @@ SUBDIVISIONS = 8
 
 
 def wall_rings(
-    points: Floats, wall: Surface, span: tuple[float, float], rings: int, bars: int
+    points: Floats, wall: ElementSurface, span: tuple[float, float], rings: int, bars: int
 ) -> tuple[Floats, Floats]:
     """Place rings of bars on a chamber's wall, evenly along the chamber and around it.
 

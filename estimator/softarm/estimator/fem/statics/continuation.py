@@ -64,7 +64,7 @@ def extrapolate(body: Body, last: Waypoint, before: Waypoint | None, fraction: f
     )
 
 
-class Path:
+class EquilibriumPath:
     """The walk along a straight path of inputs, step by step.
 
     Args:

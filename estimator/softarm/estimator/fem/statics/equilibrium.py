@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softarm.estimator.fem.assembly import Body, Evaluation
+from softarm.estimator.fem.assembly import AssembledForces, Body
 from softarm.estimator.fem.linalg.cholesky import StiffnessFactor
 from softarm.estimator.fem.linalg.pattern import Tangent
 from softarm.estimator.fem.statics.solution import Solution, SolveStatus
@@ -56,7 +56,7 @@ class Balance:
         norm: Norm of the residual over that of the applied forces.
     """
 
-    evaluation: Evaluation
+    evaluation: AssembledForces
     residual: Floats
     load_vectors: Floats
     norm: float
