@@ -1,5 +1,7 @@
 """What all tests share."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -7,6 +9,14 @@ from threadpoolctl import threadpool_limits
 
 LOADED = np.linalg, scipy.linalg
 """Only libraries that are loaded can be limited."""
+
+REALTIME = tuple(Path(__file__).parent / part for part in ("service/live", "service/page", "wire"))
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if any(folder in item.path.parents for folder in REALTIME):
+            item.add_marker("realtime")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.scatter import vented
-from softarm.estimator.sensing import MeasuredPose, Measurement
+from softarm.estimator.sensing import Bend, MarkerPosition, MeasuredPose, Measurement, Orientation
 from softarm.estimator.statistics import (
     MAD_TO_STD,
     correlation_length,
@@ -221,10 +221,10 @@ def mean_correlation_length(evaluations: Sequence[NodePredictions], nodes: Seque
 
 def _kinds(measurement: Measurement) -> list[str]:
     """Name what each row of a sensor shares its scatter with: all rows of one kind of sensor and unit."""
-    kind = type(measurement).__name__.lower()
     if isinstance(measurement, MeasuredPose):
-        return [f"{kind} position"] * 3 + [f"{kind} rotation"] * 3
-    return [kind] * measurement.size
+        return ["pose position"] * 3 + ["pose rotation"] * 3
+    kinds = {Bend: "bend", MarkerPosition: "marker", Orientation: "orientation"}
+    return [kinds[type(measurement)]] * measurement.size
 
 
 def _scatter(rows: ResidualRows) -> dict[str, float]:
