@@ -10,12 +10,15 @@ from threadpoolctl import threadpool_limits
 LOADED = np.linalg, scipy.linalg
 """Only libraries that are loaded can be limited."""
 
-REALTIME = tuple(Path(__file__).parent / part for part in ("service/live", "service/page", "wire"))
+REALTIME = tuple(
+    Path(__file__).parent / part
+    for part in ("service/live", "service/page", "service/bench/test_soak.py", "wire")
+)
 
 
 def pytest_collection_modifyitems(items):
     for item in items:
-        if any(folder in item.path.parents for folder in REALTIME):
+        if any(path == item.path or path in item.path.parents for path in REALTIME):
             item.add_marker("realtime")
 
 

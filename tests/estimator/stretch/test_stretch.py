@@ -41,7 +41,7 @@ def rest(sopra: Specimen) -> Frames:
 @pytest.fixture(scope="module")
 def arm(sopra: Specimen) -> StretchedModel:  # type: ignore[type-arg]
     pull = Load("tip_x", "force", (1.0, 0.0, 0.0), section="tip")
-    found = stretched(build_arm(sopra, [pull], Resolution(layers=6)), sopra)
+    found = stretched(build_arm(sopra, [pull], Resolution(layers=3)), sopra)
     assert isinstance(found, StretchedModel)
     return found
 
