@@ -9,7 +9,6 @@ Run it with: python examples/close_the_loop.py --out out/loop
 
 import subprocess
 import sys
-import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,9 +28,9 @@ from softarm.experiments.recovery import until_allowed
 from softarm.experiments.rig import FakeRig, RigSettings
 from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError
-from softarm_client.messages import Estimate, Message, Mismatch
+from softarm_client.messages import Estimate, Mismatch
 
 EFFECT: dict[str, Any] = {"where": {"chamber": 0}, "change": -0.25}
 NOMINAL = ("poses",)
@@ -58,16 +57,17 @@ class Watch:
     forces: list[float] = field(default_factory=list)
     innovations: list[float] = field(default_factory=list)
     inconsistent: int = 0
-    _lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def take(self, message: Message) -> None:
-        """Take a message of the streams ``estimate`` and ``mismatch``."""
-        with self._lock:
-            if isinstance(message, Estimate) and message.status in ("converged", "degraded"):
-                self.forces += [float(np.linalg.norm(load.force_n)) for load in message.loads]
-            elif isinstance(message, Mismatch) and message.normalised_innovation_squared is not None:
-                self.innovations.append(message.normalised_innovation_squared)
-                self.inconsistent += not message.consistent
+    def add_estimate(self, estimate: Estimate) -> None:
+        """Add the forces of an estimate that is of use."""
+        if estimate.status in ("converged", "degraded"):
+            self.forces += [float(np.linalg.norm(load.force_n)) for load in estimate.loads]
+
+    def add_mismatch(self, mismatch: Mismatch) -> None:
+        """Add the innovation of a test of the model, and whether it was passed."""
+        if mismatch.normalised_innovation_squared is not None:
+            self.innovations.append(mismatch.normalised_innovation_squared)
+            self.inconsistent += not mismatch.consistent
 
     @property
     def force_n(self) -> float:
@@ -86,28 +86,28 @@ class Watch:
         }
 
 
-def patiently(client: SoftarmClient, work: Callable[[], Result]) -> Result:
+def patiently(client: Arm, work: Callable[[], Result]) -> Result:
     """Do something with the arm; after a fault, clear it once it has passed and begin again."""
     for _ in range(RETRIES):
         try:
             return work()
         except CommandRefusedError as refusal:
             say(f"{refusal}; clearing, and once more")
-            until_allowed(lambda: client.command("clear"))
+            until_allowed(client.clear)
     return work()
 
 
-def watch(client: SoftarmClient, manoeuvre: Manoeuvre) -> tuple[Watch, Recorded]:
+def watch(client: Arm, manoeuvre: Manoeuvre) -> tuple[Watch, Recorded]:
     """Run and record a manoeuvre, and watch the estimates meanwhile."""
     return patiently(client, lambda: _watch(client, manoeuvre))
 
 
-def _watch(client: SoftarmClient, manoeuvre: Manoeuvre) -> tuple[Watch, Recorded]:
+def _watch(client: Arm, manoeuvre: Manoeuvre) -> tuple[Watch, Recorded]:
     seen = Watch()
-    client.command("arm")
-    with client.subscribe("estimate", seen.take), client.subscribe("mismatch", seen.take):
+    client.arm()
+    with client.estimates().subscribe(seen.add_estimate), client.mismatches().subscribe(seen.add_mismatch):
         run = run_manoeuvre(client, manoeuvre, lambda _: None)
-    client.command("disarm")
+    client.disarm()
     return seen, run
 
 
@@ -148,7 +148,7 @@ def close_the_loop(specimen: str, out: Path, endpoint: str) -> tuple[Report, Wat
     return report, before, after
 
 
-def _record(client: SoftarmClient, menu: dict[str, Manoeuvre], names: Sequence[str]) -> list[Recorded]:
+def _record(client: Arm, menu: dict[str, Manoeuvre], names: Sequence[str]) -> list[Recorded]:
     choices = [ChosenManoeuvre(menu[name]) for name in names]
     return patiently(client, lambda: run_excitation(client, choices, lambda _: False, lambda _: None))
 

@@ -1,7 +1,6 @@
 """A client of the softarm service: the streams of an arm, its commands, its lease and its recordings."""
 
-from softarm_client.arm import ActiveRecording, Arm
-from softarm_client.client import HeldLease
+from softarm_client.arm import STALE_S, ActiveRecording, Arm
 from softarm_client.errors import (
     ClientError,
     CommandRefusedError,
@@ -9,11 +8,13 @@ from softarm_client.errors import (
     SetupError,
     UnreachableError,
 )
+from softarm_client.lease import HeldLease
 from softarm_client.messages import Estimate, Event, Mismatch, State
 from softarm_client.modes import Mode
 from softarm_client.streams import Stream
 
 __all__ = [
+    "STALE_S",
     "ActiveRecording",
     "Arm",
     "ClientError",

@@ -1,14 +1,17 @@
 """An arm as a client sees it: its streams, its commands, its lease and its recordings."""
 
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar
 
 from pydantic import TypeAdapter
 
-from softarm_client.client import SoftarmClient
-from softarm_client.messages import Estimate, Event, Mismatch, State
+from softarm_client.connection import Connection
+from softarm_client.lease import LeasedConnection
+from softarm_client.messages import Estimate, Event, Mismatch, State, Surface
 from softarm_client.results import (
     Aligned,
     Asked,
@@ -22,10 +25,13 @@ from softarm_client.results import (
     Saved,
     Tared,
 )
+from softarm_client.session import DEFAULT_ENDPOINT
 from softarm_client.streams import Stream
 
 Kind = TypeVar("Kind", bound=Result)
 SILENT_S = 5.0
+STALE_S = 0.5
+"""A service that was not heard for so long is to be taken as gone."""
 SAVE_S = 5.0
 """A pose is on the disk before its command is answered."""
 CLOSE_S = 20.0
@@ -37,14 +43,14 @@ class Verbs:
     """A group of commands.
 
     Args:
-        client: Client of the arm.
+        connection: Connection to the arm's service.
     """
 
-    def __init__(self, client: SoftarmClient) -> None:
-        self._client = client
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
 
     def _do(self, verb: str, kind: type[Kind], timeout_s: float = 1.0, **fields: object) -> Kind:
-        answer = self._client.command(verb, timeout_s, **fields)
+        answer = self._connection.command(verb, timeout_s, **fields)
         return kind.model_validate({**answer.applied, "mode": answer.mode})
 
 
@@ -81,7 +87,7 @@ class Teach(Verbs):
 
     def poses(self) -> dict[str, Pose]:
         """Return the saved poses by name."""
-        return _POSES.validate_python(self._client.command("teach/list").applied)
+        return _POSES.validate_python(self._connection.command("teach/list").applied)
 
     def goto(self, name: str, ramp_s: float = 2.0) -> Hold:
         """Ramp to a saved pose and hold it; needs the lease."""
@@ -129,8 +135,46 @@ class ActiveRecording:
     dropped: int | None = None
 
 
-class Arm(SoftarmClient):
-    """One arm and its service, within a block: ``with Arm("sopra") as arm``."""
+class Arm(LeasedConnection):
+    """One arm and its service, within a block: ``with Arm("sopra") as arm``.
+
+    Args:
+        arm: The arm's name.
+        endpoint: Where its service, or a router before it, listens.
+        name: Name of this client in logs and on the operator page; letters, digits, spaces and ``_.@-``.
+        zenoh_config: JSON5 file with credentials and certificates.
+
+    Raises:
+        SetupError: The name is not plain, or the file is not valid.
+        UnreachableError: Nothing answers at the endpoint.
+    """
+
+    def __init__(
+        self,
+        arm: str,
+        endpoint: str = DEFAULT_ENDPOINT,
+        name: str = "softarm-client",
+        zenoh_config: Path | None = None,
+    ) -> None:
+        super().__init__(arm, endpoint, name, zenoh_config)
+        self._watched = False
+        self._state_s: float | None = None
+
+    @property
+    def state_age_s(self) -> float:
+        """Time since the service's last ``state`` arrived [s], infinite before the first.
+
+        The first call begins to watch the stream. The service sends twenty states a second: an age above
+        ``STALE_S`` means that service, network or this process stand still, and what was shown is outdated.
+        """
+        with self._lock:
+            if not self._watched:
+                self._watched = True
+                self._watching.enter_context(self.states().subscribe(self._note_state))
+        return float("inf") if self._state_s is None else time.monotonic() - self._state_s
+
+    def _note_state(self, _: State) -> None:
+        self._state_s = time.monotonic()
 
     @property
     def pressures(self) -> Pressures:
@@ -179,6 +223,18 @@ class Arm(SoftarmClient):
     def reconnect(self, device: str) -> Reconnected:
         """Close a device and connect it again."""
         return Verbs(self)._do("device/reconnect", Reconnected, 10.0, device=device)
+
+    def surface(self) -> Surface:
+        """Return the arm's outer surface at rest, for drawing the shapes of ``subscribe_shape``."""
+        return Surface.model_validate_json(self.ask("surface"))
+
+    def state(self, timeout_s: float = 2.0) -> State:
+        """Return the newest state."""
+        return self.states().newest(timeout_s)
+
+    def estimate(self, timeout_s: float = 2.0) -> Estimate:
+        """Return the newest estimate."""
+        return self.estimates().newest(timeout_s)
 
     def states(self, silent_s: float | None = SILENT_S) -> Stream[State]:
         """Return the stream of states: mode, pressures, poses, health."""

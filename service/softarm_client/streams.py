@@ -2,15 +2,14 @@
 
 import asyncio
 import queue
+import threading
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Generic, TypeVar
+from contextlib import contextmanager
+from typing import Generic, TypeVar
 
+from softarm_client.connection import Connection
 from softarm_client.errors import ServiceSilentError
 from softarm_client.messages import Message
-
-if TYPE_CHECKING:
-    from softarm_client.client import SoftarmClient
 
 Kind = TypeVar("Kind", bound=Message)
 WAITING = 64
@@ -20,30 +19,32 @@ WAITING = 64
 class Stream(Generic[Kind]):
     """The messages of one stream, the last one published first.
 
-    Each loop has a subscription of its own. It ends when the client is closed. A loop that is slower than
+    Each loop has a subscription of its own. It ends when the arm is closed. A loop that is slower than
     the stream loses the oldest messages.
 
     Args:
-        client: Client of the arm.
+        connection: Connection to the arm's service.
         name: Name of the stream.
         kind: Type of its messages.
         silent_s: A loop fails when nothing is published for so long [s]; ``None`` waits for ever.
     """
 
-    def __init__(self, client: "SoftarmClient", name: str, kind: type[Kind], silent_s: float | None) -> None:
-        self._client = client
+    def __init__(self, connection: Connection, name: str, kind: type[Kind], silent_s: float | None) -> None:
+        self._connection = connection
         self._name = name
         self._kind = kind
         self._silent_s = silent_s
 
-    def subscribe(self, handler: Callable[[Kind], None]) -> AbstractContextManager[None]:
-        """Call a handler with each message within a block, in a thread of its own."""
+    @contextmanager
+    def subscribe(self, handler: Callable[[Kind], None]) -> Iterator[None]:
+        """Call a handler with each message within a block, in a thread of its own.
 
-        def typed(message: Message) -> None:
-            if isinstance(message, self._kind):
-                handler(message)
-
-        return self._client.subscribe(self._name, typed)
+        Args:
+            handler: Takes the messages; the oldest are dropped while it is busy.
+        """
+        read = self._kind.model_validate_json
+        with self._connection.receive(self._name, lambda payload: handler(read(payload))):
+            yield
 
     def wait_for(self, accept: Callable[[Kind], bool], timeout_s: float) -> Kind:
         """Wait for a message.
@@ -58,7 +59,33 @@ class Stream(Generic[Kind]):
         Raises:
             TimeoutError: None came in time.
         """
-        return self._client.wait_for(self._name, self._kind, accept, timeout_s)
+        found: list[Kind] = []
+        done = threading.Event()
+
+        def check(message: Kind) -> None:
+            if not done.is_set() and accept(message):
+                found.append(message)
+                done.set()
+
+        with self.subscribe(check):
+            if not done.wait(timeout_s):
+                key = self._connection.keys.stream(self._name)
+                raise TimeoutError(f"{key}: no such message in {timeout_s:g} s")
+        return found[0]
+
+    def newest(self, timeout_s: float = 2.0) -> Kind:
+        """Return the newest message.
+
+        Args:
+            timeout_s: How long to wait for it [s].
+
+        Raises:
+            ServiceSilentError: None came in time.
+        """
+        try:
+            return self.wait_for(lambda _: True, timeout_s)
+        except TimeoutError:
+            raise self._silent(timeout_s) from None
 
     def __iter__(self) -> Iterator[Kind]:
         waiting: queue.Queue[Kind | None] = queue.Queue(WAITING)
@@ -70,12 +97,12 @@ class Stream(Generic[Kind]):
                 except queue.Full:
                     _drop_oldest(waiting)
 
-        with self._client.on_close(lambda: put(None)), self.subscribe(put):
+        with self._connection.on_close(lambda: put(None)), self.subscribe(put):
             while True:
                 try:
                     message = waiting.get(timeout=self._silent_s)
                 except queue.Empty:
-                    raise self._silent() from None
+                    raise self._silent(self._silent_s) from None
                 if message is None:
                     return
                 yield message
@@ -93,7 +120,7 @@ class Stream(Generic[Kind]):
             loop.call_soon_threadsafe(put, message)
 
         subscription = self.subscribe(hand_over)
-        with self._client.on_close(lambda: hand_over(None)):
+        with self._connection.on_close(lambda: hand_over(None)):
             await asyncio.to_thread(subscription.__enter__)
             try:
                 while (message := await self._next(waiting)) is not None:
@@ -105,11 +132,11 @@ class Stream(Generic[Kind]):
         try:
             return await asyncio.wait_for(waiting.get(), self._silent_s)
         except TimeoutError:
-            raise self._silent() from None
+            raise self._silent(self._silent_s) from None
 
-    def _silent(self) -> ServiceSilentError:
-        key = self._client.keys.stream(self._name)
-        what = f"nothing published for {self._silent_s:g} s"
+    def _silent(self, seconds: float | None) -> ServiceSilentError:
+        key = self._connection.keys.stream(self._name)
+        what = f"nothing published for {seconds:g} s"
         return ServiceSilentError(f"{key}: {what}; check that the service runs and that the network works")
 
 

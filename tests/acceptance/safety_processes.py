@@ -19,7 +19,7 @@ from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError
 from softarm_client.messages import State
 from softarm_client.modes import Mode
@@ -39,14 +39,14 @@ EVENT_NOTES = (
 CLIENT = """
 import sys, time
 from softarm.experiments.recovery import arm_again
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 
-with SoftarmClient(sys.argv[1], sys.argv[2], name="mortal") as client:
-    with client.subscribe("state", lambda _: None), client.subscribe("estimate", lambda _: None):
+with Arm(sys.argv[1], sys.argv[2], name="mortal") as client:
+    with client.states().subscribe(lambda _: None), client.estimates().subscribe(lambda _: None):
         if sys.argv[3] == "lease":
             with client.lease():
                 arm_again(client)
-                client.command("set_pressures", pressures_pa=[2e4] * 6, lifetime_s=10.0)
+                client.pressures.set([2e4] * 6, lifetime_s=10.0)
                 print("ready", flush=True)
                 time.sleep(60)
         print("ready", flush=True)
@@ -102,7 +102,7 @@ class LiveArm:
         fakes: Control port of the fakes.
     """
 
-    def __init__(self, rig: FakeRig, client: SoftarmClient, fakes: FakeControl) -> None:
+    def __init__(self, rig: FakeRig, client: Arm, fakes: FakeControl) -> None:
         self.rig, self.client, self.fakes = rig, client, fakes
 
     @property
@@ -129,7 +129,7 @@ class LiveArm:
             WorkFailedError: It does not come.
         """
         try:
-            return self.client.wait_for("state", State, accept, within_s)
+            return self.client.states().wait_for(accept, within_s)
         except TimeoutError as error:
             state = self.client.state()
             why = state.fault_cause or ", ".join(f.message for f in state.findings)
@@ -139,13 +139,13 @@ class LiveArm:
     def under_pressure(self, mode: Mode) -> Iterator[None]:
         """Hold pressure in a mode within the block; afterwards IDLE, whatever happened."""
         with self.client.lease():
-            self.client.command("arm")
+            self.client.arm()
             asked = [PRESSURE_PA, *[0.0] * 5]
-            self.client.command("set_pressures", pressures_pa=asked, lifetime_s=10.0)
+            self.client.pressures.set(asked, lifetime_s=10.0)
             if mode is Mode.HOLDING:
-                self.client.command("teach/start")
+                self.client.teach.start()
                 self.wait(lambda s: s.teach_pressures_pa is not None)
-                self.client.command("teach/hold", ramp_s=0.2)
+                self.client.teach.hold(ramp_s=0.2)
             self.wait(lambda s: s.mode == mode and max(p or 0.0 for p in s.measured_pa) > 0.5 * PRESSURE_PA)
             yield
             self._to_idle()
@@ -154,7 +154,7 @@ class LiveArm:
         deadline = time.monotonic() + WAIT_S
         while (state := self.client.state()).mode != Mode.IDLE and time.monotonic() < deadline:
             try:
-                self.client.command("clear" if state.mode == Mode.FAULTED else "disarm")
+                (self.client.clear if state.mode == Mode.FAULTED else self.client.disarm)()
             except CommandRefusedError:  # the cause still stands
                 time.sleep(0.1)
 
@@ -204,7 +204,7 @@ def _stalled_subscriber(arm: LiveArm) -> ProcessEvent:
 def _full_disk(arm: LiveArm) -> ProcessEvent:
     _, hard = resource.prlimit(arm.pid, resource.RLIMIT_FSIZE)
     with arm.under_pressure(Mode.ARMED):
-        arm.client.command("record/start", name="full")
+        arm.client.recordings.start("full")
         resource.prlimit(arm.pid, resource.RLIMIT_FSIZE, (ROOM_BYTES, hard))
         try:
             state = arm.wait(lambda s: any(f.code == "recorder_failed" for f in s.findings))
@@ -256,10 +256,10 @@ def _killed_estimator(arm: LiveArm) -> ProcessEvent:
 
 
 def _killed_service(arm: LiveArm) -> ProcessEvent:
-    with SoftarmClient(arm.rig.settings.arm, arm.rig.settings.endpoint) as client:
+    with Arm(arm.rig.settings.arm, arm.rig.settings.endpoint) as client:
         client.acquire()
-        client.command("arm")
-        client.command("set_pressures", pressures_pa=[PRESSURE_PA] * 6, lifetime_s=10.0)
+        client.arm()
+        client.pressures.set([PRESSURE_PA] * 6, lifetime_s=10.0)
         while not any(arm.setpoints()):
             time.sleep(0.01)
         begin = time.monotonic()

@@ -23,7 +23,7 @@ from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
 from softarm.recordings import load_recording
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError
 from softarm_client.messages import Message, State
 
@@ -48,9 +48,9 @@ FAULTS = (
 NO_ANSWER = "no answer in time"
 VISITOR = """
 import sys, time
-from softarm_client.client import SoftarmClient
-with SoftarmClient(sys.argv[1], sys.argv[2], name="visitor") as client:
-    with client.subscribe("state", lambda _: None), client.subscribe("estimate", lambda _: None):
+from softarm_client import Arm
+with Arm(sys.argv[1], sys.argv[2], name="visitor") as client:
+    with client.states().subscribe(lambda _: None), client.estimates().subscribe(lambda _: None):
         time.sleep(float(sys.argv[3]))
 """
 
@@ -150,7 +150,7 @@ class Soak:
                 threading.Thread(target=self._visit, args=(rig, random.Random(dice.random()))),
                 threading.Thread(target=self._command, args=(client, random.Random(dice.random()))),
             ]
-            with client.subscribe("state", self._see):
+            with client.states().subscribe(self._see):
                 for worker in workers:
                     worker.start()
                 self._watch(memory)
@@ -199,7 +199,7 @@ class Soak:
                 if dice.random() < 0.3:
                     visitor.kill()
 
-    def _command(self, client: SoftarmClient, dice: random.Random) -> None:
+    def _command(self, client: Arm, dice: random.Random) -> None:
         """Arm, play, teach, hold, clear, record: what the mode allows, and some that it does not."""
         record_at = time.monotonic()
         while not self._stop.wait(0.1):
@@ -215,7 +215,7 @@ class Soak:
         self._ask(client, "record/stop", timeout_s=20.0)
         self._ask(client, "stop")
 
-    def _renew(self, client: SoftarmClient) -> None:
+    def _renew(self, client: Arm) -> None:
         """Renew the lease as a client does."""
         try:
             client.acquire()
@@ -223,7 +223,7 @@ class Soak:
         except CommandRefusedError as refusal:
             self._tally.lost += refusal.refusal.message == NO_ANSWER
 
-    def _ask(self, client: SoftarmClient, verb: str, timeout_s: float = 1.0, **fields: object) -> None:
+    def _ask(self, client: Arm, verb: str, timeout_s: float = 1.0, **fields: object) -> None:
         begin = time.monotonic()
         try:
             applied = client.command(verb, timeout_s=timeout_s, **fields)

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from click.testing import CliRunner
 
-from softarm.cli import run
 from softarm.cli.specimen import command
 from softarm.estimator.specimen import load_specimen
 
@@ -29,13 +28,3 @@ def test_measures_that_do_not_fit_write_nothing(tmp_path: Path) -> None:
     result = CliRunner().invoke(command, ["new", "--out", str(out)], input="\n".join(walls))
     assert result.exit_code != 0
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_specimen_is_checked_and_drawn(tmp_path: Path, capsys) -> None:
-    assert run(["specimen", "check", "single_segment", "--plot", str(tmp_path / "arm.png")]) == 0
-    assert "single_segment is valid" in capsys.readouterr().out
-    assert (tmp_path / "arm.png").exists()
-    wrong = tmp_path / "wrong.toml"
-    wrong.write_text('schema = "softarm.specimen/1"\nname = 3\n')
-    assert run(["specimen", "check", str(wrong)]) == 2
-    assert "wrong.toml" in capsys.readouterr().err

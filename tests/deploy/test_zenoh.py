@@ -11,7 +11,7 @@ import trustme
 
 from softarm.daemon.network.bus import Bus
 from softarm.daemon.network.router import open_router
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.commands import Applied
 from softarm_client.errors import CommandRefusedError, SetupError, UnreachableError
 from softarm_client.messages import Event, Mismatch, Stamp
@@ -68,12 +68,12 @@ def stopped(call):
 
 def visit(endpoint, config):
     """Do what a client may want to; tell which of it worked."""
-    with SoftarmClient("a", endpoint, zenoh_config=config) as client:
+    with Arm("a", endpoint, zenoh_config=config) as client:
         try:
             commanded = client.command("stop").verb == "stop"
         except CommandRefusedError:
             commanded = False
-        seen = client.wait_for("mismatch", Mismatch, lambda _: True, 5.0).stamp.sequence
+        seen = client.mismatches().wait_for(lambda _: True, 5.0).stamp.sequence
         return {"config": client.ask("config"), "commanded": commanded, "seen": seen, "alive": client.alive()}
 
 
@@ -111,13 +111,13 @@ def guarded(request, tmp_path):
 
 
 def test_viewer_sees_everything_and_cannot_command(guarded, tmp_path):
-    with SoftarmClient("test", guarded.endpoint, zenoh_config=as_user("viewer", tmp_path)) as viewer:
+    with Arm("test", guarded.endpoint, zenoh_config=as_user("viewer", tmp_path)) as viewer:
         assert viewer.alive()
         assert viewer.ask("config") == "{}"
         seen = {name: threading.Event() for name in ("event", "mismatch", "shape")}
         with (
-            viewer.subscribe("event", lambda _: seen["event"].set()),
-            viewer.subscribe("mismatch", lambda _: seen["mismatch"].set()),
+            viewer.events().subscribe(lambda _: seen["event"].set()),
+            viewer.mismatches().subscribe(lambda _: seen["mismatch"].set()),
             viewer.subscribe_shape(lambda _: seen["shape"].set()),
         ):
             until(lambda: guarded.in_loop(lambda: guarded.bus.shape_wanted))
@@ -132,20 +132,20 @@ def test_operator_commands_and_neither_overhears_nor_forges(guarded, tmp_path):
     """A lease token goes to the service alone, and a state comes from the service alone."""
     config, heard, states = as_user("operator", tmp_path), [], []
     spy = open_session(client_settings(guarded.endpoint, config))
-    with SoftarmClient("test", guarded.endpoint, zenoh_config=config) as client:
+    with Arm("test", guarded.endpoint, zenoh_config=config) as client:
         try:
             listeners = [
                 declare(key, lambda message: heard.append(str(message.key_expr)))
                 for key in ("softarm/@v1/**", "softarm/@v1/test/command/**", "**")
                 for declare in (spy.declare_queryable, spy.declare_subscriber)
             ]
-            with client.subscribe("mismatch", states.append), client.lease():
-                assert client.command("arm").mode == "ARMED"
+            with client.mismatches().subscribe(states.append), client.lease():
+                assert client.arm().mode == "ARMED"
                 forged = MESSAGE.model_copy(update={"advice": "forged"}).model_dump_json()
                 for _ in range(20):
                     spy.put("softarm/@v1/test/mismatch", forged)
                 until(lambda: guarded.publish(EVENT, MESSAGE) and states)
-                assert client.command("stop").mode == "FAULTED"
+                assert client.stop().mode == "FAULTED"
         finally:
             spy.close()
     assert len(listeners) == 6
@@ -156,9 +156,9 @@ def test_operator_commands_and_neither_overhears_nor_forges(guarded, tmp_path):
 @pytest.mark.parametrize(("user", "password"), [("viewer", "wrong"), ("nobody", "n")])
 def test_whoever_has_no_password_is_kept_out(guarded, tmp_path, user, password):
     with pytest.raises(UnreachableError, match="no zenoh session"):
-        SoftarmClient("test", guarded.endpoint, zenoh_config=as_user(user, tmp_path, password))
+        Arm("test", guarded.endpoint, zenoh_config=as_user(user, tmp_path, password))
     with pytest.raises(UnreachableError, match="no zenoh session"):
-        SoftarmClient("test", guarded.endpoint)
+        Arm("test", guarded.endpoint)
 
 
 def until(accept, within=10.0):
@@ -186,8 +186,8 @@ def test_credentials_handed_over_by_systemd_are_used(tmp_path, monkeypatch):
     settings = NetworkSettings(listen=("tcp/127.0.0.1:0",), zenoh_config=etc / "users.json5")
     with ServedArm(tmp_path, settings) as arm:
         monkeypatch.delenv("CREDENTIALS_DIRECTORY")
-        with SoftarmClient("test", arm.endpoint, zenoh_config=as_user("operator", tmp_path)) as client:
-            assert client.command("stop").mode == "FAULTED"
+        with Arm("test", arm.endpoint, zenoh_config=as_user("operator", tmp_path)) as client:
+            assert client.stop().mode == "FAULTED"
 
 
 def own_endpoint(bus):

@@ -35,14 +35,11 @@ def mismatch(value: float, *, consistent: bool) -> Mismatch:
 
 def test_forces_and_verdicts_are_summed_up(loop: ModuleType):
     seen = loop.Watch()
-    for message in (
-        estimate((0.3, 0.0, 0.0)),
-        estimate((0.0, 0.4, 0.0)),
-        estimate((9.0, 0.0, 0.0), "not_converged"),
-        mismatch(4.0, consistent=False),
-        mismatch(1.0, consistent=True),
-    ):
-        seen.take(message)
+    seen.add_estimate(estimate((0.3, 0.0, 0.0)))
+    seen.add_estimate(estimate((0.0, 0.4, 0.0)))
+    seen.add_estimate(estimate((9.0, 0.0, 0.0), "not_converged"))
+    seen.add_mismatch(mismatch(4.0, consistent=False))
+    seen.add_mismatch(mismatch(1.0, consistent=True))
     row = seen.row("plain")
     assert row["apparent_force_n"] == pytest.approx(0.35)
     assert row["inconsistent_percent"] == 50.0

@@ -10,9 +10,8 @@ import pytest
 
 from softarm.estimator.recording import Recording
 from softarm.recordings import save_recording
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError
-from softarm_client.messages import State
 
 pytestmark = pytest.mark.timeout(300)  # the estimator compiles its kernels in a fresh checkout
 
@@ -86,7 +85,7 @@ class Daemon:
         return told
 
     def client(self):
-        return SoftarmClient("test", f"tcp/127.0.0.1:{self.port}")
+        return Arm("test", f"tcp/127.0.0.1:{self.port}")
 
     def end(self):
         self.process.send_signal(signal.SIGTERM)
@@ -117,7 +116,7 @@ def test_service_tells_systemd_and_refuses_to_arm_without_valves(daemon):
     with service.client() as client:
         assert client.alive()
         with client.lease(), pytest.raises(CommandRefusedError, match="valve bank never answered"):
-            client.command("arm")
+            client.arm()
         assert client.state().mode == "IDLE"
     assert service.end() == 0
 
@@ -147,9 +146,9 @@ def test_replay_is_marked_alarms_nothing_and_moves_nothing(daemon, tmp_path):
     service = daemon("--replay", tmp_path / "still.mcap")
     service.wait_for("READY=1")
     with service.client() as client:
-        state = client.wait_for("state", State, lambda s: s.measured_pa[0] is not None, 20.0)
+        state = client.states().wait_for(lambda s: s.measured_pa[0] is not None, 20.0)
         assert state.stamp.source == "replay"
         assert state.findings == ()
         with client.lease(), pytest.raises(CommandRefusedError, match="replayed"):
-            client.command("arm")
+            client.arm()
     assert service.end() == 0

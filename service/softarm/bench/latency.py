@@ -22,9 +22,9 @@ from softarm.common.tables import Cell, Table
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.session import connect, wait_ready
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError
-from softarm_client.messages import Estimate, Message
+from softarm_client.messages import Estimate
 
 LIMITS_MS = {"fem": 12.0, "rod": 2.0}
 SCENARIO = """\
@@ -178,30 +178,29 @@ def measure(case: LatencyCase, seconds: float) -> Measured:
         client = stack.enter_context(connect(stack.enter_context(FakeRig(settings, folder / "rig"))))
         wait_ready(client)
         stack.enter_context(client.lease())
-        client.command("arm")
+        client.arm()
         if case.busy:
             stack.enter_context(computing())
         drive(client, SETTLE_S)
         return listen(client, seconds)
 
 
-def listen(client: SoftarmClient, seconds: float) -> Measured:
+def listen(client: Arm, seconds: float) -> Measured:
     """Move the arm and note when each estimate comes."""
     latencies: list[float] = []
     solves: list[float] = []
     converged: list[bool] = []
     lock = threading.Lock()
 
-    def on_message(message: Message) -> None:
-        if isinstance(message, Estimate):
-            arrived_ns = message.stamp.monotonic_ns - message.latency_s * 1e9
-            with lock:
-                latencies.append((time.monotonic_ns() - arrived_ns) * 1e-6)
-                solves.append(message.solve_s * 1e3)
-                converged.append(message.status in ("converged", "degraded"))
+    def on_estimate(estimate: Estimate) -> None:
+        arrived_ns = estimate.stamp.monotonic_ns - estimate.latency_s * 1e9
+        with lock:
+            latencies.append((time.monotonic_ns() - arrived_ns) * 1e-6)
+            solves.append(estimate.solve_s * 1e3)
+            converged.append(estimate.status in ("converged", "degraded"))
 
     before, begin = client.state(), time.monotonic()
-    with client.subscribe("estimate", on_message):
+    with client.estimates().subscribe(on_estimate):
         drive(client, seconds)
     after = client.state()
     # The first message of a subscription is one from before it.
@@ -215,7 +214,7 @@ def listen(client: SoftarmClient, seconds: float) -> Measured:
     )
 
 
-def drive(client: SoftarmClient, seconds: float) -> None:
+def drive(client: Arm, seconds: float) -> None:
     """Move the arm along slow sines.
 
     Raises:
@@ -226,7 +225,7 @@ def drive(client: SoftarmClient, seconds: float) -> None:
         phases = [2.0 * math.pi * now / PERIOD_S + k * math.pi / 3.0 for k in range(6)]
         pressures = [AMPLITUDE_PA * (1.0 + math.sin(phase)) / 2.0 for phase in phases]
         try:
-            client.command("set_pressures", pressures_pa=tuple(pressures), lifetime_s=1.0)
+            client.pressures.set(tuple(pressures), lifetime_s=1.0)
         except CommandRefusedError as error:
             cause = client.state().fault_cause or str(error)
             raise WorkFailedError(f"the arm stopped moving: {cause}") from error

@@ -21,8 +21,15 @@ THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"
 COMMANDS = {
     "demo": "Start simulated instruments, service and page, and run the force experiment.",
     "serve": "Run the service for one arm: the daemon that systemd starts.",
+    "status": "Show what a running arm is doing.",
+    "arm": "Arm a running arm and hold pressures until Ctrl-C.",
+    "stop": "Vent a running arm at once and latch a fault.",
+    "clear": "Leave FAULTED once the cause is gone.",
+    "tare": "Take the present external force as zero.",
+    "teach": "Teach poses by hand, list them, and go to them.",
     "record": "Record a running arm.",
-    "specimen": "Describe an arm: write its specimen from measures, check and draw one.",
+    "specimen": "Describe an arm: write its specimen from measures.",
+    "check": "Check a specimen or a configuration, and draw what it describes.",
     "convert": "Convert a recording between MCAP, tables and Qualisys exports.",
     "estimate": "Estimate pose and external force over a recording.",
     "diagnose": "Find the physics that a model leaves out.",
@@ -38,6 +45,10 @@ COMMANDS = {
 }
 
 
+OPERATE = "arm", "stop", "clear", "tare"
+"""Commands that share the module ``operate``; any other has the module of its name."""
+
+
 class LazyGroup(click.Group):
     """A group whose commands live in ``softarm.cli.<name>`` and load on use."""
 
@@ -49,8 +60,9 @@ class LazyGroup(click.Group):
         """Import the module of one command."""
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(f"softarm.cli.{cmd_name}")
-        command = module.command
+        shared = cmd_name in OPERATE
+        module = importlib.import_module(f"softarm.cli.{'operate' if shared else cmd_name}")
+        command = getattr(module, cmd_name if shared else "command")
         assert isinstance(command, click.Command)
         return command
 
@@ -66,6 +78,9 @@ class LazyGroup(click.Group):
 @click.version_option(package_name="softarm")
 def softarm() -> None:
     """Estimate the shape of a pneumatic soft arm and the forces on it, from a few sensors and a model.
+
+    Exit status: 0 done, 1 the work failed, 2 wrong use, 130 interrupted by Ctrl-C. Results go to stdout,
+    progress and messages to stderr; with --json a command prints one JSON document.
 
     Example: softarm estimate RECORDING --specimen sopra
     """

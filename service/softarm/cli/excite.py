@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from softarm.estimator.excitation import ExcitationPlan, Manoeuvre
     from softarm.estimator.specimen import Specimen
     from softarm.experiments.excitation import Recorded
-    from softarm_client.client import SoftarmClient
+    from softarm_client import Arm
 
 
 @click.command()
@@ -111,14 +111,14 @@ def _connect(
     zenoh_config: Path | None,
     out: Path,
     specimen: str | None,
-) -> "SoftarmClient":
+) -> "Arm":
     """Connect to the arm's service; without an arm, to one on fakes that ends with the command."""
     from softarm.experiments.rig import FakeRig, RigSettings
     from softarm.experiments.session import connect, wait_ready
-    from softarm_client.client import SoftarmClient
+    from softarm_client import Arm
 
     if arm is not None:
-        return stack.enter_context(SoftarmClient(arm, endpoint, "softarm excite", zenoh_config))
+        return stack.enter_context(Arm(arm, endpoint, "softarm excite", zenoh_config))
     settings = RigSettings(DEMO_SCENARIO, specimen=specimen or str(fake_specimen()), endpoint=endpoint)
     say("starting the simulated instruments and the service; the estimator needs half a minute or more")
     client = stack.enter_context(connect(stack.enter_context(FakeRig(settings, out))))

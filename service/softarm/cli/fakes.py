@@ -5,12 +5,16 @@ import gc
 import json
 import signal
 from contextlib import AbstractAsyncContextManager
+from pathlib import Path
 from typing import Any
 
 import click
+import tomli_w
 
-from softarm.cli.output import json_option, say, show
+from softarm.cli.output import force_option, json_option, say, show
+from softarm.common.shipped import fake_specimen
 from softarm.common.tables import Table
+from softarm.experiments.rig import RigSettings, service_config
 from softarm.fakes.clock import LoopClock
 from softarm.fakes.control import ControlPort, status
 from softarm.fakes.devices import catalogue
@@ -18,6 +22,7 @@ from softarm.fakes.lateness import watch_lateness
 from softarm.fakes.rig import Rig, running
 from softarm.fakes.scenario import Scenario, check_scenario, read_scenario
 from softarm.fakes.warp import WarpLoop
+from softarm.recordings.files import refuse_existing
 
 
 @click.command()
@@ -26,21 +31,37 @@ from softarm.fakes.warp import WarpLoop
     required=True,
     help="Which fakes, and what goes wrong when: a TOML file, or demo, bench or bad_day.",
 )
+@click.option(
+    "--config",
+    type=click.Path(path_type=Path),
+    help="Write a service's configuration that fits these instruments, once they are ready.",
+)
+@click.option(
+    "--specimen",
+    metavar="S",
+    help="Specimen that the configuration names; by default that of the simulated arm.",
+)
+@force_option
 @click.option("--faults", "list_faults", is_flag=True, help="List the faults of each device and exit.")
 @json_option
-def command(scenario: str, list_faults: bool, as_json: bool) -> None:
+def command(
+    scenario: str, config: Path | None, specimen: str | None, force: bool, list_faults: bool, as_json: bool
+) -> None:
     """Start simulated instruments, each on a real TCP port or pty, until Ctrl-C.
 
     The command prints the address of each instrument; with --json it prints one line when all are ready.
-    Faults of the scenario act at their times; more can be injected on the control port.
+    Faults of the scenario act at their times; more can be injected on the control port. With --config a
+    second terminal can run the service on them: softarm serve --config FILE.
 
-    Example: softarm fakes --scenario bench
+    Example: softarm fakes --scenario bench --config out/service.toml
     """
     checked = read_scenario(scenario)
     if list_faults:
         show(_faults_table(checked), as_json=as_json)
         return
-    asyncio.run(serve(checked, as_json=as_json))
+    if config is not None:
+        refuse_existing(config, force=force)
+    asyncio.run(serve(checked, config, specimen, as_json=as_json))
 
 
 def bench(table: dict[str, Any]) -> AbstractAsyncContextManager[Rig]:
@@ -64,11 +85,15 @@ def accelerated(speed: float) -> asyncio.AbstractEventLoop:
     return WarpLoop(speed)
 
 
-async def serve(scenario: Scenario, *, as_json: bool) -> None:
+async def serve(
+    scenario: Scenario, config: Path | None = None, specimen: str | None = None, *, as_json: bool
+) -> None:
     """Run a scenario until the process is told to stop.
 
     Args:
         scenario: What to run.
+        config: File that takes a service's configuration for these instruments.
+        specimen: Specimen for that configuration; that of the fake arm when left out.
         as_json: Print the endpoints as one line of JSON instead of a table.
     """
     stopped = asyncio.Event()
@@ -81,6 +106,8 @@ async def serve(scenario: Scenario, *, as_json: bool) -> None:
             await control.start()
         gc.collect()
         gc.freeze()  # a full collection of all that is loaded would let the terminal miss its host's deadline
+        if config is not None:
+            _write_config(rig, config, specimen or str(fake_specimen()))
         _announce(rig, control, as_json=as_json)
         watching = asyncio.create_task(watch_lateness(LoopClock(), say))
         try:
@@ -89,6 +116,14 @@ async def serve(scenario: Scenario, *, as_json: bool) -> None:
             watching.cancel()
             await control.stop()
     say("fakes: stopped")
+
+
+def _write_config(rig: Rig, path: Path, specimen: str) -> None:
+    settings = RigSettings(rig.scenario.name, specimen=specimen, sensors=("orientation", "bend", "imu"))
+    table = service_config(settings, status(rig)["devices"])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(tomli_w.dumps(table))
+    say(f"wrote {path}; next: softarm serve --config {path}")
 
 
 def _announce(rig: Rig, control: ControlPort, *, as_json: bool) -> None:

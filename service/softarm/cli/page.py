@@ -10,7 +10,7 @@ from softarm.cli.output import say
 from softarm.daemon.config import load_config
 from softarm.daemon.settings import PageSettings
 from softarm.daemon.unit import zenoh_credential
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.session import DEFAULT_ENDPOINT, NetworkSettings
 
 ENDING = signal.SIGINT, signal.SIGTERM
@@ -60,7 +60,7 @@ def command(
     zenoh_config = zenoh_config or zenoh_credential()
     host, port = host or settings.host, port or settings.port
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
-    connect = partial(SoftarmClient, arm, endpoint, "operator page", zenoh_config)
+    connect = partial(Arm, arm, endpoint, "operator page", zenoh_config)
     with page_server(host, port, arm, origins) as server:
         click.echo(f"operator page: http://{host}:{port}")
         served = wait_for_arm(server, connect, say, lambda: signal.sigtimedwait(ENDING, AGAIN_S) is not None)

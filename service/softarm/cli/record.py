@@ -6,26 +6,22 @@ from pathlib import Path
 import click
 
 from softarm.cli.output import json_option, progress, say, show
+from softarm.cli.running_arm import arm_options
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Table
 from softarm_client import Arm
-from softarm_client.session import DEFAULT_ENDPOINT
 
 LOOK_S = 0.5
 
 
 @click.command()
-@click.option("--arm", required=True, help="Name of the arm.")
-@click.option(
-    "--endpoint", default=DEFAULT_ENDPOINT, show_default=True, help="zenoh endpoint of its service."
-)
+@arm_options
 @click.option("--name", default="recording", show_default=True, help="Name of the file, without suffix.")
 @click.option(
     "--seconds",
     type=click.FloatRange(min=0.0, min_open=True),
     help="Length of the recording; by default until Ctrl-C.",
 )
-@click.option("--zenoh", "zenoh_config", type=click.Path(path_type=Path), help="JSON5 file with credentials.")
 @click.option("--start", "only", flag_value="start", help="Start a recording and return.")
 @click.option("--stop", "only", flag_value="stop", help="End the running recording and return.")
 @json_option

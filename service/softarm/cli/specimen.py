@@ -1,4 +1,4 @@
-"""``softarm specimen``: write the specimen of an arm from its measures, and check one."""
+"""``softarm specimen``: write the specimen of an arm from its measures."""
 
 import sys
 from pathlib import Path
@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import click
 
 from softarm.cli.output import force_option, json_option, say, show
-from softarm.common.tables import Cell, Table
 
 if TYPE_CHECKING:
     from softarm.estimator.specimen.measures import ArmMeasures
@@ -15,7 +14,7 @@ if TYPE_CHECKING:
 
 @click.group(no_args_is_help=True)
 def command() -> None:
-    """Describe an arm: write its specimen from measures, check and draw one.
+    """Describe an arm: write its specimen from measures.
 
     Example: softarm specimen new --out my_arm.toml
     """
@@ -36,8 +35,9 @@ def new(out: Path, force: bool, as_json: bool) -> int:
 
     Example: softarm specimen new --out my_arm.toml
     """
+    from softarm.cli.check import draw, specimen_tables
     from softarm.estimator.errors import InputError
-    from softarm.estimator.specimen import save_specimen
+    from softarm.estimator.specimen import load_specimen, save_specimen
     from softarm.estimator.specimen.measures import specimen_of_measures
     from softarm.recordings.files import refuse_existing
 
@@ -55,27 +55,10 @@ def new(out: Path, force: bool, as_json: bool) -> int:
             say(f"softarm: {error}")
             say("please give the measures again")
     save_specimen(specimen, out)
-    _draw(out, picture)
-    _show(out, as_json=as_json)
+    written = load_specimen(out)
+    draw(written, picture)
+    show(*specimen_tables(written), as_json=as_json)
     say(f"wrote {out} and {picture}")
-    return 0
-
-
-@command.command("check")
-@click.argument("specimen")
-@click.option(
-    "--plot", type=click.Path(path_type=Path), help="Draw the arm as understood to this file (PNG)."
-)
-@json_option
-def check(specimen: str, plot: Path | None, as_json: bool) -> int:
-    """Check a specimen, a file or a shipped one, and list what it describes.
-
-    Example: softarm specimen check my_arm.toml --plot my_arm.png
-    """
-    _show(specimen, as_json=as_json)
-    if plot is not None:
-        _draw(specimen, plot)
-        say(f"wrote {plot}")
     return 0
 
 
@@ -118,38 +101,4 @@ def _ask() -> "ArmMeasures":
         number("Density of the silicone", 1070.0, "kg/m3", 1.0),
         number("Largest gauge pressure of a chamber", 65.0, "kPa", 1e3),
         click.confirm("Are the chambers wound with fibres?", default=True, err=True),
-    )
-
-
-def _draw(source: str | Path, picture: Path) -> None:
-    from softarm.analysis.plots.figures import save
-    from softarm.analysis.plots.specimen import draw_specimen
-    from softarm.estimator.specimen import load_specimen
-
-    save(draw_specimen(load_specimen(source)), picture)
-
-
-def _show(source: str | Path, *, as_json: bool) -> None:
-    """Print what a specimen describes."""
-    from softarm.estimator.specimen import load_specimen
-
-    specimen = load_specimen(source)
-    segments: list[dict[str, Cell]] = [
-        {
-            "segment": segment.name,
-            "from_mm": 1e3 * segment.from_m,
-            "to_mm": 1e3 * segment.to_m,
-            "chambers": ", ".join(str(c.index) for c in specimen.chambers if c.segment == segment.name),
-            "limit_kpa": 1e-3 * min((c.pressure_limit_pa for c in specimen.chambers), default=0.0),
-        }
-        for segment in specimen.segments
-    ]
-    sections: list[dict[str, Cell]] = [
-        {"section": section.name, "from_mm": 1e3 * section.from_m, "to_mm": 1e3 * section.to_m}
-        for section in specimen.sections
-    ]
-    physics = len(specimen.physics)
-    note = f"{len(specimen.markers)} markers, {physics} accepted effects; {specimen.name} is valid."
-    show(
-        Table(f"Segments of {specimen.name}", segments), Table("Sections", sections, (note,)), as_json=as_json
     )

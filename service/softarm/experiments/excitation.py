@@ -13,7 +13,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.excitation import ChosenManoeuvre, Manoeuvre
 from softarm.estimator.specimen import Specimen
 from softarm.experiments.session import recorded
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError
 
 PERIOD_S = 0.05
@@ -39,12 +39,12 @@ class Recorded:
     gap_s: float
 
 
-def specimen_of_arm(client: SoftarmClient) -> Specimen:
+def specimen_of_arm(client: Arm) -> Specimen:
     """Ask the service which specimen it runs on."""
     return Specimen.model_validate_json(client.ask("specimen"))
 
 
-def slew_of(client: SoftarmClient) -> float | None:
+def slew_of(client: Arm) -> float | None:
     """Ask the service for the fastest change of a set-point that its valves allow [Pa/s]."""
     found = list(_values(json.loads(client.ask("config")), "slew_pa_per_s"))
     return min(found) if found else None
@@ -60,7 +60,7 @@ def _values(table: object, key: str) -> Sequence[float]:
 
 
 def run_excitation(
-    client: SoftarmClient,
+    client: Arm,
     choices: Sequence[ChosenManoeuvre],
     ask: Callable[[Manoeuvre], bool],
     advance: Callable[[float], None],
@@ -80,7 +80,7 @@ def run_excitation(
         InputError: The arm has another number of chambers.
         CommandRefusedError: The service refuses a command, such as after a fault.
     """
-    client.command("arm")
+    client.arm()
     try:
         return [
             run_manoeuvre(client, choice.manoeuvre, advance)
@@ -89,10 +89,10 @@ def run_excitation(
         ]
     finally:
         with suppress(CommandRefusedError):  # after a fault the arm is vented and cannot be disarmed
-            client.command("disarm")
+            client.disarm()
 
 
-def run_manoeuvre(client: SoftarmClient, manoeuvre: Manoeuvre, advance: Callable[[float], None]) -> Recorded:
+def run_manoeuvre(client: Arm, manoeuvre: Manoeuvre, advance: Callable[[float], None]) -> Recorded:
     """Vent, record, lead the set-points along the manoeuvre's path, and stop the recording."""
     chambers = len(client.state().measured_pa)
     if manoeuvre.pressures.shape[1] != chambers:
@@ -106,14 +106,14 @@ def run_manoeuvre(client: SoftarmClient, manoeuvre: Manoeuvre, advance: Callable
     return Recorded(manoeuvre.name, paths[0], time.monotonic() - begin, gap)
 
 
-def _follow(client: SoftarmClient, manoeuvre: Manoeuvre, advance: Callable[[float], None]) -> float:
+def _follow(client: Arm, manoeuvre: Manoeuvre, advance: Callable[[float], None]) -> float:
     """Send the set-points of a manoeuvre as time goes by; give the longest time between two [s]."""
     pause = threading.Event()
     begin, before, longest = time.monotonic(), 0.0, 0.0
     while True:
         now = min(time.monotonic() - begin, manoeuvre.duration)
         wanted = manoeuvre.at(np.array([now]))[0]
-        client.command("set_pressures", pressures_pa=wanted.tolist(), lifetime_s=LIFETIME_S)
+        client.pressures.set(wanted.tolist(), lifetime_s=LIFETIME_S)
         longest = max(longest, now - before)
         advance(now - before)
         if now >= manoeuvre.duration:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from softarm.experiments.paper import FORCE_N, Published
 from softarm.experiments.recovery import arm_again, lead
 from softarm.experiments.rig_control import Collector, FakeControl, MeanEstimate, laboratory_of
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 
 Floats = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ def sample(condition: str, seen: MeanEstimate, hook: Floats | None, direction: F
 
 
 def run_fake(
-    client: SoftarmClient,
+    client: Arm,
     fakes: FakeControl,
     settings: ForceSettings,
     advance: Callable[[], None],
@@ -126,7 +126,7 @@ def run_fake(
         yield sample("pressurised", collector.observe(settings.look_s), hook, settings.direction)
         advance()
     if client.state().mode == "ARMED":
-        client.command("disarm")
+        client.disarm()
     fakes.ask("cord")
 
 

@@ -21,9 +21,8 @@ from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl, laboratory_of, ramp_pressures
 from softarm.experiments.session import connect, recorded, wait_ready
 from softarm.recordings import load_recording
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError
-from softarm_client.messages import State
 from softarm_client.session import DEFAULT_ENDPOINT
 
 Floats = NDArray[np.float64]
@@ -51,7 +50,7 @@ class LiveRig:
             NaN while the cord is off.
     """
 
-    client: SoftarmClient
+    client: Arm
     operator: ExperimentOperator
     specimen: Specimen
     advance: Callable[[], None] = lambda: None
@@ -84,7 +83,7 @@ class LiveRig:
             InputError: It tells nothing.
         """
         try:
-            self.client.wait_for("state", State, lambda s: s.gauges_n.get(section) is not None, GAUGE_S)
+            self.client.states().wait_for(lambda s: s.gauges_n.get(section) is not None, GAUGE_S)
         except TimeoutError:
             raise InputError(
                 f"{self.client.keys.arm}, gauge of {section}",
@@ -110,7 +109,7 @@ class LiveRig:
 
     def _renew(self, pressures: Floats) -> None:
         try:
-            self.client.command("set_pressures", pressures_pa=pressures.tolist(), lifetime_s=LIFETIME_S)
+            self.client.pressures.set(pressures.tolist(), lifetime_s=LIFETIME_S)
         except CommandRefusedError:
             if not self.forgiving:
                 raise
@@ -121,14 +120,14 @@ class LiveRig:
         if self.forgiving:
             arm_again(self.client)
         else:
-            self.client.command("arm")
+            self.client.arm()
         self._pressures = np.zeros(len(self.client.state().measured_pa))
 
     def disarm(self) -> None:
         """Vent and disarm."""
         if self.forgiving and self.client.state().mode == "FAULTED":
             arm_again(self.client)
-        self.client.command("disarm")
+        self.client.disarm()
         self._pressures = np.zeros_like(self._pressures)
 
     def tie(self, section: str, hook: Floats, length: float) -> None:
@@ -230,7 +229,7 @@ def live_rig(
     with ExitStack() as stack:
         if arm is not None:
             client = stack.enter_context(
-                SoftarmClient(arm, endpoint or DEFAULT_ENDPOINT, "experiment", settings.zenoh_config)
+                Arm(arm, endpoint or DEFAULT_ENDPOINT, "experiment", settings.zenoh_config)
             )
             operator: ExperimentOperator = Person(ask)
         else:

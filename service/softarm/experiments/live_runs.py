@@ -181,13 +181,13 @@ def _show_and_hold(bench: LiveRig, rest: Floats, goal: Floats) -> tuple[float, f
         WorkFailedError: The hold ended by itself.
     """
     bench.arm()
-    bench.client.command("teach/start")
+    bench.client.teach.start()
     for share in np.linspace(0.25, 1.0, 4):
         bench.operator.lead("tip", rest + share * (goal - rest))
         bench.wait(0.3)
     bench.wait(2.0)
     shown = bench.now
-    answer = bench.client.command("teach/hold", ramp_s=1.5)
+    hold = bench.client.teach.hold(ramp_s=1.5)
     bench.wait(1.8)
     bench.operator.let_go()
     bench.wait(4.0)
@@ -196,4 +196,4 @@ def _show_and_hold(bench: LiveRig, rest: Floats, goal: Floats) -> tuple[float, f
         raise WorkFailedError(f"the hold ended by itself ({mode}); see the service's log")
     bench.disarm()
     bench.wait(1.5)
-    return shown, held, bool(answer.applied["reachable"])
+    return shown, held, hold.reachable

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from softarm.experiments.rig_control import ramp_pressures
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError
 
 PATIENCE_S = 20.0
@@ -34,7 +34,7 @@ def until_allowed(ask: Callable[[], object]) -> None:
             return
 
 
-def arm_again(client: SoftarmClient) -> None:
+def arm_again(client: Arm) -> None:
     """Arm, first clearing a fault whose cause is gone.
 
     Args:
@@ -47,14 +47,14 @@ def arm_again(client: SoftarmClient) -> None:
     def arm() -> None:
         mode = client.state().mode
         if mode == "FAULTED":
-            client.command("clear")
+            client.clear()
         if mode != "ARMED":
-            client.command("arm")
+            client.arm()
 
     until_allowed(arm)
 
 
-def lead(client: SoftarmClient, start: Sequence[float], goal: Sequence[float], duration_s: float) -> None:
+def lead(client: Arm, start: Sequence[float], goal: Sequence[float], duration_s: float) -> None:
     """Lead the pressures along a straight line; where a fault vents the arm, begin anew from zero.
 
     Args:

@@ -14,6 +14,7 @@ from typing import Any, Self
 import tomli_w
 
 from softarm.daemon.config import SafetySettings
+from softarm.daemon.consistency import PLACED
 from softarm.estimator.errors import InputError
 
 END_TIMEOUT_S = 25.0
@@ -92,8 +93,17 @@ def service_config(settings: RigSettings, devices: Sequence[Mapping[str, Any]]) 
         },
         "safety": {name: settings.patience * usual[name] for name in WAITS},
         "devices": tables,
-        "sensors": sensors,
+        "sensors": _first_of_each(sensors),
     }
+
+
+def _first_of_each(sensors: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Keep one sensor of each quantity on each section: the service takes no more."""
+    chosen: dict[tuple[str, str], dict[str, Any]] = {}
+    for sensor in sensors:
+        quantity = "frame" if sensor["kind"] in PLACED else sensor["kind"]
+        chosen.setdefault((quantity, sensor["section"]), sensor)
+    return list(chosen.values())
 
 
 def _device_table(device: Mapping[str, Any], patience: float) -> dict[str, Any]:

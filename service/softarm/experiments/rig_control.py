@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from softarm.estimator.errors import InputError
 from softarm.estimator.rotations import from_quaternions
-from softarm_client.client import SoftarmClient
-from softarm_client.messages import Estimate, Message, State
+from softarm_client import Arm
+from softarm_client.messages import Estimate, State
 
 Floats = NDArray[np.float64]
 
@@ -103,19 +103,9 @@ class Collector:
         section: Section whose force is looked at.
     """
 
-    def __init__(self, client: SoftarmClient, section: str) -> None:
+    def __init__(self, client: Arm, section: str) -> None:
         self._client = client
         self._section = section
-        self._lock = threading.Lock()
-        self._states: list[State] = []
-        self._estimates: list[Estimate] = []
-
-    def _take(self, message: Message) -> None:
-        with self._lock:
-            if isinstance(message, State):
-                self._states.append(message)
-            elif isinstance(message, Estimate):
-                self._estimates.append(message)
 
     def observe(self, duration_s: float) -> MeanEstimate:
         """Average the streams over a duration.
@@ -123,26 +113,27 @@ class Collector:
         Raises:
             InputError: No estimate came.
         """
-        self._states, self._estimates = [], []
-        stop = threading.Event()
-        with self._client.subscribe("state", self._take), self._client.subscribe("estimate", self._take):
-            stop.wait(duration_s)
-        if not self._estimates or not self._states:
+        states: list[State] = []
+        estimates: list[Estimate] = []
+        arm = self._client
+        with arm.states().subscribe(states.append), arm.estimates().subscribe(estimates.append):
+            threading.Event().wait(duration_s)
+        if not estimates or not states:
             raise InputError(self._client.keys.arm, "no estimates are published", "see its findings")
-        loads = [load for e in self._estimates for load in e.loads if load.section == self._section]
+        loads = [load for e in estimates for load in e.loads if load.section == self._section]
         if not loads:
             raise InputError(self._section, "no force is estimated there", "name another section")
-        gauges = [state.gauges_n.get(self._section) for state in self._states]
+        gauges = [state.gauges_n.get(self._section) for state in states]
         pulls = [pull for pull in gauges if pull is not None]
-        pressures = [state.measured_pa for state in self._states]
+        pressures = [state.measured_pa for state in states]
         return MeanEstimate(
             duration_s,
             float(np.mean(pulls)) if pulls else float("nan"),
             np.mean([load.force_n for load in loads], axis=0),
             np.array(loads[-1].covariance_n2, dtype=float),
-            _position(self._states[-1], self._section),
+            _position(states[-1], self._section),
             np.nanmean(np.array(pressures, dtype=float), axis=0),
-            len(self._estimates),
+            len(estimates),
         )
 
 
@@ -153,9 +144,7 @@ def _position(state: State, section: str) -> Floats:
     return np.full(3, np.nan)
 
 
-def ramp_pressures(
-    client: SoftarmClient, start: Sequence[float], goal: Sequence[float], duration_s: float
-) -> None:
+def ramp_pressures(client: Arm, start: Sequence[float], goal: Sequence[float], duration_s: float) -> None:
     """Lead the pressures along a straight line, renewing the set-point ten times a second.
 
     Args:
@@ -169,7 +158,7 @@ def ramp_pressures(
     while True:
         share = min((time.monotonic() - begin) / duration_s, 1.0) if duration_s > 0.0 else 1.0
         wanted = (1.0 - share) * np.array(start) + share * np.array(goal)
-        client.command("set_pressures", pressures_pa=wanted.tolist(), lifetime_s=5.0)
+        client.pressures.set(wanted.tolist(), lifetime_s=5.0)
         if share >= 1.0:
             return
         pause.wait(0.1)

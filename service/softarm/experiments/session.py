@@ -14,9 +14,9 @@ from softarm.estimator.errors import InputError
 from softarm.experiments.force import ForceSample, ForceSettings, run_fake
 from softarm.experiments.rig import FakeRig
 from softarm.experiments.rig_control import FakeControl
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError, UnreachableError
-from softarm_client.messages import Estimate, Message, State
+from softarm_client.messages import State
 
 logger = logging.getLogger(__name__)
 READY_S = 90.0
@@ -26,7 +26,7 @@ SILENT_S = 30.0
 PROGRESS_S = 15.0
 
 
-def wait_built(client: SoftarmClient, silent_s: float = SILENT_S, progress_s: float = PROGRESS_S) -> None:
+def wait_built(client: Arm, silent_s: float = SILENT_S, progress_s: float = PROGRESS_S) -> None:
     """Wait until the service has left STARTING, however long it builds its estimator.
 
     The service bounds this itself: it ends an estimator that is built for too long, and gives it up after
@@ -43,12 +43,12 @@ def wait_built(client: SoftarmClient, silent_s: float = SILENT_S, progress_s: fl
     built, began_s = threading.Event(), time.monotonic()
     heard_s = [began_s]
 
-    def on_state(message: Message) -> None:
+    def on_state(state: State) -> None:
         heard_s[0] = time.monotonic()
-        if isinstance(message, State) and message.mode != "STARTING":
+        if state.mode != "STARTING":
             built.set()
 
-    with client.subscribe("state", on_state):
+    with client.states().subscribe(on_state):
         reported_s = began_s
         while not built.wait(min(1.0, silent_s, progress_s)):
             now_s = time.monotonic()
@@ -61,7 +61,7 @@ def wait_built(client: SoftarmClient, silent_s: float = SILENT_S, progress_s: fl
                 logger.warning(words, client.keys.arm, now_s - began_s)
 
 
-def wait_ready(client: SoftarmClient) -> State:
+def wait_ready(client: Arm) -> State:
     """Wait until the service is up, its valves answer and it publishes estimates.
 
     Raises:
@@ -69,16 +69,16 @@ def wait_ready(client: SoftarmClient) -> State:
     """
     wait_built(client)
     try:
-        state = client.wait_for(
-            "state", State, lambda s: s.mode != "STARTING" and None not in s.measured_pa, READY_S
+        state = client.states().wait_for(
+            lambda s: s.mode != "STARTING" and None not in s.measured_pa, READY_S
         )
-        client.wait_for("estimate", Estimate, lambda e: e.status in ("converged", "degraded"), READY_S)
+        client.estimates().wait_for(lambda e: e.status in ("converged", "degraded"), READY_S)
     except TimeoutError as error:
         raise InputError(client.keys.arm, f"is not ready ({error})", "see the service's log") from error
     return state
 
 
-def connect(rig: FakeRig) -> SoftarmClient:
+def connect(rig: FakeRig) -> Arm:
     """Connect to a rig's service, however long it takes to open its port.
 
     Raises:
@@ -91,7 +91,7 @@ def connect(rig: FakeRig) -> SoftarmClient:
             told = (rig.folder / "service.log").read_text().strip().splitlines()[-1:]
             raise InputError("softarm serve", f"ended ({' '.join(told)})", f"see {rig.folder}")
         try:
-            return SoftarmClient(rig.settings.arm, rig.settings.endpoint, name="experiment")
+            return Arm(rig.settings.arm, rig.settings.endpoint, name="experiment")
         except UnreachableError as error:  # zenoh itself waits three seconds for the port
             last = error
     assert last is not None
@@ -99,21 +99,21 @@ def connect(rig: FakeRig) -> SoftarmClient:
 
 
 @contextmanager
-def recorded(client: SoftarmClient, name: str) -> Iterator[list[str]]:
+def recorded(client: Arm, name: str) -> Iterator[list[str]]:
     """Record the block; the list then holds the file's path."""
     paths: list[str] = []
-    client.command("record/start", name=name)
+    client.recordings.start(name)
     try:
         yield paths
     finally:
         try:
-            paths.append(str(client.command("record/stop", timeout_s=20.0).applied["path"]))
+            paths.append(client.recordings.stop().path)
         except CommandRefusedError as refusal:
             paths.append(f"not written: {refusal}")
 
 
 def force_on_fakes(
-    rig: FakeRig, client: SoftarmClient, settings: ForceSettings, advance: Callable[[], None]
+    rig: FakeRig, client: Arm, settings: ForceSettings, advance: Callable[[], None]
 ) -> tuple[list[ForceSample], str]:
     """Run the force experiment on a rig of fakes.
 
@@ -129,7 +129,7 @@ def force_on_fakes(
     wait_ready(client)
     with FakeControl(str(rig.announcement["control"])) as fakes, client.lease():
         fakes.ask("cord")
-        client.command("estimate/tare")
+        client.tare()
         with recorded(client, "force") as paths:
             samples = list(run_fake(client, fakes, settings, advance))
     return samples, paths[0]

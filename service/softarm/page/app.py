@@ -4,15 +4,15 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 import viser
 
 from softarm.page.panel import Panel
 from softarm.page.scene import ArmScene
 from softarm.page.waiting import ServedArm
-from softarm_client.client import STALE_S
-from softarm_client.messages import Estimate, Message, Mismatch, State
+from softarm_client import STALE_S
+from softarm_client.messages import Estimate, Message, State
 
 Kind = TypeVar("Kind", bound=Message)
 REFRESH_S = 0.1
@@ -36,13 +36,10 @@ class Page:
         self._watch = threading.Thread(target=self._watch_age, name="softarm-page-age", daemon=True)
 
     def __enter__(self) -> "Page":
-        subscriptions: list[tuple[str, type[Message], Callable[[Message], None]]] = [
-            ("state", State, self._on_state),
-            ("estimate", Estimate, self._on_estimate),
-            ("mismatch", Mismatch, self._on_mismatch),
-        ]
-        for stream, _, handler in subscriptions:
-            self._exit.enter_context(self._client.subscribe(stream, Throttle(handler, REFRESH_S)))
+        arm, enter = self._client, self._exit.enter_context
+        enter(arm.states().subscribe(Throttle(self._on_state, REFRESH_S)))
+        enter(arm.estimates().subscribe(Throttle(self._on_estimate, REFRESH_S)))
+        enter(arm.mismatches().subscribe(Throttle(self._panel.show_mismatch, REFRESH_S)))
         self._exit.enter_context(self._client.subscribe_shape(self._scene.show_shape))
         self._panel.operator.start()
         self._watch.start()
@@ -61,23 +58,17 @@ class Page:
             self._panel.show_age(age_s)
             self._scene.show_stale(age_s > STALE_S)
 
-    def _on_state(self, message: Message) -> None:
-        if isinstance(message, State):
-            self._sections = message
-            self._panel.show_state(message)
+    def _on_state(self, state: State) -> None:
+        self._sections = state
+        self._panel.show_state(state)
 
-    def _on_estimate(self, message: Message) -> None:
-        if isinstance(message, Estimate):
-            self._panel.show_estimate(message)
-            if self._sections is not None:
-                self._scene.show_loads(message.loads, self._sections.sections)
-
-    def _on_mismatch(self, message: Message) -> None:
-        if isinstance(message, Mismatch):
-            self._panel.show_mismatch(message)
+    def _on_estimate(self, estimate: Estimate) -> None:
+        self._panel.show_estimate(estimate)
+        if self._sections is not None:
+            self._scene.show_loads(estimate.loads, self._sections.sections)
 
 
-class Throttle:
+class Throttle(Generic[Kind]):
     """Passes on a message when the last one is old enough: a browser cannot draw a hundred a second.
 
     Args:
@@ -85,13 +76,13 @@ class Throttle:
         interval_s: Least time between two.
     """
 
-    def __init__(self, handler: Callable[[Message], None], interval_s: float) -> None:
+    def __init__(self, handler: Callable[[Kind], None], interval_s: float) -> None:
         self._handler = handler
         self._interval_s = interval_s
         self._last = 0.0
         self._lock = threading.Lock()
 
-    def __call__(self, message: Message) -> None:
+    def __call__(self, message: Kind) -> None:
         """Take a message."""
         now = time.monotonic()
         with self._lock:

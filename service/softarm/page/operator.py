@@ -3,19 +3,16 @@
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
 
-from softarm_client.client import SoftarmClient
-from softarm_client.commands import Applied
+from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError
 from softarm_client.messages import State
 from softarm_client.modes import Mode
+from softarm_client.results import Pose, Result
 
 GRACE_S = 2.0
 """After the dead-man is let go the lease is renewed for so long: time to press "Hold pose"."""
 RENEW_S = 0.2
-TIMEOUT_S = 1.0
-RAMP_S = 2.0
 
 
 class Operator:
@@ -34,7 +31,7 @@ class Operator:
 
     def __init__(
         self,
-        client: SoftarmClient,
+        client: Arm,
         browsers: Callable[[], int],
         say: Callable[[str], None],
         clock: Callable[[], float] = time.monotonic,
@@ -77,52 +74,63 @@ class Operator:
             self._acting.release()
 
     def _lead_to_teach(self) -> None:
-        verbs = {Mode.IDLE: "arm", Mode.ARMED: "teach/start"}
-        if self._mode in verbs and self._acquire():
-            self.send(verbs[Mode(self._mode)])
+        commands = {Mode.IDLE: self._client.arm, Mode.ARMED: self._client.teach.start}
+        if self._mode in commands and self._acquire():
+            self._send(commands[Mode(self._mode)])
 
     def hold_pose(self) -> None:
         """Hold the pose in which the arm is, and keep the lease for it."""
-        if self._acquire() and self.send("teach/hold", ramp_s=RAMP_S):
+        if self._acquire() and self._send(self._client.teach.hold):
             self._holding = True
 
     def go_to(self, name: str) -> None:
         """Go to a saved pose and hold it."""
-        ready = self._acquire() and (self._mode != Mode.IDLE or self.send("arm"))
-        if ready and self.send("teach/goto", name=name, ramp_s=RAMP_S):
+        ready = self._acquire() and (self._mode != Mode.IDLE or self._send(self._client.arm))
+        if ready and self._send(lambda: self._client.teach.goto(name)):
             self._holding = True
 
-    def let_go(self, verb: str) -> None:
-        """Release or disarm; the lease is no longer renewed."""
-        self._pressed_s, self._holding = float("-inf"), False
-        self.send(verb)
+    def save(self, name: str) -> bool:
+        """Save the pose under a name, and return whether it was saved."""
+        return self._send(lambda: self._client.teach.save(name))
+
+    def release(self) -> None:
+        """End teaching or holding; the lease is no longer renewed."""
+        self._let_go(self._client.teach.release)
+
+    def disarm(self) -> None:
+        """Vent; the lease is no longer renewed."""
+        self._let_go(self._client.disarm)
 
     def stop(self) -> None:
         """Vent at once."""
-        self._pressed_s, self._holding = float("-inf"), False
-        self.send("stop")
+        self._let_go(self._client.stop)
 
     def clear(self) -> None:
         """Leave FAULTED once the cause is gone."""
-        self.send("clear")
+        self._send(self._client.clear)
 
     def poses(self) -> dict[str, str]:
         """Name the saved poses, each with why it is out of reach; none when the service does not answer."""
         try:
-            listed: dict[str, Any] = self._client.command("teach/list").applied
+            poses = self._client.teach.poses()
         except CommandRefusedError:
             return {}
-        return {name: "" if pose["reachable"] else str(pose["note"]) for name, pose in listed.items()}
+        return {name: _short_of(pose) for name, pose in poses.items()}
 
-    def send(self, verb: str, **fields: str | float) -> bool:
-        """Send a command, show its answer, and tell whether it was accepted."""
+    def _let_go(self, command: Callable[[], Result]) -> None:
+        self._pressed_s, self._holding = float("-inf"), False
+        self._send(command)
+
+    def _send(self, command: Callable[[], Result]) -> bool:
+        """Send a command, show its answer, and return whether it was accepted."""
         try:
-            applied = self._client.command(verb, TIMEOUT_S, **fields)
-        except (CommandRefusedError, ValueError) as refusal:
+            result = command()
+        except CommandRefusedError as refusal:
             self._say(f"refused: {refusal}")
             return False
-        self._mode = applied.mode
-        self._say(f"{verb}: {self._mode}{_short_of(applied)}")
+        self._mode = result.mode
+        short = _short_of(result) if isinstance(result, Pose) else ""
+        self._say(f"the arm is {self._mode}; {short}" if short else f"the arm is {self._mode}")
         return True
 
     @property
@@ -145,6 +153,6 @@ class Operator:
                 self._acquire()
 
 
-def _short_of(applied: Applied) -> str:
-    """Say why a pose that was held, saved or gone to is out of reach; nothing when it is not."""
-    return f"; {applied.applied['note']}" if applied.applied.get("reachable") is False else ""
+def _short_of(pose: Pose) -> str:
+    """Return why a pose is out of reach, nothing when it is not."""
+    return "" if pose.reachable else pose.note

@@ -12,7 +12,7 @@ from viser import uplot
 from softarm.page.operator import Operator
 from softarm.page.scene import load_deviation
 from softarm.page.text import plain
-from softarm_client.client import STALE_S, SoftarmClient
+from softarm_client import STALE_S, Arm
 from softarm_client.messages import Estimate, Mismatch, State
 
 HISTORY = 300
@@ -30,7 +30,7 @@ class Panel:
         chambers: Number of chambers.
     """
 
-    def __init__(self, server: viser.ViserServer, client: SoftarmClient, chambers: int) -> None:
+    def __init__(self, server: viser.ViserServer, client: Arm, chambers: int) -> None:
         self._operator = Operator(client, lambda: len(server.get_clients()), self._say)
         self._lock = threading.Lock()
         self._times: deque[float] = deque(maxlen=HISTORY)
@@ -89,8 +89,8 @@ class Panel:
         stop.on_click(lambda _: operator.stop())
         teach.on_hold(lambda _: operator.press(), callback_hz=HOLD_RATE_HZ)
         hold.on_click(lambda _: operator.hold_pose())
-        release.on_click(lambda _: operator.let_go("teach/release"))
-        disarm.on_click(lambda _: operator.let_go("disarm"))
+        release.on_click(lambda _: operator.release())
+        disarm.on_click(lambda _: operator.disarm())
         clear.on_click(lambda _: operator.clear())
 
     def _poses(self, server: viser.ViserServer) -> None:
@@ -106,7 +106,7 @@ class Panel:
         self._moving_buttons += [save, go]
 
         def save_pose() -> None:
-            if operator.send("teach/save", name=name.value):
+            if operator.save(name.value):
                 poses = operator.poses()
                 known.options, beyond.content = tuple(poses) or (NO_POSES,), _beyond(poses)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import viser
 
 from softarm.page.text import plain
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.errors import ClientError
 from softarm_client.messages import Surface
 
@@ -22,24 +22,24 @@ class ServedArm:
         chambers: Number of chambers.
     """
 
-    client: SoftarmClient
+    client: Arm
     surface: Surface
     chambers: int
 
 
-def ask_arm(client: SoftarmClient) -> ServedArm:
+def ask_arm(client: Arm) -> ServedArm:
     """Ask a service for what the page shows.
 
     Raises:
         CommandRefusedError: No service of this arm answers.
     """
-    surface = Surface.model_validate_json(client.ask("surface"))
-    return ServedArm(client, surface, len(json.loads(client.ask("specimen"))["chambers"]))
+    chambers = json.loads(client.ask("specimen"))["chambers"]
+    return ServedArm(client, client.surface(), len(chambers))
 
 
 def wait_for_arm(
     server: viser.ViserServer,
-    connect: Callable[[], SoftarmClient],
+    connect: Callable[[], Arm],
     say: Callable[[str], None],
     ended: Callable[[], bool],
 ) -> ServedArm | None:

@@ -86,7 +86,10 @@ def test_a_silent_gauge_is_named_before_anybody_pulls() -> None:
     class Client:
         keys = SimpleNamespace(arm="sopra")
 
-        def wait_for(self, stream: str, kind: type, accept: Any, timeout_s: float) -> Any:
+        def states(self) -> Any:
+            return self
+
+        def wait_for(self, accept: Any, timeout_s: float) -> Any:
             if not accept(SimpleNamespace(gauges_n={"tip": None})):
                 raise TimeoutError
             return None

@@ -8,7 +8,7 @@ import pytest
 from softarm.daemon.estimation.worker import WorkerState
 from softarm.estimator.errors import InputError
 from softarm.experiments.session import wait_built
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.modes import Mode
 from tests.service import standins
 from tests.service.network.served import ServedArm
@@ -40,7 +40,7 @@ def built(monkeypatch):
 
 def test_an_estimator_is_waited_for_while_it_is_built_and_progress_is_reported(tmp_path, built, caplog):
     caplog.set_level(logging.WARNING, "softarm.experiments.session")
-    with ServedArm(tmp_path, up={Mode.STARTING}) as arm, SoftarmClient("test", arm.endpoint) as client:
+    with ServedArm(tmp_path, up={Mode.STARTING}) as arm, Arm("test", arm.endpoint) as client:
         waiting = threading.Thread(target=wait_built, args=(client, 10.0, 0.05))
         waiting.start()
         while not any("is being built" in line for line in caplog.messages):
@@ -53,7 +53,7 @@ def test_an_estimator_is_waited_for_while_it_is_built_and_progress_is_reported(t
 
 def test_a_service_that_falls_silent_while_it_builds_is_not_waited_for(tmp_path, built):
     arm = ServedArm(tmp_path, up={Mode.STARTING}).__enter__()
-    with SoftarmClient("test", arm.endpoint) as client:
+    with Arm("test", arm.endpoint) as client:
         assert client.state(20.0).mode == "STARTING"
         arm.__exit__()
         with pytest.raises(InputError, match="published no state"):

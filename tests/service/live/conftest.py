@@ -6,7 +6,6 @@ from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
-from softarm_client.messages import Event
 from tests.service.live.helpers import cleared
 
 
@@ -46,10 +45,10 @@ def faults(client):
     found = []
 
     def on_event(event):
-        if isinstance(event, Event) and event.kind == "mode" and "-> FAULTED" in event.text:
+        if event.kind == "mode" and "-> FAULTED" in event.text:
             found.append(event.text)
 
-    with client.subscribe("event", on_event):
+    with client.events().subscribe(on_event):
         yield found
 
 
@@ -64,7 +63,7 @@ def _idle(request):
     for ask in ("clear", "hand", "cord"):
         fakes.ask(ask)
     if wait_ready(client).mode != "IDLE":
-        client.command("stop")
+        client.stop()
         cleared(client)
     faults.clear()
     yield

@@ -5,12 +5,11 @@ import time
 
 import numpy as np
 
-from softarm_client.messages import State
-
 PATIENCE_S = 20.0
 """For what is waited for, not timed."""
 VENTED_MBAR = [0] * 6
 STILL_M = 3e-4
+NEAR_PA = 8e3
 VENTED_S = 0.3
 """The fakes' own clock holds 0.2 s in test_faults; asking them takes its time on a busy machine."""
 
@@ -32,13 +31,13 @@ def seconds_until_vented(fakes, within=2.0):
 
 
 def wait_for_mode(client, mode, timeout=PATIENCE_S):
-    return client.wait_for("state", State, lambda s: s.mode == mode, timeout)
+    return client.states().wait_for(lambda s: s.mode == mode, timeout)
 
 
 @contextlib.contextmanager
-def collecting(client, stream):
+def collecting(stream):
     found = []
-    with client.subscribe(stream, found.append):
+    with stream.subscribe(found.append):
         yield found
 
 
@@ -49,39 +48,37 @@ def pressurised(client, mode="ARMED", pressure=20e3):
         _bring_to(client, mode, pressure)
         yield
         if client.state().mode not in ("IDLE", "FAULTED"):
-            client.command("disarm")
+            client.disarm()
 
 
 def _bring_to(client, mode, pressure):
-    client.command("arm")
-    client.command("set_pressures", pressures_pa=[pressure, *[0.0] * 5], lifetime_s=10.0)
+    client.arm()
+    client.pressures.set([pressure, *[0.0] * 5], lifetime_s=10.0)
     if mode in ("TEACH", "HOLDING"):
-        client.command("teach/start")
+        client.teach.start()
         _until(client, lambda s: s.teach_pressures_pa is not None)
     if mode == "HOLDING":
-        client.command("teach/hold", ramp_s=0.2)
+        client.teach.hold(ramp_s=0.2)
     _until(client, lambda s: s.mode == mode and max(p or 0.0 for p in s.measured_pa) > 0.5 * pressure)
 
 
 def _until(client, accept):
-    state = client.wait_for("state", State, lambda s: s.mode == "FAULTED" or accept(s), PATIENCE_S)
+    state = client.states().wait_for(lambda s: s.mode == "FAULTED" or accept(s), PATIENCE_S)
     assert state.mode != "FAULTED", f"a fault that nothing provoked: {state.fault_cause}"
 
 
 def cleared(client, timeout=PATIENCE_S):
     """Clear the latched fault, once, when no finding of the valves stands any more."""
-    client.wait_for(
-        "state", State, lambda s: not any(f.code.startswith("valve") for f in s.findings), timeout
-    )
-    client.command("clear")
+    client.states().wait_for(lambda s: not any(f.code.startswith("valve") for f in s.findings), timeout)
+    client.clear()
     return wait_for_mode(client, "IDLE")
 
 
 def later(client, seconds):
     """Wait until the service has published a state so much later; its loop runs all the while."""
     since = client.state().stamp.monotonic_ns
-    return client.wait_for(
-        "state", State, lambda s: (s.stamp.monotonic_ns - since) * 1e-9 > seconds, seconds + PATIENCE_S
+    return client.states().wait_for(
+        lambda s: (s.stamp.monotonic_ns - since) * 1e-9 > seconds, seconds + PATIENCE_S
     )
 
 
@@ -95,3 +92,14 @@ def still(client, fakes):
             return now
         assert time.monotonic() < deadline, "the arm does not come to rest"
         before = now
+
+
+def settled(client):
+    """Wait until a hold has ended its ramp and the valves follow."""
+    later(client, 2.0)
+    return client.states().wait_for(lambda s: s.mode == "HOLDING" and _follows(s), PATIENCE_S)
+
+
+def _follows(state):
+    pairs = zip(state.asked_pa, state.measured_pa, strict=True)
+    return all(measured is not None and abs(asked - measured) < NEAR_PA for asked, measured in pairs)

@@ -11,9 +11,7 @@ import numpy as np
 import pytest
 
 from acceptance.safety_processes import other_client
-from examples.teach_client import free, learn, replay
 from softarm.recordings import load_recording
-from softarm_client.messages import Estimate, Event, State
 from softarm_client.session import client_settings, open_session
 from tests.service.live.helpers import (
     PATIENCE_S,
@@ -25,6 +23,7 @@ from tests.service.live.helpers import (
     pressurised,
     seconds_until_vented,
     setpoints,
+    settled,
     still,
     wait_for_mode,
 )
@@ -39,23 +38,29 @@ NEAR_M = 0.008
 
 def test_poses_taught_by_hand_are_held_saved_and_found_again(client, fakes):
     taught, held, found = {}, {}, {}
-    with client.lease(), collecting(client, "state") as states:
+    with client.lease(), collecting(client.states()) as states:
         hanging = still(client, fakes)
         for name, force in HANDS.items():
-            free(client)
+            if client.state().mode == "IDLE":
+                client.arm()
+            client.teach.start()
             fakes.ask("hand", section="tip", force_n=force)
             taught[name] = still(client, fakes)
-            learn(client, name, lambda: fakes.ask("hand"))
+            client.teach.hold()
+            settled(client)
+            fakes.ask("hand")
             held[name] = still(client, fakes)
+            client.teach.save(name)
         for name in HANDS:
-            replay(client, [name])
+            client.teach.goto(name)
+            settled(client)
             found[name] = still(client, fakes)
-        client.command("teach/release")
-        client.command("disarm")
+        client.teach.release()
+        client.disarm()
         asked = np.array([state.asked_pa for state in states if state.mode == "HOLDING"])
     assert asked.max() > 5e3
     assert np.abs(np.diff(asked, axis=0)).max() < 8e3  # ramps, no jump, at twenty states a second
-    assert set(client.command("teach/list").applied) >= set(HANDS)
+    assert set(client.teach.poses()) >= set(HANDS)
     for name in HANDS:
         assert from_tip(taught[name], hanging) > 3 * NEAR_M, name
         assert from_tip(held[name], taught[name]) < NEAR_M, name
@@ -81,19 +86,17 @@ def test_recording_from_the_command_line(rig):
 
 
 def test_a_push_is_felt_and_its_end_as_well(client, fakes):
-    client.command("estimate/tare")
-    with collecting(client, "event") as events:
+    client.tare()
+    with collecting(client.events()) as events:
         fakes.ask("hand", section="tip", force_n=[0.3, 0.0, 0.0])
-        felt = client.wait_for(
-            "estimate", Estimate, lambda e: e.contact is not None and pushed(e) > 0.2, PATIENCE_S
-        )
+        felt = client.estimates().wait_for(lambda e: e.contact is not None and pushed(e) > 0.2, PATIENCE_S)
         fakes.ask("hand")
-        ended = client.wait_for("event", Event, lambda e: e.kind == "contact_end", PATIENCE_S)
+        ended = client.events().wait_for(lambda e: e.kind == "contact_end", PATIENCE_S)
     assert felt.in_contact
     assert felt.contact.height_std_m > 0.0
     assert felt.contact.height_m > 0.2  # the tip is at 0.276 m
     assert pushed(felt) < 0.4
-    begun = [event for event in events if isinstance(event, Event) and event.kind == "contact_begin"]
+    begun = [event for event in events if event.kind == "contact_begin"]
     assert begun
     assert begun[0].stamp.sequence < ended.stamp.sequence
 
@@ -105,14 +108,14 @@ def pushed(estimate):
 def test_without_motion_capture_the_bend_sensors_carry_on(client, fakes):
     whole = client.estimate()
     fakes.ask("fault", device="qtm", fault="silence", for_s=8.0)
-    alone = client.wait_for("estimate", Estimate, lambda e: e.status == "degraded", PATIENCE_S)
+    alone = client.estimates().wait_for(lambda e: e.status == "degraded", PATIENCE_S)
     assert set(alone.sensors_lost) == {"orientation_intermediate", "orientation_tip"}
     assert set(alone.sensors_used) == {"bend_intermediate", "bend_tip"}
     lost = ("stale_sensor", "orientation_tip")  # the state that says so comes after the estimate
-    client.wait_for("state", State, lambda s: lost in {(f.code, f.where) for f in s.findings}, PATIENCE_S)
-    late = client.wait_for("estimate", Estimate, lambda e: spread(e) > 1.02 * spread(whole), PATIENCE_S)
+    client.states().wait_for(lambda s: lost in {(f.code, f.where) for f in s.findings}, PATIENCE_S)
+    late = client.estimates().wait_for(lambda e: spread(e) > 1.02 * spread(whole), PATIENCE_S)
     assert late.status == "degraded"
-    client.wait_for("estimate", Estimate, lambda e: e.status == "converged", PATIENCE_S)
+    client.estimates().wait_for(lambda e: e.status == "converged", PATIENCE_S)
 
 
 def spread(estimate):
@@ -181,7 +184,7 @@ def test_second_service_for_the_arm_refuses_to_start(rig):
 
 
 def test_stalled_subscriber_holds_up_nobody(rig, client):
-    with other_client(rig.settings, "listen") as process, collecting(client, "state") as states:
+    with other_client(rig.settings, "listen") as process, collecting(client.states()) as states:
         process.send_signal(signal.SIGSTOP)
         later(client, 2.0)
         assert len(states) > 25

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from softarm.recordings import load_recording
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from tests.service.live.helpers import (
     VENTED_MBAR,
     VENTED_S,
@@ -42,11 +42,11 @@ def children(parent, word):
 def test_killed_service_leaves_the_arm_vented_and_its_recording_readable(rig, client, fakes):
     if client.state().mode == "FAULTED":
         cleared(client)
-    with SoftarmClient(rig.settings.arm, rig.settings.endpoint, name="last") as last, last.lease():
-        path = Path(str(last.command("record/start", name="torn").applied["path"]))
+    with Arm(rig.settings.arm, rig.settings.endpoint, name="last") as last, last.lease():
+        path = Path(last.recordings.start("torn").path)
         later(last, 2.5)  # the file is flushed every second
-        last.command("arm")
-        last.command("set_pressures", pressures_pa=[2e4] * 6, lifetime_s=10.0)
+        last.arm()
+        last.pressures.set([2e4] * 6, lifetime_s=10.0)
         begin = time.monotonic()
         while setpoints(fakes) == VENTED_MBAR:
             assert time.monotonic() - begin < 2.0

@@ -6,7 +6,7 @@ import pytest
 
 from softarm.daemon.network.bus import COMMANDS_WAITING, Bus
 from softarm.daemon.network.inbox import Inbox
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.commands import Applied, Refused
 from softarm_client.errors import CommandRefusedError, UnreachableError
 from softarm_client.messages import Mismatch, Stamp
@@ -39,7 +39,7 @@ async def bus():
 @pytest.fixture
 async def client(bus):
     endpoint = await asyncio.to_thread(listening_endpoint, bus.session)
-    client = await asyncio.to_thread(SoftarmClient, "test", endpoint)
+    client = await asyncio.to_thread(Arm, "test", endpoint)
     yield client
     await asyncio.to_thread(client.close)
 
@@ -68,7 +68,7 @@ async def test_refusal_carries_code_and_hint(bus, client):
 async def test_late_joiner_gets_the_last_message(bus, client):
     for sequence in range(3):
         bus.publish("mismatch", mismatch(sequence))
-    message = await asyncio.to_thread(client.wait_for, "mismatch", Mismatch, lambda _: True, 2.0)
+    message = await asyncio.to_thread(client.mismatches().newest)
     assert message.stamp.sequence == 2
 
 

@@ -1,17 +1,15 @@
 import pytest
 
 from softarm.page.operator import GRACE_S, Operator
-from softarm_client.commands import Applied, Refused
+from softarm_client.commands import Refused
 from softarm_client.errors import CommandRefusedError
 from softarm_client.modes import Mode
+from softarm_client.results import Asked, Hold, Pose
 
-AFTER = {"arm": Mode.ARMED, "teach/start": Mode.TEACH, "teach/hold": Mode.HOLDING, "teach/goto": Mode.HOLDING}
-APPLIED = {
-    "teach/list": {
-        "a": {"reachable": True, "note": "it can"},
-        "b": {"reachable": False, "note": "12 mm short"},
-    },
-    "teach/goto": {"reachable": False, "note": "12 mm short"},
+PRESSURES = (0.0,) * 6
+POSES = {
+    "a": Pose(pressures_pa=PRESSURES, reachable=True, note="it can"),
+    "b": Pose(pressures_pa=PRESSURES, reachable=False, note="12 mm short"),
 }
 
 
@@ -19,17 +17,48 @@ class Client:
     """A service that accepts everything, or whose lease is somebody else's."""
 
     def __init__(self):
-        self.sent, self.lease_is_free, self.mode = [], True, Mode.IDLE
+        self.sent, self.lease_is_free = [], True
 
     def acquire(self):
         if not self.lease_is_free:
             refused = Refused(verb="lease/acquire", code="lease_held", message="held by x", hint="wait")
             raise CommandRefusedError(refused)
 
-    def command(self, verb, timeout_s=1.0, **fields):
+    @property
+    def teach(self):
+        return self
+
+    def _answer(self, verb, mode):
         self.sent.append(verb)
-        self.mode = AFTER.get(verb, Mode.IDLE)
-        return Applied(verb=verb, mode=self.mode, applied=APPLIED.get(verb, {}))
+        return Asked(mode=mode, asked_pa=PRESSURES)
+
+    def _held(self, verb, name):
+        self.sent.append(verb)
+        return Hold(mode=Mode.HOLDING, ramp_s=2.0, **POSES[name].model_dump())
+
+    def arm(self):
+        return self._answer("arm", Mode.ARMED)
+
+    def disarm(self):
+        return self._answer("disarm", Mode.IDLE)
+
+    def stop(self):
+        return self._answer("stop", Mode.FAULTED)
+
+    def start(self):
+        return self._answer("teach/start", Mode.TEACH)
+
+    def release(self):
+        return self._answer("teach/release", Mode.ARMED)
+
+    def hold(self):
+        return self._held("teach/hold", "a")
+
+    def goto(self, name):
+        return self._held("teach/goto", name)
+
+    def poses(self):
+        return POSES
 
 
 class Desk:
@@ -62,10 +91,10 @@ def test_held_pose_lives_as_long_as_a_browser_shows_it(desk):
     assert not desk.operator.wanted
 
 
-@pytest.mark.parametrize("end", ["let_go", "stop"])
+@pytest.mark.parametrize("end", ["release", "disarm", "stop"])
 def test_letting_go_and_stopping_end_the_hold(desk, end):
     desk.operator.hold_pose()
-    desk.operator.let_go("disarm") if end == "let_go" else desk.operator.stop()
+    getattr(desk.operator, end)()
     assert not desk.operator.wanted
 
 
@@ -78,7 +107,7 @@ def test_saved_pose_is_gone_to_from_idle(desk):
 def test_poses_out_of_reach_are_told_with_the_reason(desk):
     assert desk.operator.poses() == {"a": "", "b": "12 mm short"}
     desk.operator.go_to("b")
-    assert desk.told[-1] == "teach/goto: HOLDING; 12 mm short"
+    assert desk.told[-1] == "the arm is HOLDING; 12 mm short"
 
 
 def test_lease_of_another_is_told_and_nothing_is_sent(desk):

@@ -5,7 +5,7 @@ import socket
 
 import pytest
 
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.modes import Mode
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed: softarm[dev]")
@@ -73,7 +73,7 @@ def page(service, monkeypatch):
     from softarm.page.waiting import ask_arm
 
     monkeypatch.setattr("softarm.page.operator.GRACE_S", 6.0)  # without a graphics card a click takes long
-    client = SoftarmClient("page", service.endpoint, name="operator page")
+    client = Arm("page", service.endpoint, name="operator page")
     port = free_port()
     with client, page_server("127.0.0.1", port, "page") as server, Page(ask_arm(client), server):
         yield port

@@ -10,13 +10,13 @@ pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
 from softarm.page.app import Page
 from softarm.page.server import page_server
 from softarm.page.waiting import ask_arm
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from tests.service.page.test_server import free_port
 
 
 @pytest.fixture
 def page(service):
-    client = SoftarmClient("page", service.endpoint, name="operator page")
+    client = Arm("page", service.endpoint, name="operator page")
     with (
         client,
         page_server("127.0.0.1", free_port(), "page") as server,

@@ -15,7 +15,7 @@ pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
 
 from softarm.page.server import page_server
 from softarm.page.waiting import ask_arm, wait_for_arm
-from softarm_client.client import SoftarmClient
+from softarm_client import Arm
 from softarm_client.errors import UnreachableError
 from tests.service.page.test_server import free_port
 
@@ -52,7 +52,7 @@ def test_the_page_waits_for_its_service_and_says_for_what(server, service):
         tries.append(None)
         if len(tries) < 3:
             raise UnreachableError("network", "nothing answers", "start it")
-        return SoftarmClient("page", service.endpoint)
+        return Arm("page", service.endpoint)
 
     arm = wait_for_arm(server, connect, said.append, lambda: False)
     with arm.client:

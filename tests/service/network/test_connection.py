@@ -6,17 +6,17 @@ import threading
 
 import pytest
 
-from softarm_client.client import STALE_S, SoftarmClient
+from softarm_client import STALE_S, Arm
 from softarm_client.commands import Refused
 from softarm_client.errors import CommandRefusedError, SetupError
 from tests.service.network.served import ServedArm
 
 UNCLOSED = """
 import sys
-from softarm_client.client import SoftarmClient
-client = SoftarmClient("test", sys.argv[1])
+from softarm_client import Arm
+client = Arm("test", sys.argv[1])
 print(client.state().mode, client.state_age_s > 0.0)
-watching = client.subscribe("state", lambda _: None)
+watching = client.states().subscribe(lambda _: None)
 watching.__enter__()
 """
 
@@ -29,7 +29,7 @@ def arm(tmp_path):
 
 @pytest.fixture
 def client(arm):
-    with SoftarmClient("test", arm.endpoint) as client:
+    with Arm("test", arm.endpoint) as client:
         yield client
 
 
@@ -61,7 +61,7 @@ def test_renewal_that_is_refused_as_busy_is_tried_again(client, monkeypatch):
         while left[0] or held.ends_s == ends_s:
             assert not renewed.wait(0.01)
         assert not held.lost.is_set()
-        assert client.command("arm").mode == "ARMED"
+        assert client.arm().mode == "ARMED"
 
 
 def test_lost_lease_is_reported_and_named_by_later_commands(client, monkeypatch):
@@ -70,7 +70,7 @@ def test_lost_lease_is_reported_and_named_by_later_commands(client, monkeypatch)
         refusing(client, monkeypatch, "lease_held", 1)
         assert held.lost.wait(10.0)
         with pytest.raises(CommandRefusedError, match="the lease was lost"):
-            client.command("arm")
+            client.arm()
     assert reasons == [held.reason]
 
 
@@ -84,4 +84,4 @@ def test_age_of_the_state_tells_that_the_service_is_gone(arm, client):
 
 def test_name_that_is_not_plain_is_refused_at_once():
     with pytest.raises(SetupError, match="client name"):
-        SoftarmClient("test", name="<b>")
+        Arm("test", name="<b>")

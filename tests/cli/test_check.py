@@ -1,0 +1,67 @@
+"""``softarm check`` reads specimens and configurations, also the one that ``softarm fakes`` writes."""
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from softarm.cli import run
+
+
+def test_a_specimen_is_listed_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["check", "single_segment", "--plot", str(tmp_path / "arm.png"), "--json"]) == 0
+    captured = capsys.readouterr()
+    segments, sections = json.loads(captured.out)["tables"]
+    assert [row["chambers"] for row in segments["rows"]]
+    assert "tip" in [row["section"] for row in sections["rows"]]
+    assert "single_segment is valid" in captured.err
+    assert (tmp_path / "arm.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ('schema = "softarm.specimen/1"\nname = 3\n', "name"),
+        ('specimen = "sopra"\n[control]\nrate = 3\n', "rate"),
+        ("specimen = \n", "not valid TOML"),
+    ],
+)
+def test_a_file_that_is_wrong_is_refused_by_field(
+    text: str, named: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(text)
+    assert run(["check", str(wrong)]) == 2
+    told = capsys.readouterr().err
+    assert "wrong.toml" in told
+    assert named in told
+
+
+def test_the_example_of_the_laboratory_is_valid(capsys: pytest.CaptureFixture[str]) -> None:
+    example = Path(__file__).parents[2] / "deploy" / "config" / "sopra.toml"
+    assert run(["check", str(example), "--json"]) == 0
+    _, chambers, devices, sensors = json.loads(capsys.readouterr().out)["tables"]
+    assert [row["limit_kpa"] for row in chambers["rows"]] == [65.0] * 6
+    assert [row["device"] for row in devices["rows"]] == ["valves", "qtm", "gauge", "bend"]
+    assert len(sensors["rows"]) == 5
+
+
+@pytest.mark.parametrize("scenario", ["demo", "bench"])
+def test_fakes_write_a_configuration_that_is_valid(
+    scenario: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "out" / "service.toml"
+    words = ["fakes", "--scenario", scenario, "--config", str(path)]
+    command = [sys.executable, "-m", "softarm", *words, "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as fakes:
+        assert fakes.stdout is not None
+        ready = json.loads(fakes.stdout.readline())
+        fakes.send_signal(signal.SIGINT)
+    assert run(["check", str(path), "--json"]) == 0
+    _, _, devices, sensors = json.loads(capsys.readouterr().out)["tables"]
+    assert [row["device"] for row in devices["rows"]] == [device["name"] for device in ready["devices"]]
+    assert {row["measures"] for row in sensors["rows"]} == {"orientation", "bend", "gauge"}
+    assert run(words) == 2
