@@ -7,4 +7,4 @@ from softarm_client import Arm
 with Arm(*sys.argv[1:]) as arm:
     for estimate in arm.estimates():
         for load in estimate.loads:
-            print(load.section, *(f"{force:.3f} N" for force in load.force_n), flush=True)
+            print(load.section, *load.force_n, "N", flush=True)

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from softarm.analysis.plots.recording import amplitude_spectrum
+from softarm.analysis.plots.recording import amplitude_spectrum, draw_spectra, draw_streams
 from softarm.cli import run
 from softarm.estimator.recording import Recording
 from softarm.recordings import load_recording, save_recording
@@ -85,5 +85,25 @@ def test_a_spectrum_peaks_where_the_arm_swings() -> None:
     time = np.arange(2000) * 0.01
     values = np.sin(2 * np.pi * 2.3 * time)
     values[100:110] = np.nan
-    frequencies, density = amplitude_spectrum(time, values, 100.0)
+    frequencies, density = amplitude_spectrum(time, values)
     assert frequencies[np.argmax(density)] == pytest.approx(2.3, abs=0.1)
+
+
+def test_streams_that_share_no_times_are_drawn_whole_and_up_to_half_their_own_rate() -> None:
+    bend, gauge = np.arange(0.0, 10.0, 0.01), np.arange(0.0033, 10.0, 0.05)
+    time = np.union1d(bend, gauge)
+    axes = ("bend_tip_x_rad", "bend_tip_y_rad")
+    columns = {name: np.full(len(time), np.nan) for name in (*axes, "gauge_tip_n")}
+    for name in axes:
+        columns[name][np.searchsorted(time, bend)] = 0.1 * np.sin(bend)
+    columns["gauge_tip_n"][np.searchsorted(time, gauge)] = np.cos(gauge)
+    columns["gauge_tip_n"][(time > 4.0) & (time < 5.0)] = np.nan  # lost, and so a gap
+    recording = Recording("live", time, columns, {})
+    bends, gauges = draw_streams(recording).axes
+    assert all(np.isfinite(line.get_ydata()).all() for line in bends.lines)
+    drawn = gauges.lines[0]
+    assert np.flatnonzero(np.isnan(drawn.get_ydata())).size == 1
+    assert np.isfinite(drawn.get_ydata()).sum() == np.isfinite(columns["gauge_tip_n"]).sum()
+    spectra = draw_spectra(recording)
+    assert spectra is not None
+    assert spectra.axes[0].lines[0].get_xdata().max() == pytest.approx(50.0)

@@ -67,6 +67,7 @@ class Service:
         self._replay = replay
         config = setup.config
         self._stopping = asyncio.Event()
+        self._surface = surface_message(build_mesh(setup.specimen))
         self._host = HostWatch(config.recording_directory)
         self._bus = Bus(config.network, config.arm, asyncio.get_running_loop())
         self._loop = ControlLoop(
@@ -78,6 +79,7 @@ class Service:
                 config.base_body if replay is None else replay.base,
                 lambda: notifier.ready(f"serving {config.arm}"),
                 host=lambda: self._host.newest,
+                triangles=self._surface.triangles,
             ),
         )
 
@@ -153,6 +155,6 @@ class Service:
         return {
             "config": config.model_dump_json().encode(),
             "specimen": specimen.model_dump_json(by_alias=True).encode(),
-            "surface": surface_message(build_mesh(specimen)).model_dump_json().encode(),
+            "surface": self._surface.model_dump_json().encode(),
             "schema": json.dumps(schemas()).encode(),
         }

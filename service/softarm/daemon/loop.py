@@ -73,6 +73,7 @@ class ControlLoop:
             surroundings.base_body,
             len(specimen.chambers),
             self._clocks.monotonic_ns,
+            surroundings.triangles,
         )
         limits = np.array(setup.pressure_limits)
         self.controller = Controller(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.records import Attachment, Channel, Message, Metadata
+from mcap.records import Attachment, Channel, Message, Metadata, Schema
 
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Floats, Recording
@@ -80,7 +80,9 @@ def read_contents(path: Path) -> Contents:
     with path.open("rb") as file:
         data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if path.stat().st_size else b""
         for record in walk(data):
-            if isinstance(record, Channel):
+            if isinstance(record, Schema):
+                reader.fields[record.id] = _fields(record)
+            elif isinstance(record, Channel):
                 reader.channels[record.id] = record
             elif isinstance(record, Message):
                 reader.take(record)
@@ -112,6 +114,7 @@ class _Pass:
     def __init__(self, source: str) -> None:
         self.contents = Contents()
         self.channels: dict[int, Channel] = {}
+        self.fields: dict[int, tuple[str, ...]] = {}
         self.damaged = False
         self._source = source
         self._last_s = 0.0
@@ -125,7 +128,7 @@ class _Pass:
             self._follow(_time_of(message))
         else:
             self.contents.messages += 1
-            self._follow(_sort_in(self.contents, self._source, channel, message))
+            self._follow(self._sort_in(channel, message))
 
     def _follow(self, time: float | None) -> None:
         """Keep the time of the last message; the first after damage ends the stretch that is lost."""
@@ -143,8 +146,47 @@ class _Pass:
         for message in self._unannounced:
             if channel := self.channels.get(message.channel_id):
                 self.contents.messages += 1
-                _sort_in(self.contents, self._source, channel, message)
+                self._sort_in(channel, message)
         return self.contents
+
+    def _sort_in(self, channel: Channel, message: Message) -> float | None:
+        """Sort one message's values into their columns; messages of other programs are passed over.
+
+        Returns:
+            The message's time [s], None where it has none.
+        """
+        if channel.message_encoding != "json":
+            return None
+        values = json.loads(message.data)
+        time = values.pop(TIME, None) if isinstance(values, dict) else None
+        if not isinstance(time, int | float):
+            return None
+        announced = dict.fromkeys(self.fields.get(channel.schema_id, ()))
+        for key, value in (announced | values).items():  # what is announced and left out was lost
+            column = None if key in (TIME, *STAMPS) else column_name(channel.topic, key)
+            if column is None:
+                continue
+            if not (value is None or isinstance(value, int | float)):
+                raise InputError(
+                    f"{self._source}, {channel.topic} at {time} s",
+                    f"{key} is {value!r}, not a number",
+                    "leave it out where a reading was lost",
+                )
+            times, samples = self.contents.samples.setdefault(column, ([], []))
+            times.append(time)
+            samples.append(np.nan if value is None else value)
+        return float(time)
+
+
+def _fields(schema: Schema) -> tuple[str, ...]:
+    """Return the fields that the schema of a JSON channel announces."""
+    if schema.encoding != "jsonschema":
+        return ()
+    try:
+        document = json.loads(schema.data)
+    except ValueError:
+        return ()
+    return tuple(document.get("properties", ())) if isinstance(document, dict) else ()
 
 
 def _time_of(message: Message) -> float | None:
@@ -153,34 +195,6 @@ def _time_of(message: Message) -> float | None:
         return float(json.loads(message.data)[TIME])
     except (ValueError, TypeError, KeyError):
         return None
-
-
-def _sort_in(contents: Contents, source: str, channel: Channel, message: Message) -> float | None:
-    """Sort one message's values into their columns; messages of other programs are passed over.
-
-    Returns:
-        The message's time [s], None where it has none.
-    """
-    if channel.message_encoding != "json":
-        return None
-    values = json.loads(message.data)
-    time = values.pop(TIME, None) if isinstance(values, dict) else None
-    if not isinstance(time, int | float):
-        return None
-    for key, value in values.items():
-        column = None if key in STAMPS else column_name(channel.topic, key)
-        if column is None:
-            continue
-        if not (value is None or isinstance(value, int | float)):
-            raise InputError(
-                f"{source}, {channel.topic} at {time} s",
-                f"{key} is {value!r}, not a number",
-                "write null where a reading was lost",
-            )
-        times, samples = contents.samples.setdefault(column, ([], []))
-        times.append(time)
-        samples.append(np.nan if value is None else value)
-    return float(time)
 
 
 def _times(contents: Contents) -> Floats:

@@ -1,4 +1,7 @@
-"""Writing MCAP: one channel per stream, JSON with its schema, a whole chunk on disk every second."""
+"""Writing MCAP: one channel per stream, JSON with its schema, a whole chunk on disk every second.
+
+Values are plain numbers; a lost one is left out, so that every viewer of JSON Schema can plot the rest.
+"""
 
 import json
 import math
@@ -9,12 +12,15 @@ from itertools import count
 from typing import IO, Any
 
 import numpy as np
+from google.protobuf.message import Message
 from mcap.writer import CompressionType, Writer
+from mcap_protobuf.schema import register_schema
 from numpy.typing import NDArray
 
-from softarm.estimator.recording import Recording
+from softarm.estimator.recording import POSE_SUFFIXES, Recording
 from softarm.recordings.columns import TIME, place
 from softarm.recordings.info import format_info
+from softarm.recordings.scene import FRAMES, measured_transforms
 
 LIBRARY = "softarm"
 METADATA = "softarm.recording"
@@ -22,6 +28,14 @@ STARTED = "started_unix_ns"
 """Key of ``recording.toml``: wall clock at time zero [ns since 1970, UTC]."""
 INFO_FILE = "recording.toml"
 NANOSECONDS = 1_000_000_000
+DRAWN_EVERY_S = 0.05
+"""Measured frames are written for viewers so often; each of their readings is in the stream of its own."""
+TEXTS: Mapping[str, tuple[str, ...]] = {
+    "mode": ("before", "after", "cause", "by"),
+    "event": ("kind", "where", "text", "by"),
+    "command": ("verb", "mode", "code", "message", "hint"),
+}
+"""Fields of the messages that carry words; what was applied by a command is an object."""
 HOST_STAMP, DEVICE_STAMP = "host_monotonic_ns", "device_time_ns"
 STAMPS = (HOST_STAMP, DEVICE_STAMP)
 """Keys of a live message: the host's monotonic clock at its arrival, and the clock of the device."""
@@ -109,14 +123,15 @@ class StreamWriter:
         self._file = file
         self._writer = Writer(file, compression=CompressionType.ZSTD)
         self._writer.start(profile="", library=LIBRARY)
-        header = {"columns": json.dumps(list(columns)), "version": "2", **(metadata or {})}
+        header = {"columns": json.dumps(list(columns)), "version": "3", **(metadata or {})}
         self._writer.add_metadata(METADATA, header)
         self._start = start
         for name, data in (attachments or {}).items():
             made_ns = 0 if start is None else start.unix_ns
             self._writer.add_attachment(made_ns, made_ns, name, _media_type(name), data)
         self._channels: dict[str, tuple[int, tuple[str, ...]]] = {}
-        self._documents: dict[str, int] = {}
+        self._others: dict[str, int] = {}
+        self._drawn_s: dict[str, float] = {}
         self._flush_period_ns = flush_period_ns
         self._last_flush_ns: int | None = None
         for stream in streams:
@@ -132,20 +147,40 @@ class StreamWriter:
         self._channels[stream.topic] = (channel, stream.fields)
 
     def write(self, topic: str, values: Sequence[float], stamp: RecordTimes) -> None:
-        """Write one message of an announced stream; NaN stands for a lost reading."""
+        """Write one message of an announced stream; NaN stands for a lost reading, which is left out."""
         channel, fields = self._channels[topic]
-        message = self._stamped(stamp) | {
-            field: value if math.isfinite(value) else None
-            for field, value in zip(fields, values, strict=True)
-        }
-        self._add(channel, message, stamp)
+        present = {f: v for f, v in zip(fields, values, strict=True) if math.isfinite(v)}
+        self._add(channel, self._stamped(stamp) | present, stamp)
+        if topic.startswith("frame/") and fields == POSE_SUFFIXES and len(present) == len(fields):
+            self._draw_measured(topic.removeprefix("frame/"), values, stamp)
+
+    def _draw_measured(self, section: str, pose: Sequence[float], stamp: RecordTimes) -> None:
+        if stamp.t_s - self._drawn_s.get(section, -math.inf) >= DRAWN_EVERY_S:
+            self._drawn_s[section] = stamp.t_s
+            self.write_message(FRAMES, measured_transforms(self.unix_ns(stamp), section, pose), stamp)
 
     def write_document(self, topic: str, document: Mapping[str, Any], stamp: RecordTimes) -> None:
         """Write a message of another kind, such as a change of mode; tables leave it out."""
-        if topic not in self._documents:
-            schema = self._writer.register_schema(f"softarm.{topic}", "jsonschema", b'{"type": "object"}')
-            self._documents[topic] = self._writer.register_channel(topic, "json", schema)
-        self._add(self._documents[topic], {**self._stamped(stamp), **document}, stamp)
+        if topic not in self._others:
+            schema = self._writer.register_schema(f"softarm.{topic}", "jsonschema", self._text_schema(topic))
+            self._others[topic] = self._writer.register_channel(topic, "json", schema)
+        self._add(self._others[topic], {**self._stamped(stamp), **document}, stamp)
+
+    def write_message(self, topic: str, message: Message, stamp: RecordTimes) -> None:
+        """Write a message of one of Foxglove's schemas, for viewers; tables leave it out."""
+        if topic not in self._others:
+            schema = register_schema(self._writer, type(message))
+            self._others[topic] = self._writer.register_channel(topic, "protobuf", schema)
+        self._add_bytes(self._others[topic], message.SerializeToString(), stamp)
+
+    def unix_ns(self, stamp: RecordTimes) -> int:
+        """Return the wall clock at a measurement [ns]; the time of the file where that is not known."""
+        return self._times(stamp)[1]
+
+    def _text_schema(self, topic: str) -> bytes:
+        numbers = {name: {"type": "number"} for name in (TIME, *(STAMPS if self._start else ()))}
+        words = {name: {"type": "string"} for name in TEXTS.get(topic, ())}
+        return json.dumps({"title": topic, "type": "object", "properties": numbers | words}).encode()
 
     def _stamped(self, stamp: RecordTimes) -> dict[str, Any]:
         live = {} if self._start is None else {HOST_STAMP: stamp.host_ns, DEVICE_STAMP: stamp.device_ns}
@@ -160,6 +195,9 @@ class StreamWriter:
 
     def _add(self, channel: int, message: Mapping[str, Any], stamp: RecordTimes) -> None:
         data = json.dumps(message, separators=(",", ":"), allow_nan=False).encode()
+        self._add_bytes(channel, data, stamp)
+
+    def _add_bytes(self, channel: int, data: bytes, stamp: RecordTimes) -> None:
         log_ns, publish_ns = self._times(stamp)
         self._writer.add_message(channel, log_ns, data, publish_ns, stamp.sequence)
         if self._flush_period_ns is None:
@@ -250,7 +288,7 @@ def _schema(stream: TopicWriter, *, stamped: bool) -> bytes:
         properties[DEVICE_STAMP] = {"type": "integer", "description": "the device's clock [ns]"}
     for field in stream.fields:
         unit = UNITS.get(field.rpartition("_")[2], "1")
-        properties[field] = {"type": ["number", "null"], "description": f"[{unit}]; null: lost reading"}
+        properties[field] = {"type": "number", "description": f"[{unit}]; left out: lost reading"}
     schema = {"type": "object", "properties": properties, "required": [TIME]}
     return json.dumps({"title": stream.topic, **schema}).encode()
 

@@ -52,6 +52,9 @@ def test_three_poses_are_taught_and_replayed(client, rig, fakes, program):
             watcher.states().wait_for(lambda state: state.mode == "HOLDING", 20.0)
             fakes.ask("hand")
             print(file=teaching.stdin, flush=True)
+        for _ in HANDS:
+            watcher.states().wait_for(lambda state: state.mode == "HOLDING", 20.0)
+            print(file=teaching.stdin, flush=True)
         out, errors = teaching.communicate(timeout=100)
         assert teaching.returncode == 0, errors
         assert out.count("within reach") == 3

@@ -12,6 +12,8 @@ from softarm.analysis.plots.panels import PlotPanel, panels
 from softarm.estimator.recording import Floats, Recording
 
 SHORTEST_SPECTRUM = 64  # samples
+GAP_STEPS = 3.0
+"""Readings further apart than so many usual steps are drawn with a break between them."""
 MILLI = 1e3
 
 
@@ -45,8 +47,7 @@ def draw_streams(recording: Recording) -> Figure:
         for number, line in enumerate(panel.lines):
             dashed = line.dashed
             axes.plot(
-                recording.time,
-                line.values,
+                *with_gaps(recording.time, line.values),
                 "--" if dashed else "-",
                 color=f"C{(number // 2 if _paired(panel) else number) % 10}",
                 linewidth=0.8,
@@ -69,11 +70,10 @@ def draw_spectra(recording: Recording) -> Figure | None:
     moving = [panel for panel in panels(recording) if panel.moves]
     if not moving or len(recording.time) < SHORTEST_SPECTRUM:
         return None
-    rate = 1.0 / float(np.median(np.diff(recording.time)))
     figure, all_axes = stacked(len(moving))
     for axes, panel in zip(all_axes, moving, strict=True):
         for line in panel.lines:
-            frequencies, density = amplitude_spectrum(recording.time, line.values, rate)
+            frequencies, density = amplitude_spectrum(recording.time, line.values)
             axes.plot(frequencies, density, linewidth=0.8, label=line.label)
             axes.set_yscale("log" if (density > 0).any() else axes.get_yscale())
         label(axes, panel.title, f"{panel.unit}/√Hz")
@@ -82,22 +82,48 @@ def draw_spectra(recording: Recording) -> Figure | None:
     return figure
 
 
-def amplitude_spectrum(time: Floats, values: Floats, rate: float) -> tuple[Floats, Floats]:
-    """Estimate an amplitude spectral density by Welch's method, gaps bridged by straight lines.
+def with_gaps(time: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Return the readings of one sensor, with a break wherever some of its own are missing.
+
+    The rows of a recording are the times of all its streams: a row without a reading of this sensor is no
+    lost reading of it.
 
     Args:
         time: Seconds, shape (samples,).
-        values: NaN where lost, shape (samples,).
-        rate: Samples per second of the even grid that is analysed.
+        values: NaN in rows without a reading, shape (samples,).
 
     Returns:
-        Frequencies [Hz] and densities [unit/sqrt(Hz)].
+        Times and values of the readings; NaN in the middle of each stretch of more than three usual steps.
+    """
+    seen = np.isfinite(values)
+    own, readings = time[seen], values[seen]
+    steps = np.diff(own)
+    if not len(steps):
+        return own, readings
+    breaks = np.flatnonzero(steps > GAP_STEPS * np.median(steps)) + 1
+    middles = 0.5 * (own[breaks - 1] + own[breaks])
+    return np.insert(own, breaks, middles), np.insert(readings, breaks, np.nan)
+
+
+def amplitude_spectrum(time: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Estimate an amplitude spectral density by Welch's method, gaps bridged by straight lines.
+
+    The analysed grid has the sensor's own rate, the inverse of its usual step.
+
+    Args:
+        time: Seconds, shape (samples,).
+        values: NaN in rows without a reading, shape (samples,).
+
+    Returns:
+        Frequencies up to half the sensor's rate [Hz], and densities [unit/sqrt(Hz)].
     """
     seen = np.isfinite(values)
     if seen.sum() < SHORTEST_SPECTRUM:
         return np.empty(0), np.empty(0)
-    even = np.arange(time[0], time[-1], 1.0 / rate)
-    bridged = np.interp(even, time[seen], values[seen])
+    own = time[seen]
+    rate = 1.0 / float(np.median(np.diff(own)))
+    even = np.arange(own[0], own[-1], 1.0 / rate)
+    bridged = np.interp(even, own, values[seen])
     frequencies, density = welch(bridged, rate, nperseg=min(len(even), 1024), detrend="linear")
     return frequencies[1:], np.sqrt(density[1:])
 

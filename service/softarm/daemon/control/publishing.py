@@ -22,6 +22,7 @@ from softarm_client.messages import (
     HealthFinding,
     LeaseState,
     Mismatch,
+    SectionPose,
     Stamp,
     State,
 )
@@ -144,6 +145,11 @@ class Publisher:
             )
             for standing in self._health.standing
         ]
+
+    @property
+    def sections(self) -> tuple[SectionPose, ...]:
+        """Poses of the sections of the newest estimate."""
+        return self._estimator_state.sections
 
     def estimate(self, result: EstimationResult) -> Estimate:
         """Tell the external force.

@@ -12,6 +12,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any
 
+from google.protobuf.message import Message
+
 from softarm.daemon.safety.checks.disk import RESERVE_BYTES
 from softarm.daemon.safety.observation import RecorderHealth
 from softarm.recordings.info import format_info
@@ -49,7 +51,22 @@ class Document:
     stamp: RecordTimes
 
 
-Item = Sample | Document | None
+@dataclass(frozen=True)
+class Drawing:
+    """One message of Foxglove's schemas, made in the writer's thread.
+
+    Args:
+        topic: Topic of the message.
+        draw: Makes the message from the wall clock at its time [ns].
+        stamp: When it was measured.
+    """
+
+    topic: str
+    draw: Callable[[int], Message]
+    stamp: RecordTimes
+
+
+Item = Sample | Document | Drawing | None
 
 
 @dataclass
@@ -173,7 +190,7 @@ class Recorder:
             run.abandoned = True
             raise RecorderError(f"{self._directory}: the disk did not answer within {OPEN_S:g} s") from None
 
-    def put(self, item: Sample | Document) -> None:
+    def put(self, item: Sample | Document | Drawing) -> None:
         """Take a message; when the disk cannot keep up it is dropped and counted."""
         run = self._run
         if run is None or run.path is None or run.error or self.closing:
@@ -291,7 +308,10 @@ def _clock_info(start: Start) -> dict[str, Any]:
     }
 
 
-def _write_item(writer: StreamWriter, item: Sample | Document, known: set[str]) -> None:
+def _write_item(writer: StreamWriter, item: Sample | Document | Drawing, known: set[str]) -> None:
+    if isinstance(item, Drawing):
+        writer.write_message(item.topic, item.draw(writer.unix_ns(item.stamp)), item.stamp)
+        return
     if isinstance(item, Document):
         writer.write_document(item.topic, item.content, item.stamp)
         return

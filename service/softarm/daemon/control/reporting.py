@@ -3,20 +3,15 @@
 import logging
 from collections.abc import Mapping
 
-import numpy as np
-from numpy.typing import NDArray
-
 from softarm.daemon.control.mismatch import MismatchTest
 from softarm.daemon.control.publishing import Kind, Picture, Publisher
-from softarm.daemon.control.streams import RecordedStreams
+from softarm.daemon.control.streams import RecordedStreams, estimate_columns
 from softarm.daemon.control.surroundings import Outlet
 from softarm.daemon.estimation.messages import EstimationResult
 from softarm.daemon.safety.diagnostics import Diagnostic
 from softarm.daemon.safety.modes import SERVICE, Transition, Trigger
-from softarm_client.messages import Estimate
 
 logger = logging.getLogger(__name__)
-Floats = NDArray[np.float64]
 
 
 class Reporter:
@@ -37,8 +32,8 @@ class Reporter:
 
     @property
     def shape_wanted(self) -> bool:
-        """Whether anybody listens to the shape."""
-        return self._outlet.shape_wanted
+        """Whether anybody listens to the shape, or a recording takes one."""
+        return self._outlet.shape_wanted or self._streams.shape_wanted
 
     def state(self, picture: Picture, test: MismatchTest) -> None:
         """Publish the state of the arm and of the test of its model."""
@@ -51,7 +46,9 @@ class Reporter:
         self._outlet.publish("estimate", estimate)  # before all that can wait
         if result.nodes is not None:
             self._outlet.publish_shape(result.nodes.astype("<f4").tobytes())
-        self._streams.estimated(_columns(estimate), result.request.time_s)
+        sections, time_s = self._publisher.sections, result.request.time_s
+        self._streams.estimated(estimate_columns(estimate, sections), time_s)
+        self._streams.drawn(sections, estimate.loads, result.nodes, time_s)
 
     def transition(self, transition: Transition) -> None:
         """Report a change of mode, and who asked for it."""
@@ -84,11 +81,3 @@ class Reporter:
     def _happened(self, kind: Kind, where: str, text: str, by: str = SERVICE) -> None:
         self._streams.document("event", {"kind": kind, "where": where, "text": text, "by": by})
         self._outlet.publish("event", self._publisher.occurrence(kind, where, text, by))
-
-
-def _columns(estimate: Estimate) -> dict[str, float]:
-    return {
-        f"force_{load.section}_{axis}_n": load.force_n[index]
-        for load in estimate.loads
-        for index, axis in enumerate("xyz")
-    }

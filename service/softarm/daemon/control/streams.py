@@ -1,16 +1,37 @@
 """What goes into a recording: every sample of every device, set-points, estimates, changes of mode."""
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+from google.protobuf.message import Message
+from numpy.typing import NDArray
 
 from softarm.daemon.config import SensorSettings
 from softarm.daemon.control.channels import ChannelReading
 from softarm.daemon.control.readings import channel
-from softarm.daemon.control.recorder import Document, Recorder
+from softarm.daemon.control.recorder import Document, Drawing, Recorder
 from softarm.daemon.control.recorder import Sample as RecordedSample
 from softarm.estimator.recording import BEND_SUFFIXES, POSE_SUFFIXES
 from softarm.recordings.mcap_writer import RecordTimes, TopicWriter
+from softarm.recordings.scene import (
+    BASE,
+    FRAMES,
+    SCENE,
+    Force,
+    Frame,
+    force_scene,
+    frame_transforms,
+    surface_scene,
+)
+from softarm_client.messages import Estimate, LoadEstimate, SectionPose
 
+DRAWN_EVERY_NS, SHAPE_EVERY_NS = 50_000_000, 500_000_000
+"""How often viewers get frames and forces, and the surface."""
+NO_STD = (math.nan, math.nan, math.nan)
+POSE_STD = ("x_std_m", "y_std_m", "z_std_m", "x_std_rad", "y_std_rad", "z_std_rad")
 APART_NS = 1_000
 """Samples that arrived together are kept so far apart: in a recording time rises."""
 
@@ -27,6 +48,7 @@ class RecordedStreams:
         base_body: Channel of the motion-capture body on the base, empty for none.
         chambers: Number of chambers.
         clock_ns: Monotonic clock.
+        triangles: Triangles of the arm's surface; without them no surface is recorded.
     """
 
     def __init__(
@@ -37,6 +59,7 @@ class RecordedStreams:
         base_body: str,
         chambers: int,
         clock_ns: Callable[[], int] = time.monotonic_ns,
+        triangles: Sequence[Sequence[int]] = (),
     ) -> None:
         self._recorder = recorder
         self._clock_ns = clock_ns
@@ -49,6 +72,8 @@ class RecordedStreams:
         self._start_ns = 0
         self._last_ns: dict[str, int] = {}
         self._sequence = 0
+        self._triangles = triangles
+        self._drawn_ns = self._shaped_ns = -SHAPE_EVERY_NS
 
     def take(self, reading: ChannelReading) -> None:
         """Record a reading of a channel."""
@@ -76,6 +101,42 @@ class RecordedStreams:
         stream = TopicWriter("estimate", tuple(values), "service")
         self._put(stream, tuple(values.values()), self._after_last(stream.topic, round(time_s * 1e9)))
 
+    @property
+    def shape_wanted(self) -> bool:
+        """Whether the recording that is open takes a shape of the arm by now."""
+        due = self._clock_ns() - self._shaped_ns >= SHAPE_EVERY_NS
+        return due and bool(self._triangles) and self._recording()
+
+    def drawn(
+        self,
+        sections: Sequence[SectionPose],
+        loads: Sequence[LoadEstimate],
+        nodes: NDArray[np.float32] | None,
+        time_s: float,
+    ) -> None:
+        """Record what viewers draw: frames and forces twenty times a second, the surface twice.
+
+        Args:
+            sections: Estimated poses.
+            loads: Estimated forces.
+            nodes: Nodes of the surface, shape (nodes, 4); ``None`` where none was asked for.
+            time_s: Monotonic time of the readings [s].
+        """
+        time_ns = round(time_s * 1e9)
+        if not self._recording():
+            return
+        if time_ns - self._drawn_ns >= DRAWN_EVERY_NS:
+            self._drawn_ns = time_ns
+            self._draw(FRAMES, partial(frame_transforms, parent=BASE, frames=_frames(sections)), time_ns)
+            self._draw(SCENE, partial(force_scene, forces=_forces(sections, loads)), time_ns)
+        if nodes is not None and self._triangles and time_ns - self._shaped_ns >= SHAPE_EVERY_NS:
+            self._shaped_ns = time_ns
+            surface = partial(surface_scene, nodes=nodes[:, :3], triangles=self._triangles)
+            self._draw(SCENE, surface, time_ns)
+
+    def _draw(self, topic: str, draw: Callable[[int], Message], time_ns: int) -> None:
+        self._recorder.put(Drawing(topic, draw, self._stamp(time_ns)))
+
     def document(self, topic: str, content: Mapping[str, object]) -> None:
         """Record a change of mode, a command, a finding."""
         if self._recording():
@@ -100,6 +161,43 @@ class RecordedStreams:
     def _stamp(self, now_ns: int) -> RecordTimes:
         self._sequence += 1
         return RecordTimes((now_ns - self._start_ns) * 1e-9, now_ns, now_ns, self._sequence % 2**32)
+
+
+def estimate_columns(estimate: Estimate, sections: Sequence[SectionPose]) -> dict[str, float]:
+    """Name forces, poses and their standard deviations as the columns of a recording do.
+
+    Args:
+        estimate: The forces.
+        sections: The poses.
+
+    Returns:
+        Name without ``estimate_`` to value; NaN where nothing is estimated.
+    """
+    columns: dict[str, float] = {}
+    for load in estimate.loads:
+        for index, axis in enumerate("xyz"):
+            variance = load.covariance_n2[index][index]
+            name = f"force_{load.section}_{axis}"
+            columns[f"{name}_n"] = load.force_n[index]
+            columns[f"{name}_std_n"] = math.nan if variance is None else math.sqrt(max(variance, 0.0))
+    for pose in sections:
+        values = (*pose.position_m, *pose.quaternion_wxyz)
+        name = f"frame_{pose.section}"
+        columns |= {f"{name}_{field}": value for field, value in zip(POSE_SUFFIXES, values, strict=True)}
+        std = (*(pose.position_std_m or NO_STD), *(pose.rotation_std_rad or NO_STD))
+        columns |= {f"{name}_{field}": value for field, value in zip(POSE_STD, std, strict=True)}
+    return columns
+
+
+def _frames(sections: Sequence[SectionPose]) -> list[Frame]:
+    moving = (pose for pose in sections if pose.section != BASE)
+    return [Frame(pose.section, pose.position_m, pose.quaternion_wxyz) for pose in moving]
+
+
+def _forces(sections: Sequence[SectionPose], loads: Sequence[LoadEstimate]) -> list[Force]:
+    places = {pose.section: pose.position_m for pose in sections}
+    placed = (load for load in loads if load.section in places)
+    return [Force(load.section, places[load.section], load.force_n) for load in placed]
 
 
 def _place(sensor: SensorSettings) -> tuple[str, tuple[str, ...]]:
