@@ -5,7 +5,7 @@ import pytest
 
 from softarm.cli import run
 from softarm.cli.bench import LABORATORY_BENCHMARKS, benchmarks, command
-from softarm.cli.output import progress, show
+from softarm.cli.output import ProgressLines, progress, show
 from softarm.common.tables import Table, as_markdown, text
 
 
@@ -74,3 +74,21 @@ def test_absent_benchmark_is_not_listed(
 
 def test_bench_group_has_an_example() -> None:
     assert "Example: softarm bench" in (command.help or "")
+
+
+def test_a_pipe_gets_a_line_every_ten_seconds_with_the_time_left(capsys: pytest.CaptureFixture[str]) -> None:
+    now = [0.0]
+    lines = ProgressLines("calibrating arm", 100.0, lambda: now[0])
+    for _ in range(40):
+        now[0] += 1.0
+        lines.advance(1.0)
+    told = capsys.readouterr().err.splitlines()
+    assert told[0] == "calibrating arm: 10 % after 10 s, at most about 90 s left"
+    assert told[-1] == "calibrating arm: 40 % after 40 s, at most about 60 s left"
+    assert len(told) == 4
+
+
+def test_quick_work_on_a_pipe_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress("work", 3) as advance:
+        advance(1)
+    assert capsys.readouterr().err == ""

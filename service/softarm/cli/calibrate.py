@@ -67,6 +67,7 @@ def command(
         calibrate,
         calibrated_specimen,
         check_drift,
+        most_solves,
         section_forces,
     )
     from softarm.estimator.calibration.complaints import complaints
@@ -96,7 +97,7 @@ def command(
         return int(any(drift.stale for drift in drifts))
     options = Options(nodes=nodes, search_axes=axes)
     try:
-        with progress(f"calibrating {robot.name}") as advance:
+        with progress(f"calibrating {robot.name}", most_solves(options)) as advance:
             found = calibrate(NodeByNode(model, advance), robot, runs, options)
     except CalibrationRefusedError as refusal:
         say(f"softarm: {refusal}")

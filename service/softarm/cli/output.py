@@ -2,6 +2,7 @@
 
 import json
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +16,8 @@ from rich.table import Table as RichTable
 from softarm.common.tables import Cell, Table, text
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+LINE_EVERY_S = 10.0
+"""Time between two lines of progress where stderr is no terminal."""
 
 
 def show(*tables: Table, as_json: bool) -> None:
@@ -48,24 +51,59 @@ def _rich_table(table: Table) -> RichTable:
 
 @contextmanager
 def progress(what: str, total: float | None = None) -> Iterator[Callable[[float], None]]:
-    """Show a progress bar on stderr while a block of work runs; nothing where stderr is no terminal.
+    """Show on stderr how far a block of work is: a bar on a terminal, else a line every ten seconds.
 
     Args:
         what: What is being done.
-        total: Steps to do; ``None`` shows that work goes on without saying how far it is.
+        total: Steps to do, at most; ``None`` shows that work goes on without saying how far it is.
 
     Yields:
         A function that advances the bar by some steps.
     """
     console = Console(stderr=True)
+    if not console.is_terminal:
+        yield ProgressLines(what, total).advance
+        return
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(what, total=total)
 
         def advance(steps: float) -> None:
             bar.advance(task, steps)
 
         yield advance
+
+
+class ProgressLines:
+    """Tells how far work is, for logs and pipes: at most a line every ten seconds.
+
+    Args:
+        what: What is being done.
+        total: Steps to do, at most; ``None`` where that is not known.
+        clock: Monotonic time [s].
+    """
+
+    def __init__(self, what: str, total: float | None, clock: Callable[[], float] = time.monotonic) -> None:
+        self._what = what
+        self._total = total
+        self._clock = clock
+        self._began_s = self._said_s = clock()
+        self._done = 0.0
+
+    def advance(self, steps: float) -> None:
+        """Count steps that are done."""
+        self._done += steps
+        now_s = self._clock()
+        if now_s - self._said_s >= LINE_EVERY_S:
+            self._said_s = now_s
+            say(f"{self._what}: {self._how_far(now_s - self._began_s)}")
+
+    def _how_far(self, spent_s: float) -> str:
+        if not self._total:
+            return f"{self._done:.0f} steps in {spent_s:.0f} s"
+        share = min(self._done / self._total, 1.0)
+        left_s = spent_s * (1.0 - share) / share if share else float("inf")
+        return f"{100.0 * share:.0f} % after {spent_s:.0f} s, at most about {left_s:.0f} s left"
 
 
 def say(message: str) -> None:

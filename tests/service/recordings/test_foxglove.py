@@ -11,7 +11,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from scipy.spatial.transform import Rotation
 
 from softarm.daemon.config import SensorSettings
-from softarm.daemon.control.readings import channel_reading
+from softarm.daemon.control.channels import channel_reading
 from softarm.daemon.control.recorder import Recorder
 from softarm.daemon.control.streams import SHAPE_EVERY_NS, RecordedStreams, estimate_columns
 from softarm.recordings import load_recording

@@ -1,7 +1,7 @@
 """Calibration: from recordings to moduli, chamber gains and the alignment of sensors."""
 
 from softarm.estimator.calibration.arrange import CalibrationRun, arrange
-from softarm.estimator.calibration.calibrate import CalibrationRefusedError, Options, calibrate
+from softarm.estimator.calibration.calibrate import CalibrationRefusedError, Options, calibrate, most_solves
 from softarm.estimator.calibration.drift import Drift, check_drift
 from softarm.estimator.calibration.identifiability import Identified
 from softarm.estimator.calibration.outcome import Calibrated, Check, calibrated_specimen
@@ -19,5 +19,6 @@ __all__ = [
     "calibrate",
     "calibrated_specimen",
     "check_drift",
+    "most_solves",
     "section_forces",
 ]

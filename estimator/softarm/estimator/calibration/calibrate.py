@@ -137,6 +137,15 @@ def calibrate(
     )
 
 
+def most_solves(options: Options) -> int:
+    """Return how many equilibria a calibration solves at most: for showing how far it is.
+
+    All nodes are solved once before and in each step of the last fit, half of them in each step of two fits
+    on the training blocks and once to predict the rest.
+    """
+    return round(options.nodes * (1 + options.iterations + 0.5 + options.iterations))
+
+
 def training_flags(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
     """Tell which nodes a fit may see: alternate blocks of long runs, else alternate runs, else all."""
     if any(own.blocks.max(initial=0) >= 1 for own in nodes):

@@ -3,8 +3,9 @@
 import json
 import sys
 from enum import Enum
+from pathlib import Path
 from types import NoneType
-from typing import Literal, get_args, get_origin
+from typing import Annotated, Literal, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -48,19 +49,22 @@ def schemas() -> dict[str, object]:
     return {"schema": "softarm.schema/1", "streams": streams, "requests": requests, "replies": replies}
 
 
-def _type_name(annotation: object) -> str:
+def type_name(annotation: object) -> str:
+    """Name the type of a field in words of JSON."""
     origin, arguments = get_origin(annotation), get_args(annotation)
     if annotation is NoneType:
         return "null"
+    if origin is Annotated:
+        return type_name(arguments[0])
     if origin is Literal:
         return " or ".join(f"`{json.dumps(value)}`" for value in arguments)
     if origin is tuple:
-        kinds = [_type_name(a) for a in arguments if a is not Ellipsis]
+        kinds = [type_name(a) for a in arguments if a is not Ellipsis]
         return f"array of {kinds[0]}" + ("" if Ellipsis in arguments else f", {len(kinds)} long")
     if origin is dict:
-        return f"object of {_type_name(arguments[1])}"
+        return f"object of {type_name(arguments[1])}"
     if arguments:
-        return " or ".join(_type_name(a) for a in arguments)
+        return " or ".join(type_name(a) for a in arguments)
     if isinstance(annotation, type):
         return _plain_name(annotation)
     return "any"
@@ -71,7 +75,7 @@ def _plain_name(kind: type) -> str:
         return f"[{kind.__name__}](#{kind.__name__.lower()})"
     if issubclass(kind, Enum):
         return "string"
-    names = {float: "number", int: "integer", str: "string", bool: "boolean", object: "any"}
+    names = {float: "number", int: "integer", str: "string", bool: "boolean", object: "any", Path: "path"}
     return names.get(kind, kind.__name__)
 
 
@@ -79,7 +83,7 @@ LIMITS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
 LENGTHS = {"min_length": "at least {} long", "max_length": "at most {} long"}
 
 
-def _limits(field: FieldInfo) -> str:
+def limits(field: FieldInfo) -> str:
     """Write the limits of a field in words."""
     found = []
     for entry in field.metadata:
@@ -92,8 +96,8 @@ def _limits(field: FieldInfo) -> str:
 
 def _field_row(name: str, field: FieldInfo) -> str:
     default = "" if field.is_required() else f" Default `{json.dumps(field.default)}`."
-    meaning = ((field.description or "") + _limits(field) + default).strip()
-    return f"| `{name}` | {_type_name(field.annotation)} | {meaning} |"
+    meaning = ((field.description or "") + limits(field) + default).strip()
+    return f"| `{name}` | {type_name(field.annotation)} | {meaning} |"
 
 
 def _fields(model: type[BaseModel], without: frozenset[str] = frozenset()) -> list[str]:
