@@ -9,7 +9,7 @@ Run it with: python examples/close_the_loop.py --out out/loop
 
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -24,7 +24,6 @@ from softarm.common.tables import Table
 from softarm.estimator.excitation import ChosenManoeuvre, Manoeuvre
 from softarm.experiments.excitation import Recorded, run_excitation, run_manoeuvre, specimen_of_arm
 from softarm.experiments.excitation_plan import manoeuvres_of
-from softarm.experiments.recovery import until_allowed
 from softarm.experiments.rig import FakeRig, RigSettings
 from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
@@ -37,7 +36,6 @@ NOMINAL = ("poses",)
 SUSPECT = ("each_alone",)
 WATCHED = "poses"
 SPECIMEN = "improved.toml"
-RETRIES = 2
 """What is concealed: a chamber that lost a quarter; what is run; the file that is written; how often
 a run is begun again that ends in a fault, as on a machine that is busy."""
 
@@ -86,23 +84,8 @@ class Watch:
         }
 
 
-def patiently(client: Arm, work: Callable[[], Result]) -> Result:
-    """Do something with the arm; after a fault, clear it once it has passed and begin again."""
-    for _ in range(RETRIES):
-        try:
-            return work()
-        except CommandRefusedError as refusal:
-            say(f"{refusal}; clearing, and once more")
-            until_allowed(client.clear)
-    return work()
-
-
 def watch(client: Arm, manoeuvre: Manoeuvre) -> tuple[Watch, Recorded]:
     """Run and record a manoeuvre, and watch the estimates meanwhile."""
-    return patiently(client, lambda: _watch(client, manoeuvre))
-
-
-def _watch(client: Arm, manoeuvre: Manoeuvre) -> tuple[Watch, Recorded]:
     seen = Watch()
     client.arm()
     with client.estimates().subscribe(seen.add_estimate), client.mismatches().subscribe(seen.add_mismatch):
@@ -150,7 +133,7 @@ def close_the_loop(specimen: str, out: Path, endpoint: str) -> tuple[Report, Wat
 
 def _record(client: Arm, menu: dict[str, Manoeuvre], names: Sequence[str]) -> list[Recorded]:
     choices = [ChosenManoeuvre(menu[name]) for name in names]
-    return patiently(client, lambda: run_excitation(client, choices, lambda _: False, lambda _: None))
+    return run_excitation(client, choices, lambda _: False, lambda _: None)
 
 
 @click.command()

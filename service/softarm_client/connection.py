@@ -142,10 +142,16 @@ class Connection:
         return Refused(verb=verb, code="not_available", message="no answer in time", hint=hint)
 
     def ask(self, name: str) -> str:
-        """Ask for ``config``, ``specimen``, ``surface`` or ``schema``."""
+        """Ask for ``config``, ``specimen``, ``surface`` or ``schema``.
+
+        Raises:
+            CommandRefusedError: No service answers, or the estimator has not been built yet.
+        """
         for reply in self._session.get(self.keys.query(name), timeout=2.0):
             if reply.ok is not None:
                 return str(reply.ok.payload.to_string())
+            told = b"" if reply.err is None else bytes(reply.err.payload)
+            raise CommandRefusedError(_refusal(told) or self._no_answer(name))
         raise CommandRefusedError(self._no_answer(name))
 
     @contextmanager

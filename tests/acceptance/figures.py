@@ -14,4 +14,14 @@ FIGURES = (
             "slowest": ("Faults of every device", {"device": "all"}, "slowest_vent_ms"),
         },
     ),
+    Figure(
+        "Thirty minutes of faults, stalled clients and commands: {lost} replies lost, the slowest took "
+        "{slowest} ms (aim: 100 ms); {skipped} % of control ticks skipped (aim: 1 %).",
+        "soak",
+        {
+            "lost": ("Soak", {"what": "replies_lost"}, "value"),
+            "slowest": ("Soak", {"what": "slowest_reply_ms"}, "value"),
+            "skipped": ("Soak", {"what": "ticks_skipped_percent"}, "value"),
+        },
+    ),
 )

@@ -9,7 +9,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from acceptance.processes import child_of
@@ -21,7 +21,7 @@ from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
 from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError
-from softarm_client.messages import State
+from softarm_client.messages import Event, State
 from softarm_client.modes import Mode
 
 PRESSURE_PA = 20e3
@@ -38,14 +38,13 @@ EVENT_NOTES = (
 )
 CLIENT = """
 import sys, time
-from softarm.experiments.recovery import arm_again
 from softarm_client import Arm
 
 with Arm(sys.argv[1], sys.argv[2], name="mortal") as client:
     with client.states().subscribe(lambda _: None), client.estimates().subscribe(lambda _: None):
         if sys.argv[3] == "lease":
             with client.lease():
-                arm_again(client)
+                client.arm()
                 client.pressures.set([2e4] * 6, lifetime_s=10.0)
                 print("ready", flush=True)
                 time.sleep(60)
@@ -65,6 +64,8 @@ class ProcessEvent:
         within_s: How soon it must; ``None`` where the arm must carry on.
         said: What the service says of it.
         ended_right: Whether mode and words afterwards are as stated.
+        provokes: How often this must end a pressurised mode by a fault.
+        faults: Causes of the faults that ended one, from before the event until the arm was idle again.
     """
 
     what: str
@@ -73,10 +74,19 @@ class ProcessEvent:
     within_s: float | None
     said: str
     ended_right: bool
+    provokes: int = 0
+    faults: tuple[str, ...] = ()
+
+    @property
+    def spurious(self) -> int:
+        """Number of faults that the event did not provoke."""
+        return max(len(self.faults) - self.provokes, 0)
 
     @property
     def right(self) -> bool:
-        """Whether all is as stated."""
+        """Whether all is as stated, and no fault struck that nothing provoked."""
+        if self.spurious:
+            return False
         if self.within_s is None:
             return self.vented_s is None and self.ended_right
         return self.vented_s is not None and self.vented_s <= self.within_s and self.ended_right
@@ -88,6 +98,7 @@ class ProcessEvent:
             "mode": str(self.mode),
             "vented_ms": None if self.vented_s is None else 1e3 * self.vented_s,
             "limit_ms": None if self.within_s is None else 1e3 * self.within_s,
+            "spurious_faults": self.spurious,
             "as_stated": self.right,
             "said": self.said,
         }
@@ -104,6 +115,12 @@ class LiveArm:
 
     def __init__(self, rig: FakeRig, client: Arm, fakes: FakeControl) -> None:
         self.rig, self.client, self.fakes = rig, client, fakes
+        self.faults: list[str] = []
+
+    def watch(self, event: Event) -> None:
+        """Note the cause of every change of mode to FAULTED; a handler of the stream ``event``."""
+        if event.kind == "mode" and "-> FAULTED" in event.text:
+            self.faults.append(event.text)
 
     @property
     def pid(self) -> int:
@@ -147,10 +164,13 @@ class LiveArm:
                 self.wait(lambda s: s.teach_pressures_pa is not None)
                 self.client.teach.hold(ramp_s=0.2)
             self.wait(lambda s: s.mode == mode and max(p or 0.0 for p in s.measured_pa) > 0.5 * PRESSURE_PA)
+            if self.faults:
+                raise WorkFailedError(f"a fault that nothing provoked: {self.faults[0]}")
             yield
-            self._to_idle()
+            self.to_idle()
 
-    def _to_idle(self) -> None:
+    def to_idle(self) -> None:
+        """Clear what the event provoked and disarm."""
         deadline = time.monotonic() + WAIT_S
         while (state := self.client.state()).mode != Mode.IDLE and time.monotonic() < deadline:
             try:
@@ -186,7 +206,20 @@ def strike_processes() -> list[ProcessEvent]:
             wait_ready(client)
             with FakeControl(str(rig.announcement["control"])) as fakes:
                 arm = LiveArm(rig, client, fakes)
-                return [strike(arm) for strike in STRIKES]
+                with client.events().subscribe(arm.watch):
+                    return [struck(arm, strike) for strike in STRIKES]
+
+
+def struck(arm: LiveArm, strike: Callable[[LiveArm], ProcessEvent]) -> ProcessEvent:
+    """Strike once; an arm that does not get where it must, such as by a fault, is a wrong outcome."""
+    arm.faults.clear()
+    try:
+        event = strike(arm)
+    except (WorkFailedError, CommandRefusedError) as error:
+        arm.to_idle()
+        what = strike.__name__.strip("_").replace("_", " ")
+        event = ProcessEvent(what, Mode.ARMED, None, None, str(error), False)
+    return replace(event, faults=tuple(arm.faults))
 
 
 def _stalled_subscriber(arm: LiveArm) -> ProcessEvent:
@@ -226,7 +259,9 @@ def _frozen_loop(arm: LiveArm) -> ProcessEvent:
         finally:
             os.kill(arm.pid, signal.SIGCONT)
         state = arm.wait(lambda s: s.mode == Mode.FAULTED)
-        return ProcessEvent("the loop freezes", Mode.ARMED, vented_s, FAST_S, state.fault_cause or "", True)
+        return ProcessEvent(
+            "the loop freezes", Mode.ARMED, vented_s, FAST_S, state.fault_cause or "", True, provokes=1
+        )
 
 
 def _killed_client(arm: LiveArm) -> ProcessEvent:
@@ -251,7 +286,7 @@ def _killed_estimator(arm: LiveArm) -> ProcessEvent:
         wait_ready(arm.client)
         arm.wait(lambda s: not any(f.code == "estimator_failed" for f in s.findings), RESTART_S)
         return ProcessEvent(
-            "the estimator is killed", Mode.HOLDING, vented_s, FAST_S, said, "estimator" in said
+            "the estimator is killed", Mode.HOLDING, vented_s, FAST_S, said, "estimator" in said, provokes=1
         )
 
 

@@ -99,11 +99,12 @@ class Tally:
 
     answered: int = 0
     refused: Counter[str] = field(default_factory=Counter)
-    lost: int = 0
+    lost: Counter[str] = field(default_factory=Counter)
     faults: int = 0
     visitors: int = 0
     readable: list[Future[bool]] = field(default_factory=list)
     slowest_s: float = 0.0
+    slowest_verb: str = ""
     states: int = 0
     faulted: int = 0
 
@@ -121,6 +122,7 @@ class Soak:
         self._advance = advance
         self._tally = Tally()
         self._stop = threading.Event()
+        self._first: State | None = None
         self._last: State | None = None
         self._reader = ProcessPoolExecutor(1, get_context("spawn"), os.nice, (READER_NICER,))
 
@@ -164,6 +166,7 @@ class Soak:
         if isinstance(message, State):
             if message.mode == "FAULTED" and (self._last is None or self._last.mode != "FAULTED"):
                 self._tally.faulted += 1
+            self._first = self._first or message
             self._last = message
             self._tally.states += 1
 
@@ -221,7 +224,7 @@ class Soak:
             client.acquire()
             self._tally.answered += 1
         except CommandRefusedError as refusal:
-            self._tally.lost += refusal.refusal.message == NO_ANSWER
+            self._tally.lost["lease/acquire"] += refusal.refusal.message == NO_ANSWER
 
     def _ask(self, client: Arm, verb: str, timeout_s: float = 1.0, **fields: object) -> None:
         begin = time.monotonic()
@@ -229,31 +232,39 @@ class Soak:
             applied = client.command(verb, timeout_s=timeout_s, **fields)
         except CommandRefusedError as refusal:
             if refusal.refusal.message == NO_ANSWER:
-                self._tally.lost += 1
+                self._tally.lost[verb] += 1
             else:
                 self._tally.refused[refusal.refusal.code] += 1
             return
         finally:
-            self._tally.slowest_s = max(self._tally.slowest_s, time.monotonic() - begin)
+            took_s = time.monotonic() - begin
+            if took_s > self._tally.slowest_s:
+                self._tally.slowest_s, self._tally.slowest_verb = took_s, verb
         self._tally.answered += 1
         if verb == "record/stop":
             path = Path(str(applied.applied["path"]))
             self._tally.readable.append(self._reader.submit(_is_readable, path))
 
     def _sum_up(self, memory: "MemoryGrowth", ended: bool) -> SoakResult:
-        tally, last = self._tally, self._last
+        tally, first, last = self._tally, self._first, self._last
+        assert first is not None, "no state came"
+        assert last is not None, "no state came"
+        ticks, skipped = last.ticks - first.ticks, last.overruns - first.overruns
         unreadable = sum(not found.result() for found in tally.readable)
         figures: dict[str, float | int | str] = {
             "commands_answered": tally.answered,
             "commands_refused": sum(tally.refused.values()),
-            "replies_lost": tally.lost,
+            "replies_lost": tally.lost.total(),
+            "replies_lost_of": ", ".join(sorted(+tally.lost)) or "-",
             "slowest_reply_ms": 1e3 * tally.slowest_s,
+            "slowest_reply_of": tally.slowest_verb,
             "device_faults": tally.faults,
             "modes_ended_by_faults": tally.faulted,
             "clients_come_and_gone": tally.visitors,
             "states_received": tally.states,
-            "ticks": 0 if last is None else last.ticks,
-            "ticks_skipped": 0 if last is None else last.overruns,
+            "ticks": ticks,
+            "ticks_skipped": skipped,
+            "ticks_skipped_percent": 100.0 * skipped / max(ticks + skipped, 1),
             "recordings": len(tally.readable),
             "recordings_unreadable": unreadable,
             **memory.figures(),

@@ -1,8 +1,6 @@
-import os
 import re
 import shutil
 import subprocess
-import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -136,21 +134,6 @@ def test_wrong_use_prints_the_usage(arguments, tmp_path):
     assert wrong.returncode == 2
     assert wrong.stderr.startswith("usage: sudo deploy/install")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_an_interpreter_in_a_home_directory_is_refused(tmp_path):
-    home = Path(os.path.realpath(sys.executable))
-    if not home.is_relative_to("/root") and not home.is_relative_to("/home"):
-        pytest.skip("this interpreter is not in a home directory")
-    refused = subprocess.run(
-        [DEPLOY / "install", "left"],
-        env={"SOFTARM_PREFIX": str(tmp_path / "opt"), "PYTHON": str(home), "PATH": "/usr/bin:/bin"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert refused.returncode == 1
-    assert "home directory" in refused.stderr
 
 
 def test_the_lock_of_the_installer_is_that_part_of_the_lock_which_runs_beside_an_arm():

@@ -75,3 +75,13 @@ def test_the_demo_starts_fakes_and_service_from_files_of_the_wheel(environment, 
     finally:
         demo.send_signal(signal.SIGTERM)
         demo.communicate(timeout=120)
+
+
+@pytest.mark.slow
+def test_the_demo_of_the_wheel_measures_the_force_and_ends(command, tmp_path):
+    """From an empty cache: the estimator is compiled before the experiment."""
+    told, errors = command("demo", "--once", "--json", "--out", "out").communicate(timeout=380)
+    rows = json.loads(told)["rows"]
+    assert {row["condition"] for row in rows} == {"not pressurised", "pressurised"}, errors
+    assert all(row["mean_percent"] < 2.0 for row in rows)
+    assert (tmp_path / "out" / "force.png").exists()

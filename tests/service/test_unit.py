@@ -35,6 +35,25 @@ def test_an_at_sign_stands_for_an_abstract_socket_only_at_the_beginning(supervis
         assert abstract.recv(100) == b"WATCHDOG=1"
 
 
+def test_ready_that_the_supervisor_did_not_take_is_sent_again_with_the_watchdog(supervisor):
+    now_s = [0.0]
+    notifier = Notifier(supervisor.getsockname(), lambda: now_s[0])
+    sent = 0
+    while notifier._send("WATCHDOG=1"):
+        sent += 1
+    notifier.ready("up")
+    for _ in range(sent):
+        assert supervisor.recv(100) == b"WATCHDOG=1"
+    for _ in range(50):  # a tick every 10 ms
+        notifier.watchdog()
+        now_s[0] += 0.01
+    notifier.close()
+    told = [supervisor.recv(100) for _ in range(4)]
+    assert told == [b"READY=1\nSTATUS=up", *[b"WATCHDOG=1"] * 3]
+    with pytest.raises(BlockingIOError):
+        supervisor.recv(100)
+
+
 def test_fitting_a_rod_asks_for_more_time_and_must_be_kept(supervisor, tmp_path, monkeypatch):
     def fit(specimen, progress):
         progress(1, 2)

@@ -7,12 +7,14 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from softarm.daemon.config import Setup
 from softarm.daemon.control.command_server import CommandServer
 from softarm.daemon.control.host_watch import HostWatch
 from softarm.daemon.control.instruments import Instruments, LiveInstruments
 from softarm.daemon.control.off_loop import off_loop
-from softarm.daemon.control.readings import Readings
+from softarm.daemon.control.readings import Readings, relative_pose
 from softarm.daemon.control.recorder import RecorderError
 from softarm.daemon.control.replay import ReplayedInstruments
 from softarm.daemon.control.surroundings import Surroundings
@@ -25,11 +27,11 @@ from softarm.daemon.network.api_page import schemas
 from softarm.daemon.network.bus import Bus
 from softarm.daemon.network.inbox import serve_each
 from softarm.daemon.notify import Notifier
-from softarm.daemon.surface import surface_message
-from softarm.estimator.geometry import build_mesh
 from softarm.estimator.recording import Recording
+from softarm_client.messages import Surface
 
 logger = logging.getLogger(__name__)
+AT_ORIGIN = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 CLOSE_RECORDING_S = 5.0
 """At the end the service waits so long for the disk; what was written stays in the ``.part``."""
 
@@ -67,7 +69,6 @@ class Service:
         self._replay = replay
         config = setup.config
         self._stopping = asyncio.Event()
-        self._surface = surface_message(build_mesh(setup.specimen))
         self._host = HostWatch(config.recording_directory)
         self._bus = Bus(config.network, config.arm, asyncio.get_running_loop())
         self._loop = ControlLoop(
@@ -79,7 +80,6 @@ class Service:
                 config.base_body if replay is None else replay.base,
                 lambda: notifier.ready(f"serving {config.arm}"),
                 host=lambda: self._host.newest,
-                triangles=self._surface.triangles,
             ),
         )
 
@@ -103,12 +103,19 @@ class Service:
         self._worker = Worker[EstimationRequest, EstimationResult](
             SolverSettings(self._setup.specimen, sensors, config.control),
             on_result,
+            self._take_surface,
             nicer=NICER if config.control.model == "fem" else 0,
         )
         return self._worker
 
+    def _take_surface(self, surface: Surface) -> None:
+        """Pass the surface, which comes from the estimator's process, to clients and recordings."""
+        self._bus.provide("surface", surface.model_dump_json().encode())
+        self._loop.record_surface(surface.triangles)
+
     async def run(self) -> None:
         """Serve until a signal or ``stop``; the arm is vented on every way out."""
+        relative_pose(AT_ORIGIN, AT_ORIGIN)  # loads compiled code, for which no tick can wait
         server = CommandServer(self._bus, self._loop)
         with self._host, self._bus:
             self._bus.open(self._documents(), server.stop)
@@ -145,16 +152,16 @@ class Service:
         with Ticker(1.0 / self._setup.config.control.rate_hz) as ticker:
             async for tick in ticker.ticks():
                 self._loop.step(tick)
-                self._notifier.watchdog()
+                self._notifier.watchdog(self._worker.state.starting)
                 if stopped.done():
                     return
 
-    def _documents(self) -> dict[str, bytes]:
+    def _documents(self) -> dict[str, bytes | None]:
         """Write what clients may query, once: zenoh's threads then only copy bytes."""
         config, specimen = self._setup.config, self._setup.specimen
         return {
             "config": config.model_dump_json().encode(),
             "specimen": specimen.model_dump_json(by_alias=True).encode(),
-            "surface": self._surface.model_dump_json().encode(),
+            "surface": None,  # until the estimator's process, which has the mesh, brings it
             "schema": json.dumps(schemas()).encode(),
         }

@@ -1,6 +1,6 @@
 """The control loop: each step renews the set-point, starts an estimate, judges health and publishes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import tomli_w
@@ -73,7 +73,6 @@ class ControlLoop:
             surroundings.base_body,
             len(specimen.chambers),
             self._clocks.monotonic_ns,
-            surroundings.triangles,
         )
         limits = np.array(setup.pressure_limits)
         self.controller = Controller(
@@ -187,6 +186,14 @@ class ControlLoop:
         answer = self._commands.stop(payload)
         self._reporter.command(answer.model_dump(mode="json"))
         return answer
+
+    def record_surface(self, triangles: Sequence[tuple[int, int, int]]) -> None:
+        """Record the arm's surface from now on.
+
+        Args:
+            triangles: Nodes of each triangle, as the stream ``shape`` numbers them.
+        """
+        self._streams.triangles = triangles
 
     def shut_down(self) -> None:
         """Vent the arm for good."""

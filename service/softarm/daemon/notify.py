@@ -1,8 +1,17 @@
 """Messages to systemd: ready, watchdog, stopping."""
 
+import math
 import os
 import socket
+import time
+from collections.abc import Callable
 from typing import Self
+
+WATCHDOG_EVERY_S = 0.2
+"""A tenth of the ``WatchdogSec`` of the unit."""
+
+STARTING_S = 60.0
+"""How much more time a service asks for while its loop runs and its estimator is being built."""
 
 
 class Notifier:
@@ -12,39 +21,56 @@ class Notifier:
 
     Args:
         address: The socket's path, abstract when it begins with ``@``; ``None`` for no supervisor.
+        clock: Monotonic time [s].
     """
 
-    def __init__(self, address: str | None) -> None:
+    def __init__(self, address: str | None, clock: Callable[[], float] = time.monotonic) -> None:
         if address is not None and address.startswith("@"):
             address = f"\0{address[1:]}"
         self._address = address
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+        self._clock = clock
+        self._unsent = ""
+        self._fed_s = -math.inf
 
     @classmethod
     def from_environment(cls) -> Self:
         """Take the address that systemd gave to the process."""
         return cls(os.environ.get("NOTIFY_SOCKET"))
 
-    def _send(self, text: str) -> None:
-        if self._address is None:
-            return
+    def _send(self, text: str) -> bool:
+        """Send a message; a supervisor's socket that is full or gone takes none."""
         try:
-            self._socket.sendto(text.encode(), self._address)
+            if self._address is not None:
+                self._socket.sendto(text.encode(), self._address)
         except OSError:
-            # A full or vanished supervisor socket is the supervisor's trouble: its watchdog will tell.
-            return
+            return False
+        return True
 
     def ready(self, status: str) -> None:
-        """Say that the service is up."""
-        self._send(f"READY=1\nSTATUS={status}")
+        """Report that the service is up; a report that the supervisor does not take is sent again later."""
+        report = f"READY=1\nSTATUS={status}"
+        self._unsent = "" if self._send(report) else report
 
     def status(self, status: str) -> None:
         """Say in one line what the service does."""
         self._send(f"STATUS={status}")
 
-    def watchdog(self) -> None:
-        """Say that the control loop is healthy; only a healthy tick may call this."""
+    def watchdog(self, starting: bool = False) -> None:
+        """Report that the control loop is healthy; only a healthy tick may call this.
+
+        Args:
+            starting: Whether to ask for more time to start, as ``extend`` does.
+        """
+        now_s = self._clock()
+        if now_s - self._fed_s < WATCHDOG_EVERY_S:
+            return
+        self._fed_s = now_s
+        if self._unsent and self._send(self._unsent):
+            self._unsent = ""
         self._send("WATCHDOG=1")
+        if starting:
+            self.extend(STARTING_S)
 
     def extend(self, seconds: float) -> None:
         """Ask for more time to start, from now on; systemd would end a start that takes too long."""

@@ -24,6 +24,15 @@ class DrawnSurface:
     nodes: Indices
     triangles: Indices
 
+    def message(self, mesh: Mesh) -> Surface:
+        """Write what clients need to draw the stream ``shape``.
+
+        Args:
+            mesh: Mesh of the arm's body at rest.
+        """
+        rest = mesh.points[self.nodes].tolist()
+        return Surface.model_validate({"triangles": self.triangles.tolist(), "rest_m": rest})
+
 
 def drawn_surface(mesh: Mesh) -> DrawnSurface:
     """Find the surface to draw: the outer one, or all chambers where the mesh names none.
@@ -36,17 +45,6 @@ def drawn_surface(mesh: Mesh) -> DrawnSurface:
     corners = np.concatenate([_triangles(surface.facets[:, : CORNERS[surface.kind]]) for surface in chosen])
     nodes, places = np.unique(corners, return_inverse=True)
     return DrawnSurface(nodes, places.reshape(-1, 3))
-
-
-def surface_message(mesh: Mesh) -> Surface:
-    """Write what clients need to draw the stream ``shape``.
-
-    Args:
-        mesh: Mesh of the arm's body at rest.
-    """
-    drawn = drawn_surface(mesh)
-    rest = mesh.points[drawn.nodes].tolist()
-    return Surface.model_validate({"triangles": drawn.triangles.tolist(), "rest_m": rest})
 
 
 def _triangles(facets: Indices) -> Indices:

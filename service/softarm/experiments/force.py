@@ -7,8 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.experiments.paper import FORCE_N, Published
-from softarm.experiments.recovery import arm_again, lead
-from softarm.experiments.rig_control import Collector, FakeControl, MeanEstimate, laboratory_of
+from softarm.experiments.rig_control import (
+    Collector,
+    FakeControl,
+    MeanEstimate,
+    laboratory_of,
+    ramp_pressures,
+)
 from softarm_client import Arm
 
 Floats = NDArray[np.float64]
@@ -116,17 +121,16 @@ def run_fake(
         advance()
     hook = rest + settings.cord_m * settings.direction
     _tie(fakes, settings, hook)
-    arm_again(client)
+    client.arm()
     pressures = [0.0] * len(client.state().measured_pa)
     for pressure in np.linspace(0.0, settings.chamber_pa, settings.steps):
         goal = [pressure if k in settings.chambers else 0.0 for k in range(len(pressures))]
-        lead(client, pressures, goal, settings.settle_s)
+        ramp_pressures(client, pressures, goal, settings.settle_s)
         pressures = goal
         _wait(collector, settings)
         yield sample("pressurised", collector.observe(settings.look_s), hook, settings.direction)
         advance()
-    if client.state().mode == "ARMED":
-        client.disarm()
+    client.disarm()
     fakes.ask("cord")
 
 

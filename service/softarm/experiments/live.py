@@ -16,13 +16,11 @@ from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Specimen, load_specimen
 from softarm.experiments.excitation import specimen_of_arm
 from softarm.experiments.operator import ExperimentOperator, FakeOperator, Person
-from softarm.experiments.recovery import arm_again, lead
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl, laboratory_of, ramp_pressures
 from softarm.experiments.session import connect, recorded, wait_ready
 from softarm.recordings import load_recording
 from softarm_client import Arm
-from softarm_client.errors import CommandRefusedError
 from softarm_client.session import DEFAULT_ENDPOINT
 
 Floats = NDArray[np.float64]
@@ -32,8 +30,6 @@ PATIENCE = 5.0
 """With devices that share the machine with everything else."""
 GAUGE_S = 5.0
 """How long a gauge may take to tell its first reading."""
-AGAIN_S = 1.0
-"""How long the way back to a pose takes after a fault."""
 
 
 @dataclass
@@ -45,7 +41,6 @@ class LiveRig:
         operator: Moves gauge and hand.
         specimen: What the service runs on.
         advance: Called after each step.
-        forgiving: Whether to arm anew after a fault: on fakes alone, whose machine may be busy.
         hooks: Where the gauge's hook was: time since the recording began [s], and place in the base frame,
             NaN while the cord is off.
     """
@@ -54,7 +49,6 @@ class LiveRig:
     operator: ExperimentOperator
     specimen: Specimen
     advance: Callable[[], None] = lambda: None
-    forgiving: bool = False
     hooks: list[tuple[float, Floats]] = field(default_factory=list)
     _began: float = 0.0
     _pressures: Floats = field(default_factory=lambda: np.zeros(0))
@@ -94,8 +88,7 @@ class LiveRig:
     def go(self, pressures: Floats, ramp_s: float, hold_s: float) -> None:
         """Lead the pressures along a line and hold them."""
         start = self._pressures if len(self._pressures) else np.zeros_like(pressures)
-        led = lead if self.forgiving else ramp_pressures
-        led(self.client, start.tolist(), pressures.tolist(), ramp_s)
+        ramp_pressures(self.client, start.tolist(), pressures.tolist(), ramp_s)
         self._pressures = pressures.copy()
         self.wait(hold_s, pressures)
 
@@ -104,29 +97,16 @@ class LiveRig:
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
             if pressures is not None:
-                self._renew(pressures)
+                self.client.pressures.set(pressures.tolist(), lifetime_s=LIFETIME_S)
             time.sleep(min(left, 0.5 * LIFETIME_S))
-
-    def _renew(self, pressures: Floats) -> None:
-        try:
-            self.client.pressures.set(pressures.tolist(), lifetime_s=LIFETIME_S)
-        except CommandRefusedError:
-            if not self.forgiving:
-                raise
-            lead(self.client, [0.0] * len(pressures), pressures.tolist(), AGAIN_S)
 
     def arm(self) -> None:
         """Arm, the chambers vented."""
-        if self.forgiving:
-            arm_again(self.client)
-        else:
-            self.client.arm()
+        self.client.arm()
         self._pressures = np.zeros(len(self.client.state().measured_pa))
 
     def disarm(self) -> None:
         """Vent and disarm."""
-        if self.forgiving and self.client.state().mode == "FAULTED":
-            arm_again(self.client)
         self.client.disarm()
         self._pressures = np.zeros_like(self._pressures)
 
@@ -248,4 +228,4 @@ def live_rig(
         wait_ready(client)
         known = load_specimen(specimen) if specimen else specimen_of_arm(client)
         stack.enter_context(client.lease())
-        yield LiveRig(client, operator, known, forgiving=arm is None)
+        yield LiveRig(client, operator, known)

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from softarm.common.errors import WorkFailedError
 from softarm.estimator.recording import Recording
 from softarm.experiments.live import LiveRig
-from softarm.experiments.recovery import ATTEMPTS
-from softarm_client.errors import CommandRefusedError
 
 Floats = NDArray[np.float64]
 
@@ -151,24 +149,12 @@ def teach_live(bench: LiveRig, seed: int, poses: int = 15, reach: float = 0.05) 
         rest = bench.position("tip")
         for _ in range(poses):
             goal = rest + rng.uniform((-reach, -reach, 0.0), (reach, reach, DRAWN_M))
-            begin, end, can = _again(bench, rest, goal)
+            begin, end, can = _show_and_hold(bench, rest, goal)
             shown.append(begin)
             held.append(end)
             reachable.append(can)
             bench.advance()
     return TaughtLive(bench.load(paths[0]), tuple(shown), tuple(held), tuple(reachable))
-
-
-def _again(bench: LiveRig, rest: Floats, goal: Floats) -> tuple[float, float, bool]:
-    """Show a pose and hold it; where faults are forgiven, begin it anew after one."""
-    for left in reversed(range(ATTEMPTS if bench.forgiving else 1)):
-        try:
-            return _show_and_hold(bench, rest, goal)
-        except (CommandRefusedError, WorkFailedError):
-            bench.operator.let_go()
-            if not left:
-                raise
-    raise AssertionError
 
 
 def _show_and_hold(bench: LiveRig, rest: Floats, goal: Floats) -> tuple[float, float, bool]:

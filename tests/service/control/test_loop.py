@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from softarm.daemon.control.host_watch import HostLoad, HostWatch
+from softarm.daemon.control.lateness import pressure_files, read_pressure
 from softarm.daemon.control.poses import PoseStore
 from softarm.daemon.control.surroundings import Clocks, Surroundings
 from softarm.daemon.control.tick import Tick, Ticker, TickSchedule
@@ -253,6 +254,27 @@ async def test_ticks_that_were_skipped_count_as_late(arm):
     arm.loop.step(schedule.take(arm.now_ns))
     arm.step(9)
     assert arm.outlet.of("state")[-1].drift_p99_s > 0.03
+
+
+async def test_an_estimator_that_has_just_become_ready_is_given_its_deadline(arm):
+    estimates = arm.loop.estimates
+    estimates.process.state = WorkerState(running=False, restarts=0, gave_up=False)
+    assert estimates.observe(arm.now_ns).age_s is None
+    estimates.process.state = WorkerState(running=True, restarts=0, gave_up=False, was_ready=True)
+    arm.now_ns += 60 * 10**9
+    assert estimates.observe(arm.now_ns).age_s == 0.0
+    arm.now_ns += 10**9
+    assert estimates.observe(arm.now_ns).age_s == 1.0
+
+
+def test_waiting_for_a_processor_is_read_for_the_own_unit_where_that_of_the_host_is_hidden(tmp_path):
+    groups, own = tmp_path / "cgroup", tmp_path / "cpu.pressure"
+    groups.write_text("4:memory:/other\n0::/system.slice/softarm@left.service\n")
+    unit = pressure_files(groups)[-1]
+    assert str(unit) == "/sys/fs/cgroup/system.slice/softarm@left.service/cpu.pressure"
+    own.write_text("some avg10=12.50 avg60=1.00 avg300=0.10 total=5\nfull avg10=0.00 avg60=0.00\n")
+    assert read_pressure([tmp_path / "hidden", own]) == 12.5
+    assert read_pressure([tmp_path / "hidden"]) is None
 
 
 @pytest.mark.parametrize("starved_percent", [0.0, 90.0])

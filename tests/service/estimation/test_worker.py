@@ -5,11 +5,11 @@ from functools import partial
 
 import pytest
 
-from softarm.daemon.estimation.worker import STUCK_S, RestartPolicy, Worker
+from softarm.daemon.estimation.worker import STUCK_S, BuiltSolver, RestartPolicy, Worker
 
 
 def double():
-    return lambda value: 2 * value
+    return BuiltSolver(lambda value: 2 * value, "doubles")
 
 
 def gated(path):
@@ -18,7 +18,7 @@ def gated(path):
             gate.read()
         return value
 
-    return solve
+    return BuiltSolver(solve)
 
 
 def dying():
@@ -73,8 +73,8 @@ async def test_mailbox_keeps_the_newest_only(tmp_path):
 
 
 async def test_killed_process_is_started_again():
-    results = Results()
-    async with Worker(double, results.take) as worker:
+    results, reports = Results(), []
+    async with Worker(double, results.take, reports.append) as worker:
         await worker.until(lambda state: state.running)
         first = worker.pid
         os.kill(first, signal.SIGKILL)
@@ -83,6 +83,7 @@ async def test_killed_process_is_started_again():
         await results.wait(1)
         assert worker.pid != first
     assert results.values == [2]
+    assert reports == ["doubles"] * 2
 
 
 async def test_gives_up_on_a_process_that_keeps_dying_and_logs_each_death(caplog):
@@ -98,7 +99,7 @@ async def test_gives_up_on_a_process_that_keeps_dying_and_logs_each_death(caplog
 async def test_deaths_long_ago_no_longer_count():
     now = [0.0]
     policy = RestartPolicy(deaths=2, pause_s=0.01, window_s=60.0)
-    async with Worker(double, Results().take, lambda: now[0], policy=policy) as worker:
+    async with Worker(double, Results().take, clock=lambda: now[0], policy=policy) as worker:
         for restarts in range(1, 4):
             await worker.until(lambda state: state.running)
             now[0] += 100.0
@@ -111,7 +112,7 @@ async def test_deaths_long_ago_no_longer_count():
 async def test_process_that_is_stuck_while_it_is_built_is_killed():
     now = [0.0]
     policy = RestartPolicy(deaths=1, start_s=10.0)
-    async with Worker(never_built, Results().take, lambda: now[0], policy=policy) as worker:
+    async with Worker(never_built, Results().take, clock=lambda: now[0], policy=policy) as worker:
         worker.watch()
         assert worker.state.starting
         assert worker.state.restarts == 0
@@ -124,7 +125,7 @@ async def test_process_that_is_stuck_is_started_anew(tmp_path):
     gate = tmp_path / "gate"
     os.mkfifo(gate)
     now = [0.0]
-    async with Worker(partial(gated, str(gate)), Results().take, lambda: now[0]) as worker:
+    async with Worker(partial(gated, str(gate)), Results().take, clock=lambda: now[0]) as worker:
         await worker.until(lambda state: state.running)
         worker.submit("never answered")
         worker.submit("waits")

@@ -32,7 +32,7 @@ def mismatch(sequence):
 @pytest.fixture
 async def bus():
     with Bus(FREE_PORT, "test", asyncio.get_running_loop()) as bus:
-        bus.open({"config": b'{"arm": "test"}'}, lambda call: call.answer(STOPPED))
+        bus.open({"config": b'{"arm": "test"}', "surface": None}, lambda call: call.answer(STOPPED))
         yield bus
 
 
@@ -74,6 +74,14 @@ async def test_late_joiner_gets_the_last_message(bus, client):
 
 async def test_slow_value_is_served(bus, client):
     assert await asyncio.to_thread(client.ask, "config") == '{"arm": "test"}'
+
+
+async def test_the_surface_is_refused_until_the_estimator_has_brought_it(bus, client):
+    with pytest.raises(CommandRefusedError, match="has not been built yet") as refusal:
+        await asyncio.to_thread(client.ask, "surface")
+    assert refusal.value.refusal.code == "not_available"
+    bus.provide("surface", b"{}")
+    assert await asyncio.to_thread(client.ask, "surface") == "{}"
 
 
 async def test_alive_and_second_service_refused(bus, client):

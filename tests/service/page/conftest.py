@@ -11,7 +11,7 @@ from softarm.daemon.control.surroundings import Surroundings
 from softarm.daemon.control.tick import Ticker
 from softarm.daemon.loop import ControlLoop
 from softarm.daemon.network.bus import Bus
-from softarm.daemon.surface import surface_message
+from softarm.daemon.surface import drawn_surface
 from softarm.estimator.geometry import build_mesh
 from softarm_client.session import NetworkSettings, listening_endpoint
 from tests.service.standins import SPECIMEN, Estimator, Instruments, setup_in
@@ -61,8 +61,9 @@ class PageService:
             self.control = ControlLoop(setup_in(self._folder), surroundings)
             specimen = SPECIMEN.model_dump_json(by_alias=True).encode()
             server = CommandServer(bus, self.control)
-            surface = surface_message(build_mesh(SPECIMEN)).model_dump_json().encode()
-            bus.open({"specimen": specimen, "surface": surface}, server.stop)
+            bus.open({"specimen": specimen, "surface": None}, server.stop)
+            mesh = build_mesh(SPECIMEN)
+            bus.provide("surface", drawn_surface(mesh).message(mesh).model_dump_json().encode())
             self.endpoint = await asyncio.to_thread(listening_endpoint, bus.session)
             stepping = asyncio.create_task(self._step())
             answering = asyncio.create_task(self._answer(bus, server))

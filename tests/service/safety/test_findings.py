@@ -131,6 +131,15 @@ def test_normal_start_has_no_finding_and_still_cannot_be_armed():
     }
 
 
+def test_building_the_estimator_on_busy_processors_raises_no_warning_until_it_is_done():
+    late = replace(HEALTHY, inputs=STALE_TIP, overruns=50, busy="the control loop came 60 ms late")
+    assert HealthMonitor(ALL_CHECKS).evaluate(replace(late, mode=Mode.STARTING)) == ()
+    assert {f.code for f in HealthMonitor(ALL_CHECKS).evaluate(replace(late, mode=Mode.IDLE))} == {
+        "stale_sensor",
+        "loop_overrun",
+    }
+
+
 def test_what_has_not_answered_after_a_while_is_found():
     found = HealthMonitor(ALL_CHECKS).evaluate(replace(NOTHING_YET, uptime_s=SETTLING_S))
     assert {f.code for f in found} == {"valves_lost", "stale_sensor", "device_lost"}

@@ -6,7 +6,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from softarm.estimator.fem import FiniteElementModel, Settings
 from softarm.estimator.fem.linalg.cholesky import StiffnessFactor
@@ -203,6 +202,8 @@ class Ray:
 def _rays(specimen: Specimen, model: FiniteElementModel, scale: Floats, plan: SamplingPlan) -> Iterator[Ray]:
     """Generate the rays; on half of them the arm hangs, on the rest gravity has any direction."""
     chambers, loads, segments = model.chambers, len(model.loads), len(specimen.segments)
+    from scipy.stats import qmc  # a second to import, for every program that only reads a rod
+
     sequence = qmc.Sobol(chambers + loads + segments + 2, rng=plan.seed)
     rows = sequence.random_base2(int(np.ceil(np.log2(plan.rays))))[: plan.rays]
     limits, kinds = np.array(specimen.pressure_limits), len(plan.kinds)

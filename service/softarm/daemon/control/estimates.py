@@ -57,6 +57,7 @@ class Estimates:
         self._gravity = np.array(setup.specimen.gravity_m_s2)
         self._submitted_ns = self._placed_ns = self._drawn_ns = 0
         self._last_result_ns: int | None = None
+        self._ready_ns: int | None = None
 
     def submit(self, now_ns: int, after_ticks: float) -> None:
         """Start an estimate of the newest readings, unless one was started less than some ticks ago.
@@ -127,16 +128,24 @@ class Estimates:
 
     def observe(self, now_ns: int) -> EstimatorHealth:
         """Return the state of the estimator for the health checks."""
-        age_s = None if self._last_result_ns is None else (now_ns - self._last_result_ns) * 1e-9
         result = self._estimator_state.result
         off = None if result is None or result.rod_off_rad is None else float(np.degrees(result.rod_off_rad))
         state = self.process.state
         return EstimatorHealth(
             state.running,
-            age_s,
+            self._age_s(now_ns, state.running),
             self._deadline_s,
             self._estimator_state.failures,
             off,
             state.starting,
             state.gave_up,
         )
+
+    def _age_s(self, now_ns: int, running: bool) -> float | None:
+        """Return how long the process has been silent [s]: since its last result, or since it was ready."""
+        if not running:
+            self._ready_ns = None
+        elif self._ready_ns is None:
+            self._ready_ns = now_ns
+        last_ns = max(filter(None, (self._last_result_ns, self._ready_ns)), default=None)
+        return None if last_ns is None else max(now_ns - last_ns, 0) * 1e-9

@@ -1,6 +1,7 @@
 """How late the control loop comes, and whether the processor is to blame for what seems silent."""
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ LATE_NS = 20_000_000
 STARVED_PERCENT = 20.0
 """Above this share of time some program that could run had to wait for a processor."""
 PRESSURE = Path("/proc/pressure/cpu")
+CGROUPS = Path("/sys/fs/cgroup")
 
 
 @dataclass(frozen=True)
@@ -69,16 +71,30 @@ class Lateness:
         return ""
 
 
-def read_pressure(path: Path = PRESSURE) -> float | None:
+def pressure_files(own_groups: Path = Path("/proc/self/cgroup")) -> tuple[Path, ...]:
+    """List where Linux counts waiting: for the host, which a unit may not see, and for the own unit."""
+    try:
+        own = [line for line in own_groups.read_text().splitlines() if line.startswith("0::/")]
+    except OSError:
+        own = []
+    return PRESSURE, *(CGROUPS / line.removeprefix("0::/") / "cpu.pressure" for line in own)
+
+
+def read_pressure(paths: Iterable[Path] | None = None) -> float | None:
     """Read the share of the last ten seconds in which a program waited for a processor [%].
 
     Linux counts it (pressure stall information, line ``some``, field ``avg10``).
 
+    Args:
+        paths: Files to read, the first that can be read counts; those of this process when left out.
+
     Returns:
         The share, or ``None`` where the kernel does not count it.
     """
-    try:
-        words = path.read_text().split()
-        return float(words[1].removeprefix("avg10="))
-    except (OSError, ValueError, IndexError):
-        return None
+    for path in pressure_files() if paths is None else paths:
+        try:
+            words = path.read_text().split()
+            return float(words[1].removeprefix("avg10="))
+        except (OSError, ValueError, IndexError):
+            continue
+    return None

@@ -59,7 +59,7 @@ class RecordedStreams:
         base_body: str,
         chambers: int,
         clock_ns: Callable[[], int] = time.monotonic_ns,
-        triangles: Sequence[Sequence[int]] = (),
+        triangles: Sequence[tuple[int, int, int]] = (),
     ) -> None:
         self._recorder = recorder
         self._clock_ns = clock_ns
@@ -72,7 +72,7 @@ class RecordedStreams:
         self._start_ns = 0
         self._last_ns: dict[str, int] = {}
         self._sequence = 0
-        self._triangles = triangles
+        self.triangles = triangles
         self._drawn_ns = self._shaped_ns = -SHAPE_EVERY_NS
 
     def take(self, reading: ChannelReading) -> None:
@@ -105,7 +105,7 @@ class RecordedStreams:
     def shape_wanted(self) -> bool:
         """Whether the recording that is open takes a shape of the arm by now."""
         due = self._clock_ns() - self._shaped_ns >= SHAPE_EVERY_NS
-        return due and bool(self._triangles) and self._recording()
+        return due and bool(self.triangles) and self._recording()
 
     def drawn(
         self,
@@ -129,9 +129,9 @@ class RecordedStreams:
             self._drawn_ns = time_ns
             self._draw(FRAMES, partial(frame_transforms, parent=BASE, frames=_frames(sections)), time_ns)
             self._draw(SCENE, partial(force_scene, forces=_forces(sections, loads)), time_ns)
-        if nodes is not None and self._triangles and time_ns - self._shaped_ns >= SHAPE_EVERY_NS:
+        if nodes is not None and self.triangles and time_ns - self._shaped_ns >= SHAPE_EVERY_NS:
             self._shaped_ns = time_ns
-            surface = partial(surface_scene, nodes=nodes[:, :3], triangles=self._triangles)
+            surface = partial(surface_scene, nodes=nodes[:, :3], triangles=self.triangles)
             self._draw(SCENE, surface, time_ns)
 
     def _draw(self, topic: str, draw: Callable[[int], Message], time_ns: int) -> None:

@@ -66,7 +66,6 @@ class Surroundings:
         ready: Called once, as soon as the estimator has started or has given up.
         clocks: The clocks.
         host: Returns the newest look at the host.
-        triangles: Triangles of the arm's surface, for recordings; empty where it is not drawn.
     """
 
     instruments: Callable[[Readings], Instruments]
@@ -76,4 +75,3 @@ class Surroundings:
     ready: Callable[[], None]
     clocks: Clocks = Clocks()
     host: Callable[[], HostLoad] = HostLoad
-    triangles: tuple[tuple[int, int, int], ...] = ()

@@ -14,6 +14,7 @@ from softarm.daemon.config import ControlSettings, SensorSettings
 from softarm.daemon.estimation.holding import HeldArm, Holding
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
 from softarm.daemon.estimation.rod_check import RodCheck
+from softarm.daemon.estimation.worker import BuiltSolver
 from softarm.daemon.surface import drawn_surface
 from softarm.estimator.arm import build_arm, default_loads
 from softarm.estimator.augmented import AugmentedEstimator, Follower, estimator_of
@@ -63,9 +64,10 @@ class SolverSettings:
     sensors: tuple[SensorSettings, ...]
     control: ControlSettings
 
-    def __call__(self) -> Callable[[EstimationRequest], EstimationResult]:
-        """Build the solver and warm it up."""
-        return Solver(self)
+    def __call__(self) -> BuiltSolver:
+        """Build the solver and warm it up; it reports the surface that clients draw."""
+        solver = Solver(self)
+        return BuiltSolver(solver, solver.surface)
 
 
 def build_suite(
@@ -93,7 +95,9 @@ class Solver:
         self._model: FiniteElementModel = bounded(
             build_arm(specimen, default_loads(specimen, settings.control.forces_on))
         )
-        self._drawn = drawn_surface(self._model.mesh).nodes
+        drawn = drawn_surface(self._model.mesh)
+        self._drawn = drawn.nodes
+        self.surface = drawn.message(self._model.mesh)
         self._suite = build_suite(specimen, self._model.sections, settings.sensors)
         self._sensors = SpecimenSensors(specimen, self._model.sections, Registration())
         self._actuation = self._sensors.actuation()

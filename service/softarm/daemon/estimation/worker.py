@@ -26,7 +26,22 @@ logger = logging.getLogger(__name__)
 Request = TypeVar("Request")
 Result = TypeVar("Result")
 Solver = Callable[[Any], Any]
-SolverFactory = Callable[[], Solver]
+
+
+@dataclass(frozen=True)
+class BuiltSolver:
+    """What a factory builds in the child.
+
+    Args:
+        solve: Answers requests.
+        report: What the parent receives once, before the first result.
+    """
+
+    solve: Solver
+    report: Any = None
+
+
+SolverFactory = Callable[[], BuiltSolver]
 
 NICER = 5
 """Numerics that fill a core give way to the control loop and the drivers."""
@@ -85,14 +100,14 @@ def _serve(requests: Connection, results: Connection, factory: SolverFactory, ni
     with contextlib.suppress(PermissionError):  # a sandbox may forbid it
         os.nice(nicer)
     try:
-        solver = factory()
+        built = factory()
         gc.collect()
         gc.freeze()  # a collection of all that the solver is built of takes tens of milliseconds
-        results.send(None)
+        results.send(built.report)
         while True:
             request = requests.recv()
             faulthandler.dump_traceback_later(0.9 * STUCK_S)  # shows in the log where it is stuck
-            result = solver(request)
+            result = built.solve(request)
             faulthandler.cancel_dump_traceback_later()
             results.send(result)
     except (EOFError, BrokenPipeError):
@@ -122,6 +137,7 @@ class Worker(Generic[Request, Result]):
     Args:
         factory: Builds the solver in the child; it must be picklable.
         on_result: Takes each result, in the event loop.
+        on_report: Takes what each new child reports once it is built, in the event loop.
         clock: Monotonic time [s].
         nicer: By how much the process gives way to this one.
         policy: When it is started again.
@@ -131,12 +147,15 @@ class Worker(Generic[Request, Result]):
         self,
         factory: SolverFactory,
         on_result: Callable[[Result], None],
+        on_report: Callable[[Any], None] = lambda _: None,
+        *,
         clock: Callable[[], float] = time.monotonic,
         nicer: int = NICER,
         policy: RestartPolicy | None = None,
     ) -> None:
         self._factory = factory
         self._on_result = on_result
+        self._on_report = on_report
         self._clock = clock
         self._nicer = nicer
         self._policy = policy or RestartPolicy()
@@ -239,7 +258,7 @@ class Worker(Generic[Request, Result]):
             except (EOFError, OSError):
                 self._loop.call_soon_threadsafe(self._on_end, child)
 
-    def _on_message(self, child: _Child, message: Result) -> None:
+    def _on_message(self, child: _Child, message: Any) -> None:
         if child is not self._child:
             return
         self._busy = False
@@ -247,6 +266,7 @@ class Worker(Generic[Request, Result]):
             self._on_result(message)
         else:
             child.ready = self._was_ready = True
+            self._on_report(message)
             self._changed.set()
         if self._waiting is not None and self._child is child and not self._busy:
             self._send(self._waiting, child)

@@ -164,7 +164,7 @@ def render() -> str:
         "|---|---|",
         "| `config` | the service's configuration with its defaults |",
         "| `specimen` | the specimen it runs on |",
-        "| `surface` | [Surface](#surface): what the stream `shape` moves |",
+        "| `surface` | [Surface](#surface): what `shape` moves; refused while the estimator is being built |",
         "| `schema` | the definitions of this page as JSON schemas |",
         "",
         "`alive` is a liveliness token: it is there while a service serves the arm.",

@@ -4,6 +4,7 @@ import asyncio
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import TracebackType
 from typing import Any, Self
 
@@ -78,6 +79,7 @@ class Bus:
         self._session: zenoh.Session | None = None
         self._publishers: dict[str, zenoh.ext.AdvancedPublisher] = {}
         self._shape: zenoh.Publisher | None = None
+        self._documents: dict[str, bytes | None] = {}
         self._declared: list[object] = []  # zenoh undeclares what nobody holds
 
     @property
@@ -86,11 +88,12 @@ class Bus:
         assert self._session is not None, "the bus is not open"
         return self._session
 
-    def open(self, documents: Mapping[str, bytes], on_stop: Callable[[Call], None]) -> None:
+    def open(self, documents: Mapping[str, bytes | None], on_stop: Callable[[Call], None]) -> None:
         """Open the session, refuse a second service for the same arm, and declare every key.
 
         Args:
-            documents: JSON documents that clients may query, such as ``config``.
+            documents: JSON documents that clients may query, such as ``config``; ``None`` for one that is
+                refused until ``provide`` brings it.
             on_stop: Called in the event loop with every ``stop``; it must vent the arm and answer. A stop
                 does not wait behind other commands, and its payload need not be a valid request.
 
@@ -115,9 +118,11 @@ class Bus:
                 congestion_control=zenoh.CongestionControl.DROP,
                 encoding=zenoh.Encoding("application/octet-stream;float32"),
             )
-            for name, document in documents.items():
-                key = self.keys.query(name)
-                self._declared.append(self._session.declare_queryable(key, _provide(key, document)))
+            self._documents.update(documents)
+            for name in documents:
+                self._declared.append(
+                    self._session.declare_queryable(self.keys.query(name), partial(self._on_query, name))
+                )
             self._declared.append(self._session.declare_queryable(self.keys.command("**"), self._on_command))
             self._declared.append(self._session.liveliness().declare_token(self.keys.alive))
         except BaseException:
@@ -132,6 +137,23 @@ class Bus:
                     f"{self.keys.arm} is already served by another service",
                     "stop that one first, or give this arm another name",
                 )
+
+    def provide(self, name: str, document: bytes) -> None:
+        """Set the answer to the queries for one of the documents."""
+        self._documents[name] = document
+
+    def _on_query(self, name: str, query: zenoh.Query) -> None:
+        """Answer with a document that was written once, at no cost to the control loop."""
+        document, encoding = self._documents[name], zenoh.Encoding("application/json")
+        with query:
+            if document is not None:
+                query.reply(self.keys.query(name), document, encoding=encoding)
+                return
+            hint = "ask again when the mode is no longer STARTING"
+            refused = Refused(
+                verb=name, code="not_available", message="the estimator has not been built yet", hint=hint
+            )
+            query.reply_err(refused.model_dump_json().encode(), encoding=encoding)
 
     def _on_command(self, query: zenoh.Query) -> None:
         asked = str(query.key_expr)
@@ -215,13 +237,3 @@ class Bus:
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-
-def _provide(key: str, document: bytes) -> Callable[[zenoh.Query], None]:
-    """Answer queries with a document that was written once, at no cost to the control loop."""
-
-    def answer(query: zenoh.Query) -> None:
-        with query:
-            query.reply(key, document, encoding=zenoh.Encoding("application/json"))
-
-    return answer

@@ -92,7 +92,7 @@ class EstimatorHealth:
         running: Whether the process lives and has been warmed up.
         starting: Whether it is being built for the first time.
         gave_up: Whether it died too often to be started again.
-        age_s: Age of its last result; ``None`` before the first.
+        age_s: Time since its last result, or since it was ready if that is later; ``None`` before it was.
         deadline_s: Age from which it counts as failed.
         failures: Results in a row that did not converge.
         rod_off_degrees: Angle by which the calibrated rod was off when last compared; ``None`` without one.
@@ -152,5 +152,6 @@ class ServiceHealth:
 
     @property
     def settling(self) -> bool:
-        """Whether the service has only just begun."""
-        return self.uptime_s < SETTLING_S
+        """Whether the service has only just begun, or still builds its estimator on a busy machine."""
+        building = self.mode is Mode.STARTING and self.busy != NOT_BUSY
+        return self.uptime_s < SETTLING_S or building

@@ -25,8 +25,6 @@ def check_estimator(observation: ServiceHealth) -> Iterator[Diagnostic]:
         hint = "see the log for the cause, then restart the service"
     elif not estimator.running:
         message, hint = "the estimator's process is not running", "the service restarts it; see the log"
-    elif severity == "warning" and estimator.age_s is None and observation.settling:
-        return
     elif estimator.age_s is None or estimator.age_s > estimator.deadline_s:
         message, hint = "the estimator returns no results", "a sensor may be lost: see the other findings"
         if observation.busy:

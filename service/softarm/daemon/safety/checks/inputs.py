@@ -15,9 +15,9 @@ def check_inputs(observation: ServiceHealth) -> Iterator[Diagnostic]:
     blind = observation.mode in FOLLOWING_THE_POSE
     for entry in observation.inputs:
         severity: Severity = "fault" if blind and entry.needed else "warning"
-        if entry.stale and not (severity == "warning" and entry.age_s is None and observation.settling):
+        if entry.stale and not (severity == "warning" and observation.settling):
             yield _stale(entry, severity, observation.busy)
-        elif entry.trouble and not entry.stale:
+        elif entry.trouble and not entry.stale and not observation.settling:
             yield Diagnostic("sensor_trouble", entry.name, "warning", entry.trouble, "see docs/drivers.md")
 
 

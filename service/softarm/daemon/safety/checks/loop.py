@@ -10,7 +10,7 @@ OVERRUNS_ALLOWED = 5
 
 def check_loop(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find a loop that skipped ticks."""
-    if observation.overruns > OVERRUNS_ALLOWED:
+    if observation.overruns > OVERRUNS_ALLOWED and not observation.settling:
         message = f"{observation.overruns} control ticks were skipped in the last second"
-        hint = "the machine is overloaded: give the service real-time priority and a core of its own"
+        hint = "the machine is overloaded: end other programs, or give softarm a core"
         yield Diagnostic("loop_overrun", "control", "warning", message, hint)

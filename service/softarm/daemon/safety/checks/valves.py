@@ -11,7 +11,7 @@ def check_valves(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find a valve bank that does not answer, or whose outputs are not those commanded."""
     valves = observation.valves
     severity: Severity = "fault" if observation.mode in PRESSURISED else "warning"
-    quiet = severity == "warning" and valves.age_s is None and observation.settling
+    quiet = severity == "warning" and observation.settling
     if valves.lost and not quiet:
         age = "never answered" if valves.age_s is None else f"has not answered for {valves.age_s:.2f} s"
         message, hint = (
@@ -26,5 +26,5 @@ def check_valves(observation: ServiceHealth) -> Iterator[Diagnostic]:
         yield Diagnostic(
             "valve_fault", valves.name, severity, fault, "see the valve bank's diagnosis, then clear"
         )
-    for warning in valves.warnings:
+    for warning in () if quiet else valves.warnings:
         yield Diagnostic("valve_warning", valves.name, "warning", warning, "see docs/drivers.md")
