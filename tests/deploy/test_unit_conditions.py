@@ -143,10 +143,10 @@ def recorded(host, arm):
     text = (host / f"etc/softarm/{arm}.toml").read_text()
     endpoint = re.search(r"tcp/127\.0\.0\.1:\d+", text)[0]
     with Arm(arm, endpoint) as client:
-        begun = Path(client.recording.start("x"))
+        begun = Path(client.recordings.start("x").path)
         since = client.state().ticks
         client.states().wait_for(lambda state: state.ticks > since + 50, 20.0)
-        assert Path(client.recording.stop()) == begun
+        assert Path(client.recordings.stop().path) == begun
     folder = host / f"var/lib/softarm/{arm}"
     assert begun.is_relative_to(folder)
     assert oct(begun.stat().st_mode & 0o777) == "0o640"
