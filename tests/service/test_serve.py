@@ -1,13 +1,16 @@
+import logging
 import os
 import signal
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from softarm.cli.serve import logged_off_loop
 from softarm.estimator.recording import Recording
 from softarm.recordings import save_recording
 from softarm_client import Arm
@@ -152,3 +155,18 @@ def test_replay_is_marked_alarms_nothing_and_moves_nothing(daemon, tmp_path):
         with client.lease(), pytest.raises(CommandRefusedError, match="replayed"):
             client.arm()
     assert service.end() == 0
+
+
+def test_a_log_that_nobody_takes_does_not_hold_up_the_loop():
+    reader, writer = os.pipe()
+    with (
+        open(reader) as taken,  # noqa: PTH123
+        open(writer, "w") as stream,  # noqa: PTH123
+        logged_off_loop(False, stream),
+    ):
+        begin = time.monotonic()
+        for number in range(100):  # more than a pipe holds
+            logging.getLogger("softarm.test").warning("%d %s", number, "x" * 10_000)
+        assert time.monotonic() - begin < 5.0
+        lines = [taken.readline() for _ in range(100)]
+    assert [line.split()[-2] for line in lines] == [str(number) for number in range(100)]

@@ -4,7 +4,12 @@ import asyncio
 import logging
 import os
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from logging.handlers import QueueHandler, QueueListener
 from pathlib import Path
+from queue import SimpleQueue
+from typing import TextIO
 
 import click
 
@@ -43,17 +48,38 @@ def command(path: Path, replay: Path | None, speed: float, verbose: bool) -> Non
 
     Example: softarm serve --config /etc/softarm/sopra.toml
     """
+    with logged_off_loop(verbose):
+        _prepare(path)
+        try:
+            asyncio.run(_serve(path, None if replay is None else Replay(load_recording(replay), speed)))
+        except (InputError, ClientError, WorkFailedError):
+            raise
+        except Exception:
+            logger.exception("the service ended by an internal error")
+            raise
+
+
+@contextmanager
+def logged_off_loop(verbose: bool, stream: TextIO | None = None) -> Iterator[None]:
+    """Write the log from a thread: a disk or a journal that takes no line must not hold up the control loop.
+
+    Args:
+        verbose: Whether to log every command and every attempt to connect as well.
+        stream: Where to; standard error when left out.
+    """
     at = "" if "JOURNAL_STREAM" in os.environ else "%(asctime)s "  # the journal has its own time
-    logging.basicConfig(level=logging.WARNING, format=f"{at}%(levelname)s %(name)s: %(message)s")
+    writer = logging.StreamHandler(stream)
+    writer.setFormatter(logging.Formatter(f"{at}%(levelname)s %(name)s: %(message)s"))
+    lines: SimpleQueue[logging.LogRecord] = SimpleQueue()
+    listener, entry, root = QueueListener(lines, writer), QueueHandler(lines), logging.getLogger()
+    root.addHandler(entry)
     logging.getLogger("softarm").setLevel(logging.DEBUG if verbose else logging.INFO)
-    _prepare(path)
+    listener.start()
     try:
-        asyncio.run(_serve(path, None if replay is None else Replay(load_recording(replay), speed)))
-    except (InputError, ClientError, WorkFailedError):
-        raise
-    except Exception:
-        logger.exception("the service ended by an internal error")
-        raise
+        yield
+    finally:
+        root.removeHandler(entry)
+        listener.stop()
 
 
 def _prepare(path: Path) -> None:
