@@ -15,10 +15,12 @@ FIGURES = (
         },
     ),
     Figure(
-        "Thirty minutes of faults, stalled clients and commands: {lost} replies lost, the slowest took "
-        "{slowest} ms (aim: 100 ms); {skipped} % of control ticks skipped (aim: 1 %).",
+        "Thirty minutes of device faults and stalled clients: {answered} commands answered, {lost} not "
+        "answered in time, slowest reply {slowest} ms (aim: 100 ms); {skipped} % of control ticks skipped "
+        "(aim: 1 %).",
         "soak",
         {
+            "answered": ("Soak", {"what": "commands_answered"}, "value"),
             "lost": ("Soak", {"what": "replies_lost"}, "value"),
             "slowest": ("Soak", {"what": "slowest_reply_ms"}, "value"),
             "skipped": ("Soak", {"what": "ticks_skipped_percent"}, "value"),

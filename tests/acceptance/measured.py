@@ -83,7 +83,7 @@ def find_value(tables: Sequence[Table], title: str, row: Mapping[str, Cell], col
 def sentence_of(figure: Figure, tables: Sequence[Table]) -> str:
     """Fill the numbers into a sentence, three significant digits each."""
     values = {name: find_value(tables, *where) for name, where in figure.values.items()}
-    shown = {name: f"{v:.3g}" if isinstance(v, float) else str(v) for name, v in values.items()}
+    shown = {name: f"{float(f'{v:.3g}'):g}" if isinstance(v, float) else str(v) for name, v in values.items()}
     return figure.sentence.format(**shown)
 
 
