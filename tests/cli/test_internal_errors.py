@@ -1,8 +1,12 @@
 """An internal error ends in one line, with its traceback on request; Ctrl-C ends as shells expect."""
 
+from pathlib import Path
+from typing import IO
+
 import pytest
 
 from softarm import cli
+from softarm.recordings import load
 
 
 def test_an_internal_error_is_one_line(
@@ -33,3 +37,16 @@ def test_ctrl_c_is_one_line_and_status_130(
     monkeypatch.setattr(cli.softarm, "main", interrupt)
     assert cli.run(["demo"]) == 130
     assert capsys.readouterr().err == "softarm: interrupted\n"
+
+
+def test_ctrl_c_while_a_file_is_written_leaves_nothing(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def write_half(recording: object, file: IO[bytes], attachments: object) -> None:
+        file.write(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(load, "write_recording", write_half)
+    example = Path(__file__).parents[2] / "examples" / "recordings" / "sopra_pull"
+    assert cli.run(["convert", str(example), str(tmp_path / "out" / "x.mcap")]) == 130
+    assert list(tmp_path.iterdir()) == []

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 from acceptance.safety_processes import other_client
 from softarm.recordings import load_recording
@@ -83,6 +85,16 @@ def test_recording_from_the_command_line(rig):
     assert 0.7 < recording.time[-1] - recording.time[0] < 3.0
     assert set(recording.chambers) == set(range(6))
     assert {"intermediate", "tip"} <= set(recording.frames)
+    assert np.isfinite(recording.columns["estimate_frame_tip_z_std_m"]).any()
+    assert {"surface", "force/tip"} <= set(drawn_in(Path(row["file"])))
+
+
+def drawn_in(path):
+    """Names of what a viewer draws of a recording, read by Foxglove's own schemas."""
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for decoded in reader.iter_decoded_messages(topics=["/scene"]):
+            yield from (entity.id for entity in decoded.decoded_message.entities)
 
 
 def test_a_push_is_felt_and_its_end_as_well(client, fakes):
