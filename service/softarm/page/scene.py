@@ -83,25 +83,26 @@ class ArmScene:
     def show_loads(self, loads: Sequence[LoadEstimate], sections: Sequence[SectionPose]) -> None:
         """Draw each force as an arrow at its section, with a sphere of one standard deviation at its head."""
         places = {section.section: np.array(section.position_m) for section in sections}
-        for load in loads:
-            place = places.get(load.section)
-            if place is None:
-                continue
-            start = place @ HANGING.T
-            reach = METRES_PER_NEWTON * np.array(load.force_n) @ HANGING.T
-            deviation = load_deviation(load)
-            self._force_handles[f"/force/{load.section}"] = self._server.scene.add_arrows(
-                f"/force/{load.section}",
-                np.array([[start, start + reach]], dtype=np.float32),
-                colors=(240, 170, 40),
-                shaft_radius=0.002,
-                head_radius=0.005,
-                head_length=0.012,
-            )
-            self._force_handles[f"/uncertainty/{load.section}"] = self._server.scene.add_icosphere(
-                f"/uncertainty/{load.section}",
-                radius=max(METRES_PER_NEWTON * deviation, 1e-4),
-                color=(240, 170, 40),
-                opacity=0.3,
-                position=tuple(start + reach),
-            )
+        with self._drawing:  # show_stale must not meet an arrow that is being replaced
+            for load in loads:
+                place = places.get(load.section)
+                if place is None:
+                    continue
+                start = place @ HANGING.T
+                reach = METRES_PER_NEWTON * np.array(load.force_n) @ HANGING.T
+                deviation = load_deviation(load)
+                self._force_handles[f"/force/{load.section}"] = self._server.scene.add_arrows(
+                    f"/force/{load.section}",
+                    np.array([[start, start + reach]], dtype=np.float32),
+                    colors=(240, 170, 40),
+                    shaft_radius=0.002,
+                    head_radius=0.005,
+                    head_length=0.012,
+                )
+                self._force_handles[f"/uncertainty/{load.section}"] = self._server.scene.add_icosphere(
+                    f"/uncertainty/{load.section}",
+                    radius=max(METRES_PER_NEWTON * deviation, 1e-4),
+                    color=(240, 170, 40),
+                    opacity=0.3,
+                    position=tuple(start + reach),
+                )
