@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-viser = pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
+pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
 
 from softarm.page.scene import ArmScene
 from softarm.page.server import page_server
