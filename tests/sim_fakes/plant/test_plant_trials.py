@@ -40,8 +40,12 @@ def test_the_designed_runs_excite_whatever_may_be_concealed(seed: int):
 def test_every_effect_of_the_vocabulary_is_drawn_and_no_other():
     drawn = {one.name for seed in range(250) for one in draw(seed, "single").concealed}
     assert drawn == set(EFFECTS) == {*ARM_EFFECTS, *INSTRUMENT_EFFECTS}
-    foreign = {one.name for seed in range(60) for one in draw(seed, "foreign").concealed}
-    assert foreign == set(FOREIGN_EFFECTS)
+
+
+def test_a_foreign_effect_is_a_law_that_nobody_chose():
+    drawn = [draw(seed, "foreign").concealed for seed in range(60)]
+    assert {one.name for concealed in drawn for one in concealed} == {"random_law"}
+    assert len({int(concealed[0].parameters["law"]) for concealed in drawn}) == 60
 
 
 @pytest.mark.parametrize("name", sorted({*ARM_EFFECTS, *INSTRUMENT_EFFECTS, *FOREIGN_EFFECTS}))

@@ -13,6 +13,7 @@ from softarm.fakes.plant.loads import TautLine, contact, grasp, strength
 from softarm.fakes.plant.material import FibreMemory, fresh_memory, joint_forces, tabulate
 from softarm.fakes.plant.parameters import CHAMBERS_PER_SEGMENT, ArmParameters, sopra
 from softarm.fakes.plant.pneumatics import lines, muscles
+from softarm.fakes.plant.random_law import RandomLaw
 from softarm.fakes.plant.rotations import product, rotation_matrix, tilt
 from softarm.fakes.plant.state import PlantInputs, PlantState
 
@@ -133,6 +134,8 @@ class FakeArm:
         self._lines = lines(self._parameters.actuation, self._parameters.step)
         self._muscles = muscles(self._parameters.actuation)
         own = self._parameters.actuation
+        strength, law = own.random_law
+        self._law = RandomLaw.draw(strength, law, self.chambers) if strength else None
         self._area_law = np.array([*own.narrowing, own.twist])
         self._mount = np.array(self._parameters.mount.quaternion)
         self._into_base = rotation_matrix(np.array(self._parameters.mount.quaternion)).T
@@ -175,12 +178,15 @@ class FakeArm:
     def _step(self, inputs: PlantInputs, settling: bool = False) -> None:
         """Take one internal step; kinematics are up to date before and after it."""
         self._pressures = self._lines.step(self._pressures, inputs.valve_pressures)
-        worth = self._muscles.effective(self._pressures).reshape(-1, CHAMBERS_PER_SEGMENT)
+        worth = self._muscles.effective(self._pressures)
         slides = self._data.qpos[self._chain.slide_positions]
         quaternions = self._data.qpos[self._quaternions]
+        if self._law is not None:
+            worth = worth + self._law.push(self._pressures, self._bends(quaternions), self._parameters.step)
         forces = joint_forces(
-            self._table, self._memory, (slides, quaternions), worth[self._places], self._area_law,
-            self._modulus_factor(), settling,
+            self._table, self._memory, (slides, quaternions),
+            worth.reshape(-1, CHAMBERS_PER_SEGMENT)[self._places],
+            self._area_law, self._modulus_factor(), settling,
         )  # fmt: skip
         if not np.abs(forces).max() < FORCE_LIMIT:
             raise InputError("fake arm", f"flew apart at {self._time:.3f} s", "weaken its effects or loads")
@@ -190,6 +196,11 @@ class FakeArm:
         mujoco.mj_step2(self._chain.model, self._data)
         mujoco.mj_step1(self._chain.model, self._data)
         self._steps += 1
+
+    def _bends(self, quaternions: Floats) -> Floats:
+        """Add up the small rotations of each segment's joints about x and y [rad], shape (segments, 2)."""
+        turned = 2.0 * quaternions[:, 1:3]
+        return np.stack([turned[self._places == k].sum(axis=0) for k in range(len(self.segments))])
 
     def _damp(self, settling: bool) -> None:
         """Set the viscosity, which may depend on the speed of the tip."""

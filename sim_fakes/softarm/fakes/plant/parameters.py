@@ -114,6 +114,7 @@ class Actuation:
         buckling_pressure: Pressure at which a wall snaps through [Pa]; 0 for never.
         buckling: Relative growth of the area once it has.
         product: Gain of a chamber per 50 kPa in its neighbours.
+        random_law: Strength of a random law [Pa], 0 for none, and which one.
     """
 
     gains: tuple[float, ...] = (1.0,) * 6
@@ -126,6 +127,7 @@ class Actuation:
     buckling_pressure: float = 0.0
     buckling: float = 0.0
     product: float = 0.0
+    random_law: tuple[float, int] = (0.0, 0)
 
 
 @dataclass(frozen=True)

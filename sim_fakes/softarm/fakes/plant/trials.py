@@ -8,7 +8,6 @@ import numpy as np
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.effects import (
     ARM_EFFECTS,
-    FOREIGN_EFFECTS,
     INSTRUMENT_EFFECTS,
     Concealed,
     ConcealedEffect,
@@ -38,6 +37,8 @@ from softarm.fakes.plant.variants import variant
 Random = np.random.Generator
 
 PAUSE = 20.0
+FOREIGN = "random_law"
+"""Drawn for a foreign trial: laws by name are known to whoever writes a diagnosis."""
 KINDS = ("null", "single", "pair", "triple", "foreign")
 SENSORS = {"pose": ("frame_intermediate", "frame_tip"), "bend": ("bend_intermediate", "bend_tip")}
 DRAWN = {
@@ -148,7 +149,7 @@ def draw_effect(rng: Random, known: ConcealedEffect) -> Concealed:
 
 def _names(rng: Random, kind: str, only: tuple[str, ...]) -> tuple[str, ...]:
     """Draw the names of the effects, without repeats."""
-    known = list(FOREIGN_EFFECTS) if kind == "foreign" else [*ARM_EFFECTS, *INSTRUMENT_EFFECTS]
+    known = [FOREIGN] if kind == "foreign" else [*ARM_EFFECTS, *INSTRUMENT_EFFECTS]
     pool = sorted(only or known)
     count = {"null": 0, "single": 1, "pair": 2, "triple": 3, "foreign": 1}[kind]
     if count > len(pool):

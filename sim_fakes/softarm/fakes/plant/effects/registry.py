@@ -30,6 +30,7 @@ from softarm.fakes.plant.effects.foreign import (
     curvature_locking,
     periodic_disturbance,
     product_coupling,
+    random_law,
     swirl,
     wall_buckling,
 )
@@ -79,6 +80,7 @@ FOREIGN_EFFECTS: dict[str, ArmEffect] = {
         curvature_locking,
         periodic_disturbance,
         product_coupling,
+        random_law,
         swirl,
         wall_buckling,
     )
