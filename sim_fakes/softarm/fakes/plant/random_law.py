@@ -1,8 +1,9 @@
 """Smooth random functions of random states of an arm: physics that nobody had in mind.
 
-A law is a draw of a Gaussian process of unit variance with a squared exponential kernel, by random Fourier
-features (Rahimi and Recht, Adv. Neural Inf. Process. Syst. 20 (2007) 1177), less its value in the state of rest:
-f(s) = sqrt(2 / K) sum_k (cos(w_k . s + b_k) - cos(b_k)). It pushes one segment in one direction.
+A law is a draw of a Gaussian process of unit variance with a squared exponential kernel, by random
+Fourier features (Rahimi and Recht, Adv. Neural Inf. Process. Syst. 20 (2007) 1177), less its value in the
+state of rest: f(s) = sqrt(2 / K) sum_k (cos(w_k . s + b_k) - cos(b_k)). It pushes one segment in one
+direction.
 """
 
 from dataclasses import dataclass
