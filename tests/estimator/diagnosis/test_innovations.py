@@ -48,10 +48,16 @@ def test_white_noise_of_the_assumed_size_has_variance_1_and_no_correlation(searc
     assert list(test.correlation.values()) == pytest.approx([0.0] * 4, abs=0.35)
 
 
-def test_noise_that_is_larger_and_correlated_shows_as_such(search):
+def test_noise_that_is_larger_and_correlated_shows_in_the_residuals(search):
     test = innovation_test(search, noise(search, 3.0 * ASSUMED, memory=0.9))
-    assert min(test.variance.values()) > 3.0
-    assert min(test.correlation.values()) > 0.6
+    assert min(test.residual_variance.values()) > 3.0
+    assert min(test.residual_correlation.values()) > 0.6
+
+
+def test_innovations_show_what_other_stretches_have_not_shown(search):
+    left = noise(search, ASSUMED)
+    left[1][search.evidence.stages[1].session.heldout] *= 3.0
+    assert min(innovation_test(search, left).variance.values()) > 4.0
 
 
 def test_what_a_swing_leaves_uncertain_counts_in_the_assumed_noise(search):
@@ -61,7 +67,7 @@ def test_what_a_swing_leaves_uncertain_counts_in_the_assumed_noise(search):
     ]
     other = SimpleNamespace(evidence=SimpleNamespace(stages=doubtful), weights=search.weights)
     left = noise(search, ASSUMED)
-    whole, half = innovation_test(search, left).variance, innovation_test(other, left).variance
+    whole, half = (innovation_test(one, left).residual_variance for one in (search, other))
     assert half == pytest.approx({name: value / 4.0 for name, value in whole.items()})
 
 

@@ -76,7 +76,9 @@ def diagnosis() -> Diagnosis:
             (0.55, 0.71),
             "every third run",
             {"bend_tip.x": ChannelError("rad", 0.022, 0.008)},
-            InnovationTest({"bend_tip.x": 1.21}, {"bend_tip.x": 0.42}),
+            InnovationTest(
+                *({"bend_tip.x": value} for value in (1.21, 0.42, 0.003, 4.1, 0.93)),
+            ),
         ),
         unexplained=Unexplained(
             1.1,

@@ -82,7 +82,15 @@ def test_a_report_holds_what_the_contract_lists() -> None:
         "gain_ci95",
         "how_split",
     }
-    assert set(told["calibration_of_noise"]) == {"innovation_variance", "innovation_correlation"}
+    noise = told["calibration_of_noise"]
+    assert noise == {
+        "white": False,
+        "innovation_variance": {"bend_tip.x": 1.21},
+        "innovation_correlation": {"bend_tip.x": 0.42},
+        "innovation_chance": {"bend_tip.x": 0.003},
+        "residual_variance": {"bend_tip.x": 4.1},
+        "residual_correlation": {"bend_tip.x": 0.93},
+    }
     assert set(told["unexplained"]) == {"normalised_rms", "where", "when"}
     (finding,) = told["findings"]
     assert finding["where"] == {"segment": None, "chamber": 2, "section": None, "sensor": None, "axis": None}

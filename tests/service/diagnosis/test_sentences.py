@@ -99,13 +99,18 @@ def test_bayes_factors_have_the_names_of_kass_and_raftery(log_bayes_factor, name
     assert sentences.strength(log_bayes_factor) == name
 
 
+def innovations(variance, correlation):
+    """A test whose residuals are as its innovations."""
+    return InnovationTest(variance, correlation, dict.fromkeys(variance, 0.5), variance, correlation)
+
+
 def test_innovations_are_called_white_only_where_they_are():
-    white = InnovationTest({"a": 0.9, "b": 1.2}, {"a": 0.1, "b": -0.05})
-    assert sentences.noise(white).startswith("What is left is white noise of the assumed size")
+    white = innovations({"a": 0.9, "b": 1.2}, {"a": 0.1, "b": -0.05})
+    assert sentences.noise(white).startswith("What is left is white noise of the learnt size")
     for other in (
-        InnovationTest({"a": 6.0}, {"a": 0.1}),
-        InnovationTest({"a": 1.0}, {"a": 0.9}),
-        InnovationTest({"a": 0.1}, {"a": 0.0}),
+        innovations({"a": 6.0}, {"a": 0.1}),
+        innovations({"a": 1.0}, {"a": 0.9}),
+        innovations({"a": 0.1}, {"a": 0.0}),
     ):
         assert "not white noise" in sentences.noise(other)
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.discrepancy import Autoregression, ljung_box
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gram import total
 from softarm.estimator.diagnosis.result import ChannelError, InnovationTest, Stretch
@@ -61,33 +62,44 @@ def channel_errors(search: Search, before: Residuals, after: Residuals) -> dict[
 
 
 def innovation_test(search: Search, residuals: Residuals) -> InnovationTest:
-    """Compare held-out residuals with white noise of the standard deviation that the choice assumed.
+    """Compare held-out residuals with the noise that was assumed, and with the memory that others show.
 
-    The mean square is about zero, so that a constant error counts. Neighbouring samples are correlated within
-    stretches, not across what lies between them.
+    Residuals are over the standard deviation that the choice assumed. Their mean square is about zero, so
+    that a constant error counts. Innovations are what the past of a stretch does not predict, by a process
+    that the searched stretches show.
 
     Args:
         search: The search.
         residuals: Of each session with all findings, shape (samples, rows).
     """
-    variances: dict[str, list[Floats]] = {}
-    products: dict[str, list[Floats]] = {}
-    for number, stage in _questioned(search):
+    seen, unseen = (_standardised(search, residuals, reported=reported) for reported in (False, True))
+    kept = {name: value for name in unseen if (value := _mean([one**2 for one in unseen[name]])) > 0.0}
+    variance, correlation, chance = {}, {}, {}
+    for name in kept:
+        process = Autoregression.fitted(seen.get(name, []))
+        own = [process.innovations(one) for one in unseen[name]]
+        size = _mean([one**2 for one in own])
+        if np.isfinite(size):
+            variance[name] = size
+            correlation[name], chance[name] = ljung_box(own)
+    alike = {name: ljung_box(unseen[name])[0] for name in kept}
+    return InnovationTest(variance, correlation, chance, kept, alike)
+
+
+def _standardised(search: Search, residuals: Residuals, *, reported: bool) -> dict[str, list[Floats]]:
+    """List the residuals of each channel by stretch, over the standard deviation that the choice assumed."""
+    found: dict[str, list[Floats]] = {}
+    for number, stage in enumerate(search.evidence.stages):
+        session = stage.session
+        if session.nominal:
+            continue
         scaled = residuals[number] / _assumed(search, stage)
-        seen = stage.session.reported
-        for block in np.unique(stage.session.blocks[seen]):
-            own = scaled[(stage.session.blocks == block) & seen]
+        chosen = session.reported if reported else ~session.heldout
+        for block in np.unique(session.blocks[chosen]):
+            own = scaled[(session.blocks == block) & chosen]
             for name, column in zip(channels(stage.suite), own.T, strict=True):
-                pairs = column[1:] * column[:-1]
-                variances.setdefault(name, []).append(column[np.isfinite(column)] ** 2)
-                products.setdefault(name, []).append(pairs[np.isfinite(pairs)])
-    variance = {name: _mean(parts) for name, parts in variances.items()}
-    kept = {name: value for name, value in variance.items() if np.isfinite(value) and value > 0.0}
-    correlation = {name: _mean(products[name]) / value for name, value in kept.items()}
-    finite = {
-        name: float(np.clip(value, -1.0, 1.0)) for name, value in correlation.items() if np.isfinite(value)
-    }
-    return InnovationTest(kept, finite)
+                found.setdefault(name, []).append(column)
+    return found
 
 
 def worst_stretch(search: Search, residuals: Residuals) -> Stretch | None:
@@ -133,5 +145,7 @@ def _assumed(search: Search, stage: Stage) -> Floats:
 
 
 def _mean(parts: Sequence[Floats]) -> float:
+    """Average what is not lost; NaN where nothing is."""
     values = np.concatenate(parts) if parts else np.zeros(0)
-    return float(values.mean()) if len(values) else float("nan")
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else float("nan")

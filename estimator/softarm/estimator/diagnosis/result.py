@@ -175,15 +175,23 @@ ChannelErrors = Mapping[str, ChannelError]
 
 @dataclass(frozen=True)
 class InnovationTest:
-    """Whether held-out residuals, over the standard deviation that the choice assumed, are white noise.
+    """Whether held-out data are white noise of the assumed size, once their own past has been used.
 
     Args:
-        variance: Mean square of the standardised residuals of each channel; 1 where the noise is as assumed.
-        correlation: Their correlation between neighbouring samples; 0 where the noise is white.
+        variance: Mean square of the standardised innovations of each channel: what a process with the memory
+            that other stretches show does not predict from the past; 1 where it is as large as there.
+        correlation: Their correlation between neighbouring samples; 0 where they are white.
+        chance: Of as much correlation as they show (Ljung and Box), where they are white.
+        residual_variance: Mean square of the residuals themselves, over the standard deviation that the
+            choice assumed.
+        residual_correlation: Their correlation between neighbouring samples.
     """
 
     variance: Mapping[str, float] = field(default_factory=dict)
     correlation: Mapping[str, float] = field(default_factory=dict)
+    chance: Mapping[str, float] = field(default_factory=dict)
+    residual_variance: Mapping[str, float] = field(default_factory=dict)
+    residual_correlation: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

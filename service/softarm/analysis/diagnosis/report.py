@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from softarm.analysis.diagnosis.sentences import is_white
 from softarm.estimator.diagnosis.result import Diagnosis, Finding
 from softarm.estimator.effects.amounts import readable
 from softarm.estimator.errors import InputError
@@ -103,10 +104,18 @@ class HeldoutPart(_Part):
 
 
 class NoisePart(_Part):
-    """Standardised residuals of held-out data: 1 and 0 where the noise is as assumed and white."""
+    """Standardised innovations and residuals of held-out data: 1 and 0 where they are white and as learnt.
 
+    Innovations are what a channel's own past does not predict, by a process that other stretches show; their
+    chance is that of as much correlation in white noise.
+    """
+
+    white: bool = False
     innovation_variance: dict[str, Number]
     innovation_correlation: dict[str, Number]
+    innovation_chance: dict[str, Probability] = Field(default_factory=dict)
+    residual_variance: dict[str, Number] = Field(default_factory=dict)
+    residual_correlation: dict[str, Number] = Field(default_factory=dict)
 
 
 class LimitPart(_Part):
@@ -170,8 +179,12 @@ def report_of(diagnosis: Diagnosis) -> Report:
             how_split=heldout.how_split,
         ),
         calibration_of_noise=NoisePart(
+            white=is_white(heldout.innovations),
             innovation_variance=dict(heldout.innovations.variance),
             innovation_correlation=dict(heldout.innovations.correlation),
+            innovation_chance=dict(heldout.innovations.chance),
+            residual_variance=dict(heldout.innovations.residual_variance),
+            residual_correlation=dict(heldout.innovations.residual_correlation),
         ),
         unexplained=UnexplainedPart(
             normalised_rms=left.normalised_rms, where=_where(left.where), when=left.when

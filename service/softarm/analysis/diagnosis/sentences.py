@@ -1,6 +1,6 @@
 """A diagnosis in sentences: each states only what the numbers in it show. Page and terminal share them."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -24,7 +24,7 @@ STRENGTHS = ((2.0, "decisive"), (1.0, "strong"), (0.5, "substantial"), (-np.inf,
 section 3.2, who call the last "not worth more than a bare mention"."""
 WHITE_VARIANCE = (0.5, 2.0)
 WHITE_CORRELATION = 0.3
-"""Variance and correlation of innovations between which they are called white noise of the assumed size."""
+"""Variance and correlation of innovations between which they are called white noise of the learnt size."""
 
 
 def number(value: float) -> str:
@@ -182,26 +182,34 @@ def evidence_sentence(finding: Finding) -> str:
     return words
 
 
+def is_white(test: InnovationTest) -> bool:
+    """Return whether the innovations of all channels are white noise of the learnt size."""
+    sized = all(WHITE_VARIANCE[0] <= value <= WHITE_VARIANCE[1] for value in test.variance.values())
+    alike = all(abs(value) <= WHITE_CORRELATION for value in test.correlation.values())
+    return bool(test.variance) and sized and alike
+
+
 def noise(test: InnovationTest) -> str:
-    """Write whether what is left is white noise of the assumed size."""
+    """Write whether what is left is white noise of the learnt size, itself and once its past is used."""
     if not test.variance:
         return "Whether what is left is noise was not tested."
-    variances, correlations = list(test.variance.values()), list(test.correlation.values())
-    span = (
-        f"over channels, the variance of standardised residuals lies between {number(min(variances))} and "
-        f"{number(max(variances))} (1 expected)"
+    said = "is" if is_white(test) else "is not"
+    words = (
+        f"What is left {said} white noise of the learnt size once each channel's own past is used: over "
+        f"channels, {_spans(test.variance, test.correlation)}."
     )
-    if correlations:
-        span += (
-            ", the correlation of neighbouring samples between "
-            f"{min(correlations):.2f} and {max(correlations):.2f} (0 expected)"
-        )
-    sized = min(variances) >= WHITE_VARIANCE[0] and max(variances) <= WHITE_VARIANCE[1]
-    white = max(map(abs, correlations), default=0.0) <= WHITE_CORRELATION
-    if sized and white:
-        return f"What is left is white noise of the assumed size: {span}."
+    if not is_white(test):
+        words += " Standard deviations may be too small."
+    left = _spans(test.residual_variance, test.residual_correlation)
+    return f"{words} Of the residuals themselves, {left}: the standard deviations of sizes allow for that."
+
+
+def _spans(variance: Mapping[str, float], correlation: Mapping[str, float]) -> str:
+    """Write over which range the variance and the correlation of standardised values lie."""
+    sizes, alike = variance.values(), correlation.values()
     return (
-        f"What is left is not white noise of the assumed size: {span}. Standard deviations may be too small."
+        f"the variance lies between {number(min(sizes))} and {number(max(sizes))} (1 expected), the "
+        f"correlation of neighbouring samples between {min(alike):.2f} and {max(alike):.2f} (0 expected)"
     )
 
 

@@ -1,0 +1,59 @@
+"""Residuals with memory: coefficients, innovations and the test for what correlation is left."""
+
+import numpy as np
+import pytest
+
+from softarm.estimator.diagnosis.discrepancy import Autoregression, ljung_box
+
+
+def process(
+    seed: int, memory: float, size: float = 1.0, samples: int = 400, count: int = 8
+) -> list[np.ndarray]:
+    """Draw stretches of a first-order process whose innovations have a standard deviation."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for _ in range(count):
+        left = rng.normal(0.0, size, samples)
+        for k in range(1, samples):
+            left[k] += memory * left[k - 1]
+        found.append(left)
+    return found
+
+
+def test_innovations_of_unseen_stretches_are_white_and_of_unit_variance():
+    learnt = Autoregression.fitted(process(1, 0.95, 0.3))
+    own = [learnt.innovations(one) for one in process(2, 0.95, 0.3)]
+    assert np.nanmean(np.concatenate(own) ** 2) == pytest.approx(1.0, abs=0.1)
+    correlation, chance = ljung_box(own)
+    assert abs(correlation) < 0.05
+    assert chance > 0.01
+
+
+def test_another_memory_or_size_shows():
+    learnt = Autoregression.fitted(process(1, 0.5))
+    slower = [learnt.innovations(one) for one in process(2, 0.95)]
+    correlation, chance = ljung_box(slower)
+    assert correlation > 0.3
+    assert chance < 1e-6
+    larger = [learnt.innovations(one) for one in process(3, 0.5, size=2.0)]
+    assert np.nanmean(np.concatenate(larger) ** 2) == pytest.approx(4.0, rel=0.15)
+
+
+def test_chances_are_even_where_nothing_is_correlated():
+    chances = np.sort([ljung_box(process(seed, 0.0, samples=100, count=3))[1] for seed in range(200)])
+    assert np.abs(chances - np.linspace(0.0, 1.0, 200)).max() < 0.12
+
+
+def test_white_noise_is_given_no_memory():
+    assert len(Autoregression.fitted(process(4, 0.0)).coefficients) <= 2
+
+
+def test_lost_samples_and_short_stretches_are_left_out():
+    parts = process(5, 0.9, samples=100)
+    parts[0][10:20] = np.nan
+    learnt = Autoregression.fitted([*parts, np.array([9.0, -9.0])])
+    assert learnt.deviation == pytest.approx(1.0, abs=0.1)
+    assert np.isnan(learnt.innovations(parts[0])).any()
+    assert len(learnt.innovations(np.array([]))) == 0
+    assert Autoregression.fitted([]).deviation == 0.0
+    assert ljung_box([np.zeros(3)]) == (0.0, 1.0)
