@@ -37,6 +37,7 @@ from softarm.estimator.diagnosis.result import (
 )
 from softarm.estimator.diagnosis.ring import ring_of
 from softarm.estimator.diagnosis.session import Session, channels
+from softarm.estimator.diagnosis.sizes import sized
 from softarm.estimator.diagnosis.split import excitation, hold_out
 from softarm.estimator.diagnosis.stage import Model, Stage
 from softarm.estimator.diagnosis.stuck import Stuck, find_stuck, stuck_findings, without_stuck
@@ -61,6 +62,9 @@ CHANGED = 20.0
 """Twice the logarithm of the odds from which more has changed than from run to run ("very strong": Kass and
 Raftery, J. Am. Stat. Assoc. 90 (1995) 773, say so from 10)."""
 SIGNIFICANT = 0.01
+DOUBTFUL = 0.1
+"""Chance, and least gain on single recordings, with which an effect that was turned down shows that
+something is missing."""
 DIRECT = frozenset({"command", "pressure", "gravity", "load"})
 SOLVED = DIRECT | {"couple", "support", "sensing"}
 """Where effects enter the model that need few of its answers, and all where answers are fast."""
@@ -106,9 +110,46 @@ def diagnose(
         effects: Effects to try; all when left out.
         advance: Is called with what is being done.
     """
-    rng = np.random.default_rng(seed)
-    limits = np.array(model.specimen.pressure_limits)
-    split, how = hold_out(sessions, limits)
+    assembled = assemble(model, sessions, executor, effects, advance)
+    advance("fitting")
+    search = begin(assembled.evidence, seed, fast=model.fast, advance=lambda _: advance("fitting"))
+    decision = decide(search)
+    advance("judging")
+    notes = (*notes, *assembled.notes, *_notes(search))
+    if decision.dropped:
+        notes = (
+            *notes,
+            f"Fitted, but not proven on held-out data and so not reported: {', '.join(decision.dropped)}.",
+        )
+    return _outcome(search, decision, assembled, notes)
+
+
+@dataclass(frozen=True)
+class Assembled:
+    """All that is known before anything is looked for.
+
+    Args:
+        evidence: Residuals and columns.
+        stuck: Sensors that stood still.
+        how: Which parts of the recordings are held out, in words.
+        notes: What was noticed on the way.
+    """
+
+    evidence: RegressionProblem
+    stuck: tuple[Stuck, ...]
+    how: str
+    notes: tuple[str, ...]
+
+
+def assemble(
+    model: Model,
+    sessions: Sequence[Session],
+    executor: Executor,
+    effects: Sequence[EffectName] | None = None,
+    advance: Callable[[str], None] = lambda _: None,
+) -> Assembled:
+    """Calibrate, predict and linearise; see ``diagnose``."""
+    split, how = hold_out(sessions, np.array(model.specimen.pressure_limits))
     known = [session for session in split if session.nominal] or list(split)
     advance("calibrating")
     fitted = calibrate_sessions(model, known)
@@ -123,7 +164,6 @@ def diagnose(
     )
     masses = Masses.of(model.specimen, model.sections, stages[0].world.segments)
     swing, words = fit_swing([stage for stage in stages if stage.session.nominal] or stages, masses)
-    notes = (*notes, *words)
     if swing is not None:
         stages = tuple(swinging(stage, swing, masses) for stage in stages)
     library = build_library(
@@ -140,31 +180,81 @@ def diagnose(
     forms = columns[0].shape[-1] - len(fitted.values) - len(library.directions)
     residuals = tuple(stage.residual for stage in stages)
     evidence = RegressionProblem(model.specimen.name, stages, fitted, library, residuals, columns, forms)
+    return Assembled(evidence, stuck, how, words)
+
+
+def begin(
+    evidence: RegressionProblem,
+    seed: int = 0,
+    *,
+    fast: bool,
+    advance: Callable[[float], None] = lambda _: None,
+) -> Search:
+    """Learn the noise and what nominal recordings teach, and prepare the search.
+
+    Args:
+        evidence: Residuals and columns.
+        seed: Of everything random.
+        fast: Whether the model may be solved for every effect.
+        advance: Called after each step of the search.
+    """
     weights = evidence.weigh()
     belief, width = belief_before(evidence, weights)
-    advance("fitting")
-    search = Search(
+    return Search(
         evidence,
         weights,
         belief,
-        rng,
+        np.random.default_rng(seed),
         width=width,
-        solve=SOLVED if model.fast else DIRECT,
-        ring=ring_of(stages),
-        advance=lambda _: advance("fitting"),
+        solve=SOLVED if fast else DIRECT,
+        ring=ring_of(evidence.stages),
+        advance=advance,
     )
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What is reported, before it is put into words.
+
+    Args:
+        choice: The effects that are reported.
+        dropped: Names of those that did not hold on data that confirm.
+        law: A law without a name that explains far more than they would.
+        remainder: What no known effects explain, over the same of nominal recordings.
+        changed: Whether the recordings in question have changed more than the effects say.
+    """
+
+    choice: ChosenEffects
+    dropped: tuple[EffectName, ...]
+    law: FreeLaw | None
+    remainder: float
+    changed: bool
+
+    def verdict(self, *, found: bool) -> Verdict:
+        """Put it into one word.
+
+        Args:
+            found: Whether anything is reported.
+        """
+        if found:
+            return "partly_explained" if self.changed else "explained"
+        turned_down, alarm = self.choice.turned_down, self.choice.alarm_p
+        doubtful = turned_down is not None and turned_down[1].gain_ci95[0] > DOUBTFUL
+        return "unexplained" if self.changed or (doubtful and alarm < SIGNIFICANT) else "consistent"
+
+
+def decide(search: Search) -> Decision:
+    """Choose the effects that are reported, and tell whether something else is missing."""
     choice, dropped = proven(search)
-    notes = (*notes, *_notes(width, known))
-    if dropped:
-        notes = (
-            *notes,
-            f"Fitted, but not proven on held-out data and so not reported: {', '.join(dropped)}.",
-        )
     law = better_law(search, choice)
     if law is not None:
         choice = replace(choice, accepted=(), fit=None)
-    advance("judging")
-    return _outcome(search, choice, how, notes, stuck, law)
+    confirming = held_out(search, None, choice.fit, known=choice.fit is not None, confirming=True)
+    remainder = _remainder(search, choice, confirming.rms()[1])
+    changed = law is not None or remainder > STRUCTURE or _changed(search, choice)
+    if choice.fit is not None:
+        choice = replace(choice, fit=sized(search, choice.fit))
+    return Decision(choice, tuple(dropped), law, remainder, changed)
 
 
 def _require_predictions(stages: Sequence[Stage]) -> None:
@@ -188,41 +278,33 @@ def _common_world(stages: Sequence[Stage]) -> Stage:
     return max(stages, key=lambda stage: len(stage.world.sensors))
 
 
-def _notes(width: float, known: Sequence[Session]) -> list[str]:
-    if any(session.nominal for session in known):
-        names = ", ".join(session.name for session in known)
+def _notes(search: Search) -> list[str]:
+    known = [stage.session.name for stage in search.evidence.stages if stage.session.nominal]
+    if known:
         return [
-            f"The reference is {names}: what these recordings also show is not reported. Changes of up to "
-            f"{width:.0%} of an effect's typical size occur from run to run and do not count."
+            f"The reference is {', '.join(known)}: what these recordings also show is not reported. Changes "
+            f"of up to {search.width:.0%} of an effect's typical size occur from run to run and do not count."
         ]
     return ["No nominal recording was given, so the reference is the specimen itself."]
 
 
 def _outcome(
-    search: Search,
-    choice: ChosenEffects,
-    how: str,
-    notes: Sequence[str],
-    stuck: tuple[Stuck, ...],
-    law: FreeLaw | None,
+    search: Search, decision: Decision, assembled: Assembled, notes: Sequence[str]
 ) -> DiagnosisOutcome:
-    evidence = search.evidence
+    evidence, choice, law = search.evidence, decision.choice, decision.law
     suspects = [stage for stage in evidence.stages if not stage.session.nominal]
     notes = (*notes, *disagreement(search, choice))
     predictions = held_out(search, None, choice.fit, known=choice.fit is not None)
-    findings = (*findings_of(search, choice), *stuck_findings(stuck))
-    confirming = held_out(search, None, choice.fit, known=choice.fit is not None, confirming=True)
-    remainder = _remainder(search, choice, confirming.rms()[1])
+    findings = (*findings_of(search, choice), *stuck_findings(assembled.stuck))
     first_map = _map(search, None)
     left_map = _map(search, choice) if choice.fit is not None else first_map
     baseline = _baseline(suspects, evidence.floors)
-    changed = law is not None or remainder > STRUCTURE or _changed(search, choice)
-    verdict = _verdict(choice, changed=changed, found=bool(findings))
-    heldout = heldout_result(search, choice.fit, predictions, how)
+    verdict = decision.verdict(found=bool(findings))
+    heldout = heldout_result(search, choice.fit, predictions, assembled.how)
     left = residuals_of(search, choice.fit, learnt_coefficients(search, choice.fit))
     unexplained = replace(
         _unexplained(verdict, heldout.after, left_map, law),
-        over_nominal=remainder if len(suspects) < len(evidence.stages) else None,
+        over_nominal=decision.remainder if len(suspects) < len(evidence.stages) else None,
         worst=worst_stretch(search, left),
     )
     if verdict == "unexplained":
@@ -305,13 +387,6 @@ def _changed(search: Search, choice: ChosenEffects) -> bool:
         return False
     left = [part for part in search.parts(choice.fit) if not part.reported]
     return evidence_of_change(evidence, search.belief, search.width, left, share) > CHANGED
-
-
-def _verdict(choice: ChosenEffects, *, changed: bool, found: bool) -> Verdict:
-    if found:
-        return "partly_explained" if changed else "explained"
-    doubtful = choice.turned_down is not None and choice.turned_down[1].gain_ci95[0] > 0.1
-    return "unexplained" if changed or (doubtful and choice.alarm_p < SIGNIFICANT) else "consistent"
 
 
 def _unexplained(verdict: Verdict, after: float, found: LocationMap, law: FreeLaw | None) -> Unexplained:

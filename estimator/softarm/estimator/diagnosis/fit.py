@@ -17,7 +17,8 @@ Floats = NDArray[np.float64]
 
 ITERATIONS = 10
 STEP = 1e-3
-"""Step of the differences, in units of the fit."""
+EXACT_STEP = 0.03
+"""Step of the differences, in units of the fit, to first order and on the model itself, which iterates."""
 SETTLED = 0.02
 """Improvement of the cost that ends a fit."""
 LARGEST = 1.5
@@ -150,16 +151,16 @@ def fit_effects(
             step shows (Broyden 1965), for a strong effect changes them.
         iterations: Largest number of steps tried.
     """
-    chart = _Chart.of(hypotheses[free:])
+    chart = Chart.of(hypotheses[free:])
     fixed = list(starts[:free])
     values = chart.units(np.concatenate([*starts[free:], np.zeros(0)]))
 
     def changed(at: Floats) -> list[Floats]:
-        return _whitened(ground, hypotheses, [*fixed, *chart.split(at)], exact=exact)
+        return whitened(ground, hypotheses, [*fixed, *chart.split(at)], exact=exact)
 
     change = changed(values)
     gain, damping, refused = _gain(ground, change), FIRST_DAMPING, 0
-    slopes = _slopes(ground, hypotheses, fixed, chart, values)
+    slopes = slopes_of(ground, hypotheses, fixed, chart, values)
     if exact and not free:  # without amplitudes nothing changes
         _secant(slopes, np.where(chart.amplitudes, values - chart.centres, 0.0), change)
     for _ in range(iterations):
@@ -179,7 +180,7 @@ def fit_effects(
         values, change, gain, refused = trial, tried, _gain(ground, tried), 0
         damping = max(0.1 * damping, LEAST_DAMPING)
         if not exact:
-            slopes = _slopes(ground, hypotheses, fixed, chart, values)
+            slopes = slopes_of(ground, hypotheses, fixed, chart, values)
         if improved < SETTLED:
             break
     matrix, _ = _normal(ground, slopes, change, chart, values)
@@ -196,7 +197,7 @@ def fit_effects(
 
 
 def _normal(
-    ground: Ground, slopes: list[Floats], change: list[Floats], chart: "_Chart", values: Floats
+    ground: Ground, slopes: list[Floats], change: list[Floats], chart: "Chart", values: Floats
 ) -> tuple[Floats, Floats]:
     """Give the normal equations of a step: the matrix and the right side."""
     both = [np.column_stack([s, c]) for s, c in zip(slopes, change, strict=True)]
@@ -215,7 +216,7 @@ def _secant(slopes: list[Floats], step: Floats, change: list[Floats]) -> None:
         own += (seen[:, 0] - own @ step)[:, None] * (step / length)
 
 
-def _whitened(
+def whitened(
     ground: Ground, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats], *, exact: bool
 ) -> list[Floats]:
     """Give what effects change, over the residuals' scale, each session flattened to one column."""
@@ -234,7 +235,7 @@ def _whitened(
 
 def gain_of(ground: Ground, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats]) -> float:
     """Give by how much effects lower the cost on the model itself."""
-    return _gain(ground, _whitened(ground, hypotheses, thetas, exact=True))
+    return _gain(ground, whitened(ground, hypotheses, thetas, exact=True))
 
 
 def _gain(ground: Ground, change: Sequence[Floats]) -> float:
@@ -242,35 +243,43 @@ def _gain(ground: Ground, change: Sequence[Floats]) -> float:
     return float(2.0 * vector[0] - matrix[0, 0])
 
 
-def _slopes(
+def slopes_of(
     ground: Ground,
     hypotheses: Sequence[Hypothesis],
     fixed: list[Floats],
-    chart: "_Chart",
+    chart: "Chart",
     values: Floats,
+    *,
+    exact: bool = False,
 ) -> list[Floats]:
-    """Differentiate what effects change by the parameters in units of the fit, to first order."""
+    """Differentiate what effects change by the parameters in units of the fit.
+
+    Returns:
+        Of each session, shape (samples * rows, parameters).
+    """
     columns: list[list[Floats]] = [[] for _ in ground.views]
-    change = _whitened(ground, hypotheses, [*fixed, *chart.split(values)], exact=False)
+    change = whitened(ground, hypotheses, [*fixed, *chart.split(values)], exact=exact)
+    size = EXACT_STEP if exact else STEP
     for index in range(len(values)):
         moved = values.copy()
-        step = -STEP if values[index] + STEP > chart.upper[index] else STEP
+        step = -size if values[index] + size > chart.upper[index] else size
         moved[index] += step
-        there = _whitened(ground, hypotheses, [*fixed, *chart.split(moved)], exact=False)
+        there = whitened(ground, hypotheses, [*fixed, *chart.split(moved)], exact=exact)
         for own, ahead, here in zip(columns, there, change, strict=True):
             own.append((ahead - here) / step)
     return [np.concatenate(own, axis=1) for own in columns]
 
 
 @dataclass(frozen=True)
-class _Chart:
+class Chart:
     """Parameters of several effects in units of the fit: over their typical size, or as logarithms."""
 
     parameters: tuple[ParameterSpec, ...]
     sizes: tuple[int, ...]
 
     @classmethod
-    def of(cls, hypotheses: Sequence[Hypothesis]) -> "_Chart":
+    def of(cls, hypotheses: Sequence[Hypothesis]) -> "Chart":
+        """Chart all parameters of some effects, one behind the other."""
         parameters = tuple(p for h in hypotheses for p in h.effect.parameters)
         return cls(parameters, tuple(len(h.effect.parameters) for h in hypotheses))
 
@@ -278,6 +287,7 @@ class _Chart:
         return abs(parameter.typical) or parameter.spread or 1.0
 
     def units(self, theta: Floats) -> Floats:
+        """Turn parameters into units of the fit, shape (parameters,)."""
         found = [
             np.log(max(value, 1e-12)) if p.transform == "log" else value / self._unit(p)
             for p, value in zip(self.parameters, theta.tolist(), strict=True)
@@ -285,6 +295,7 @@ class _Chart:
         return np.array(found)
 
     def split(self, values: Floats) -> list[Floats]:
+        """Turn units of the fit into the parameters of each effect."""
         theta = np.array(
             [
                 np.exp(value) if p.transform == "log" else value * self._unit(p)
@@ -294,6 +305,7 @@ class _Chart:
         return [np.array(part) for part in np.split(theta, np.cumsum(self.sizes)[:-1])]
 
     def slopes(self, values: Floats) -> Floats:
+        """Give the derivative of each parameter by its unit of the fit, shape (parameters,)."""
         found = [
             np.exp(value) if p.transform == "log" else self._unit(p)
             for p, value in zip(self.parameters, values.tolist(), strict=True)
@@ -302,14 +314,17 @@ class _Chart:
 
     @property
     def lower(self) -> Floats:
+        """Least values, shape (parameters,)."""
         return self.units(np.array([p.lower for p in self.parameters]))
 
     @property
     def upper(self) -> Floats:
+        """Largest values, shape (parameters,)."""
         return self.units(np.array([p.upper for p in self.parameters]))
 
     @property
     def centres(self) -> Floats:
+        """Middle of the priors, shape (parameters,)."""
         middle = [0.0 if p.role == "amplitude" else p.typical for p in self.parameters]
         return self.units(np.array(middle))
 
@@ -325,13 +340,16 @@ class _Chart:
         return np.asarray(np.maximum(np.array(found), 1e-3), dtype=np.float64)
 
     def penalty(self, values: Floats) -> float:
+        """Give the cost of values beforehand."""
         return float((((values - self.centres) / self.spreads) ** 2).sum())
 
     @property
     def amplitudes(self) -> NDArray[np.bool_]:
+        """Which parameters are amplitudes, shape (parameters,)."""
         return np.array([p.role == "amplitude" for p in self.parameters])
 
     def at_bound(self, values: Floats) -> bool:
+        """Tell whether an amplitude is at a bound that is not its neutral value."""
         near = np.minimum(values - self.lower, self.upper - values) < 1e-6
         neutral = np.abs(values - self.centres) < 1e-6
         return bool((near & ~neutral & self.amplitudes).any())

@@ -80,4 +80,5 @@ class RandomLaw:
         state = np.concatenate([pressures / PRESSURE, self.past / PRESSURE, bends.ravel() / BEND])
         angles = self.waves @ state[self.chosen] + self.phases
         size = np.sqrt(2.0 / FEATURES) * float(np.sum(np.cos(angles) - np.cos(self.phases)))
-        return self.strength * size * self.direction
+        pushed: Floats = self.strength * size * self.direction
+        return pushed

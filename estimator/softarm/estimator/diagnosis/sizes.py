@@ -1,0 +1,145 @@
+"""How large chosen effects are, and how surely, where the model that predicts them errs itself.
+
+The search weighs residuals by all that common coefficients might do, and so lives on the small differences
+between an effect and these: right for telling effects apart, wrong for their sizes. A model predicts the
+shape of a change with errors, as it predicts motion, and an error in the regressor pulls an estimate towards
+zero, the more so the more of what it shares with others is taken out (Griliches and Hausman, J. Econometrics
+31 (1986) 93). Sizes are therefore those of ordinary least squares, with the common coefficients at what
+nominal recordings teach and weights that do not depend on the residual.
+
+Their covariance is that of this estimator and not that of its weights (Huber 1967; White, Econometrica 48
+(1980) 817): with X the changes by each parameter, C the common columns and P the covariance of their
+coefficients,
+
+    H^-1 (X'X / share + X'C P C'X) H^-1,    H = X'X,
+
+and, for a discrepancy that lasts for a recording, that of the estimates without one recording each
+(jackknife: Miller, Biometrika 61 (1974) 1).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.diagnosis.belief import Belief
+from softarm.estimator.diagnosis.choose import EXACT_STEPS, Search
+from softarm.estimator.diagnosis.fit import Chart, Fit, Ground, View, fit_effects, slopes_of, whitened
+from softarm.estimator.diagnosis.gram import Total
+
+Floats = NDArray[np.float64]
+
+SPANS = 5
+"""Parts of a single recording that are left out in turn."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one recording, or a span of it, says of the parameters at the estimate.
+
+    Args:
+        matrix: X'X, shape (parameters, parameters).
+        vector: X'r, with r what the effects leave, shape (parameters,).
+        cross: X'C, shape (parameters, columns).
+    """
+
+    matrix: Floats
+    vector: Floats
+    cross: Floats
+
+
+def sized(search: Search, fit: Fit) -> Fit:
+    """Estimate the sizes of chosen effects anew, with their uncertainty.
+
+    Without nominal recordings the common coefficients are not known apart from the effects; then, and where a
+    swing was heard, the estimates stay, and only their uncertainty is that between recordings as well.
+
+    Args:
+        search: The search that chose them.
+        fit: The effects, as it fitted them.
+    """
+    known = any(stage.session.nominal for stage in search.evidence.stages)
+    if not known or search.ring is not None:
+        return fit
+    views, columns = plain_views(search)
+    ground = Ground.of(views, Belief(np.zeros(1), np.eye(1)), search.weights.share, _NOTHING)
+    found = fit_effects(ground, fit.hypotheses, fit.thetas)
+    if search.solvable(fit):
+        again = fit_effects(ground, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
+        found = max(found, again, key=lambda one: one.gain)
+    chart = Chart.of(found.hypotheses)
+    values = chart.units(np.concatenate(found.thetas))
+    slopes = slopes_of(ground, found.hypotheses, [], chart, values, exact=found.exact)
+    left = whitened(ground, found.hypotheses, found.thetas, exact=found.exact)
+    parts = [
+        part
+        for view, slope, change, common in zip(views, slopes, left, columns, strict=True)
+        for part in _parts(view, slope, view.left.ravel() - change[:, 0], common, whole=len(views) >= SPANS)
+    ]
+    prior = 1.0 / chart.spreads**2 / search.weights.share
+    covariance = robust_covariance(parts, prior, search.belief.covariance, search.weights.share)
+    return replace(found, covariance=covariance, gain=fit.gain)
+
+
+_NOTHING = Total(0, np.zeros((1, 1)), np.zeros(1), 0.0)
+
+
+def plain_views(search: Search) -> tuple[list[View], list[Floats]]:
+    """List what least squares sees of each recording in question: searched stretches, over their noise.
+
+    Returns:
+        The views, with the common coefficients at what is believed of them; and the common columns over the
+        noise, each of shape (samples * rows, columns).
+    """
+    views, columns = [], []
+    mean = search.belief.mean
+    for number, stage in enumerate(search.evidence.stages):
+        session = stage.session
+        if session.nominal or session.heldout.all():
+            continue
+        residual = search.evidence.residuals[number]
+        scale = np.array([search.weights.scale[name] for name in search.evidence.names[number]])
+        used = np.isfinite(residual) & ~session.heldout[:, None]
+        weight = used / np.hypot(scale, stage.unrest)
+        own = search.evidence.columns[number]
+        left = np.nan_to_num(residual - own @ mean) * weight
+        views.append(View(stage, left, weight, np.zeros((left.size, 1), dtype=np.float32)))
+        columns.append((own * weight[..., None]).reshape(left.size, -1))
+    return views, columns
+
+
+def _parts(view: View, slope: Floats, left: Floats, common: Floats, *, whole: bool) -> list[Part]:
+    """Multiply out a recording, or spans of it where there are few recordings."""
+    rows = view.left.shape[1]
+    cuts = [np.arange(len(view.left))] if whole else np.array_split(np.arange(len(view.left)), SPANS)
+    found = []
+    for cut in cuts:
+        own = slice(int(cut[0]) * rows, (int(cut[-1]) + 1) * rows)
+        x, c = slope[own], common[own]
+        found.append(Part(x.T @ x, x.T @ left[own], np.asarray(x.astype(c.dtype).T @ c, dtype=np.float64)))
+    return found
+
+
+def robust_covariance(parts: Sequence[Part], prior: Floats, common: Floats, share: float) -> Floats:
+    """Compute the covariance of least squares under errors that its weights do not know of.
+
+    Args:
+        parts: What each recording says, at the estimate.
+        prior: Precision of each parameter beforehand, over the share, shape (parameters,).
+        common: Covariance of the common coefficients, shape (columns, columns).
+        share: Share of independent samples.
+    """
+    whole = sum((part.matrix for part in parts), np.zeros((len(prior), len(prior))))
+    cross = sum((part.cross for part in parts), np.zeros((len(prior), len(common))))
+    inverse = np.linalg.inv(whole + np.diag(prior))
+    sandwich = inverse @ (whole / share + np.diag(prior) / share + cross @ common @ cross.T) @ inverse
+    pull = sum((part.vector for part in parts), np.zeros(len(prior)))
+    moved = []
+    for part in parts:
+        rest = whole - part.matrix + np.diag(prior)
+        moved.append(np.linalg.solve(rest, pull - part.vector) - inverse @ pull)
+    scatter = np.array(moved) - np.mean(moved, axis=0)
+    jackknife = (len(parts) - 1) / len(parts) * scatter.T @ scatter
+    covariance: Floats = sandwich + jackknife
+    return covariance

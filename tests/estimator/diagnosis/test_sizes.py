@@ -1,0 +1,109 @@
+"""Sizes and their uncertainty where the truth is known: errors that last, and a regressor that errs."""
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from softarm.estimator.diagnosis.belief import Belief
+from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.sizes import Part, robust_covariance, sized
+from softarm.estimator.effects import EFFECTS
+from softarm.estimator.specimen.physics import Place
+from tests.estimator.simulation.straight_arm import world
+
+SAMPLES, NOISE = 400, 1e-3
+RUNS = 6
+MASS = 0.03
+
+
+def part(x: np.ndarray, left: np.ndarray, common: np.ndarray) -> Part:
+    return Part(x.T @ x, x.T @ left, x.T @ common)
+
+
+def test_independent_errors_give_the_variance_of_least_squares():
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(RUNS, SAMPLES, 2))
+    parts = [part(own, rng.normal(size=SAMPLES), np.zeros((SAMPLES, 1))) for own in x]
+    found = robust_covariance(parts, np.zeros(2), np.zeros((1, 1)), 1.0)
+    whole = np.linalg.inv(np.einsum("rsi,rsj->ij", x, x))
+    assert np.diag(found) / np.diag(whole) == pytest.approx(
+        [2.0, 2.0], rel=0.6
+    )  # the jackknife counts it again
+
+
+def test_fewer_independent_samples_and_uncertain_common_coefficients_widen_it():
+    x, nothing = np.ones((SAMPLES, 1)), np.zeros(SAMPLES)
+    parts = [part(x, nothing, x)] * RUNS
+    plain = robust_covariance(parts, np.zeros(1), np.zeros((1, 1)), 1.0)[0, 0]
+    assert robust_covariance(parts, np.zeros(1), np.zeros((1, 1)), 0.1)[0, 0] == pytest.approx(10.0 * plain)
+    common = robust_covariance(parts, np.zeros(1), np.full((1, 1), 0.2), 1.0)[0, 0]
+    assert common == pytest.approx(plain + 0.2)
+
+
+def test_an_error_that_lasts_for_a_recording_counts():
+    """Estimates of single recordings scatter by 0.5: their mean by 0.5 over the root of their number."""
+    rng = np.random.default_rng(1)
+    x = np.ones((SAMPLES, 1))
+    own = rng.normal(0.0, 0.5, 40)
+    parts = [part(x, np.full(SAMPLES, size - own.mean()), 0.0 * x) for size in own]
+    found = robust_covariance(parts, np.zeros(1), np.zeros((1, 1)), 1.0)[0, 0]
+    assert np.sqrt(found) == pytest.approx(own.std(ddof=1) / np.sqrt(40), rel=0.1)
+
+
+class Weighed:
+    """A stage on which a payload changes the reading in proportion, by a shape that the model gets wrong."""
+
+    def __init__(self, seed: int, *, nominal: bool = False) -> None:
+        rng = np.random.default_rng(seed)
+        truth = np.sin(np.linspace(0.0, 7.0, SAMPLES) + rng.uniform(0.0, 6.0))[:, None]
+        self.world = world()
+        self.shape = truth + 0.3 * rng.normal(size=truth.shape)
+        self.common = truth + 0.02 * rng.normal(size=truth.shape)
+        self.unrest = np.zeros(truth.shape)
+        self.session = SimpleNamespace(nominal=nominal, heldout=np.zeros(SAMPLES, dtype=bool))
+        self.residual = (0.0 if nominal else MASS) * truth + NOISE * rng.normal(size=truth.shape)
+
+    def change(self, effects, *, exact: bool = False) -> np.ndarray:
+        return self.shape * sum(float(effect.theta[0]) for effect in effects)
+
+
+@pytest.fixture
+def search() -> Search:
+    stages = [Weighed(0, nominal=True), *(Weighed(seed) for seed in range(1, RUNS + 1))]
+    evidence = SimpleNamespace(
+        stages=stages,
+        residuals=[stage.residual for stage in stages],
+        columns=[stage.common[..., None].astype(np.float32) for stage in stages],
+        names=[("x",)] * len(stages),
+    )
+    weights = SimpleNamespace(scale={"x": NOISE}, share=0.1)
+    belief = Belief(np.zeros(1), np.full((1, 1), 1e-3**2))
+    return cast(
+        "Search",
+        SimpleNamespace(
+            evidence=evidence, weights=weights, belief=belief, ring=None, solvable=lambda _: False
+        ),
+    )
+
+
+def fitted() -> Fit:
+    payload = Hypothesis(EFFECTS["tip_payload"], Place(section="tip"))
+    return Fit((payload,), (np.array([0.01]),), np.eye(1) * 1e-12, np.ones(1), 50.0, at_bound=False)
+
+
+def test_the_truth_lies_within_two_deviations_of_a_size_though_the_model_errs(search):
+    found = sized(search, fitted())
+    size, deviation = float(found.thetas[0][0]), float(found.stds(0)[0])
+    assert size == pytest.approx(MASS, rel=0.2)
+    assert abs(size - MASS) < 2.0 * deviation + 0.16 * MASS  # what 30 % of error in the regressor costs
+    assert found.gain == 50.0
+
+
+def test_without_nominal_recordings_the_sizes_stay(search):
+    search.evidence.stages[0].session.nominal = False
+    fit = fitted()
+    assert sized(search, fit) is fit
