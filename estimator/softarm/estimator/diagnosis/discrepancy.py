@@ -2,9 +2,9 @@
 
 What no model of an arm gets right changes slowly, so that neighbouring residuals are alike. Each channel's
 residual follows r_t = sum_k a_k r_(t-k) + e_t, with coefficients by least squares on stretches that a fit may
-see and an order by Akaike's criterion (Box and Jenkins, Time Series Analysis, 1970; Akaike, IEEE Trans.
-Autom. Control 19 (1974) 716). On other stretches e_t, over its learnt standard deviation, has unit variance
-and no correlation if that holds there too.
+see and an order by Schwarz's criterion (Box and Jenkins, Time Series Analysis, 1970; Schwarz, Ann. Stat. 6
+(1978) 461). On other stretches e_t, over its learnt standard deviation, has unit variance and no correlation
+if that holds there too.
 """
 
 from collections.abc import Sequence
@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 
 LONGEST = 8
 """Most samples that a process remembers."""
+SAMPLES = 20
+"""Samples for each coefficient, at least."""
 LAGS = 20
 """Lags of the portmanteau test."""
 
@@ -41,11 +43,11 @@ class Autoregression:
         rows = np.concatenate([_rows(one, LONGEST) for one in stretches] or [np.zeros((0, LONGEST + 1))])
         count = len(rows)
         best: tuple[float, Floats, float] | None = None
-        for order in range(LONGEST + 1 if count > 10 * LONGEST else 1):
+        for order in range(min(LONGEST, count // SAMPLES) + 1):
             past, now = rows[:, LONGEST - order : LONGEST][:, ::-1], rows[:, LONGEST]
             found = np.linalg.lstsq(past, now, rcond=None)[0]
-            variance = float(np.mean((now - past @ found) ** 2)) if count else 0.0
-            price = count * np.log(max(variance, 1e-300)) + 2.0 * order
+            variance = float(np.sum((now - past @ found) ** 2)) / max(count - order, 1)
+            price = count * np.log(max(variance, 1e-300)) + order * np.log(max(count, 1))
             if best is None or price < best[0]:
                 best = (price, found, variance)
         assert best is not None
