@@ -1,0 +1,342 @@
+"""The rules of the choice, each on numbers of which it is known what they should decide."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from softarm.estimator.diagnosis import unnamed
+from softarm.estimator.diagnosis.belief import Belief, Marginal
+from softarm.estimator.diagnosis.candidates import (
+    ALIKE,
+    MOST_SURPRISE,
+    TOLD,
+    Accepted,
+    Candidate,
+    ChosenEffects,
+    is_told,
+    plainest_first,
+    surprise,
+)
+from softarm.estimator.diagnosis.choose import SECOND, SWUNG, Search
+from softarm.estimator.diagnosis.conclude import unproven
+from softarm.estimator.diagnosis.diagnose import Decision
+from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.gram import Products, products_of
+from softarm.estimator.diagnosis.judge import CERTAIN, Judgement, bootstrap, judge
+from softarm.estimator.diagnosis.library import Direction, Hypothesis, Library
+from softarm.estimator.diagnosis.nominal import MATERIAL, belief_before, evidence_of_change
+from softarm.estimator.diagnosis.screen import null_scores, screen
+from softarm.estimator.diagnosis.unnamed import BETTER, SURE, FreeLaw, better_law
+from softarm.estimator.diagnosis.weights import weights_of
+from softarm.estimator.effects import EFFECTS
+from softarm.estimator.specimen.physics import Place
+
+SAMPLES, RUNS = 60, 5
+TIP = Place(section="tip")
+
+
+def hypothesis(name: str, place: Place = TIP) -> Hypothesis:
+    return Hypothesis(EFFECTS[name], place)
+
+
+def fit_of(name: str, *theta: float, deviation: float = 1e-3, gain: float = 100.0) -> Fit:
+    size = len(theta)
+    covariance = deviation**2 * np.eye(size)
+    return Fit((hypothesis(name),), (np.array(theta),), covariance, np.ones(size), gain, at_bound=False)
+
+
+def candidate(fit: Fit, delta_bic: float, number: int = 0) -> Candidate:
+    return Candidate(number, fit, delta_bic + 10.0, delta_bic)
+
+
+def judgement(**changes: Any) -> Judgement:
+    usual: dict[str, Any] = {
+        "before": 3.0, "after": 1.0, "gain_ci95": (0.3, 0.7), "share": 0.8, "change": 2.0, "spread": 0.1,
+        "search_p": 0.0, "delta_bic": 30.0,
+    }  # fmt: skip
+    return Judgement(**(usual | changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "accepted"),
+    [
+        ({}, True),
+        ({"gain_ci95": (-0.1, 0.7)}, False),
+        ({"gain_ci95": (-0.1, 0.7), "delta_bic": 1.01 * CERTAIN}, True),
+        ({"gain_ci95": (-0.1, 0.7), "delta_bic": 1.01 * CERTAIN, "spread": 1.5}, False),
+        ({"gain_ci95": (-0.1, 0.7), "delta_bic": 1.01 * CERTAIN, "after": 3.1}, False),
+        ({"share": 0.05}, True),
+        ({"share": 0.05, "change": 0.5}, False),
+        ({"search_p": 0.02}, False),
+    ],
+)
+def test_a_candidate_is_accepted_where_it_holds_is_material_and_no_chance(changes, accepted):
+    assert judgement(**changes).accepted is accepted
+
+
+def recordings(sizes: list[float], noise: float = 1.0) -> list[Products]:
+    """Recordings with one common column, and one of a candidate whose size differs between them."""
+    found = []
+    for number, size in enumerate(sizes):
+        rng = np.random.default_rng([7, number])
+        columns = rng.normal(size=(SAMPLES, 1, 2))
+        residual = size * columns[..., 1] + noise * rng.normal(size=(SAMPLES, 1))
+        none = np.zeros(SAMPLES, dtype=bool)
+        blocks = np.zeros(SAMPLES, dtype=int)
+        found += products_of(residual, columns, np.ones(1), blocks, none, none, number, nominal=False)
+    return found
+
+
+def judged(sizes: list[float]) -> Judgement:
+    belief = Belief(np.zeros(1), 1e-4 * np.eye(1))
+    return judge(recordings(sizes), belief, 1.0, 1, np.random.default_rng(0), 0.0, 50.0)
+
+
+def test_a_size_that_every_recording_shows_predicts_the_others():
+    found = judged([2.0] * RUNS)
+    assert found.after == pytest.approx(1.0, abs=0.15)
+    assert found.before == pytest.approx(np.sqrt(5.0), rel=0.15)
+    assert found.spread < 0.2
+    assert found.accepted
+
+
+def test_sizes_that_contradict_each_other_are_not_one_effect():
+    found = judged([2.0, -2.0, 2.0, -2.0, 2.0])
+    assert found.after > found.before
+    assert not found.accepted
+
+
+def test_nothing_is_no_effect():
+    assert not judged([0.0] * RUNS).accepted
+
+
+def test_the_bootstrap_of_a_gain_covers_it():
+    rng = np.random.default_rng(1)
+    before, after = rng.chisquare(50, 12) * 4.0, rng.chisquare(50, 12)
+    low, high = bootstrap(rng, before, after)
+    assert low < 1.0 - np.sqrt(after.sum() / before.sum()) < high
+    assert high - low < 0.2
+
+
+def test_an_unexpected_size_costs_up_to_a_bound():
+    spread = EFFECTS["tip_payload"].parameters[0].spread
+    assert surprise(fit_of("tip_payload", 2.0 * spread)) == pytest.approx(4.0)
+    assert surprise(fit_of("tip_payload", 20.0 * spread)) == MOST_SURPRISE
+
+
+def test_of_equals_the_plainest_comes_first():
+    plain, rich = fit_of("tip_payload", 0.01), fit_of("tether_stiffness", 5.0, 0.01, 0.0)
+    close = [candidate(rich, 100.0), candidate(plain, 100.0 - 0.9 * ALIKE)]
+    assert plainest_first(close)[0].fit is plain
+    apart = [candidate(rich, 100.0), candidate(plain, 100.0 - 1.1 * ALIKE)]
+    assert plainest_first(apart)[0].fit is rich
+    assert plainest_first([]) == []
+
+
+def test_an_amplitude_is_told_from_none_by_its_deviation():
+    assert is_told(fit_of("tip_payload", 1.1 * TOLD, deviation=1.0), 0)
+    assert not is_told(fit_of("tip_payload", 0.9 * TOLD, deviation=1.0), 0)
+
+
+@pytest.fixture
+def library() -> Library:
+    directions = (
+        Direction(0, 0, 0, np.array([0.01]), 0.01, 0.02),
+        Direction(1, 0, 0, np.array([2.5, 0.01, 0.0]), 2.5, 5.0),
+        Direction(2, 0, 0, np.array([0.04]), 0.04, 0.08),
+    )
+    places = (TIP, TIP, Place(chamber=1))
+    names = ("tip_payload", "tether_stiffness", "chamber_gain")
+    return Library(tuple(map(hypothesis, names, places)), directions)
+
+
+def test_the_screen_ranks_by_gain_and_refuses_sizes_of_the_wrong_sign(library):
+    evidence = cast("Any", SimpleNamespace(nuisances=0, library=library))
+    marginal = Marginal(np.diag([100.0, 100.0, 100.0]), np.array([40.0, -80.0, 60.0]), 500.0, 400.0)
+    ranked = screen(evidence, marginal, frozenset())
+    assert [number for number, *_ in ranked] == [2, 0, 1]
+    assert ranked[0][1] == pytest.approx(36.0 - np.log(400.0), rel=1e-4)
+    assert ranked[0][2] == pytest.approx([0.6 * 0.08], rel=1e-4)
+    assert ranked[-1][1] < 0.0  # a cord does not push
+    assert {number for number, *_ in screen(evidence, marginal, frozenset({2}))} == {0, 1}
+
+
+def test_chances_of_the_search_are_even_or_cautious_where_nothing_is_missing(library):
+    evidence = cast("Any", SimpleNamespace(nuisances=0, library=library))
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(3, 3))
+    matrix = 50.0 * (root @ root.T + np.eye(3))
+    plain = Marginal(matrix, np.zeros(3), 500.0, 400.0)
+    null = null_scores(evidence, plain, rng)
+    chances = []
+    for drawn in plain.null_draws(rng, 400, 0):
+        best = screen(evidence, Marginal(matrix, drawn, 500.0, 400.0), frozenset())[0][1]
+        chances.append(float((null >= best).mean()))
+    for level in (0.01, 0.05, 0.2):
+        assert np.mean(np.array(chances) <= level) < level + 3.0 * np.sqrt(level / 400.0)
+
+
+def test_the_noise_is_learnt_by_channel_and_thinned_by_its_memory():
+    rng = np.random.default_rng(3)
+    white, slow = rng.normal(0.0, 0.5, 4000), rng.normal(size=4000)
+    for k in range(1, 4000):
+        slow[k] += 0.9 * slow[k - 1]
+    weights = weights_of([("a", "b")], [np.stack([white, slow], axis=1)], [np.array([0.1, 20.0])])
+    assert weights.scale["a"] == pytest.approx(0.5, rel=0.05)
+    assert weights.scale["b"] == 20.0  # never below the sensor's noise
+    lengths = 0.5 * (1.0 + (1.0 + 0.9) / (1.0 - 0.9))
+    assert weights.share == pytest.approx(1.0 / lengths, rel=0.4)
+
+
+class ArmOfOneEffect:
+    """What nominal beliefs read of a regression problem: one nuisance and one effect."""
+
+    nuisances, size = 1, 2
+    typical = np.ones(2)
+
+    def __init__(self, change: float) -> None:
+        self.parts = [
+            part
+            for number in range(6)
+            for part in self._recorded(number, 0.0 if number < 3 else change, nominal=number < 3)
+        ]
+
+    def _recorded(self, number: int, change: float, *, nominal: bool) -> list[Products]:
+        rng = np.random.default_rng([9, number])
+        columns = rng.normal(size=(SAMPLES, 1, 2))
+        truth = np.array([0.4, 0.1 + change])
+        residual = columns @ truth + 0.05 * rng.normal(size=(SAMPLES, 1))
+        none, blocks = np.zeros(SAMPLES, dtype=bool), np.zeros(SAMPLES, dtype=int)
+        scale = np.full(1, 0.05)
+        return products_of(residual, columns, scale, blocks, none, none, number, nominal=nominal)
+
+    def products(self, weights: object) -> list[Products]:
+        return self.parts
+
+    def prior(self, background: float, form: float) -> Belief:
+        return Belief(np.zeros(2), np.diag([1.0, background**2]))
+
+    def sound(self) -> Belief:
+        return self.prior(0.3, 1.0)
+
+
+def change_seen(change: float) -> float:
+    arm = cast("Any", ArmOfOneEffect(change))
+    belief, width = belief_before(arm, cast("Any", SimpleNamespace(share=1.0)))
+    assert belief.mean == pytest.approx([0.4, 0.1], abs=0.02)
+    assert width < MATERIAL
+    return evidence_of_change(arm, belief, width, [part for part in arm.parts if not part.nominal], 1.0)
+
+
+def test_a_change_beyond_what_differs_from_run_to_run_is_evidence():
+    assert change_seen(0.0) < 0.0
+    assert change_seen(0.02) < 0.0
+    assert change_seen(0.5) > 20.0
+
+
+def chosen(*fits: Fit, gain: float = 100.0) -> ChosenEffects:
+    if not fits:
+        return ChosenEffects((), None, 1.0, None)
+    joint = fits[0]
+    for fit in fits[1:]:
+        joint = joint.joined(fit)
+    accepted = tuple(Accepted(candidate(fit, gain), judgement(), ()) for fit in fits)
+    return ChosenEffects(accepted, joint, 0.0, None)
+
+
+@pytest.mark.parametrize(
+    ("delta_bic", "found"),
+    [(BETTER * 100.0 + SURE + 1.0, True), (BETTER * 100.0 + SURE - 1.0, False)],
+)
+def test_a_law_without_a_name_has_to_outdo_what_has_one(monkeypatch, delta_bic, found):
+    monkeypatch.setattr(unnamed, "laws", lambda _: [FreeLaw(TIP, "pose", delta_bic)])
+    search = cast("Any", SimpleNamespace(price=5.0))
+    law = better_law(search, chosen(fit_of("tip_payload", 0.02)))
+    assert (law is not None) is found
+    assert law is None or law.nearest == ("tip_payload",)
+
+
+def test_a_law_without_a_name_alone_has_to_be_sure(monkeypatch):
+    for delta_bic, found in ((1.1 * SURE, True), (0.9 * SURE, False)):
+        monkeypatch.setattr(unnamed, "laws", lambda _, d=delta_bic: [FreeLaw(TIP, "pose", d)])
+        assert (better_law(cast("Any", SimpleNamespace()), chosen()) is not None) is found
+
+
+@pytest.mark.parametrize(
+    ("found", "changed", "doubt", "verdict"),
+    [
+        (True, False, None, "explained"),
+        (True, True, None, "partly_explained"),
+        (False, False, None, "consistent"),
+        (False, True, None, "unexplained"),
+        (False, False, (0.0, 0.2), "unexplained"),
+        (False, False, (0.5, 0.2), "consistent"),
+        (False, False, (0.0, 0.05), "consistent"),
+    ],
+)
+def test_the_verdict_follows_from_findings_and_what_is_left(found, changed, doubt, verdict):
+    plain = chosen()
+    if doubt is not None:
+        alarm, low = doubt
+        turned_down = candidate(fit_of("tip_payload", 0.02), 20.0), judgement(gain_ci95=(low, 0.9))
+        plain = ChosenEffects((), None, alarm, turned_down)
+    assert Decision(plain, (), None, 1.0, changed).verdict(found=found) == verdict
+
+
+def searching(library: Library) -> Search:
+    return Search(
+        cast("Any", SimpleNamespace(library=library)),
+        cast("Any", SimpleNamespace(share=1.0)),
+        Belief(np.zeros(0), np.zeros((0, 0))),
+        np.random.default_rng(0),
+    )
+
+
+def test_a_delay_beside_another_mass_is_its_swing_unless_it_weighs():
+    delayed = Hypothesis(EFFECTS["line_lag"], Place(chamber=0))
+    search = searching(Library((hypothesis("tip_payload"), delayed), ()))
+    heavy = Accepted(candidate(fit_of("tip_payload", 0.02), 1000.0, 0), judgement(), ())
+    for share, swings in ((0.5 * SWUNG, True), (2.0 * SWUNG, False)):
+        late = candidate(fit_of("line_lag", 0.1), share * 1000.0, 1)
+        assert search.only_moves(late)
+        assert search.another_swing(late, [heavy]) is swings
+        assert not search.another_swing(late, [])
+
+
+def test_a_force_along_the_arm_beside_a_material_law_is_its_stretch_unless_it_weighs():
+    along = Hypothesis(EFFECTS["external_force"], TIP)
+    stiff = Hypothesis(EFFECTS["material_stiffening"], Place(segment="upper"))
+    search = searching(Library((stiff, along), ()))
+    material = Accepted(candidate(fit_of("material_stiffening", 0.5), 1000.0, 0), judgement(), ())
+    for share, stretches in ((0.9 * SECOND, True), (1.1 * SECOND, False)):
+        pulled = candidate(fit_of("external_force", 0.0, 0.0, 0.2), share * 1000.0, 1)
+        assert search.another_stretch(pulled, [material]) is stretches
+
+
+def confirming(left: float) -> list[Products]:
+    """Stretches that confirm, with residuals of a size."""
+    found = []
+    for number in range(8):
+        rng = np.random.default_rng([11, number])
+        residual = left + rng.normal(size=(SAMPLES, 1))
+        held = np.ones(SAMPLES, dtype=bool)
+        blocks, none = np.zeros(SAMPLES, dtype=int), np.zeros(SAMPLES, dtype=bool)
+        columns = rng.normal(size=(SAMPLES, 1, 1))
+        found += products_of(residual, columns, np.ones(1), blocks, held, none, number, nominal=False)
+    return found
+
+
+@pytest.mark.parametrize(("useful", "lost"), [(True, []), (False, [0])])
+def test_an_effect_has_to_predict_the_confirming_stretches(useful, lost):
+    fit = fit_of("tip_payload", 0.02)
+    search = SimpleNamespace(
+        parts=lambda own: confirming(1.0 if own is None or not useful else 0.0),
+        belief=Belief(np.zeros(1), 1e-4 * np.eye(1)),
+        weights=SimpleNamespace(share=1.0),
+        evidence=SimpleNamespace(size=1),
+        rng=np.random.default_rng(0),
+        subset=lambda _, kept: None if not kept else fit,
+    )
+    assert unproven(cast("Any", search), chosen(fit)) == lost
