@@ -10,8 +10,9 @@ from acceptance.proof.cost import cost_table
 from acceptance.proof.force import force_table
 from acceptance.proof.page import renewed
 from acceptance.proof.schedule import SealedTrial, schedule
+from acceptance.proof.sensitivity import sensitivity_table
 from acceptance.proof.trial import Folders, forget, lay_out, name_of, record
-from softarm.bench.trials.folders import Trial, read_answer
+from softarm.bench.trials.folders import Trial, read_answer, read_trials
 from softarm.bench.trials.outcome import read_outcomes
 from softarm.bench.trials.run import run_trials
 from softarm.bench.trials.score import score
@@ -20,7 +21,7 @@ from softarm.cli.output import json_option, progress, quick_option, say, show
 from softarm.common.tables import Table
 
 MOTIONS = ("designed", "ordinary")
-PARTS = ("trials", "alternatives", "force", "cost")
+PARTS = ("trials", "alternatives", "force", "cost", "sensitivity")
 HEAD = """# The proof of the diagnosis
 
 Written by `softarm bench proof --write docs/diagnosis-proof.md`.
@@ -52,8 +53,8 @@ the answers lie in a folder that only the scorer opens.
     "parts",
     multiple=True,
     type=click.Choice(PARTS),
-    default=PARTS,
-    help="What to prove; all when left out.",
+    default=PARTS[:-1],
+    help="What to prove; all but the sensitivity, on the trials that --keep kept, when left out.",
 )
 @click.option("--forces", default=12, show_default=True, help="Trials on whose pull the force is estimated.")
 @click.option("--write", type=click.Path(path_type=Path), help="Write the tables to a page; its others stay.")
@@ -72,7 +73,7 @@ def command(
     quick: bool,
     as_json: bool,
 ) -> int:
-    """Prove the diagnosis on the fake arm: sealed trials, alternatives, forces before and after, cost.
+    """Prove the diagnosis on the fake arm: trials, alternatives, forces before and after, cost, sensitivity.
 
     Example: softarm bench proof --count 40 --write docs/diagnosis-proof.md
     """
@@ -89,6 +90,8 @@ def command(
         tables.append(force_table(folders, specimen, say, 1 if quick else forces))
     if "cost" in parts:
         tables.append(cost_table(folders, specimen, say))
+    if "sensitivity" in parts:
+        tables.append(sensitivity_table(read_trials(folders.trials), folders.root / "products", say))
     show(*tables, as_json=as_json)
     if write is not None:
         page = write.read_text("utf-8") if write.exists() else HEAD

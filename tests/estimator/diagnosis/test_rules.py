@@ -1,5 +1,6 @@
 """The rules of the choice, each on numbers of which it is known what they should decide."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -28,6 +29,7 @@ from softarm.estimator.diagnosis.judge import CERTAIN, Judgement, bootstrap, jud
 from softarm.estimator.diagnosis.library import Direction, Hypothesis, Library
 from softarm.estimator.diagnosis.nominal import MATERIAL, belief_before, evidence_of_change
 from softarm.estimator.diagnosis.screen import null_scores, screen
+from softarm.estimator.diagnosis.sizes import fragments
 from softarm.estimator.diagnosis.unnamed import BETTER, SURE, FreeLaw, better_law
 from softarm.estimator.diagnosis.weights import weights_of
 from softarm.estimator.effects import EFFECTS
@@ -188,6 +190,21 @@ def test_the_noise_is_learnt_by_channel_and_thinned_by_its_memory():
     assert weights.scale["b"] == 20.0  # never below the sensor's noise
     lengths = 0.5 * (1.0 + (1.0 + 0.9) / (1.0 - 0.9))
     assert weights.share == pytest.approx(1.0 / lengths, rel=0.4)
+
+
+def test_a_weak_second_effect_has_to_be_told_from_none():
+    strong, weak = fit_of("tip_payload", 1.0, deviation=1.0), fit_of("line_lag", 1.0, deviation=1.0)
+    both = strong.joined(weak)
+    for told in (0.9, 1.1):
+        size = np.full(2, 1.0 / (told * TOLD))
+        fit = replace(both, covariance=np.diag(size**2), scales=np.ones(2))
+        for share in (0.9, 1.1):
+            accepted = (
+                Accepted(candidate(strong, 100.0), judgement(), ()),
+                Accepted(candidate(weak, share * SECOND * 100.0), judgement(), ()),
+            )
+            lost = fragments(ChosenEffects(accepted, fit, 0.0, None), fit)
+            assert lost == ([1] if told < 1.0 and share < 1.0 else [])
 
 
 class ArmOfOneEffect:

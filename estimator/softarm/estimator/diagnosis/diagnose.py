@@ -37,7 +37,7 @@ from softarm.estimator.diagnosis.result import (
 )
 from softarm.estimator.diagnosis.ring import ring_of
 from softarm.estimator.diagnosis.session import Session, channels
-from softarm.estimator.diagnosis.sizes import sized
+from softarm.estimator.diagnosis.sizes import without_fragments
 from softarm.estimator.diagnosis.split import excitation, hold_out
 from softarm.estimator.diagnosis.stage import Model, Stage
 from softarm.estimator.diagnosis.stuck import Stuck, find_stuck, stuck_findings, without_stuck
@@ -98,6 +98,7 @@ def diagnose(
     notes: Sequence[str] = (),
     effects: Sequence[EffectName] | None = None,
     advance: Callable[[str], None] = lambda _: None,
+    keep: Callable[["Assembled"], None] = lambda _: None,
 ) -> DiagnosisOutcome:
     """Find the physics that a model lacks.
 
@@ -109,17 +110,31 @@ def diagnose(
         notes: What was noticed of the recordings.
         effects: Effects to try; all when left out.
         advance: Is called with what is being done.
+        keep: Is called with what is known before anything is looked for.
     """
     assembled = assemble(model, sessions, executor, effects, advance)
+    keep(assembled)
+    return conclude(assembled, fast=model.fast, seed=seed, notes=notes, advance=advance)
+
+
+def conclude(
+    assembled: "Assembled",
+    *,
+    fast: bool,
+    seed: int = 0,
+    notes: Sequence[str] = (),
+    advance: Callable[[str], None] = lambda _: None,
+) -> DiagnosisOutcome:
+    """Choose effects and report them; see ``diagnose`` and ``begin``."""
     advance("fitting")
-    search = begin(assembled.evidence, seed, fast=model.fast, advance=lambda _: advance("fitting"))
+    search = begin(assembled.evidence, seed, fast=fast, advance=lambda _: advance("fitting"))
     decision = decide(search)
     advance("judging")
     notes = (*notes, *assembled.notes, *_notes(search))
     if decision.dropped:
         notes = (
             *notes,
-            f"Fitted, but not proven on held-out data and so not reported: {', '.join(decision.dropped)}.",
+            f"Fitted, but not proven and so not reported: {', '.join(decision.dropped)}.",
         )
     return _outcome(search, decision, assembled, notes)
 
@@ -218,7 +233,7 @@ class Decision:
 
     Args:
         choice: The effects that are reported.
-        dropped: Names of those that did not hold on data that confirm.
+        dropped: Names of those that did not hold on data that confirm, or are told from none no longer.
         law: A law without a name that explains far more than they would.
         remainder: What no known effects explain, over the same of nominal recordings.
         changed: Whether the recordings in question have changed more than the effects say.
@@ -245,16 +260,15 @@ class Decision:
 
 def decide(search: Search) -> Decision:
     """Choose the effects that are reported, and tell whether something else is missing."""
-    choice, dropped = proven(search)
+    choice, unproven = proven(search)
+    choice, sizes, fragments = without_fragments(search, choice)
     law = better_law(search, choice)
     if law is not None:
-        choice = replace(choice, accepted=(), fit=None)
+        choice, sizes = replace(choice, accepted=(), fit=None), None
     confirming = held_out(search, None, choice.fit, known=choice.fit is not None, confirming=True)
     remainder = _remainder(search, choice, confirming.rms()[1])
     changed = law is not None or remainder > STRUCTURE or _changed(search, choice)
-    if choice.fit is not None:
-        choice = replace(choice, fit=sized(search, choice.fit))
-    return Decision(choice, tuple(dropped), law, remainder, changed)
+    return Decision(replace(choice, fit=sizes), (*unproven, *fragments), law, remainder, changed)
 
 
 def _require_predictions(stages: Sequence[Stage]) -> None:

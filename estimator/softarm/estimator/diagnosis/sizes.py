@@ -24,9 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.diagnosis.belief import Belief
-from softarm.estimator.diagnosis.choose import EXACT_STEPS, Search
+from softarm.estimator.diagnosis.candidates import ChosenEffects, is_told
+from softarm.estimator.diagnosis.choose import EXACT_STEPS, SECOND, Search
 from softarm.estimator.diagnosis.fit import Chart, Fit, Ground, View, fit_effects, slopes_of, whitened
 from softarm.estimator.diagnosis.gram import Total
+from softarm.estimator.specimen.physics import EffectName
 
 Floats = NDArray[np.float64]
 
@@ -80,6 +82,39 @@ def sized(search: Search, fit: Fit) -> Fit:
     prior = 1.0 / chart.spreads**2 / search.weights.share
     covariance = robust_covariance(parts, prior, search.belief.covariance, search.weights.share)
     return replace(found, covariance=covariance, gain=fit.gain)
+
+
+def without_fragments(
+    search: Search, choice: ChosenEffects
+) -> tuple[ChosenEffects, Fit | None, list[EffectName]]:
+    """Take weaker effects back, the weakest first, until each is told from none by its honest deviation.
+
+    Returns:
+        What is left of the choice, its sizes, and the names of what was taken back.
+    """
+    dropped: list[EffectName] = []
+    while choice.fit is not None:
+        fit = sized(search, choice.fit)
+        lost = fragments(choice, fit) if fit is not choice.fit else []
+        if not lost:
+            return choice, fit, dropped
+        weakest = min(lost, key=lambda k: choice.accepted[k].candidate.delta_bic)
+        dropped.append(choice.fit.hypotheses[weakest].name)
+        choice = search.without(choice, [weakest])
+    return choice, None, dropped
+
+
+def fragments(choice: ChosenEffects, fit: Fit) -> list[int]:
+    """List effects that may be what the law of a stronger one leaves.
+
+    They gain less than ``SECOND`` of what it gains, and their sizes are not told from none.
+
+    Args:
+        choice: The effects.
+        fit: Their sizes.
+    """
+    gains = [one.candidate.delta_bic for one in choice.accepted]
+    return [k for k, gain in enumerate(gains) if gain < SECOND * max(gains) and not is_told(fit, k)]
 
 
 _NOTHING = Total(0, np.zeros((1, 1)), np.zeros(1), 0.0)

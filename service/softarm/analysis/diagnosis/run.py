@@ -25,7 +25,7 @@ from softarm.estimator.calibration import (
 )
 from softarm.estimator.calibration.identifiability import identify
 from softarm.estimator.diagnosis.admit import Admitted, admit, motion_columns
-from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, diagnose
+from softarm.estimator.diagnosis.diagnose import Assembled, DiagnosisOutcome, diagnose
 from softarm.estimator.diagnosis.prepare import LEAST_BLOCKS, averaged, blocks_of, prepare
 from softarm.estimator.diagnosis.release import find_release
 from softarm.estimator.diagnosis.session import Session
@@ -70,7 +70,10 @@ class DiagnosisRequest:
 
 
 def run(
-    request: DiagnosisRequest, executor: Executor, tell: Callable[[str], None] = lambda _: None
+    request: DiagnosisRequest,
+    executor: Executor,
+    tell: Callable[[str], None] = lambda _: None,
+    keep: Callable[[Assembled], None] = lambda _: None,
 ) -> DiagnosisOutcome:
     """Diagnose recordings.
 
@@ -78,6 +81,7 @@ def run(
         request: What to diagnose.
         executor: Runs independent work.
         tell: Told what is being done.
+        keep: Given the residuals and columns, before anything is looked for.
 
     Raises:
         InputError: A recording cannot be read, does not fit the specimen, or cannot decide anything.
@@ -129,7 +133,7 @@ def run(
         error = 100.0 * known.report.trained.force_rms
         notes = (*notes, f"The calibrated rod is {error:.1f} % of range off the finite elements in force.")
     outcome = diagnose(
-        model, sessions, executor, seed=request.seed, notes=notes, effects=effects, advance=tell
+        model, sessions, executor, seed=request.seed, notes=notes, effects=effects, advance=tell, keep=keep
     )
     diagnosis = with_intakes(with_valves(outcome.diagnosis, faults), intakes, found)
     diagnosis = replace(diagnosis, seconds=time.monotonic() - began)

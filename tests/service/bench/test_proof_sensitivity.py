@@ -1,0 +1,53 @@
+"""Constants of the choice are found with their source, and moved wherever they are used."""
+
+import pytest
+
+from acceptance.proof import sensitivity
+from acceptance.proof.sensitivity import STEP, DecidingConstant, deciding_constants, moved, sensitivity_table
+from softarm.bench.trials.folders import Trial
+from softarm.estimator.diagnosis import candidates, choose, conclude, detection, judge, unnamed
+
+
+def constant(module: str, name: str) -> DecidingConstant:
+    return next(one for one in deciding_constants() if (one.module, one.name) == (module, name))
+
+
+def test_constants_are_listed_with_value_and_source():
+    assert constant("diagnose", "CHANGED").value == 20.0
+    assert "Kass and Raftery" in constant("diagnose", "CHANGED").source
+    assert constant("candidates", "ALIKE").source == constant("candidates", "ALIKE_SHARE").source
+    assert len(deciding_constants()) > 40
+
+
+def test_a_constant_moves_wherever_it_was_imported_and_comes_back():
+    before = judge.CERTAIN
+    with moved(constant("judge", "CERTAIN"), 1.0 + STEP):
+        assert judge.CERTAIN == choose.CERTAIN == detection.CERTAIN == pytest.approx(1.2 * before)
+    assert judge.CERTAIN == choose.CERTAIN == detection.CERTAIN == before
+
+
+def test_constants_of_one_name_move_apart():
+    with moved(constant("unnamed", "SURE"), 1.0 - STEP):
+        assert pytest.approx(32.0) == unnamed.SURE
+        assert conclude.SURE == 10.0
+
+
+def test_whole_numbers_move_by_one_at_least():
+    with moved(constant("choose", "MOST"), 1.0 - STEP):
+        assert choose.MOST == 3
+
+
+def test_a_constant_that_decides_is_shown_with_what_it_changes(monkeypatch, tmp_path):
+    class Searching:
+        pass
+
+    monkeypatch.setattr(sensitivity, "products_of_trial", lambda *_: None)
+    monkeypatch.setattr(sensitivity, "remembering", lambda _: Searching())
+    monkeypatch.setattr(sensitivity, "_fresh", lambda search: search)
+    monkeypatch.setattr(
+        sensitivity, "verdict_of", lambda _: ("explained",) if candidates.TOLD <= 3.0 else ("consistent",)
+    )
+    table = sensitivity_table([Trial("one", "sopra", (), ())], tmp_path, lambda _: None)
+    changing = [row for row in table.rows if row["changes"]]
+    assert [row["constant"] for row in changing] == ["candidates.TOLD"]
+    assert changing[0]["which"] == "one x 1.2: consistent"
