@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -52,9 +53,10 @@ class DecidingConstant:
     source: str
 
 
-def deciding_constants() -> list[DecidingConstant]:
+@cache
+def deciding_constants() -> tuple[DecidingConstant, ...]:
     """Read every number of the modules that decide, with its text; neighbours may share one."""
-    found = []
+    found: list[DecidingConstant] = []
     for module in (*OF_THE_NOISE, *OF_THE_CHOICE):
         lines = ast.parse(inspect.getsource(importlib.import_module(f"{PACKAGE}.{module}"))).body
         named: list[tuple[str, float]] = []
@@ -68,7 +70,7 @@ def deciding_constants() -> list[DecidingConstant]:
                 found += [DecidingConstant(module, name, number, source) for name, number in named]
                 named = []
         found += [DecidingConstant(module, name, number, "") for name, number in named]
-    return found
+    return tuple(found)
 
 
 @contextmanager
