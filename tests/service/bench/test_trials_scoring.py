@@ -95,6 +95,7 @@ def test_a_size_counts_as_inside_by_its_own_deviation():
     sure = scored("single", (LAG,), finding("line_lag", value=0.27, std=0.01, chamber=2)).hits[0]
     honest = scored("single", (LAG,), finding("line_lag", value=0.27, std=0.02, chamber=2)).hits[0]
     assert (sure.inside, honest.inside) == (False, True)
+    assert abs(sure.size.deviations) > 2.0 > abs(honest.size.deviations)
 
 
 def test_stated_probabilities_are_compared_with_the_truth():

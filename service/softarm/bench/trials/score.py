@@ -19,6 +19,28 @@ SAME_SIZE = {
 
 
 @dataclass(frozen=True)
+class SizeHit:
+    """The size of a named effect; conventions of sign may differ.
+
+    Args:
+        parameter: Its name.
+        true: As concealed.
+        found: As stated.
+        deviation: Its standard deviation, as stated.
+    """
+
+    parameter: str
+    true: float
+    found: float
+    deviation: float
+
+    @property
+    def deviations(self) -> float:
+        """By how many stated deviations it is off."""
+        return (self.found - self.true) / max(self.deviation, 1e-300)
+
+
+@dataclass(frozen=True)
 class Hit:
     """How one concealed effect fared.
 
@@ -27,8 +49,7 @@ class Hit:
         named: Whether a finding bears its name.
         in_set: Whether a finding bears it or lists it among what the data cannot tell from it.
         placed: Whether that finding is at its place; ``None`` where it was not named.
-        error: Relative error of its size; ``None`` where it was not named or is defined otherwise.
-        inside: Whether its size lies within two stated deviations; ``None`` where ``error`` is.
+        size: Its size; ``None`` where it was not placed or is defined otherwise.
         taken_for: What was named instead; empty where it was named or nothing was.
     """
 
@@ -36,9 +57,18 @@ class Hit:
     named: bool
     in_set: bool
     placed: bool | None
-    error: float | None
-    inside: bool | None
+    size: SizeHit | None
     taken_for: str
+
+    @property
+    def error(self) -> float | None:
+        """Relative error of its size."""
+        return None if self.size is None else abs(self.size.found - self.size.true) / self.size.true
+
+    @property
+    def inside(self) -> bool | None:
+        """Whether the truth lies within two stated deviations of its size."""
+        return None if self.size is None else abs(self.size.deviations) <= DEVIATIONS
 
     @property
     def right(self) -> bool:
@@ -127,11 +157,10 @@ def _hit(one: Concealment, findings: Sequence[Mapping[str, Any]]) -> Hit:
     rivals = {rival["effect"] for finding in findings for rival in finding["confusable_with"]}
     if not same:
         instead = findings[0]["effect"] if findings else ""
-        return Hit(one.effect, False, one.effect in rivals, None, None, None, instead)
+        return Hit(one.effect, False, one.effect in rivals, None, None, instead)
     best = max(same, key=lambda finding: _placed(one.where, finding["where"]))
     placed = _placed(one.where, best["where"])
-    error, inside = _size(one, best) if placed else (None, None)
-    return Hit(one.effect, True, True, placed, error, inside, "")
+    return Hit(one.effect, True, True, placed, _size(one, best) if placed else None, "")
 
 
 def _placed(wanted: Mapping[str, Any], found: Mapping[str, Any]) -> bool:
@@ -139,16 +168,12 @@ def _placed(wanted: Mapping[str, Any], found: Mapping[str, Any]) -> bool:
     return all(str(wanted[kind]) == str(found.get(kind)) for kind in PLACES if wanted.get(kind) is not None)
 
 
-def _size(one: Concealment, finding: Mapping[str, Any]) -> tuple[float | None, bool | None]:
-    """Return the relative error of the size, and whether the truth lies within two stated deviations.
-
-    The first parameter that both define counts; conventions of sign may differ.
-    """
+def _size(one: Concealment, finding: Mapping[str, Any]) -> SizeHit | None:
+    """Compare the first parameter that both define."""
     for name, value in one.size.items():
         stated = finding["parameters"].get(name) or finding["parameters"].get(
             SAME_SIZE.get((one.effect, name), "")
         )
         if stated and value:
-            error = abs(abs(float(stated["value"])) - abs(value))
-            return error / abs(value), error <= DEVIATIONS * float(stated["std"])
-    return None, None
+            return SizeHit(name, abs(value), abs(float(stated["value"])), float(stated["std"]))
+    return None

@@ -31,6 +31,7 @@ def score_tables(scores: Sequence[Score]) -> tuple[Table, ...]:
     return (
         summary(scores),
         by_effect(scores),
+        sizes(scores),
         improvement(scores),
         reliability(scores),
         failures(scores),
@@ -118,6 +119,29 @@ def by_effect(scores: Sequence[Score]) -> Table:
     return Table(
         "Effects of single trials and pairs", rows, ("Size error: median, where both define the size alike.",)
     )
+
+
+def sizes(scores: Sequence[Score]) -> Table:
+    """Compare the sizes of named effects with the truth."""
+    found = [(s.outcome.trial, hit, hit.size) for s in scores for hit in s.hits if hit.size is not None]
+    rows: list[dict[str, Cell]] = [
+        {
+            "trial": trial,
+            "effect": hit.effect,
+            "parameter": size.parameter,
+            "true": size.true,
+            "found": size.found,
+            "deviation": size.deviation,
+            "deviations_off": size.deviations,
+        }
+        for trial, hit, size in found
+    ]
+    errors = [hit.error for _, hit, _ in found if hit.error is not None]
+    inside = sum(bool(hit.inside) for _, hit, _ in found)
+    words = f"{inside} of {len(found)} within two stated deviations (aim 90 %)"
+    if errors:
+        words += f"; median error {100.0 * float(np.median(errors)):.1f} % (aim at most 10 %)"
+    return Table("Sizes", rows, (f"{words}.",))
 
 
 def improvement(scores: Sequence[Score]) -> Table:
