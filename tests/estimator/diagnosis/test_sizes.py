@@ -1,5 +1,6 @@
 """Sizes and their uncertainty where the truth is known: errors that last, and a regressor that errs."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -10,7 +11,7 @@ from softarm.estimator.diagnosis.belief import Belief
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.library import Hypothesis
-from softarm.estimator.diagnosis.sizes import Part, robust_covariance, sized
+from softarm.estimator.diagnosis.sizes import Part, reversed_sign, robust_covariance, sized
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.simulation.straight_arm import world
@@ -107,3 +108,12 @@ def test_without_nominal_recordings_the_sizes_stay(search):
     search.evidence.stages[0].session.nominal = False
     fit = fitted()
     assert sized(search, fit) is fit
+
+
+def test_a_size_of_the_other_sign_is_no_estimate_of_the_same_effect():
+    fit = fitted()
+    assert not reversed_sign(fit, replace(fit, thetas=(np.array([0.05]),)))
+    assert reversed_sign(fit, replace(fit, thetas=(np.array([-0.001]),)))
+    force = Hypothesis(EFFECTS["external_force"], Place(section="tip"))
+    pulled = Fit((force,), (np.array([0.2, 0.01, 0.0]),), np.eye(3), np.ones(3), 1.0, at_bound=False)
+    assert not reversed_sign(pulled, replace(pulled, thetas=(np.array([0.2, -0.01, 0.0]),)))

@@ -81,7 +81,20 @@ def sized(search: Search, fit: Fit) -> Fit:
     ]
     prior = 1.0 / chart.spreads**2 / search.weights.share
     covariance = robust_covariance(parts, prior, search.belief.covariance, search.weights.share)
+    if reversed_sign(fit, found):
+        return replace(fit, covariance=covariance)
     return replace(found, covariance=covariance, gain=fit.gain)
+
+
+def reversed_sign(fit: Fit, other: Fit) -> bool:
+    """Tell whether some effect acts the other way in another fit: then that is no estimate of its size."""
+    for hypothesis, own, theirs in zip(fit.hypotheses, fit.thetas, other.thetas, strict=True):
+        sizes = np.array(
+            [p.spread if p.role == "amplitude" else np.inf for p in hypothesis.effect.parameters]
+        )
+        if float(np.sum(own * theirs / sizes**2)) < 0.0:
+            return True
+    return False
 
 
 def without_fragments(
