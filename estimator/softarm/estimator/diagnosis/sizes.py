@@ -31,6 +31,7 @@ from softarm.estimator.diagnosis.gram import Total
 from softarm.estimator.specimen.physics import EffectName
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 
 SPANS = 5
 """Parts of a single recording that are left out in turn."""
@@ -133,14 +134,15 @@ def fragments(choice: ChosenEffects, fit: Fit) -> list[int]:
 _NOTHING = Total(0, np.zeros((1, 1)), np.zeros(1), 0.0)
 
 
-def plain_views(search: Search) -> tuple[list[View], list[Floats]]:
+def plain_views(search: Search) -> tuple[list[View], list[Singles]]:
     """List what least squares sees of each recording in question: searched stretches, over their noise.
 
     Returns:
         The views, with the common coefficients at what is believed of them; and the common columns over the
         noise, each of shape (samples * rows, columns).
     """
-    views, columns = [], []
+    views: list[View] = []
+    columns: list[Singles] = []
     mean = search.belief.mean
     for number, stage in enumerate(search.evidence.stages):
         session = stage.session
@@ -153,11 +155,11 @@ def plain_views(search: Search) -> tuple[list[View], list[Floats]]:
         own = search.evidence.columns[number]
         left = np.nan_to_num(residual - own @ mean) * weight
         views.append(View(stage, left, weight, np.zeros((left.size, 1), dtype=np.float32)))
-        columns.append((own * weight[..., None]).reshape(left.size, -1))
+        columns.append((own * weight[..., None].astype(np.float32)).reshape(left.size, -1))
     return views, columns
 
 
-def _parts(view: View, slope: Floats, left: Floats, common: Floats, *, whole: bool) -> list[Part]:
+def _parts(view: View, slope: Floats, left: Floats, common: Singles, *, whole: bool) -> list[Part]:
     """Multiply out a recording, or spans of it where there are few recordings."""
     rows = view.left.shape[1]
     cuts = [np.arange(len(view.left))] if whole else np.array_split(np.arange(len(view.left)), SPANS)
@@ -165,7 +167,7 @@ def _parts(view: View, slope: Floats, left: Floats, common: Floats, *, whole: bo
     for cut in cuts:
         own = slice(int(cut[0]) * rows, (int(cut[-1]) + 1) * rows)
         x, c = slope[own], common[own]
-        found.append(Part(x.T @ x, x.T @ left[own], np.asarray(x.astype(c.dtype).T @ c, dtype=np.float64)))
+        found.append(Part(x.T @ x, x.T @ left[own], np.asarray(x.astype(np.float32).T @ c, dtype=np.float64)))
     return found
 
 
