@@ -82,14 +82,13 @@ def test_a_report_holds_what_the_contract_lists() -> None:
         "gain_ci95",
         "how_split",
     }
-    noise = told["calibration_of_noise"]
-    assert noise == {
-        "white": False,
-        "innovation_variance": {"bend_tip.x": 1.21},
-        "innovation_correlation": {"bend_tip.x": 0.42},
-        "innovation_chance": {"bend_tip.x": 0.003},
-        "residual_variance": {"bend_tip.x": 4.1},
-        "residual_correlation": {"bend_tip.x": 0.93},
+    assert set(told["calibration_of_noise"]) == {
+        "white",
+        "innovation_variance",
+        "innovation_correlation",
+        "innovation_chance",
+        "residual_variance",
+        "residual_correlation",
     }
     assert set(told["unexplained"]) == {"normalised_rms", "where", "when"}
     (finding,) = told["findings"]
