@@ -96,7 +96,7 @@ def command(
     (loaded,) = load_recordings([recording], window)
     robot = in_its_mount(specimen_of(specimen, [recording], [loaded]), loaded)
     intake = taken_in(loaded, robot, say)
-    loaded = intake.recording
+    loaded = intake.for_estimates
     with progress(f"comparing {robot.name} with {loaded.name}") as advance:
         robot, told = aligned(robot, intake.for_fits, advance)
     if told:

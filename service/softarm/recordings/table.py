@@ -12,6 +12,9 @@ from softarm.estimator.recording import Floats, Recording
 from softarm.recordings.columns import TIME, check_names
 from softarm.recordings.validate import row
 
+LONGEST_SHOWN = 30
+"""Characters of a bad cell that a message shows."""
+
 
 def read_csv(path: Path) -> dict[str, Floats]:
     """Read a CSV file's columns; an empty cell becomes NaN.
@@ -93,7 +96,8 @@ def _frame(recording: Recording) -> pl.DataFrame:
 def _read_cell_by_cell(path: Path, header: list[str]) -> dict[str, Floats]:
     """Read a table that the fast reader refused, to say which cell is at fault."""
     columns: list[list[float]] = [[] for _ in header]
-    with path.open(encoding="utf-8-sig", newline="") as file:
+    # what is no text becomes a cell that is no number, whose row is then named
+    with path.open(encoding="utf-8-sig", newline="", errors="replace") as file:
         reader = csv.reader(file)
         next(reader)
         for index, cells in enumerate(reader):
@@ -119,6 +123,6 @@ def _number(path: Path, index: int, name: str, cell: str) -> float:
         pass
     raise InputError(
         f"{path}, column {name}, {row(str(path), index)}",
-        f"{cell!r} is not a number",
+        f"{cell[:LONGEST_SHOWN] + '...' * (len(cell) > LONGEST_SHOWN)!r} is not a number",
         "write numbers with a decimal point; leave the cell empty where a reading was lost",
     )

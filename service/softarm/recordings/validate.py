@@ -52,7 +52,7 @@ def checked_recording(
     recording = Recording(name, time, values, info)
     if units_checked:
         _check_pressure_unit(source, recording)
-    _check_quaternions(source, recording)
+    _check_quaternions(source, recording, lost=not units_checked)
     return recording
 
 
@@ -137,10 +137,11 @@ def _check_pressure_unit(source: str, recording: Recording) -> None:
             )
 
 
-def _check_quaternions(source: str, recording: Recording) -> None:
+def _check_quaternions(source: str, recording: Recording, *, lost: bool) -> None:
+    """Refuse quaternions that are not of unit length; zeros only where they may not stand for a lost body."""
     for section in recording.frames:
         norms = np.linalg.norm(recording.pose(section)[:, 3:], axis=1)
-        bad = np.flatnonzero(np.abs(norms - 1.0) > QUATERNION_TOLERANCE)
+        bad = np.flatnonzero((np.abs(norms - 1.0) > QUATERNION_TOLERANCE) & ~(lost & (norms == 0.0)))
         if bad.size:
             raise InputError(
                 f"{source}, columns frame_{section}_qw ... qz, {row(source, bad[0])}",

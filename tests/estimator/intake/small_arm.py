@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from softarm.estimator.recording import Recording
-from softarm.estimator.rotations import exp, to_quaternions
+from softarm.estimator.rotations import exp, from_quaternions, to_quaternions
 from softarm.estimator.specimen import Specimen, load_specimen
 from softarm.estimator.specimen.body import Marker
 
@@ -158,6 +158,54 @@ def lost_and_found(at: float = 50.5, away: float = 0.04) -> Fault:
         return _with(recording, moved)
 
     return fault
+
+
+def rotated(rotation: tuple[float, float, float]) -> Fault:
+    """Turn the laboratory by a rotation vector [rad]."""
+
+    def fault(recording: Recording) -> Recording:
+        (matrix,) = exp(np.array([rotation]))
+        moved = {}
+        for name in recording.markers:
+            place = recording.marker(name) @ matrix.T
+            moved |= {f"marker_{name}_{axis}_m": place[:, k] for k, axis in enumerate("xyz")}
+        for name in recording.frames:
+            pose = recording.pose(name)
+            place, quaternion = pose[:, :3] @ matrix.T, to_quaternions(matrix @ from_quaternions(pose[:, 3:]))
+            moved |= {f"frame_{name}_{axis}_m": place[:, k] for k, axis in enumerate("xyz")}
+            moved |= {f"frame_{name}_q{letter}": quaternion[:, k] for k, letter in enumerate("wxyz")}
+        return _with(recording, moved)
+
+    return fault
+
+
+def without_base(recording: Recording) -> Recording:
+    """Leave out all that shows the base."""
+    kept = {n: v for n, v in recording.columns.items() if not n.startswith(("marker_base", "frame_base"))}
+    return replace(recording, columns=kept)
+
+
+def three_chambers(recording: Recording) -> Recording:
+    """Leave out the lower segment's pressures, and what names the specimen."""
+    lost = tuple(f"pressure_{cmd}{k}_pa" for k in (3, 4, 5) for cmd in ("", "cmd_"))
+    return replace(recording, columns={n: v for n, v in recording.columns.items() if n not in lost}, info={})
+
+
+def in_milliseconds(recording: Recording) -> Recording:
+    """Write the time in milliseconds."""
+    return replace(recording, time=1e3 * recording.time)
+
+
+def stated(**info: object) -> Fault:
+    """State something in ``recording.toml``."""
+    return lambda recording: replace(recording, info={**recording.info, **info})
+
+
+def zeros_where_lost(recording: Recording) -> Recording:
+    """Lose the markers and frames of the tip for two seconds and write zeros for them, as many systems do."""
+    lost = (recording.time >= 30.0) & (recording.time < 32.0)
+    names = [n for n in recording.columns if n.startswith(("frame_tip", "marker_tip"))]
+    return _with(recording, {n: np.where(lost, 0.0, recording.columns[n]) for n in names})
 
 
 def both(first: Fault, second: Fault) -> Fault:

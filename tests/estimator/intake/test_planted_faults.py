@@ -8,6 +8,9 @@ import pytest
 from softarm.estimator.calibration import arrange
 from softarm.estimator.errors import InputError
 from softarm.estimator.intake import take_in
+from softarm.estimator.intake.labels import mend_labels
+from softarm.estimator.intake.lost import mend_lost
+from softarm.estimator.intake.signs import mend_signs
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import load_specimen
 from tests.estimator.intake import small_arm as arm
@@ -26,6 +29,12 @@ MENDED = {
         ),
         "absolute",
     ),
+    "all absolute": (arm.scaled("pressure_", "_pa", 1.0, 101325.0), "absolute"),
+    "milliseconds": (
+        arm.both(arm.in_milliseconds, arm.stated(rate_hz=arm.RATE)),
+        "it is in milliseconds",
+    ),
+    "zeros": (arm.zeros_where_lost, "marker_tip0 40 zeros"),
     "degrees": (arm.scaled("bend_", "_rad", 57.29578), "in degrees"),
     "millimetres": (arm.scaled("frame_", "_m", 1e3), "in millimetres"),
     "markers in millimetres": (arm.scaled("marker_", "_m", 1e3), "in millimetres"),
@@ -42,11 +51,25 @@ MENDED = {
         "y axis of the laboratory's positions is mirrored",
     ),
 }
+REFUSED = {
+    "no base, turned": (
+        arm.both(arm.rotated((0.0, 0.0, 1.2)), arm.without_base),
+        "rotated by 6[789] degrees",
+    ),
+    "no base, tilted": (arm.both(arm.rotated((0.9, 0.0, 0.0)), arm.without_base), "off its rest"),
+    "no base, mirrored": (arm.both(arm.scaled("", "_y_m", -1.0), arm.without_base), "mirrored frame"),
+    "suction": (arm.scaled("pressure_", "_pa", -1.0), "below that of the air; turn its sign"),
+    "three of six chambers": (arm.three_chambers, "has chambers 0, 1, 2, the specimen 6"),
+    "time without a unit": (arm.in_milliseconds, "t_s rises by 50 .* say rate_hz"),
+}
 EVENTS = {
     "hand": (arm.touched(40.0), 40.0, 43.0),
     "violent start": (arm.thrown(), 0.0, 2.0),
 }
 PAIRS = (
+    ("zeros", "markers"),
+    ("milliseconds", "kilopascals"),
+    ("zeros", "markers in millimetres"),
     ("kilopascals", "degrees"),
     ("absolute", "early"),
     ("markers", "millimetres"),
@@ -105,10 +128,57 @@ def test_an_event_is_found_and_left_out_of_fits(good: Recording, name: str, unit
 
 
 def test_a_body_that_is_found_elsewhere_is_an_event(good: Recording) -> None:
-    events = take_in(arm.lost_and_found(at=50.5)(good), SPECIMEN).events
-    assert any(
-        event.interval[0] < 52.0 < event.interval[1] and "bend_tip" in event.channels for event in events
-    )
+    intake = take_in(arm.lost_and_found(at=50.5)(good), SPECIMEN)
+    assert any("bend_tip" in event.channels for event in intake.events)
+    after = np.isfinite(intake.for_fits.columns["bend_tip_x_rad"][good.time > 52.0])
+    before = np.isfinite(intake.for_fits.columns["bend_tip_x_rad"][good.time < 49.0])
+    assert after.mean() < 0.05
+    assert before.mean() > 0.9
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_fault_that_cannot_be_mended_is_refused_with_a_cure(good: Recording, name: str) -> None:
+    fault, words = REFUSED[name]
+    (refusal,) = take_in(fault(good), SPECIMEN).refusals
+    assert re.search(words, str(refusal))
+    assert refusal.cure
+
+
+def test_a_recording_without_the_base_may_be_in_its_frame(good: Recording) -> None:
+    assert not take_in(arm.without_base(good), SPECIMEN).sentences
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0])
+def test_spikes_count_as_lost_and_motion_does_not(good: Recording, rate: float) -> None:
+    time = np.arange(0.0, 10.0, 1.0 / rate)
+    swing = 0.35 * np.sin(2.0 * np.pi * 2.3 * time) * np.exp(-time)
+    bad = swing.copy()
+    bad[[100, 300, 301]] += [1.0, -1.0, -1.0]
+    columns = {"bend_tip_x_rad": bad, "bend_tip_y_rad": swing, "pressure_0_pa": 3e4 + 1e3 * swing}
+    columns["pressure_0_pa"][200] = 655350.0
+    mended, (found,) = mend_lost(Recording("run", time, columns), SPECIMEN)
+    assert "bend_tip 3 spikes, pressure_0_pa 1 spikes" in found.what
+    assert np.flatnonzero(np.isnan(mended.columns["bend_tip_x_rad"])).tolist() == [100, 300, 301]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_sign_of_a_gauge_that_pushes_is_turned(good: Recording, sign: float) -> None:
+    pull = 0.4 * np.clip(np.sin(good.time / 5.0), 0.0, 1.0)
+    columns = {**good.columns, "gauge_cord_n": sign * pull}
+    tied = Recording("run", good.time, columns, {**good.info, "gauge_section": "tip"})
+    mended, found = mend_signs(tied, SPECIMEN)
+    assert len(found) == (sign < 0.0)
+    np.testing.assert_array_equal(mended.gauge("cord"), pull)
+
+
+def test_violent_motion_does_not_make_markers_wrong(good: Recording) -> None:
+    columns = dict(good.columns)
+    rng = np.random.default_rng(3)
+    rough = good.time < 16.0  # no rigid body: reflections are taken for each other
+    for name in columns:
+        if name.startswith("marker_tip"):
+            columns[name] = np.where(rough, columns[name] + rng.normal(0.0, 0.05, len(rough)), columns[name])
+    assert not mend_labels(Recording("run", good.time, columns, good.info), SPECIMEN)[1]
 
 
 def test_another_specimen_is_refused_with_what_differs(good: Recording) -> None:
@@ -119,11 +189,14 @@ def test_another_specimen_is_refused_with_what_differs(good: Recording) -> None:
 
 def test_pressures_above_the_limit_are_left_out_of_fits(good: Recording) -> None:
     chambers = tuple(c.model_copy(update={"pressure_limit_pa": 40e3}) for c in SPECIMEN.chambers)
-    intake = take_in(good, SPECIMEN.model_copy(update={"chambers": chambers}))
+    intake_specimen = SPECIMEN.model_copy(update={"chambers": chambers})
+    intake = take_in(good, intake_specimen)
     above = np.any([good.columns[f"pressure_{k}_pa"] > 44e3 for k in range(6)], axis=0)
     assert not intake.refusals
     assert "over its limit of 40" in intake.sentences[0]
-    assert not np.isfinite(intake.for_fits.columns["bend_tip_x_rad"][above]).any()
+    for seen in (intake.for_fits, intake.for_estimates):
+        assert not np.isfinite(seen.columns["bend_tip_x_rad"][above]).any()
+    assert arrange(intake.for_estimates, intake_specimen).pressures.max() < 44e3
 
 
 @pytest.mark.parametrize("rows", [1, 2, 30])

@@ -243,7 +243,7 @@ def _registration(recording: Recording, specimen: Specimen, names: Sequence[str]
         measured = np.stack([recording.marker(marker.name) for marker in markers], axis=1)
         samples = max(int(np.isfinite(measured).all(axis=(1, 2)).sum()), 1)
         sigma = specimen.noise.marker_m * max(samples**-0.5, SYSTEMATIC_SHARE)
-        return register(points, measured, sigma)
+        return register(points, measured, sigma, f"{recording.name}, markers on the {base.name}")
     if base.name in recording.frames:
         return _registration_by_pose(recording, specimen, base.name)
     return Registration()

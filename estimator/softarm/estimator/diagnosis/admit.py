@@ -64,6 +64,13 @@ def admit(suspects: Sequence[Recording], nominal: Sequence[Recording], specimen:
         notes += _time_notes(recording)
     if not any(moves(recording) or _opens_valves(recording) for recording in suspects):
         names = ", ".join(recording.name for recording in suspects)
+        motion = [values for recording in suspects for values in motion_columns(recording).values()]
+        if motion and not any(np.isfinite(values).any() for values in motion):
+            raise InputError(
+                names,
+                "no reading of the motion is left: all are lost, or in stretches that no fit may see",
+                "record longer, below the limits of the pressures, with the sensors in view",
+            )
         raise InputError(
             names,
             "nothing moves, so nothing can be decided",

@@ -278,7 +278,7 @@ def _finding(
         when=when,
         statement=statement,
         parameters={
-            p.name: Quantity(float(value), float(std), p.unit)
+            p.name: Quantity(float(value), float(std), effect.unit(p, hypothesis.place))
             for p, value, std in zip(effect.parameters, theta, stds, strict=True)
         },
         evidence=Evidence(

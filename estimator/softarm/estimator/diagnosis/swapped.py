@@ -51,6 +51,8 @@ def _swapped_pressures(recording: Recording) -> str:
     asked = recording.stack(tuple(f"pressure_cmd_{k}_pa" for k in names))
     given = recording.stack(tuple(f"pressure_{k}_pa" for k in names))
     seen = np.isfinite(asked).all(axis=1) & np.isfinite(given).all(axis=1)
+    if seen.sum() < 10 * len(names):
+        return ""
     follows = _correlation(given[seen], asked[seen])
     for a, b in combinations(range(len(names)), 2):
         own, crossed = (follows[a, a], follows[b, b]), (follows[a, b], follows[b, a])

@@ -26,7 +26,10 @@ def physics_entry(placed: PlacedEffect, stds: tuple[float, ...], recordings: tup
     return Physics(
         effect=placed.effect.name,
         where=placed.spot.place,
-        parameters={p.name: Parameter(value=value, std=std, unit=p.unit) for p, value, std in values},
+        parameters={
+            p.name: Parameter(value=value, std=std, unit=placed.effect.unit(p, placed.spot.place))
+            for p, value, std in values
+        },
         recordings=recordings,
     )
 
@@ -49,10 +52,11 @@ def _values(effect: Effect, entry: Physics) -> list[float]:
     for parameter in effect.parameters:
         given = entry.parameters[parameter.name]
         where = f"physics.{entry.effect}.{parameter.name}"
-        if given.unit != parameter.unit:
-            raise InputError(where, f"its unit is {given.unit!r}", f"give it in {parameter.unit!r}")
+        unit = effect.unit(parameter, entry.where)
+        if given.unit != unit:
+            raise InputError(where, f"its unit is {given.unit!r}", f"give it in {unit!r}")
         if not parameter.lower <= given.value <= parameter.upper:
-            allowed = f"give {parameter.lower:g} to {parameter.upper:g} {parameter.unit}"
+            allowed = f"give {parameter.lower:g} to {parameter.upper:g} {unit}"
             raise InputError(where, f"{given.value:g} is out of bounds", allowed)
         values.append(given.value)
     return values

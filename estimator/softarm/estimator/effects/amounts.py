@@ -12,6 +12,7 @@ READABLE: dict[str, tuple[float, str]] = {
     "kg": (1e3, "g"),
     "rad/Pa": (180e3 / np.pi, "degrees per kPa"),
     "rad/s": (180.0 * 60.0 / np.pi, "degrees per minute"),
+    "m/s": (60e3, "mm per minute"),
     "rad/(N m)": (180.0 / np.pi, "degrees per N m"),
     "1/rad2": (1.0, "per square radian"),
     "Pa/s": (1e-3, "kPa/s"),

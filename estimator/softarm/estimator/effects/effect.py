@@ -192,9 +192,16 @@ class Effect:
         """Parameters with which it does nothing, shape (parameters,)."""
         return np.array([0.0 if p.role == "amplitude" else p.typical for p in self.parameters])
 
+    def unit(self, parameter: Parameter, place: Place) -> str:
+        """Return a parameter's unit at a place: what is an angle of other sensors is a length of a marker."""
+        marker = self.hook == "sensing" and (place.sensor or "").startswith("marker_")
+        return parameter.unit.replace("rad", "m") if marker else parameter.unit
+
     def tell(self, theta: Floats, place: Place) -> str:
         """Describe the effect with these parameters at a place in one plain sentence."""
-        values = {p.name: Amount(float(v), p.unit) for p, v in zip(self.parameters, theta, strict=True)}
+        values = {
+            p.name: Amount(float(v), self.unit(p, place)) for p, v in zip(self.parameters, theta, strict=True)
+        }
         sentence = self.statement.format(where=describe(place), **values)
         return sentence[:1].upper() + sentence[1:]
 

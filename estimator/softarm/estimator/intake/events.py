@@ -17,6 +17,7 @@ from scipy.special import gammaln, logsumexp
 from softarm.estimator.intake.grid import Grid, grid_of
 from softarm.estimator.intake.law import START, Predictors, fit_variances, left_out, own_noise
 from softarm.estimator.intake.provoked import slopes_of, unprovoked_motion
+from softarm.estimator.intake.relocated import losses, relocation
 from softarm.estimator.intake.result import Disturbance
 from softarm.estimator.intake.streams import SampledStream, streams_of
 from softarm.estimator.recording import Recording
@@ -59,8 +60,8 @@ NEAR = 2.0
 """Events closer than this [s] are one."""
 LASTING = 4
 """Rows of ``FINEST`` seconds that unprovoked motion lasts: one at a pressure step is late motion."""
-LOST = 1.5
-"""A body that was lost this long before or after it moved [s] was found elsewhere."""
+LOST = 0.05
+"""A body that was lost for so long [s] may be found elsewhere."""
 TOUCH = 15.0
 """Moments of unprovoked motion closer than this [s] begin and end one touch."""
 ALIKE = 0.8
@@ -141,9 +142,16 @@ def _touches(
     for k in numbers:
         own = fine.stream == k
         times = _runs(large[:, own].any(axis=1), motion.time)
-        lost = fine.time[np.isnan(fine.values[:, own]).any(axis=1)]
-        found[k] = _between(times, recording, lost)
+        least = np.array([LEAST[fine.units[index]] for index in np.flatnonzero(own)])
+        shift = relocation(fine, own, losses(recording.time, streams[k].values, LOST), least)
+        found[k] = _between(times) if shift is None else [_shorter_side(recording.time, shift)]
     return found
+
+
+def _shorter_side(time: Floats, moment: float) -> tuple[float, float]:
+    """Return the part of a recording before or after a moment, the shorter of them."""
+    first, last = float(time[0]), float(time[-1])
+    return (moment, last) if last - moment < moment - first else (first, moment)
 
 
 def _near(flags: Flags, width: int) -> Flags:
@@ -159,21 +167,14 @@ def _runs(flags: Flags, time: Floats) -> list[float]:
     return [float(time[group].mean()) for group in groups if len(group) >= LASTING]
 
 
-def _between(times: Sequence[float], recording: Recording, lost: Floats) -> list[tuple[float, float]]:
-    """Turn the moments of unprovoked motion into stretches.
-
-    Moments close to each other are the begin and the end of one touch. A single one where a sensor was
-    lost is a body that was found elsewhere: of the two parts of the recording the shorter one is left out.
-    """
+def _between(times: Sequence[float]) -> list[tuple[float, float]]:
+    """Turn moments of unprovoked motion into stretches: those close together begin and end one touch."""
     found: list[tuple[float, float]] = []
     for moment in times:
         if found and moment - found[-1][1] <= TOUCH:
             found[-1] = (found[-1][0], moment)
         else:
             found.append((moment, moment))
-    first, last = float(recording.time[0]), float(recording.time[-1])
-    if len(times) == 1 and (np.abs(lost - times[0]) < LOST).any():
-        return [(times[0], last) if last - times[0] < times[0] - first else (first, times[0])]
     return [(begin, end if end > begin else end + 3.0) for begin, end in found]
 
 
@@ -245,16 +246,16 @@ def _probability(left: Errors, own: Flags) -> Floats:
     """Compute the probability of an event in each second of one stream, shape (seconds,)."""
     count = int(left.seconds[-1]) + 1
     size = int(own.sum())
-    errors = np.array(
+    squared = np.array(  # not squared means: a swing has none
         [
-            _by_second(column / spread, left.seconds)
+            _by_second((column / spread) ** 2, left.seconds)
             for column, spread in zip(left.errors[:, own].T, left.spreads[own], strict=True)
         ]
     )
     variances = _by_second(left.variances, left.seconds)
     seen = np.bincount(left.seconds, minlength=count) > 0
     variances = np.where(seen, variances, 1.0)
-    squares = (errors**2).sum(axis=0)
+    squares = squared.sum(axis=0)
     law = (
         gammaln((FREEDOM + size) / 2)
         - gammaln(FREEDOM / 2)

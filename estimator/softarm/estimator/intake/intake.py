@@ -8,9 +8,13 @@ from softarm.estimator.intake.clocks import mend_clocks
 from softarm.estimator.intake.events import find_events
 from softarm.estimator.intake.labels import mend_labels
 from softarm.estimator.intake.limits import over_limit
+from softarm.estimator.intake.lost import mend_lost
+from softarm.estimator.intake.mounts import check_mount
 from softarm.estimator.intake.result import Intake, RecordingFault
 from softarm.estimator.intake.sections import mend_bends, mend_sections
+from softarm.estimator.intake.signs import mend_signs
 from softarm.estimator.intake.structure import misfit
+from softarm.estimator.intake.times import mend_time
 from softarm.estimator.intake.units import mend_units
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
@@ -28,7 +32,18 @@ def _swapped(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple
 
 
 Step = Callable[[Recording, Specimen], tuple[Recording, tuple[RecordingFault, ...]]]
-STEPS: tuple[Step, ...] = (mend_units, mend_labels, mend_sections, mend_bends, _swapped, mend_clocks)
+STEPS: tuple[Step, ...] = (
+    mend_time,
+    mend_units,
+    mend_lost,
+    mend_signs,
+    mend_labels,
+    mend_sections,
+    mend_bends,
+    check_mount,
+    _swapped,
+    mend_clocks,
+)
 
 
 def take_in(recording: Recording, specimen: Specimen) -> Intake:
@@ -54,5 +69,9 @@ def take_in(recording: Recording, specimen: Specimen) -> Intake:
         return intake
     events = find_events(Intake(intake.recording, excluded=stretches).for_fits, specimen)
     return Intake(
-        intake.recording, intake.mismatches, events, (*stretches, *(event.interval for event in events))
+        intake.recording,
+        intake.mismatches,
+        events,
+        (*stretches, *(event.interval for event in events)),
+        stretches,
     )

@@ -34,8 +34,8 @@ WHOLE = 5
 """Up to so many markers, every labelling is tried; above, exchanges within and between sections."""
 MISFIT = 8.0
 """A marker that is so many standard deviations off its place is not that marker."""
-FRAMES = 6
-"""Samples that a labelling is judged by."""
+FRAMES = 9
+"""Samples that a labelling is judged by: by their median, since a start or a touch shifts a few of them."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,11 @@ class Labelling:
 
 def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Find exchanged markers and a mirrored laboratory, and mend them where one explanation wins."""
-    chosen = [marker for marker in specimen.markers if marker.name in recording.markers]
+    chosen = [
+        marker
+        for marker in specimen.markers
+        if marker.name in recording.markers and np.isfinite(recording.marker(marker.name)).all(axis=1).any()
+    ]
     known = Known(
         tuple(m.name for m in chosen),
         tuple(m.section for m in chosen),
@@ -204,7 +208,7 @@ def _likelihood(points: Floats, specimen: Specimen, known: Known, labels: Labels
     value = MOVED * sum(label != k for k, label in enumerate(labels)) + MIRRORED * mirrored
     for name, (_, _, errors) in fitted.items():
         count = 3 * len(known.of(name)) - 6
-        value -= 0.5 * max(float((errors**2).sum() / len(points)) / PLACED**2 - count, 0.0)
+        value -= 0.5 * max(float(np.median(errors**2, axis=0).sum()) / PLACED**2 - count, 0.0)
     base = specimen.sections[0]
     if base.name not in fitted:
         return value
@@ -217,9 +221,9 @@ def _likelihood(points: Floats, specimen: Specimen, known: Known, labels: Labels
         relative = np.einsum("nji,njk->nik", rotations, turned)
         place = np.einsum("nji,nj->ni", rotations, placed - centres)
         expected = rest.T @ (np.array(section.frame_origin_m) - np.array(base.frame_origin_m))
-        away = np.linalg.norm(place - expected, axis=1).mean() / (REACH * np.linalg.norm(expected))
+        away = np.median(np.linalg.norm(place - expected, axis=1)) / (REACH * np.linalg.norm(expected))
         own: Floats = rest.T @ from_quaternions(np.array(section.frame_quaternion))
-        tilt = np.linalg.norm(log(relative @ own.T), axis=-1).mean() / TILT
+        tilt = np.median(np.linalg.norm(log(relative @ own.T), axis=-1)) / TILT
         value -= 0.5 * float(away**2 + tilt**2)
     return value
 
@@ -253,9 +257,6 @@ def _nearest_rotations(matrices: Floats) -> Floats:
 
 
 def _worst(points: Floats, known: Known, labels: Labels, mirrored: bool) -> float:
-    """Compute the largest rms distance of a marker from its place [m]."""
-    errors = [
-        np.sqrt((part**2).mean(axis=0)).max()
-        for _, _, part in _fits(points, known, labels, mirrored).values()
-    ]
+    """Compute the largest of the markers' median distances from their places [m]."""
+    errors = [np.median(part, axis=0).max() for _, _, part in _fits(points, known, labels, mirrored).values()]
     return float(max(errors, default=0.0))

@@ -17,7 +17,7 @@ GUARD = 0.5
 def over_limit(
     recording: Recording, specimen: Specimen
 ) -> tuple[tuple[tuple[float, float], ...], tuple[RecordingFault, ...]]:
-    """Find the stretches [s] above the limit of a chamber, which no fit may see.
+    """Find the stretches [s] above the limit of a chamber, which neither a fit nor an estimate may see.
 
     Returns:
         The stretches, and one mismatch that names them; both empty where every pressure keeps its limit.
@@ -45,7 +45,11 @@ def over_limit(
     more = f" and {len(stretches) - 5} more" if len(stretches) > 5 else ""
     return stretches, (
         RecordingFault(
-            recording.name, "limit", ("pressures",), what, f"left out of every fit: {listed}{more}"
+            recording.name,
+            "limit",
+            ("pressures",),
+            what,
+            f"left out of every fit and estimate: {listed}{more}",
         ),
     )
 

@@ -1,7 +1,7 @@
 """What the intake of a recording found: faults of frames, labels, units and clocks, and events."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -9,7 +9,9 @@ import numpy as np
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 
-Kind = Literal["unit", "offset", "sign", "labels", "frame", "clock", "limit", "structure"]
+Kind = Literal["unit", "offset", "sign", "labels", "frame", "clock", "limit", "lost", "structure"]
+NO_MISMATCH = ("limit", "lost")
+"""Kinds that say which readings were left out, and nothing of frames, labels, units or clocks."""
 MOTION = ("bend_", "frame_", "marker_")
 
 
@@ -103,14 +105,14 @@ class Intake:
         mismatches: What did not fit.
         events: Stretches that no steady law explains.
         excluded: Stretches [s] that no fit may see, those of events among them.
-        notes: Further sentences.
+        beyond: Those among them in which a pressure passes its limit, which no estimate may see either.
     """
 
     recording: Recording
     mismatches: tuple[RecordingFault, ...] = ()
     events: tuple[Disturbance, ...] = ()
     excluded: tuple[tuple[float, float], ...] = ()
-    notes: tuple[str, ...] = field(default=())
+    beyond: tuple[tuple[float, float], ...] = ()
 
     @property
     def refusals(self) -> tuple[InputError, ...]:
@@ -121,12 +123,17 @@ class Intake:
     def sentences(self) -> tuple[str, ...]:
         """All that was found, one sentence each."""
         mended = (one.statement for one in self.mismatches if one.mended)
-        return (*mended, *(event.statement for event in self.events), *self.notes)
+        return (*mended, *(event.statement for event in self.events))
 
     @property
     def for_fits(self) -> Recording:
         """The recording as a fit may see it: its motion counts as lost during excluded stretches."""
         return without_motion(self.recording, self.excluded)
+
+    @property
+    def for_estimates(self) -> Recording:
+        """The recording as an estimate may see it: events are there to be estimated, burst limits are not."""
+        return without_motion(self.recording, self.beyond)
 
     def required(self) -> "Intake":
         """Return this intake unless the recording is refused.

@@ -24,17 +24,22 @@ def misfit(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, ..
     if bodies and not known & set(bodies) and not recording.bends and not recording.frames:
         words.append(f"its markers are {_listed(bodies)}, the specimen's {_listed(sorted(known)) or 'none'}")
     named = recording.info.get("specimen")
-    if isinstance(named, str) and named != specimen.name and not named.endswith(".toml"):
-        fewer = recording.chambers and len(recording.chambers) < count and recording.chambers[-1] < count - 1
-        if fewer and (recording.bends or recording.frames or recording.markers):
-            words.append(f"it has chambers {_listed(recording.chambers)}, the specimen {count}")
-        if words or {named, specimen.name} <= {*SHIPPED}:
-            words.insert(0, f"it was recorded on {named!r}, not on {specimen.name!r}")
+    declared = isinstance(named, str) and (named == specimen.name or named.endswith(".toml"))
+    chambers = recording.chambers
+    # One pressure alone may be all that was connected; several that end early look like another arm's.
+    fewer = 1 < len(chambers) < count and chambers[-1] < count - 1
+    if not declared and fewer and (recording.bends or recording.frames or recording.markers):
+        words.append(f"it has chambers {_listed(chambers)}, the specimen {count}")
+    if isinstance(named, str) and not declared and (words or {named, specimen.name} <= {*SHIPPED}):
+        words.insert(0, f"it was recorded on {named!r}, not on {specimen.name!r}")
     if not words:
         return ()
     cure = (
         f"give --specimen {named}"
         if isinstance(named, str) and named != specimen.name
+        else f"say specimen = {specimen.name!r} in recording.toml if the others stayed vented, or give the "
+        "specimen that was recorded"
+        if not declared and fewer
         else "give the specimen that was recorded, or remove the columns"
     )
     return (

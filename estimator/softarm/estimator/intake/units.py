@@ -47,6 +47,8 @@ USUAL_BEND, BEND_SPREAD = 0.8, 1.0
 of five and of chambers that nobody measured."""
 AIR = (70e3, 110e3)
 """Pressure of the air from high mountains to sea level [Pa]."""
+ABSOLUTE = 3.0
+"""Minus the logarithm of the prior that pressures are absolute."""
 NEVER_VENTED = -6.0
 """Logarithm of the prior that no chamber ever comes below half the limit."""
 SAME_AIR = 2e3
@@ -66,12 +68,18 @@ class Units:
         commanded: Unit of the commanded pressures.
         angle: Unit of the bends.
         absolute: Whether the measured pressures are absolute.
+        absolute_commands: Whether the commanded pressures are.
     """
 
     measured: str = "pascals"
     commanded: str = "pascals"
     angle: str = "radians"
     absolute: bool = False
+    absolute_commands: bool = False
+
+    def above_vacuum(self, kind: str) -> bool:
+        """Whether the pressures of a kind are absolute."""
+        return self.absolute_commands if kind == "commanded" else self.absolute
 
 
 def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
@@ -80,10 +88,9 @@ def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
     Returns:
         The recording, mended where one explanation wins, and what was found.
     """
-    mended, found = _pressures_and_bends(recording, specimen)
-    mended, lengths = _lengths(mended, specimen)
-    mended, signs = _pull_signs(mended)
-    return mended, (*found, *lengths, *signs)
+    mended, lengths = _lengths(recording, specimen)
+    mended, found = _pressures_and_bends(mended, specimen)
+    return mended, (*lengths, *found)
 
 
 def pressure_columns(recording: Recording, kind: str) -> tuple[str, ...]:
@@ -95,10 +102,9 @@ def pressure_columns(recording: Recording, kind: str) -> tuple[str, ...]:
 def _pressures_and_bends(
     recording: Recording, specimen: Specimen
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    limits = specimen.pressure_limits
-    if not limits or not recording.chambers or _declared_pascals(recording):
+    if not specimen.pressure_limits or not recording.chambers or _declared_pascals(recording):
         return recording, ()
-    choice = choose(_explanations(recording, max(limits)))
+    choice = choose(_explanations(recording, specimen))
     found = choice.best.what
     if found == Units():
         return recording, ()
@@ -111,23 +117,18 @@ def _pressures_and_bends(
                 recording.name, "unit", columns, f"{'; '.join(words)}, or {other}", cure, False, choice.odds
             ),
         )
-    offset = 0.0
-    if found.absolute:
-        air = _air(recording, found)
-        if air is None:
-            what = f"{'; '.join(words)}, and no vented stretch shows the pressure of the air"
-            cure = "subtract the pressure of the air from the columns, or record a vented stretch"
-            return recording, (
-                RecordingFault(recording.name, "offset", columns, what, cure, False, choice.odds),
-            )
-        offset = air
-    mended = _converted(recording, found, offset)
-    kind: Kind = "offset" if found.absolute else "unit"
-    done = (
-        f"counted as {offset:.0f} Pa above vacuum at rest and converted"
-        if found.absolute
-        else "converted for this run"
-    )
+    offsets = {
+        kind: _air(recording, found, kind) for kind in ("measured", "commanded") if found.above_vacuum(kind)
+    }
+    if None in offsets.values():
+        what = f"{'; '.join(words)}, and no vented stretch shows the pressure of the air"
+        cure = "subtract the pressure of the air from the columns, or record a vented stretch"
+        return recording, (RecordingFault(recording.name, "offset", columns, what, cure, False, choice.odds),)
+    known = {kind: air for kind, air in offsets.items() if air is not None}
+    mended = _converted(recording, found, known)
+    kind: Kind = "offset" if known else "unit"
+    airs = " and ".join(f"{air:.0f}" for air in known.values())
+    done = f"counted as {airs} Pa above vacuum at rest and converted" if known else "converted for this run"
     return mended, (RecordingFault(recording.name, kind, columns, "; ".join(words), done, True, choice.odds),)
 
 
@@ -135,26 +136,30 @@ def _declared_pascals(recording: Recording) -> bool:
     return str(recording.info.get("pressure_unit", "")).lower() == "pa"
 
 
-def _explanations(recording: Recording, limit: float) -> list[Explanation[Units]]:
+def _explanations(recording: Recording, specimen: Specimen) -> list[Explanation[Units]]:
+    limit = max(specimen.pressure_limits)
     sizes = {kind: _sizes(recording, kind) for kind in ("measured", "commanded")}
-    slope = _bend_per_pressure(recording)
+    slope = _bend_per_pressure(recording, specimen)
     ratio = _measured_over_commanded(recording)
     options = {
         kind: tuple(PRESSURES) if sizes[kind] is not None else ("pascals",)
         for kind in ("measured", "commanded")
     }
-    angles = tuple(ANGLES) if slope is not None else ("radians",)
-    absolute = (False, True) if sizes["measured"] is not None else (False,)
+    angles = tuple(ANGLES) if slope is not None and recording.bends else ("radians",)
+    absolute, absolute_commands = (
+        (False, True) if sizes[kind] is not None else (False,) for kind in ("measured", "commanded")
+    )
     found = []
-    for measured, commanded, angle, above_vacuum in product(
-        options["measured"], options["commanded"], angles, absolute
+    for measured, commanded, angle, above_vacuum, above_too in product(
+        options["measured"], options["commanded"], angles, absolute, absolute_commands
     ):
-        units = Units(measured, commanded, angle, above_vacuum)
-        value = PRESSURES[measured][1] + PRESSURES[commanded][1] + ANGLES[angle][1] - 3.0 * above_vacuum
+        units = Units(measured, commanded, angle, above_vacuum, above_too)
+        value = PRESSURES[measured][1] + PRESSURES[commanded][1] + ANGLES[angle][1]
+        value -= ABSOLUTE * (above_vacuum + above_too)
         if sizes["measured"] is not None:
             value += _pressure_likelihood(*sizes["measured"], PRESSURES[measured][0], limit, above_vacuum)
         if sizes["commanded"] is not None:
-            value += _pressure_likelihood(*sizes["commanded"], PRESSURES[commanded][0], limit, False)
+            value += _pressure_likelihood(*sizes["commanded"], PRESSURES[commanded][0], limit, above_too)
         if slope is not None:
             factor = PRESSURES[measured if sizes["measured"] is not None else commanded][0]
             bend = slope * ANGLES[angle][0] / factor * limit
@@ -194,12 +199,12 @@ def _sizes(recording: Recording, kind: str) -> tuple[float, float] | None:
     )
 
 
-def _bend_per_pressure(recording: Recording) -> float | None:
+def _bend_per_pressure(recording: Recording, specimen: Specimen) -> float | None:
     """Regress the bends on the pressures: the median chamber's largest slope, as recorded."""
-    if not recording.bends:
+    bends = _bends_or_places(recording, specimen)
+    if bends is None:
         return None
     pressures = np.column_stack([np.nan_to_num(recording.pressure(k)[0]) for k in recording.chambers])
-    bends = np.column_stack([recording.bend(section) for section in recording.bends])
     moved = np.ptp(pressures, axis=0) > 0.2 * max(float(np.ptp(pressures, axis=0).max(initial=0.0)), 1e-12)
     seen = np.isfinite(bends).all(axis=1)
     if not moved.any() or seen.sum() < 20:
@@ -209,8 +214,22 @@ def _bend_per_pressure(recording: Recording) -> float | None:
     slopes, *_ = np.linalg.lstsq(p, y, rcond=1e-6)
     if float(((y - p @ slopes) ** 2).sum()) > 0.7 * float((y**2).sum()):
         return None
-    sizes = np.linalg.norm(slopes.reshape(len(slopes), -1, 2), axis=2).max(axis=1)
+    sizes = np.linalg.norm(slopes.reshape(len(slopes), -1, 2 if recording.bends else 3), axis=2).max(axis=1)
     return float(np.median(sizes))
+
+
+def _bends_or_places(recording: Recording, specimen: Specimen) -> Floats | None:
+    """Stack the bends as recorded, or what they must be where only places were [rad]; ``None`` without both.
+
+    An arm of length L that bends evenly by an angle moves its end aside by half the angle times L.
+    """
+    if recording.bends:
+        return np.column_stack([recording.bend(section) for section in recording.bends])
+    known = {section.name: section.frame_origin_m[2] for section in specimen.sections}
+    places = [(known[name], recording.pose(name)[:, :3]) for name in recording.frames if known.get(name)]
+    moved = [m for m in specimen.markers if m.name in recording.markers and known[m.section]]
+    places += [(known[marker.section], recording.marker(marker.name)) for marker in moved]
+    return np.column_stack([2.0 / height * place for height, place in places]) if places else None
 
 
 def _measured_over_commanded(recording: Recording) -> float | None:
@@ -225,12 +244,12 @@ def _measured_over_commanded(recording: Recording) -> float | None:
     return float(np.median(ratios)) if ratios else None
 
 
-def _air(recording: Recording, units: Units) -> float | None:
+def _air(recording: Recording, units: Units, kind: str) -> float | None:
     """Find the pressure of the air [Pa]: the lowest of most chambers, where they agree."""
-    factor = PRESSURES[units.measured][0]
+    factor = PRESSURES[getattr(units, kind)][0]
     lows = sorted(
         float(np.nanpercentile(recording.columns[name], 1.0)) * factor
-        for name in pressure_columns(recording, "measured")
+        for name in pressure_columns(recording, kind)
     )
     alike = [low for low in lows if low - lows[0] < SAME_AIR]
     return float(np.mean(alike)) if len(alike) >= min(2, len(lows)) else None
@@ -242,7 +261,7 @@ def _named(recording: Recording, units: Units) -> tuple[tuple[str, ...], tuple[s
     words: list[str] = []
     for kind in ("measured", "commanded"):
         unit = getattr(units, kind)
-        above_vacuum = units.absolute and kind == "measured"
+        above_vacuum = units.above_vacuum(kind)
         if unit == "pascals" and not above_vacuum:
             continue
         names = pressure_columns(recording, kind)
@@ -258,12 +277,12 @@ def _named(recording: Recording, units: Units) -> tuple[tuple[str, ...], tuple[s
     return tuple(columns), tuple(words)
 
 
-def _converted(recording: Recording, units: Units, offset: float) -> Recording:
+def _converted(recording: Recording, units: Units, offsets: Mapping[str, float]) -> Recording:
     columns = dict(recording.columns)
     for kind in ("measured", "commanded"):
         factor = PRESSURES[getattr(units, kind)][0]
         for name in pressure_columns(recording, kind):
-            columns[name] = columns[name] * factor - (offset if kind == "measured" else 0.0)
+            columns[name] = columns[name] * factor - offsets.get(kind, 0.0)
     for section in recording.bends:
         for axis in "xy":
             columns[f"bend_{section}_{axis}_rad"] = (
@@ -346,31 +365,3 @@ def _apart(places: list[Floats]) -> float:
     """Compute the rms distance of places from their mean."""
     points = np.array(places)
     return float(np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean()))
-
-
-SIGN = 5.0
-"""A gauge on a cord reads pulls of one sign; so many times larger on the other side it is wired the
-wrong way."""
-PULL = 0.05
-"""Pulls below it [N] show no sign."""
-
-
-def _pull_signs(recording: Recording) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    """Turn gauges whose cord would push: pull is positive, and a cord cannot push."""
-    columns, found = dict(recording.columns), []
-    tied: Mapping[str, object] = {**recording.info, **({"hook": True} if "hook" in recording.markers else {})}
-    if not {"hook", "gauge_section", "gauge_direction"} & set(tied):
-        return recording, ()
-    for name in recording.gauges:
-        force = recording.gauge(name)
-        seen = force[np.isfinite(force)]
-        if not len(seen):
-            continue
-        push, pull = -float(np.percentile(seen, 0.5)), float(np.percentile(seen, 99.5))
-        if push > PULL and push > SIGN * max(pull, 0.0):
-            columns[f"gauge_{name}_n"] = -force
-            what = f"gauge {name} reads {-push:.3g} N at most, as if its cord pushed: its sign is turned"
-            found.append(
-                RecordingFault(recording.name, "sign", (f"gauge_{name}_n",), what, "turned for this run")
-            )
-    return (replace(recording, columns=columns), tuple(found)) if found else (recording, ())

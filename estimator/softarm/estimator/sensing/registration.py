@@ -42,7 +42,9 @@ class Registration:
         return moved
 
 
-def register(base_points: Floats, laboratory_points: Floats, sigma: float) -> Registration:
+def register(
+    base_points: Floats, laboratory_points: Floats, sigma: float, source: str = "base markers"
+) -> Registration:
     """Find the laboratory in the base frame from markers on the base (Kabsch 1976).
 
     The covariance is that of the least-squares fit, (sum J^T J / sigma^2)^-1 with J = [1, -[x]] at each
@@ -53,6 +55,7 @@ def register(base_points: Floats, laboratory_points: Floats, sigma: float) -> Re
         laboratory_points: Measured positions [m], shape (markers, 3), or (samples, markers, 3) of which the
             mean is taken without lost readings (NaN).
         sigma: Standard deviation of one coordinate of ``laboratory_points`` (of their mean) [m].
+        source: What they were recorded in, for messages.
 
     Returns:
         The registration.
@@ -62,15 +65,19 @@ def register(base_points: Floats, laboratory_points: Floats, sigma: float) -> Re
     """
     measured = np.asarray(laboratory_points, dtype=np.float64)
     if measured.ndim == 3:
-        measured = np.nanmean(measured, axis=0)
+        counts = np.isfinite(measured).sum(axis=0)
+        measured = np.where(counts > 0, np.nansum(measured, axis=0) / np.maximum(counts, 1), np.nan)
     seen = np.isfinite(measured).all(axis=-1)
     known, measured = base_points[seen], measured[seen]
     if len(known) < 3:
-        raise InputError("base markers", f"{len(known)} of them seen", "at least three are needed")
+        what = f"{len(known)} of {len(base_points)} are seen, at least three are needed"
+        raise InputError(
+            source, what, "name them as the specimen does, or leave out all of the base's markers"
+        )
     centre, measured_centre = known.mean(axis=0), measured.mean(axis=0)
     spread = np.linalg.svd(known - centre, compute_uv=False)
     if spread[1] < 1e-3 * spread[0]:
-        raise InputError("base markers", "they lie on one line", "move one of them off it")
+        raise InputError(source, "they lie on one line", "move one of them off it")
     rotation = nearest_rotation((known - centre).T @ (measured - measured_centre))
     jacobians = np.concatenate([np.tile(np.eye(3), (len(known), 1, 1)), -skew(known)], axis=-1)
     information = np.einsum("nij,nik->jk", jacobians, jacobians) / sigma**2

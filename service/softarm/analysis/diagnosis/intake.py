@@ -8,6 +8,7 @@ import numpy as np
 from softarm.analysis.offline.inputs import taken_in
 from softarm.estimator.diagnosis.result import Diagnosis, Evidence, Finding, Quantity
 from softarm.estimator.intake import Disturbance, Intake, RecordingFault
+from softarm.estimator.intake.result import NO_MISMATCH
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.specimen.physics import Place
@@ -40,7 +41,10 @@ def with_intakes(diagnosis: Diagnosis, intakes: Sequence[Intake], notes: Sequenc
     """Add findings of the intake; they were mended or left out, so the verdict is that of the rest."""
     events = [event_finding(event) for intake in intakes for event in intake.events]
     mismatches = [
-        mismatch_finding(one) for intake in intakes for one in intake.mismatches if one.kind != "limit"
+        mismatch_finding(one)
+        for intake in intakes
+        for one in intake.mismatches
+        if one.kind not in NO_MISMATCH
     ]
     findings = (*mismatches, *diagnosis.findings, *events)
     return replace(diagnosis, findings=findings, notes=(*notes, *diagnosis.notes))

@@ -1,0 +1,118 @@
+"""Readings that are none: zeros in the place of a lost body, and samples far off both their neighbours."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.intake.limits import OVERSHOOT
+from softarm.estimator.intake.result import RecordingFault
+from softarm.estimator.intake.streams import SampledStream, streams_of
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Specimen
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LONGEST = 2
+"""Samples of a spike at most; what lasts longer is an event."""
+LEAST = {"rad": np.radians(5.0), "m": 0.01}
+"""Excursions below this size in every unit are left alone."""
+NOISE = 12.0
+"""Excursions below so many robust deviations of the second differences are noise or motion."""
+SLOWEST = 0.03
+"""In recordings with longer steps [s] the arm itself may swing there and back within two samples."""
+BACK = 0.3
+"""Share of an excursion by which the samples before and after may differ."""
+
+
+def mend_lost(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+    """Count zeros of lost bodies and spikes as lost readings.
+
+    Optical systems write zeros for a body that they do not see. A spike leaves and returns within
+    ``LONGEST`` samples, farther than the recording's own motion and noise go.
+    """
+    columns, words = dict(recording.columns), {}
+    fast = len(recording.time) > 5 and float(np.median(np.diff(recording.time))) <= SLOWEST
+    for stream in streams_of(_without_zeros(recording), specimen):
+        zeros = _zeros(recording, stream)
+        readings = np.where(zeros[:, None], np.nan, stream.values)
+        spikes = _spikes(readings, stream.units) if fast else np.zeros(len(zeros), dtype=bool)
+        for name in stream.columns:
+            columns[name] = np.where(zeros | spikes, np.nan, columns[name])
+        counts = {"zeros": int(zeros.sum()), "spikes": int(spikes.sum())}
+        words |= {stream.name: " and ".join(f"{n} {what}" for what, n in counts.items() if n)}
+    for chamber in recording.chambers:
+        name = f"pressure_{chamber}_pa"
+        if name in columns and chamber < len(specimen.pressure_limits):
+            bad = _pressure_spikes(columns[name], OVERSHOOT * specimen.pressure_limits[chamber])
+            columns[name] = np.where(bad, np.nan, columns[name])
+            words |= {name: f"{int(bad.sum())} spikes" if bad.any() else ""}
+    bad_streams = tuple(name for name, what in words.items() if what)
+    if not bad_streams:
+        return recording, ()
+    what = "readings that cannot be true: " + ", ".join(f"{name} {words[name]}" for name in bad_streams)
+    found = RecordingFault(recording.name, "lost", bad_streams, what, "counted as lost")
+    return replace(recording, columns=columns), (found,)
+
+
+def _without_zeros(recording: Recording) -> Recording:
+    """Drop poses whose quaternion is zero, which is no orientation."""
+    columns = dict(recording.columns)
+    for section in recording.frames:
+        names = [name for name in columns if name.startswith(f"frame_{section}_")]
+        none = ~recording.pose(section)[:, 3:].any(axis=1)
+        columns.update({name: np.where(none, np.nan, columns[name]) for name in names})
+    return replace(recording, columns=columns)
+
+
+def _zeros(recording: Recording, stream: SampledStream) -> Flags:
+    """Find samples in which a moved body reads zero throughout, shape (samples,)."""
+    values = recording.stack(stream.columns)
+    zero: Flags = ~values.any(axis=1)
+    if stream.kind == "frame":
+        return zero | ~values[:, 3:].any(axis=1)
+    others = np.linalg.norm(values[~zero & np.isfinite(values).all(axis=1)], axis=1)
+    edge = np.flatnonzero(np.diff(zero.astype(int)))
+    jumps = np.linalg.norm(np.diff(values, axis=0)[edge], axis=1)
+    if not len(others) or not zero.any() or not (np.nan_to_num(jumps) > LEAST[stream.units[0]]).all():
+        return zero & False
+    return zero
+
+
+def _spikes(values: Floats, units: tuple[str, ...]) -> Flags:
+    """Find single samples, or two, that lie far off those before and after, shape (samples,)."""
+    bad = np.zeros(len(values), dtype=bool)
+    for column, unit in zip(values.T, units, strict=True):
+        seen = np.flatnonzero(np.isfinite(column))
+        if len(seen) < 2 * LONGEST + 3:
+            continue
+        own = column[seen]
+        noise = 1.4826 * float(np.median(np.abs(np.diff(own, 2))))
+        bad[seen[_excursions(own, max(LEAST[unit], NOISE * noise))]] = True
+    return bad
+
+
+def _excursions(values: Floats, least: float) -> Flags:
+    """Find runs of up to ``LONGEST`` samples that lie ``least`` off the samples on both sides of them."""
+    found = np.zeros(len(values), dtype=bool)
+    for length in range(1, LONGEST + 1):
+        before, after = values[: -length - 1], values[length + 1 :]
+        inside = np.stack([values[1 + k : len(values) - length + k] for k in range(length)])
+        away = inside - 0.5 * (before + after)
+        size = np.abs(away).min(axis=0)
+        one_way = np.abs(away.sum(axis=0)) > (length - 0.5) * size
+        runs = np.flatnonzero((size > least) & one_way & (np.abs(after - before) < BACK * size))
+        for k in range(length):
+            found[runs + 1 + k] = True
+    return found
+
+
+def _pressure_spikes(values: Floats, most: float) -> Flags:
+    """Find runs of up to ``LONGEST`` readings far beyond ``most`` [Pa] either way, shape (samples,)."""
+    beyond = np.abs(np.nan_to_num(values)) > most
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], beyond.astype(int), [0]])))
+    spikes = np.zeros(len(values), dtype=bool)
+    for begin, end in edges.reshape(-1, 2):
+        spikes[begin:end] = end - begin <= LONGEST and np.abs(values[begin:end]).min() > 1.5 * most
+    return spikes
