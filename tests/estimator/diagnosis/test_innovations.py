@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from softarm.estimator.diagnosis.innovations import channel_errors, innovation_test, worst_stretch
+from softarm.estimator.diagnosis.line import line_errors
 from softarm.estimator.diagnosis.session import channels
 from tests.estimator.diagnosis.linear_arm import session
 
@@ -39,6 +40,18 @@ def noise(search, size: float, memory: float = 0.0) -> list[np.ndarray]:
             left[k] = memory * left[k - 1] + np.sqrt(1.0 - memory**2) * left[k]
         found.append(left)
     return found
+
+
+def test_a_line_is_learnt_outside_held_out_data_and_judged_on_what_is_reported():
+    made = session("run", 2)
+    slopes = np.linspace(-2e-6, 2e-6, made.pressures.shape[1])
+    line = made.pressures @ slopes + 0.1
+    asked = replace(made, heldout=made.blocks % 2 == 0)
+    readings = np.where(asked.heldout, line + 0.03, line)[:, None] * np.ones(4)
+    readings[::5] = np.nan
+    errors = line_errors([replace(asked, readings=readings)])
+    assert errors == pytest.approx(dict.fromkeys(BENDS, 0.03))
+    assert line_errors([replace(asked, readings=readings, nominal=True)]) == {}
 
 
 def test_white_noise_of_the_assumed_size_has_variance_1_and_no_correlation(search):

@@ -76,6 +76,7 @@ def test_a_report_holds_what_the_contract_lists() -> None:
     assert set(told["heldout"]) == {
         "rms_before",
         "rms_after",
+        "rms_linear_regression",
         "unit",
         "normalised_rms_before",
         "normalised_rms_after",

@@ -9,6 +9,7 @@ from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.discrepancy import Autoregression, ljung_box
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gram import total
+from softarm.estimator.diagnosis.line import line_errors
 from softarm.estimator.diagnosis.result import ChannelError, InnovationTest, Stretch
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
@@ -53,11 +54,12 @@ def channel_errors(search: Search, before: Residuals, after: Residuals) -> dict[
             squares.setdefault(name, []).append(both[:, good, row] ** 2)
             kinds[name] = unit
     errors = {}
+    lines = line_errors([stage.session for stage in search.evidence.stages])
     for name, parts in squares.items():
         whole = np.concatenate(parts, axis=1)
         if whole.shape[1]:
             first, last = np.sqrt(whole.mean(axis=1)).tolist()
-            errors[name] = ChannelError(kinds[name], first, last)
+            errors[name] = ChannelError(kinds[name], first, last, lines.get(name))
     return errors
 
 

@@ -163,11 +163,13 @@ class ChannelError:
         unit: ``m``, ``rad`` or ``Pa``.
         before: Root mean square of the residual without what is judged.
         after: The same with it.
+        line: The same of a linear regression on the pressures; ``None`` where a line cannot predict it.
     """
 
     unit: str
     before: float
     after: float
+    line: float | None = None
 
 
 ChannelErrors = Mapping[str, ChannelError]

@@ -192,7 +192,7 @@ class Effect:
         """Parameters with which it does nothing, shape (parameters,)."""
         return np.array([0.0 if p.role == "amplitude" else p.typical for p in self.parameters])
 
-    def unit(self, parameter: Parameter, place: Place) -> str:
+    def unit(self, parameter: ParameterSpec, place: Place) -> str:
         """Return a parameter's unit at a place: what is an angle of other sensors is a length of a marker."""
         marker = self.hook == "sensing" and (place.sensor or "").startswith("marker_")
         return parameter.unit.replace("rad", "m") if marker else parameter.unit

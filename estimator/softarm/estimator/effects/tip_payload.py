@@ -28,7 +28,7 @@ def modal(theta: Floats) -> ModalChange:
 EFFECT = Effect(
     name="tip_payload",
     hook="load",
-    parameters=(ParameterSpec("mass", "kg", 0.02, -0.1, 2.0, spread=0.05),),
+    parameters=(ParameterSpec("mass", "kg", 0.02, 0.0, 2.0, spread=0.05),),
     places=moving_sections,
     act=act,
     statement="{where} carries a mass that is not in the model: {mass}.",

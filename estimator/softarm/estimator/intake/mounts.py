@@ -35,7 +35,7 @@ NOTHING = ", and nothing of the base was recorded"
 
 
 @dataclass(frozen=True)
-class Body:
+class LooseBody:
     """A frame or a marker below the base.
 
     Args:
@@ -70,23 +70,23 @@ def check_mount(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
     return recording, (RecordingFault(recording.name, "frame", names, words + NOTHING, cure, mended=False),)
 
 
-def _bodies(recording: Recording, specimen: Specimen) -> list[Body]:
+def _bodies(recording: Recording, specimen: Specimen) -> list[LooseBody]:
     found = []
     for section in specimen.sections:
         origin, rest = np.array(section.frame_origin_m), from_quaternions(np.array(section.frame_quaternion))
         if section.name in recording.frames:
             place = recording.pose(section.name)[:, :3]
-            found.append(Body(f"frame_{section.name}", section.from_m, origin, place))
+            found.append(LooseBody(f"frame_{section.name}", section.from_m, origin, place))
         for marker in specimen.markers:
             if marker.section == section.name and marker.name in recording.markers:
                 own = origin + rest @ np.array(marker.offset_m)
                 found.append(
-                    Body(f"marker_{marker.name}", section.from_m, own, recording.marker(marker.name))
+                    LooseBody(f"marker_{marker.name}", section.from_m, own, recording.marker(marker.name))
                 )
     return found
 
 
-def _off_rest(recording: Recording, specimen: Specimen, bodies: list[Body]) -> str:
+def _off_rest(recording: Recording, specimen: Specimen, bodies: list[LooseBody]) -> str:
     """Say which body lies far off its rest with low pressures; empty where none does."""
     for body in bodies:
         own = body.place[_calm(recording) & np.isfinite(body.place).all(axis=1)]
@@ -117,7 +117,7 @@ def _calm(recording: Recording) -> NDArray[np.bool_]:
     return calm
 
 
-def _turned(recording: Recording, specimen: Specimen, bodies: list[Body]) -> str:
+def _turned(recording: Recording, specimen: Specimen, bodies: list[LooseBody]) -> str:
     """Say by how much the directions in which pressures bend the arm are rotated, if they are."""
     chambers = [chamber for chamber in specimen.chambers if chamber.index in recording.chambers]
     plain, mirrored, power = 0.0j, 0.0j, 0.0
@@ -140,7 +140,7 @@ def _turned(recording: Recording, specimen: Specimen, bodies: list[Body]) -> str
     )
 
 
-def _slopes(recording: Recording, chambers: list[Chamber], body: Body) -> NDArray[np.complex128]:
+def _slopes(recording: Recording, chambers: list[Chamber], body: LooseBody) -> NDArray[np.complex128]:
     """Regress the lateral place, x + i y, on the pressures, shape (chambers,)."""
     pressures = np.column_stack(
         [np.zeros((len(recording.time), 0)), *(recording.pressure(c.index)[0] for c in chambers)]

@@ -79,6 +79,7 @@ def _channels(diagnosis: Diagnosis) -> list[list[str]]:
                 sentences.amount(rms, unit),
                 sentences.amount(error.before, unit) if error else "-",
                 sentences.amount(error.after, unit) if error else "-",
+                sentences.amount(error.line, unit) if error and error.line is not None else "-",
                 sentences.amount(base.noise_floor.get(channel, np.nan), unit),
                 sentences.number(test.variance[channel]) if channel in test.variance else "-",
                 f"{test.correlation[channel]:.2f}" if channel in test.correlation else "-",

@@ -96,6 +96,7 @@ class HeldoutPart(_Part):
 
     rms_before: dict[str, Number]
     rms_after: dict[str, Number]
+    rms_linear_regression: dict[str, Number] = Field(default_factory=dict)
     unit: dict[str, Unit]
     normalised_rms_before: Number
     normalised_rms_after: Number
@@ -172,6 +173,11 @@ def report_of(diagnosis: Diagnosis) -> Report:
         heldout=HeldoutPart(
             rms_before={name: readable(one.unit)[0] * one.before for name, one in heldout.channels.items()},
             rms_after={name: readable(one.unit)[0] * one.after for name, one in heldout.channels.items()},
+            rms_linear_regression={
+                name: readable(one.unit)[0] * one.line
+                for name, one in heldout.channels.items()
+                if one.line is not None
+            },
             unit={name: UNITS[one.unit] for name, one in heldout.channels.items()},
             normalised_rms_before=heldout.before,
             normalised_rms_after=heldout.after,

@@ -247,8 +247,21 @@ def summary(diagnosis: Diagnosis) -> list[str]:
     lines += [finding_line(k, one, diagnosis) for k, one in enumerate(diagnosis.findings, start=1)]
     if diagnosis.heldout.channels:
         lines.append(f"Error on unseen data, before and after: {physical(diagnosis.heldout.channels)}.")
+        lines += nearer(diagnosis.heldout.channels)
     lines.append(remaining(diagnosis))
     return lines
+
+
+def nearer(channels: ChannelErrors) -> list[str]:
+    """Compare the model with a linear regression on the pressures; empty where there is none."""
+    ratios = {name: one.line / one.after for name, one in channels.items() if one.line and one.after}
+    if not ratios:
+        return []
+    worst = min(ratios, key=lambda name: ratios[name])
+    return [
+        f"A linear regression on the pressures errs {number(min(ratios.values()))} ({worst}) to "
+        f"{number(max(ratios.values()))} times as much on the same data."
+    ]
 
 
 def _rms(values: Iterable[float]) -> float:

@@ -1,0 +1,56 @@
+"""A linear regression of the readings on the pressures: what any model of the arm has to better."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softarm.estimator.diagnosis.session import Session, channels
+
+Floats = NDArray[np.float64]
+
+ANGLES_OR_PLACES = (2, 3)
+"""Sizes of readings that a line can predict: bends and markers; orientations are no vectors."""
+
+
+def line_errors(sessions: Sequence[Session]) -> dict[str, float]:
+    """Fit y = A p + b to what is not held out, and compute its error on what is reported.
+
+    Args:
+        sessions: All sessions; those in question are reported.
+
+    Returns:
+        Root mean square of each channel of bends and markers, in its unit.
+    """
+    names = {name for session in sessions for name in channels(session.suite)}
+    errors = {name: _line_error(sessions, name) for name in sorted(names)}
+    return {name: error for name, error in errors.items() if error is not None}
+
+
+def _line_error(sessions: Sequence[Session], name: str) -> float | None:
+    known, asked = [], []
+    for session in sessions:
+        values = _readings(session, name)
+        if values is None:
+            continue
+        rows = np.column_stack([session.pressures, np.ones(session.samples), values])
+        seen = np.isfinite(rows).all(axis=1)
+        known.append(rows[seen & ~session.heldout])
+        if not session.nominal:
+            asked.append(rows[seen & session.reported])
+    if not asked or not len(np.concatenate(asked)) or not len(np.concatenate(known)):
+        return None
+    learnt, reported = np.concatenate(known), np.concatenate(asked)
+    scale = np.maximum(np.abs(learnt[:, :-1]).max(axis=0), 1e-12)
+    line, *_ = np.linalg.lstsq(learnt[:, :-1] / scale, learnt[:, -1], rcond=1e-9)
+    left = reported[:, -1] - reported[:, :-1] / scale @ line
+    return float(np.sqrt(np.mean(left**2)))
+
+
+def _readings(session: Session, name: str) -> Floats | None:
+    """Return the readings of a channel, shape (samples,); ``None`` where the session has none of it."""
+    sensor, _, letter = name.partition(".")
+    part = session.suite.reading_slices.get(sensor)
+    if part is None or part.stop - part.start not in ANGLES_OR_PLACES:
+        return None
+    return np.asarray(session.readings[:, part.start + "xyz".index(letter)])
