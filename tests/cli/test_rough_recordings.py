@@ -60,7 +60,6 @@ REFUSED: dict[str, tuple[arm.Fault, Text, str]] = {
     "suction": (arm.scaled("pressure_", "_pa", -1.0), unchanged, "below that of the air"),
     "burst": (arm.scaled("pressure_", "_pa", 3.0), unchanged, "over its limit of 65"),
     "no unit of time": (arm.in_milliseconds, unchanged, "say rate_hz"),
-    "exchanged bends": (arm.exchanged("bend_intermediate", "bend_tip"), unchanged, "look exchanged"),
     "one row": (rows(1), unchanged, "1 samples|nothing moves|no motion|too short|one sample"),
     "order": (reordered, unchanged, "goes back"),
     "repeated": (doubled, unchanged, "repeats"),

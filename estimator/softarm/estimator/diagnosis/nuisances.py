@@ -39,6 +39,8 @@ FACTORS = (0.7, 1.0, 1.4, 2.0)
 STIFFER = (1.0, 2.0, 2.8, 4.0, 5.6)
 """The same of a slow model."""
 LEAST_PRESSURE_SPREAD = 1.0e3
+BEYOND = 3.0
+"""Deviations of the prior from which a calibrated value is reported."""
 KINDS = (Modulus, Gain, LinearGrowth, Alignment, BaseMount, Torsion)
 """What may be calibrated before an effect is looked for; biases of pressures are effects of valves."""
 SCATTER = Scatter({"m": 1.5e-3, "rad": 1.5e-2}, correlated=10.0)
@@ -66,6 +68,22 @@ class Nuisances:
     def prior_rows(self) -> tuple[Floats, Floats]:
         """Return the prior as whitened residuals and their derivative; see ``Layout``."""
         return self.layout.prior_rows(self.values)
+
+    @property
+    def beyond_prior(self) -> tuple[str, ...]:
+        """Sentences on values that leave what was known of them beforehand by ``BEYOND`` deviations."""
+        away = (self.values - self.layout.means) / self.layout.spreads
+        found = []
+        for unknown, value, deviations in zip(self.layout.unknowns, self.values, away, strict=True):
+            if abs(deviations) > BEYOND:
+                size = f"{value:.4g} {unknown.unit} instead of {unknown.mean:.4g}"
+                if isinstance(unknown, Modulus):
+                    size = f"{np.exp(value - unknown.mean):.3g} times what the specimen says"
+                found.append(
+                    f"The calibration found {unknown.name} at {size}, {abs(deviations):.1f} standard "
+                    "deviations off what was known: specimen or recording is not what it is said to be."
+                )
+        return tuple(found)
 
     def stage(self, model: Model, session: Session) -> Stage:
         """Return a session on the calibrated model; see ``build_stage``."""

@@ -135,7 +135,8 @@ def run(
     outcome = diagnose(
         model, sessions, executor, seed=request.seed, notes=notes, effects=effects, advance=tell, keep=keep
     )
-    diagnosis = with_intakes(with_valves(outcome.diagnosis, faults), intakes, found)
+    beyond = outcome.fitted.beyond_prior if outcome.fitted is not None else ()
+    diagnosis = with_intakes(with_valves(outcome.diagnosis, faults), intakes, (*found, *beyond))
     diagnosis = replace(diagnosis, seconds=time.monotonic() - began)
     return replace(outcome, diagnosis=diagnosis)
 
