@@ -23,6 +23,10 @@ LOWEST = 10.0
 """Percentile of the summed pressures up to which the arm counts as at rest."""
 AWAY, TILT = 0.35, np.radians(40.0)
 """Distance over height, and tilt, by which a section may lie off its rest: arms held sideways droop."""
+RESTING = 0.2
+"""Share of the limits up to which the lowest pressures leave the arm near its rest."""
+BENT = 3.0
+"""Where they do not, sections may lie so many times farther off."""
 TURN = np.radians(25.0)
 """Rotation about the arm's axis from which the laboratory counts as rotated."""
 CLEAR = 0.7
@@ -88,33 +92,36 @@ def _bodies(recording: Recording, specimen: Specimen) -> list[LooseBody]:
 
 def _off_rest(recording: Recording, specimen: Specimen, bodies: list[LooseBody]) -> str:
     """Say which body lies far off its rest with low pressures; empty where none does."""
+    calm, most = _calm(recording, specimen)
     for body in bodies:
-        own = body.place[_calm(recording) & np.isfinite(body.place).all(axis=1)]
+        own = body.place[calm & np.isfinite(body.place).all(axis=1)]
         away = float(np.linalg.norm(np.median(own, axis=0) - body.rest)) if len(own) else 0.0
-        if away > AWAY * specimen.length_m:
+        if away > most * AWAY * specimen.length_m:
             return f"{body.name} lies {1e3 * away:.0f} mm off its rest in the base frame {CALM}"
     return ""
 
 
 def _tilted(recording: Recording, specimen: Specimen) -> str:
     """Say which frame is tilted against its rest with low pressures; empty where none is."""
+    calm, most = _calm(recording, specimen)
     for section in (one for one in specimen.sections if one.name in recording.frames):
-        own = recording.pose(section.name)[_calm(recording)]
+        own = recording.pose(section.name)[calm]
         axes = from_quaternions(own[np.isfinite(own).all(axis=1), 3:])[:, :, 2]
         rest = from_quaternions(np.array(section.frame_quaternion))[:, 2]
         tilt = float(np.median(np.arccos(np.clip(axes @ rest, -1.0, 1.0)))) if len(axes) else 0.0
-        if tilt > TILT:
+        if tilt > most * TILT:
             return f"frame_{section.name} is tilted by {np.degrees(tilt):.0f} degrees against its rest {CALM}"
     return ""
 
 
-def _calm(recording: Recording) -> NDArray[np.bool_]:
-    """Find the samples with the lowest pressures, shape (samples,)."""
+def _calm(recording: Recording, specimen: Specimen) -> tuple[NDArray[np.bool_], float]:
+    """Find the samples with the lowest pressures, shape (samples,), and by what factor these bend the arm."""
     total = np.zeros(len(recording.time))
     for chamber in recording.chambers:
         total += np.nan_to_num(recording.pressure(chamber)[0])
-    calm: NDArray[np.bool_] = total <= np.percentile(total, LOWEST)
-    return calm
+    lowest = float(np.percentile(total, LOWEST))
+    calm: NDArray[np.bool_] = total <= lowest
+    return calm, 1.0 if lowest <= RESTING * sum(specimen.pressure_limits) else BENT
 
 
 def _turned(recording: Recording, specimen: Specimen, bodies: list[LooseBody]) -> str:
