@@ -60,7 +60,7 @@ REFUSED: dict[str, tuple[arm.Fault, Text, str]] = {
     "suction": (arm.scaled("pressure_", "_pa", -1.0), unchanged, "below that of the air"),
     "burst": (arm.scaled("pressure_", "_pa", 3.0), unchanged, "over its limit of 65"),
     "no unit of time": (arm.in_milliseconds, unchanged, "say rate_hz"),
-    "one row": (rows(1), unchanged, "1 samples|nothing moves|no motion|too short|one sample"),
+    "one row": (rows(1), unchanged, "1 samples"),
     "order": (reordered, unchanged, "goes back"),
     "repeated": (doubled, unchanged, "repeats"),
     "half a bend": (without("bend_tip_x_rad"), unchanged, "bend_tip_x_rad: is missing"),
@@ -72,8 +72,15 @@ REFUSED: dict[str, tuple[arm.Fault, Text, str]] = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
-@pytest.mark.parametrize("command", ["diagnose", "estimate", "calibrate"])
+COMMANDS = [
+    (command, name)
+    for command in ("diagnose", "estimate", "calibrate")
+    for name in REFUSED
+    if (command, name) != ("estimate", "one row")  # which is enough for one estimate
+]
+
+
+@pytest.mark.parametrize(("command", "name"), COMMANDS)
 def test_a_recording_that_cannot_be_used_is_refused_in_one_line(
     command: str, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -71,6 +71,8 @@ def command(
         section_forces,
     )
     from softarm.estimator.calibration.complaints import complaints
+    from softarm.estimator.diagnosis.admit import LEAST_SAMPLES
+    from softarm.estimator.errors import InputError
     from softarm.estimator.node_by_node import NodeByNode
     from softarm.estimator.specimen import save_specimen
     from softarm.recordings.files import refuse_existing
@@ -81,6 +83,12 @@ def command(
         refuse_existing(out, force=force)
     loaded = load_recordings(recordings, window)
     robot = specimen_of(specimen, recordings, loaded)
+    samples = sum(len(recording.time) for recording in loaded)
+    if samples < LEAST_SAMPLES:
+        names = ", ".join(recording.name for recording in loaded)
+        raise InputError(
+            names, f"{samples} samples are too few", "record at least 20 s with changing pressures"
+        )
     loaded = tuple(taken_in(recording, robot, say).for_fits for recording in loaded)
     loads = section_forces(robot)
     model = build_arm(robot, loads=loads)

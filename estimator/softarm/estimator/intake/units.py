@@ -51,6 +51,8 @@ ABSOLUTE = 3.0
 """Minus the logarithm of the prior that pressures are absolute."""
 NEVER_VENTED = -6.0
 """Logarithm of the prior that no chamber ever comes below half the limit."""
+NOISY = 0.15
+"""Change from sample to sample over the range from which pressures are noise; white noise has 0.29."""
 SAME_AIR = 2e3
 """Vented chambers read the same air within this [Pa]."""
 FOLLOWS = 0.15
@@ -193,10 +195,9 @@ def _sizes(recording: Recording, kind: str) -> tuple[float, float] | None:
     ranges = [np.percentile(column, [1.0, 99.5]) for column in values]
     low, high = min(float(r[0]) for r in ranges), max(float(r[1]) for r in ranges)
     moved = max(float(np.ptp(r)) for r in ranges)
-    noise = max(float(np.nanstd(np.diff(column))) if len(column) > 2 else 0.0 for column in values)
-    return (
-        (low, high) if high > 0.0 and moved > 0.0 and noise < 0.5 * max(np.std(c) for c in values) else None
-    )
+    steps = [np.median(np.abs(np.diff(column))) if len(column) > 2 else 0.0 for column in values]
+    noise = 1.4826 * float(max(steps))  # by medians, since spikes are only removed once their unit is known
+    return (low, high) if high > 0.0 and moved > 0.0 and noise < NOISY * moved else None
 
 
 def _bend_per_pressure(recording: Recording, specimen: Specimen) -> float | None:
