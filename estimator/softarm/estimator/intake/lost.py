@@ -32,7 +32,8 @@ def mend_lost(recording: Recording, specimen: Specimen) -> tuple[Recording, tupl
     Optical systems write zeros for a body that they do not see. A spike leaves and returns within
     ``LONGEST`` samples, farther than the recording's own motion and noise go.
     """
-    columns, words = dict(recording.columns), {}
+    columns = dict(recording.columns)
+    words: dict[str, str] = {}
     fast = len(recording.time) > 5 and float(np.median(np.diff(recording.time))) <= SLOWEST
     for stream in streams_of(_without_zeros(recording), specimen):
         zeros = _zeros(recording, stream)
@@ -69,7 +70,7 @@ def _without_zeros(recording: Recording) -> Recording:
 def _zeros(recording: Recording, stream: SampledStream) -> Flags:
     """Find samples in which a moved body reads zero throughout, shape (samples,)."""
     values = recording.stack(stream.columns)
-    zero: Flags = ~values.any(axis=1)
+    zero = np.asarray(~values.any(axis=1))
     if stream.kind == "frame":
         return zero | ~values[:, 3:].any(axis=1)
     others = np.linalg.norm(values[~zero & np.isfinite(values).all(axis=1)], axis=1)

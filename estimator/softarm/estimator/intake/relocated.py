@@ -28,10 +28,11 @@ def losses(time: Floats, values: Floats, lasting: float) -> Floats:
     Args:
         time: [s], shape (samples,).
         values: NaN where lost, shape (samples, size).
-        lasting: Losses that are shorter [s] do not count.
+        lasting: Losses that are shorter [s], or than three usual steps, do not count.
     """
     seen = time[np.isfinite(values).all(axis=1)]
-    found: Floats = seen[1:][np.diff(seen) > lasting]
+    steps = np.diff(seen)
+    found: Floats = seen[1:][steps > max(lasting, 3.0 * float(np.median(steps)))] if len(steps) else seen[:0]
     return found
 
 

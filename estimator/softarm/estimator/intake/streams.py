@@ -45,9 +45,9 @@ class SampledStream:
         """Which values move by more than a sensor at rest, shape (size,)."""
         if not np.isfinite(self.values).any():
             return np.zeros(len(self.units), dtype=bool)
-        seen = np.isfinite(self.values).any(axis=0)
+        seen = np.asarray(np.isfinite(self.values).any(axis=0))
         low, high = np.nanpercentile(self.values[:, seen], SPREAD, axis=0)
-        moving: NDArray[np.bool_] = seen.copy()
+        moving = seen.copy()
         moving[seen] = (high - low) > np.array([QUIET[unit] for unit in self.units])[seen]
         return moving
 
