@@ -3,26 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
-
 from softarm.estimator.calibration.unknowns import Modulus
 from softarm.estimator.diagnosis.nuisances import BEYOND, Nuisances, layout_of
-from softarm.estimator.specimen import Value, load_specimen
+from softarm.estimator.specimen import load_specimen
 from tests.estimator.diagnosis.linear_arm import model, session
 
 SOPRA = load_specimen("sopra")
-
-
-def spread(calibrated: bool) -> float:
-    known = {"upper": Value(value=1.0), "lower": Value(value=1.0)} if calibrated else {}
-    calibration = SOPRA.calibration.model_copy(update={"modulus_scale": known})
-    layout = layout_of(model(SOPRA.model_copy(update={"calibration": calibration})), [session("run", 1)])
-    return float(layout.spreads[layout.of(Modulus)][0])
-
-
-def test_the_modulus_of_an_arm_that_nobody_calibrated_is_unknown_to_a_factor_of_five():
-    assert np.exp(spread(calibrated=False)) == pytest.approx(5.0)
-    assert np.exp(spread(calibrated=True)) == pytest.approx(2.0)
 
 
 def test_a_value_that_leaves_its_prior_is_reported_with_its_size():

@@ -31,7 +31,6 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MODULUS_SPREAD = np.log(2.0)  # fitted shear moduli of such arms range from 35 to 152 kPa
-DRAWN_SPREAD = np.log(5.0)  # the modulus of an arm that nobody calibrated is a guess from its hardness
 GAIN_SPREAD = 0.15
 MEAN_GAIN_SPREAD = 0.02  # a set of pressure sensors is right on average; divides gains from moduli
 AREA_SPREAD = 0.3  # of the area that the pressures push on, where known pulls tell the moduli
@@ -191,9 +190,8 @@ def build_layout(
 
 def _moduli(specimen: Specimen, regions: Sequence[str]) -> list[Unknown]:
     means = {s.name: float(np.log(specimen.calibration.scale(s.name))) for s in specimen.segments}
-    spread = float(MODULUS_SPREAD if specimen.calibration.modulus_scale else DRAWN_SPREAD)
     return [
-        Modulus(f"modulus.{name}", "log factor", mean, spread, name, regions.index(name))
+        Modulus(f"modulus.{name}", "log factor", mean, float(MODULUS_SPREAD), name, regions.index(name))
         for name, mean in means.items()
         if name in regions
     ]
