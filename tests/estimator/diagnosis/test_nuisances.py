@@ -1,8 +1,9 @@
-"""What is open to a calibration before any effect, and what it reports of its result."""
+"""What a calibration before any effect reports of its result."""
 
 from dataclasses import replace
 
 import numpy as np
+
 from softarm.estimator.calibration.unknowns import Modulus
 from softarm.estimator.diagnosis.nuisances import BEYOND, Nuisances, layout_of
 from softarm.estimator.specimen import load_specimen
