@@ -68,9 +68,11 @@ def _without_zeros(recording: Recording) -> Recording:
 
 
 def _zeros(recording: Recording, stream: SampledStream) -> Flags:
-    """Find samples in which a moved body reads zero throughout, shape (samples,)."""
+    """Find samples in which a moved body reads zero throughout, shape (samples,); a bend may be zero."""
     values = recording.stack(stream.columns)
     zero = np.asarray(~values.any(axis=1))
+    if stream.kind == "bend":
+        return zero & False
     if stream.kind == "frame":
         return zero | ~values[:, 3:].any(axis=1)
     others = np.linalg.norm(values[~zero & np.isfinite(values).all(axis=1)], axis=1)
