@@ -35,6 +35,9 @@ EXPLAINED = 0.6
 """Share of the variance that the pressures must explain at the best shift."""
 BETTER = 0.7
 """And the most of the variance left within ``ALLOWED`` that may be left there."""
+FORM = 0.05
+"""Share of the variance that a linear law leaves of an arm's nonlinear response at the right shift: 0.1 to
+4 % in the poses and steps of two simulators. What is left below it says nothing about the clocks."""
 INDEPENDENT = 2.0
 """Seconds per independent sample of what a regression leaves."""
 SHORTEST = 10.0
@@ -149,7 +152,7 @@ def _way(lag: float) -> str:
 
 
 def find_shifts(recording: Recording, specimen: Specimen) -> Shifts | None:
-    """Judge every shift of every sensor that the pressures move; ``None`` where the recording cannot tell."""
+    """Judge every shift of every sensor that the pressures move; ``None`` where nothing can be said."""
     seconds = float(np.ptp(recording.time)) if len(recording.time) > 1 else 0.0
     streams = streams_of(recording, specimen)
     if seconds < SHORTEST or not recording.chambers or not any(stream.moving.any() for stream in streams):
@@ -167,7 +170,17 @@ def find_shifts(recording: Recording, specimen: Specimen) -> Shifts | None:
         return None
     names = tuple(streams[number].name for number in numbers[moved])
     samples = seconds / INDEPENDENT
-    return Shifts(names, lags, -0.5 * samples * np.log(own[moved]), samples)
+    return Shifts(names, lags, likelihoods(own[moved], samples), samples)
+
+
+def likelihoods(left: Floats, samples: float) -> Floats:
+    """Compute the logarithm of each shift's likelihood from the share of variance that it leaves.
+
+    Args:
+        left: Shares, of any shape.
+        samples: Independent samples behind them.
+    """
+    return np.asarray(-0.5 * samples * np.log(left + FORM))
 
 
 def _unexplained(grid: Grid, lags: Floats) -> Floats:
