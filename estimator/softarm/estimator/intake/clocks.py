@@ -37,7 +37,7 @@ BETTER = 0.7
 """And the most of the variance left within ``ALLOWED`` that may be left there."""
 FORM = 0.05
 """Share of the variance that a linear law leaves of an arm's nonlinear response at the right shift: 0.1 to
-4 % in the poses and steps of two simulators. What is left below it says nothing about the clocks."""
+4 % in the poses and steps of simulated arms. What is left below it says nothing about the clocks."""
 INDEPENDENT = 2.0
 """Seconds per independent sample of what a regression leaves."""
 SHORTEST = 10.0
