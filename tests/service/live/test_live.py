@@ -75,7 +75,7 @@ def from_tip(one, other):
     return np.linalg.norm(one[0][-1] - other[0][-1])
 
 
-def test_recording_from_the_command_line(rig):
+def test_recording_from_the_command_line(rig, client):
     command = [sys.executable, "-m", "softarm", "record", "--arm", rig.settings.arm, "--name", "cli"]
     words = ["--endpoint", rig.settings.endpoint, "--seconds", "1", "--json"]
     done = subprocess.run([*command, *words], capture_output=True, text=True, timeout=60, check=False)
