@@ -91,7 +91,7 @@ class Operator:
 
     def save(self, name: str) -> bool:
         """Save the pose under a name, and return whether it was saved."""
-        return self._send(lambda: self._client.teach.save(name))
+        return self._send(lambda: self._client.teach.save(name), f"{name} is saved")
 
     def release(self) -> None:
         """End teaching or holding; the lease is no longer renewed."""
@@ -121,8 +121,8 @@ class Operator:
         self._pressed_s, self._holding = float("-inf"), False
         self._send(command)
 
-    def _send(self, command: Callable[[], Result]) -> bool:
-        """Send a command, show its answer, and return whether it was accepted."""
+    def _send(self, command: Callable[[], Result], done: str = "") -> bool:
+        """Send a command, show its answer and what was done, and return whether it was accepted."""
         try:
             result = command()
         except CommandRefusedError as refusal:
@@ -130,7 +130,7 @@ class Operator:
             return False
         self._mode = result.mode
         short = _short_of(result) if isinstance(result, Pose) else ""
-        self._say(f"the arm is {self._mode}; {short}" if short else f"the arm is {self._mode}")
+        self._say("; ".join(filter(None, (f"the arm is {self._mode}", done, short))))
         return True
 
     @property

@@ -77,12 +77,12 @@ def from_tip(one, other):
 
 def test_recording_from_the_command_line(rig, client):
     command = [sys.executable, "-m", "softarm", "record", "--arm", rig.settings.arm, "--name", "cli"]
-    words = ["--endpoint", rig.settings.endpoint, "--seconds", "1", "--json"]
+    words = ["--endpoint", rig.settings.endpoint, "--seconds", "3", "--json"]
     done = subprocess.run([*command, *words], capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr
     (row,) = json.loads(done.stdout)["rows"]
     recording = load_recording(Path(row["file"]))
-    assert 0.7 < recording.time[-1] - recording.time[0] < 3.0
+    assert 2.5 < recording.time[-1] - recording.time[0] < 6.0
     assert set(recording.chambers) == set(range(6))
     assert {"intermediate", "tip"} <= set(recording.frames)
     assert np.isfinite(recording.columns["estimate_frame_tip_z_std_m"]).any()

@@ -4,7 +4,7 @@ from softarm.page.operator import GRACE_S, Operator
 from softarm_client.commands import Refused
 from softarm_client.errors import CommandRefusedError
 from softarm_client.modes import Mode
-from softarm_client.results import Asked, Hold, Pose
+from softarm_client.results import Asked, Hold, Pose, Saved
 
 PRESSURES = (0.0,) * 6
 POSES = {
@@ -57,6 +57,10 @@ class Client:
     def goto(self, name):
         return self._held("teach/goto", name)
 
+    def save(self, name):
+        self.sent.append("teach/save")
+        return Saved(mode=Mode.HOLDING, name=name, **POSES["b"].model_dump())
+
     def poses(self):
         return POSES
 
@@ -108,6 +112,11 @@ def test_poses_out_of_reach_are_told_with_the_reason(desk):
     assert desk.operator.poses() == {"a": "", "b": "12 mm short"}
     desk.operator.go_to("b")
     assert desk.told[-1] == "the arm is HOLDING; 12 mm short"
+
+
+def test_saved_pose_is_told_by_its_name(desk):
+    assert desk.operator.save("pose-1")
+    assert desk.told[-1] == "the arm is HOLDING; pose-1 is saved; 12 mm short"
 
 
 def test_lease_of_another_is_told_and_nothing_is_sent(desk):

@@ -110,7 +110,7 @@ def test_teach_hold_release_and_stop_through_the_page(service, browser):
     browser.click("Hold pose")
     service.until(Mode.HOLDING)
     browser.click("Save pose")
-    browser.until_shown("teach/save: HOLDING")
+    browser.until_shown("pose-1 is saved")
     with pytest.raises(AssertionError):
         service.until(Mode.IDLE, within=8.0)  # a held pose outlives the dead-man
     browser.click("Release")
