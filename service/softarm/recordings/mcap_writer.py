@@ -43,16 +43,16 @@ UNITS = {"pa": "Pa, gauge", "m": "m", "rad": "rad", "n": "N", "s": "s", "nm": "N
 
 
 @dataclass(frozen=True)
-class TopicWriter:
+class Topic:
     """What one channel carries.
 
     Args:
-        topic: Its name: ``pressures``, ``marker/tip1``.
+        name: ``pressures``, ``marker/tip1``.
         fields: Names of the values of a message.
         source: Where the values come from: ``measured``, ``fake+modbus://...``; empty when not known.
     """
 
-    topic: str
+    name: str
     fields: tuple[str, ...]
     source: str = ""
 
@@ -100,7 +100,7 @@ class StreamWriter:
 
     Args:
         file: Open for writing bytes.
-        streams: What will be written; more may be added later.
+        topics: What will be written; more may be added later.
         attachments: File name to contents, written first: ``recording.toml``, ``specimen.toml``.
         columns: Columns in the order in which a table would have them.
         flush_period_ns: Host time between chunks; ``None`` lets their size decide.
@@ -112,7 +112,7 @@ class StreamWriter:
     def __init__(
         self,
         file: IO[bytes],
-        streams: Iterable[TopicWriter] = (),
+        topics: Iterable[Topic] = (),
         *,
         attachments: Mapping[str, bytes] | None = None,
         columns: Sequence[str] = (),
@@ -134,20 +134,20 @@ class StreamWriter:
         self._drawn_s: dict[str, float] = {}
         self._flush_period_ns = flush_period_ns
         self._last_flush_ns: int | None = None
-        for stream in streams:
-            self.add_stream(stream)
+        for topic in topics:
+            self.add_topic(topic)
 
-    def add_stream(self, stream: TopicWriter) -> None:
-        """Announce a stream before its first message."""
+    def add_topic(self, topic: Topic) -> None:
+        """Announce a topic before its first message."""
         schema = self._writer.register_schema(
-            f"softarm.{stream.topic}", "jsonschema", _schema(stream, stamped=self._start is not None)
+            f"softarm.{topic.name}", "jsonschema", _schema(topic, stamped=self._start is not None)
         )
-        metadata = {"source": stream.source} if stream.source else {}
-        channel = self._writer.register_channel(stream.topic, "json", schema, metadata)
-        self._channels[stream.topic] = (channel, stream.fields)
+        metadata = {"source": topic.source} if topic.source else {}
+        channel = self._writer.register_channel(topic.name, "json", schema, metadata)
+        self._channels[topic.name] = (channel, topic.fields)
 
     def write(self, topic: str, values: Sequence[float], stamp: RecordTimes) -> None:
-        """Write one message of an announced stream; NaN stands for a lost reading, which is left out."""
+        """Write one message of an announced topic; NaN stands for a lost reading, which is left out."""
         channel, fields = self._channels[topic]
         present = {f: v for f, v in zip(fields, values, strict=True) if math.isfinite(v)}
         self._add(channel, self._stamped(stamp) | present, stamp)
@@ -236,7 +236,7 @@ def write_recording(
     streams = streams_of(recording.columns)
     writer = StreamWriter(
         file,
-        [TopicWriter(topic, tuple(fields)) for topic, fields in streams.items()],
+        [Topic(name, tuple(fields)) for name, fields in streams.items()],
         attachments={INFO_FILE: format_info(recording.info), **(attachments or {})},
         columns=list(recording.columns),
         flush_period_ns=None,
@@ -278,7 +278,7 @@ def streams_of(columns: Iterable[str]) -> dict[str, dict[str, str]]:
     return streams
 
 
-def _schema(stream: TopicWriter, *, stamped: bool) -> bytes:
+def _schema(topic: Topic, *, stamped: bool) -> bytes:
     properties: dict[str, Any] = {TIME: {"type": "number", "description": "time of the recording [s]"}}
     if stamped:
         properties[HOST_STAMP] = {
@@ -286,11 +286,11 @@ def _schema(stream: TopicWriter, *, stamped: bool) -> bytes:
             "description": "arrival, the host's monotonic clock [ns]",
         }
         properties[DEVICE_STAMP] = {"type": "integer", "description": "the device's clock [ns]"}
-    for field in stream.fields:
+    for field in topic.fields:
         unit = UNITS.get(field.rpartition("_")[2], "1")
         properties[field] = {"type": "number", "description": f"[{unit}]; left out: lost reading"}
     schema = {"type": "object", "properties": properties, "required": [TIME]}
-    return json.dumps({"title": stream.topic, **schema}).encode()
+    return json.dumps({"title": topic.name, **schema}).encode()
 
 
 def _media_type(name: str) -> str:

@@ -14,11 +14,11 @@ from softarm.daemon.control.recorder import PART_SUFFIX, Document, Recorder, Rec
 from softarm.daemon.control.recording_header import recording_header
 from softarm.daemon.control.streams import RecordedStreams
 from softarm.recordings import load_recording, save_recording
-from softarm.recordings.mcap_writer import RecordTimes, Start, TopicWriter
+from softarm.recordings.mcap_writer import RecordTimes, Start, Topic
 
 DEPLOYED = Path(__file__).parents[3] / "deploy" / "config" / "sopra.toml"
 UNIX_NS = 1_790_000_000_000_000_000
-PRESSURES = TopicWriter("pressures", ("chamber_0_pa", "chamber_1_pa"), "fake+modbus://127.0.0.1:502")
+PRESSURES = Topic("pressures", ("chamber_0_pa", "chamber_1_pa"), "fake+modbus://127.0.0.1:502")
 
 
 def sample(index):

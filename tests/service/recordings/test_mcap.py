@@ -7,10 +7,10 @@ from mcap.reader import make_reader
 
 from softarm.estimator.errors import InputError
 from softarm.recordings import load_recording, read_attachments
-from softarm.recordings.mcap_writer import NANOSECONDS, RecordTimes, StreamWriter, TopicWriter
+from softarm.recordings.mcap_writer import NANOSECONDS, RecordTimes, StreamWriter, Topic
 
-PRESSURES = TopicWriter("pressures", ("chamber_0_pa", "chamber_1_pa"), "fake+modbus://x")
-MARKER = TopicWriter("marker/tip1", ("x_m", "y_m", "z_m"))
+PRESSURES = Topic("pressures", ("chamber_0_pa", "chamber_1_pa"), "fake+modbus://x")
+MARKER = Topic("marker/tip1", ("x_m", "y_m", "z_m"))
 
 
 def stamp(tick: int, device_delay_ns: int = 0) -> RecordTimes:

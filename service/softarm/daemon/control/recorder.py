@@ -17,7 +17,7 @@ from google.protobuf.message import Message
 from softarm.daemon.safety.checks.disk import RESERVE_BYTES
 from softarm.daemon.safety.observation import RecorderHealth
 from softarm.recordings.info import format_info
-from softarm.recordings.mcap_writer import INFO_FILE, STARTED, RecordTimes, Start, StreamWriter, TopicWriter
+from softarm.recordings.mcap_writer import INFO_FILE, STARTED, RecordTimes, Start, StreamWriter, Topic
 
 logger = logging.getLogger(__name__)
 
@@ -37,7 +37,7 @@ class RecorderError(Exception):
 class Sample:
     """One message of a stream of numbers."""
 
-    stream: TopicWriter
+    topic: Topic
     values: tuple[float, ...]
     stamp: RecordTimes
 
@@ -315,10 +315,10 @@ def _write_item(writer: StreamWriter, item: Sample | Document | Drawing, known: 
     if isinstance(item, Document):
         writer.write_document(item.topic, item.content, item.stamp)
         return
-    if item.stream.topic not in known:
-        writer.add_stream(item.stream)
-        known.add(item.stream.topic)
-    writer.write(item.stream.topic, item.values, item.stamp)
+    if item.topic.name not in known:
+        writer.add_topic(item.topic)
+        known.add(item.topic.name)
+    writer.write(item.topic.name, item.values, item.stamp)
 
 
 def _free_path(directory: Path, name: str) -> Path:

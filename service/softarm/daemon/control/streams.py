@@ -15,7 +15,7 @@ from softarm.daemon.control.readings import channel
 from softarm.daemon.control.recorder import Document, Drawing, Recorder
 from softarm.daemon.control.recorder import Sample as RecordedSample
 from softarm.estimator.recording import BEND_SUFFIXES, POSE_SUFFIXES
-from softarm.recordings.mcap_writer import RecordTimes, TopicWriter
+from softarm.recordings.mcap_writer import RecordTimes, Topic
 from softarm.recordings.scene import (
     BASE,
     FRAMES,
@@ -90,16 +90,16 @@ class RecordedStreams:
             reading.measured_ns if reading.device_time_ns is None else reading.device_time_ns,
             reading.sequence % 2**32,
         )
-        self._recorder.put(RecordedSample(TopicWriter(topic, fields, reading.source), reading.value, stamp))
+        self._recorder.put(RecordedSample(Topic(topic, fields, reading.source), reading.value, stamp))
 
     def commanded(self, pressures: Sequence[float], now_ns: int) -> None:
         """Record the pressures applied at a tick."""
-        self._put(TopicWriter("pressures_cmd", self._pressures, "service"), tuple(pressures), now_ns)
+        self._put(Topic("pressures_cmd", self._pressures, "service"), tuple(pressures), now_ns)
 
     def estimated(self, values: Mapping[str, float], time_s: float) -> None:
         """Record an estimate."""
-        stream = TopicWriter("estimate", tuple(values), "service")
-        self._put(stream, tuple(values.values()), self._after_last(stream.topic, round(time_s * 1e9)))
+        topic = Topic("estimate", tuple(values), "service")
+        self._put(topic, tuple(values.values()), self._after_last(topic.name, round(time_s * 1e9)))
 
     @property
     def shape_wanted(self) -> bool:
@@ -149,9 +149,9 @@ class RecordedStreams:
             self._start_ns = start.monotonic_ns
         return start is not None
 
-    def _put(self, stream: TopicWriter, values: tuple[float, ...], now_ns: int) -> None:
+    def _put(self, topic: Topic, values: tuple[float, ...], now_ns: int) -> None:
         if self._recording():
-            self._recorder.put(RecordedSample(stream, values, self._stamp(now_ns)))
+            self._recorder.put(RecordedSample(topic, values, self._stamp(now_ns)))
 
     def _after_last(self, topic: str, time_ns: int) -> int:
         """Give a time, or one just after the last: one set of readings may be estimated twice."""
