@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from softarm.estimator.recording import Recording
 from softarm.estimator.simulation.filters import first_order
+from softarm.estimator.statistics import MAD_TO_STD
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -133,7 +134,7 @@ def _valve(chamber: int, time: Floats, asked: Floats, given: Floats, ceiling: fl
     law = found or ValveLaw()
     timed = bool(np.abs(np.interp(time + SUDDEN, time, asked) - asked).max() > LEAST_CHANGE)
     dead_time, lag = _timing(time, asked, given, law) if timed else (0.0, 0.0)
-    noise = float(np.median(np.abs(np.diff(given))) / 0.6745 / np.sqrt(2.0))
+    noise = MAD_TO_STD * float(np.median(np.abs(np.diff(given)))) / np.sqrt(2.0)
     rms = float(np.sqrt(np.mean((given - asked) ** 2)))
     valve = Valve(chamber, dead_time, lag, timed, found is not None, *law, rms=rms, left=0.0, noise=noise)
     left = given - predict(valve, time, asked)

@@ -1,11 +1,9 @@
 """Clocks that do not agree: one stream shifted against the pressures by a constant, or from some time on.
 
-For each sensor and shift, its motion is regressed on the pressures moved by that shift, together with
-the pressures
-behind a first-order filter. Up to ``ALLOWED`` seconds a shift is left to the calibration, or is an
-effect of its own
-(``sensor_latency``, ``line_lag``); motion that comes earlier than its cause, or far later, is a matter
-of clocks.
+For each sensor and shift, its motion is regressed on the pressures moved by that shift, together with the
+pressures behind a first-order filter. Up to ``ALLOWED`` seconds a shift is left to the calibration, or is an
+effect of its own (``sensor_latency``, ``line_lag``); motion that comes earlier than its cause, or far later,
+is a matter of clocks.
 """
 
 from dataclasses import dataclass, replace

@@ -10,6 +10,7 @@ from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.intake.streams import SampledStream, streams_of
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
+from softarm.estimator.statistics import MAD_TO_STD
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -72,14 +73,14 @@ def _zeros(recording: Recording, stream: SampledStream) -> Flags:
     values = recording.stack(stream.columns)
     zero = np.asarray(~values.any(axis=1))
     if stream.kind == "bend":
-        return zero & False
+        return np.zeros_like(zero)
     if stream.kind == "frame":
         return zero | ~values[:, 3:].any(axis=1)
     others = np.linalg.norm(values[~zero & np.isfinite(values).all(axis=1)], axis=1)
     edge = np.flatnonzero(np.diff(zero.astype(int)))
     jumps = np.linalg.norm(np.diff(values, axis=0)[edge], axis=1)
     if not len(others) or not zero.any() or not (np.nan_to_num(jumps) > LEAST[stream.units[0]]).all():
-        return zero & False
+        return np.zeros_like(zero)
     return zero
 
 
@@ -91,7 +92,7 @@ def _spikes(values: Floats, units: tuple[str, ...]) -> Flags:
         if len(seen) < 2 * LONGEST + 3:
             continue
         own = column[seen]
-        noise = 1.4826 * float(np.median(np.abs(np.diff(own, 2))))
+        noise = MAD_TO_STD * float(np.median(np.abs(np.diff(own, 2))))
         bad[seen[_excursions(own, max(LEAST[unit], NOISE * noise))]] = True
     return bad
 

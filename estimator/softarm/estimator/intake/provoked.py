@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from softarm.estimator.intake.grid import Grid
 from softarm.estimator.intake.law import first_order
+from softarm.estimator.statistics import MAD_TO_STD
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -114,5 +115,5 @@ def slopes_of(grid: Grid) -> Floats:
 
 def _noise(values: Floats) -> Floats:
     turns = np.abs(np.diff(values, n=2, axis=0))
-    noise: Floats = np.nan_to_num(np.nanmedian(turns, axis=0)) * 1.4826 / np.sqrt(6.0)
+    noise: Floats = np.nan_to_num(np.nanmedian(turns, axis=0)) * MAD_TO_STD / np.sqrt(6.0)
     return noise

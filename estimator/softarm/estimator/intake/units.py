@@ -21,6 +21,7 @@ from softarm.estimator.intake.result import Kind, RecordingFault
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Specimen
+from softarm.estimator.statistics import MAD_TO_STD
 
 Floats = NDArray[np.float64]
 
@@ -196,7 +197,8 @@ def _sizes(recording: Recording, kind: str) -> tuple[float, float] | None:
     low, high = min(float(r[0]) for r in ranges), max(float(r[1]) for r in ranges)
     moved = max(float(np.ptp(r)) for r in ranges)
     steps = [np.median(np.abs(np.diff(column))) if len(column) > 2 else 0.0 for column in values]
-    noise = 1.4826 * float(max(steps))  # by medians, since spikes are only removed once their unit is known
+    # By medians, since spikes are only removed once their unit is known.
+    noise = MAD_TO_STD * float(max(steps))
     return (low, high) if high > 0.0 and moved > 0.0 and noise < NOISY * moved else None
 
 
