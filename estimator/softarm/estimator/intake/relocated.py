@@ -63,19 +63,23 @@ def relocation(grid: Grid, own: NDArray[np.bool_], moments: Floats, least: Float
             continue
         offset = step @ residual / inner
         rest = residual - np.outer(step, offset)
-        deviation = np.sqrt((rest**2).mean(axis=0) * _memory(rest, grid.step) / inner)
+        deviation = np.sqrt((rest**2).mean(axis=0) * _samples_per_independent(rest, grid.step) / inner)
         certain = float((np.abs(offset) / deviation * (np.abs(offset) > least)).max())
         if certain > best:
             best, moment = certain, float(at)
     return moment
 
 
-def _memory(residual: Floats, step: float) -> Floats:
-    """Estimate the samples per independent one, (1 + r) / (1 - r) of a first-order process."""
+def _samples_per_independent(residual: Floats, step: float) -> Floats:
+    """Estimate the samples per independent one, (1 + r) / (1 - r) of a first-order process.
+
+    What a regression leaves of a moving arm swings, so that ``statistics.correlation_length``, which ends at
+    the first negative autocorrelation, is two to five times shorter and would find relocations in it.
+    """
     power = np.maximum((residual**2).sum(axis=0), 1e-30)
     correlation = np.clip((residual[1:] * residual[:-1]).sum(axis=0) / power, 0.0, 0.98)
-    memory: Floats = np.maximum((1.0 + correlation) / (1.0 - correlation), SHORTEST / step)
-    return memory
+    length: Floats = np.maximum((1.0 + correlation) / (1.0 - correlation), SHORTEST / step)
+    return length
 
 
 def _basis(grid: Grid) -> Floats:
