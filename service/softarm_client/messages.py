@@ -118,7 +118,7 @@ class LoadEstimate(Message):
 
 
 class Contact(Message):
-    """Where along the arm a single push acts, when the measurements tell."""
+    """Where along the arm a single push acts, where the measurements determine it."""
 
     height_m: float = Field(description="Rest distance from the base along the arm.")
     height_std_m: float = Field(description="Its standard deviation.")

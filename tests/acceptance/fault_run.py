@@ -224,7 +224,7 @@ class Target:
         return told | dict(summary["events"]) | dict(self.watcher.signs)
 
     def well(self, since: float) -> bool:
-        """Tell whether it streams and has delivered a valid reading since a time [s]."""
+        """Return whether it streams and has delivered a valid reading since a time [s]."""
         return self.device.state is ConnectionState.STREAMING and self.watcher.last_valid > since
 
 

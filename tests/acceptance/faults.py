@@ -21,7 +21,7 @@ QUICK_MINUTES = 1.0 / 3.0
 @quick_option
 @json_option
 def command(minutes: float | None, seed: int, speed: float, quick: bool, as_json: bool) -> int:
-    """Strike all kinds of fake devices at once with random faults, in accelerated time.
+    """Inject random faults into all kinds of fake devices at once, in accelerated time.
 
     Every valid reading is held against the truth at its own time: a value under a wrong name, or an old value
     with a new time, counts as mislabelled. The status is 1 when one is, when a task leaked, a fault went

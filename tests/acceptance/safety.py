@@ -33,7 +33,7 @@ NOTES = (
 def command(
     jobs: int, mode: str | None, kind: str | None, processes: bool, as_json: bool, quick: bool
 ) -> int:
-    """Strike every device with each of its faults in every mode; tell where that left the arm.
+    """Inject each fault of every device in every mode; show where that left the arm.
 
     Then kill, freeze and stall the processes of a running rig, and fill its disk. The status is 1 when one of
     these left the arm elsewhere than stated, or too late.
@@ -83,7 +83,7 @@ def _row(kind: str, mode: str, cases: Iterable[Case]) -> dict[str, Cell]:
 
 
 def detail(case: Case) -> dict[str, Cell]:
-    """Tell one case in full."""
+    """Describe one case in full."""
     return {
         "device": case.kind,
         "fault": case.fault,

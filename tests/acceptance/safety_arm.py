@@ -256,7 +256,7 @@ class SafetyArm:
         assert isinstance(answer, Applied), f"{verb}: {answer}"
 
     async def until_well(self) -> bool:
-        """Wait until nothing keeps the arm from any mode; tell whether that came to be."""
+        """Wait until nothing keeps the arm from any mode; return whether that came to be."""
         deadline = asyncio.get_running_loop().time() + WELL_S
         while self.loop.safety.blocking(Mode.HOLDING, clock_ns()) or not self._can_arm():
             if asyncio.get_running_loop().time() > deadline:

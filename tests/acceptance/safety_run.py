@@ -159,7 +159,7 @@ async def _strike(arm: SafetyArm, name: str, kind: str, fault: Any, mode: Mode) 
 
 
 async def _is_kept(arm: SafetyArm) -> bool:
-    """Tell whether the valves keep an error that nobody has acknowledged, however long one waits."""
+    """Return whether the valves keep an error that nobody has acknowledged, however long one waits."""
     await asyncio.sleep(KEPT_S if arm.error_kept else 0.0)
     return arm.error_kept
 

@@ -12,8 +12,9 @@ from softarm.common.tables import Cell, Table
 NOTES = (
     "Fakes, service and clients are processes of their own, over zenoh. Lost replies: commands without an "
     "answer within their deadline. Growth: resident memory at the end over that after the first fifth.",
-    "Clients come and go every few seconds, one of them stopped with SIGSTOP for two; faults strike a device "
-    "every five seconds; recordings are started and ended all the while and each is read again.",
+    "Clients come and go every few seconds, one of them stopped with SIGSTOP for two; a fault is injected "
+    "into a device every five seconds; recordings are started and ended all the while and each "
+    "is read again.",
 )
 ALLOWED_GROWTH_PERCENT = 5.0
 

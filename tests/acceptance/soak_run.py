@@ -83,7 +83,7 @@ class SoakResult:
     figures: dict[str, float | int | str]
 
     def sound(self, growth_percent: float) -> bool:
-        """Tell whether nothing was lost and nothing grows.
+        """Return whether nothing was lost and nothing grows.
 
         Args:
             growth_percent: Growth of memory that is allowed.

@@ -7,7 +7,7 @@ Scalar = float | int | str | None
 
 
 class DeviceError(Exception):
-    """A failure of one device, told in one line.
+    """A failure of one device, described in one line.
 
     Args:
         device: The device, as the configuration names it.
@@ -66,7 +66,7 @@ class InterlockError(DeviceError):
 
 
 class DeviceErrors(ExceptionGroup[DeviceError]):
-    """All failures of one attempt, so that one run tells every cure."""
+    """All failures of one attempt, so that one run names every cure."""
 
     def derive(self, excs: Sequence[DeviceError]) -> "DeviceErrors":  # type: ignore[override]
         """Keep the type when the group is split; only device errors go in."""
@@ -81,7 +81,7 @@ class DeviceErrors(ExceptionGroup[DeviceError]):
                 yield error
 
     def lines(self) -> list[str]:
-        """Tell each failure in one line."""
+        """Describe each failure in one line."""
         return [str(error) for error in self.leaves()]
 
 

@@ -92,7 +92,7 @@ class FrameParser(Generic[FrameT]):
 
     Args:
         rule: The kind of frame.
-        head: Bytes of a frame that the rule needs to tell its length.
+        head: Bytes of a frame that the rule needs to determine its length.
     """
 
     rule: FrameRule[FrameT]

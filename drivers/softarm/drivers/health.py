@@ -28,7 +28,7 @@ class Health:
         interval: Time between readings; its spread is the jitter.
         drift: Lateness of the driver's own ticks.
         events: Counts of what is neither fault nor sample: a restarted measurement, a changed unit.
-        facts: What the device told of itself when it was identified.
+        facts: What the device reported of itself when it was identified.
         alarms: What is wrong at present.
         last_error: The last failure.
     """

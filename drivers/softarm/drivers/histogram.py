@@ -27,7 +27,7 @@ class Histogram:
         self.largest_ns = max(self.largest_ns, duration_ns)
 
     def quantile_ns(self, fraction: float) -> int:
-        """Tell the duration [ns] that this fraction does not exceed, to one bin; 0 when empty."""
+        """Return the duration [ns] that this fraction does not exceed, to one bin; 0 when empty."""
         wanted = fraction * self.count
         passed = 0
         for index, count in enumerate(self._counts):

@@ -36,7 +36,7 @@ class Reading(NamedTuple, Generic[Value]):
     flags: tuple[str, ...] = ()
 
     def age_ns(self, now_ns: int) -> int:
-        """Tell how long ago the value was measured [ns]."""
+        """Return how long ago the value was measured [ns]."""
         return now_ns - self.measured_ns
 
 

@@ -154,7 +154,7 @@ class SerialDevice(SupervisedDevice, Generic[FrameT, Value]):
             self.health.malformed += 1
 
     def garbage(self) -> ProtocolError:
-        """Tell that what comes is no frame of this instrument."""
+        """Report that what comes is no frame of this instrument."""
         what = f"no valid frame in {self.codec.counts.since_frame} bytes at {self.settings.baud} baud"
         return ProtocolError(self.name, what, f"wrong baud rate or wrong protocol; expected {self.expected}")
 

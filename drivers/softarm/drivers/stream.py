@@ -24,7 +24,7 @@ class ReadingStream(Generic[Value]):
         stale_after_s: Age from which a reading no longer counts as fresh [s].
         health: Counters to keep.
         sink: Takes each reading; what it raises is counted and logged, never passed on.
-        heard: Told after each reading whether it was valid.
+        heard: Called after each reading with whether it was valid.
         clock: Host monotonic time.
         history: How many readings to remember.
     """

@@ -103,7 +103,7 @@ class Supervisor:
         backoff: Waits between attempts.
         random: Source of the jitter.
         clock: Host monotonic time.
-        observer: Told each change of state, from and to.
+        observer: Called at each change of state, from and to.
     """
 
     def __init__(
@@ -205,15 +205,15 @@ class Supervisor:
             await asyncio.sleep(next(delays))
 
     async def _attempt(self) -> DeviceError:
-        """Run one session to its end and tell what ended it."""
+        """Run one session to its end and return what ended it."""
         try:
             session = await self._open()
-        except Exception as raised:  # noqa: BLE001  the task runner: nothing else would tell it
+        except Exception as raised:  # noqa: BLE001  the task runner: nothing else would report it
             return self._fail(raised)
         try:
             await self._use(session)
             return self._fail(ConnectionLost(self.device, "ended the connection", "check the device"))
-        except Exception as raised:  # noqa: BLE001  the task runner: nothing else would tell it
+        except Exception as raised:  # noqa: BLE001  the task runner: nothing else would report it
             return self._fail(raised)
         finally:
             await self._close(session)

@@ -84,7 +84,7 @@ def load(case: DecodingCase, readings: int) -> dict[str, Cell]:
 
 
 def resident_kib() -> int:
-    """Tell how much memory the process holds [KiB]."""
+    """Return how much memory the process holds [KiB]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE // 1024
 
 

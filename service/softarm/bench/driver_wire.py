@@ -298,7 +298,7 @@ async def _until_lost(device: Device, began: float) -> float:
 
 
 async def _until_valid(watch: Watch, returned: float) -> float:
-    """Wait for the first valid reading after a moment; tell how long it took."""
+    """Wait for the first valid reading after a moment; return how long it took."""
     returned_ns = round(returned * NANOSECONDS)
     while watch.last_valid_ns <= returned_ns:
         if time.monotonic() - returned > PATIENCE_S:

@@ -93,7 +93,7 @@ class Examination:
     Attributes:
         row: Its line in the table.
         findings: What is wrong with it.
-        facts: What it told of itself.
+        facts: What it reported of itself.
     """
 
     row: dict[str, Cell]
@@ -192,7 +192,7 @@ async def examine_all(
     Args:
         configs: The devices.
         seconds: How long to listen [s].
-        advance: Told how many seconds have passed.
+        advance: Called with the seconds that have passed.
     """
 
     async def tick() -> None:
@@ -248,7 +248,7 @@ def describe(config: DriverConfig, device: Device, tally: CheckTally) -> Examina
 
 
 def _standing(device: Device) -> ConnectionState:
-    """Tell the state; between two attempts in vain that is a fault."""
+    """Return the state; between two attempts in vain that is a fault."""
     return device.state if device.state in ALIVE or not device.health.failures else ConnectionState.FAULT
 
 

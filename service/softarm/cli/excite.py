@@ -1,4 +1,4 @@
-"""``softarm excite --arm ID``: run the manoeuvres that tell the physical effects apart, and record them."""
+"""``softarm excite --arm ID``: run the manoeuvres that separate the physical effects, and record them."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack

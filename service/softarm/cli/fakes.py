@@ -88,7 +88,7 @@ def accelerated(speed: float) -> asyncio.AbstractEventLoop:
 async def serve(
     scenario: Scenario, config: Path | None = None, specimen: str | None = None, *, as_json: bool
 ) -> None:
-    """Run a scenario until the process is told to stop.
+    """Run a scenario until the process is asked to stop.
 
     Args:
         scenario: What to run.

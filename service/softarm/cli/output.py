@@ -75,7 +75,7 @@ def progress(what: str, total: float | None = None) -> Iterator[Callable[[float]
 
 
 class ProgressLines:
-    """Tells how far work is, for logs and pipes: at most a line every ten seconds.
+    """Reports how far work has come, for logs and pipes: at most a line every ten seconds.
 
     Args:
         what: What is being done.
@@ -107,7 +107,7 @@ class ProgressLines:
 
 
 def say(message: str) -> None:
-    """Tell the user on stderr what happened, such as which file was written."""
+    """Print what happened to stderr, such as which file was written."""
     click.echo(message, err=True)
 
 

@@ -2,4 +2,4 @@
 
 
 class WorkFailedError(Exception):
-    """Something outside refused or did not answer; the command line tells it in one line and exits with 1."""
+    """Something outside refused or did not answer; the command line reports one line and exits with 1."""

@@ -55,7 +55,7 @@ def trusted_rod(specimen: Specimen, progress: Progress | None = None) -> Calibra
 
 
 def trusted(fitted: FittedRod) -> bool:
-    """Tell whether a rod is near enough to the finite elements to stand in for them."""
+    """Return whether a rod is near enough to the finite elements to stand in for them."""
     found = fitted.report.trained
     return found.lost == 0 and found.force_rms <= LARGEST_FORCE_ERROR
 

@@ -1,4 +1,4 @@
-"""What systemd tells a unit of its place: folders and credentials, in the environment."""
+"""Folders and credentials that systemd passes to a unit in the environment."""
 
 import os
 from pathlib import Path

@@ -29,7 +29,7 @@ LIFETIME_S = 5.0
 PATIENCE = 5.0
 """With devices that share the machine with everything else."""
 GAUGE_S = 5.0
-"""How long a gauge may take to tell its first reading."""
+"""How long a gauge may take to send its first reading."""
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Who moves gauge and hand in a live experiment: the fakes' control port, or a person who is told how."""
+"""Who moves gauge and hand in a live experiment: the fakes' control port, or a person, who is asked to."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

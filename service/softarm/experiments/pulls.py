@@ -91,7 +91,7 @@ def pull_of(recording: Recording, specimen: Specimen, run: CalibrationRun) -> Ga
 
 
 def rested(recording: Recording, times: Floats) -> Flags:
-    """Tell at which times hook and commanded pressures have not moved for ``SETTLED_S``.
+    """Return at which times hook and commanded pressures have not moved for ``SETTLED_S``.
 
     Commands may be recorded more seldom than the rest; a hook is not seen while the cord is off.
     """

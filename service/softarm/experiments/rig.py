@@ -21,13 +21,13 @@ END_TIMEOUT_S = 25.0
 WATCHDOG_MS = 180
 """The terminal vents by itself when its host has been silent for so long."""
 WAITS = ("valve_deadline_s", "sensor_deadline_s", "setpoint_lifetime_s")
-"""Settings of the service that tell how long a device may be silent."""
+"""Settings of the service that state how long a device may be silent."""
 EXTRA: Mapping[str, Mapping[str, Any]] = {
     "sauter": {"unit": "N"},
     "witmotion": {"rate_hz": 50},
     "quaternion_line": {"unit": 2, "rate_hz": 8},
 }
-"""What a driver must be told of a fake beside its address."""
+"""What a driver must know of a fake beside its address."""
 INERTIAL = ("bno08x_rvc", "witmotion", "xbus", "quaternion_line")
 
 

@@ -106,7 +106,7 @@ class TeachResult:
         )
 
     def note(self, hand: str) -> str:
-        """Tell how far the nearest poses within reach are."""
+        """Return how far the nearest poses within reach are."""
         far = [f"{distance:.1f}" for distance in self.beyond[:, 0] if np.isfinite(distance)]
         return (
             f"{len(self.beyond)} poses of the hand that {hand}, {self.reachable} within reach to within the "

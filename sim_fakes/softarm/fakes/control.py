@@ -101,7 +101,7 @@ def serve(rig: Rig, line: bytes) -> dict[str, Any]:
 
 
 def status(rig: Rig) -> dict[str, Any]:
-    """Tell where the fakes can be reached and what has gone wrong so far."""
+    """Return where the fakes can be reached and what has gone wrong so far."""
     devices = [
         {**dataclasses.asdict(endpoint), **rig.boards[endpoint.name].snapshot()}
         for endpoint in rig.endpoints()

@@ -16,7 +16,7 @@ class Fault:
     Args:
         name: What scenarios and the control port call it.
         text: What the host sees on the wire.
-        once: It strikes a number of times and is gone; otherwise it lasts until cleared.
+        once: It acts a number of times and is gone; otherwise it lasts until cleared.
         parameters: Its parameters with their default values, which also fix their types.
         limits: Lowest and highest value of a number; the choices of a word, of which several may be given
             with commas between.
@@ -30,7 +30,7 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Struck:
+class ActiveFault:
     """A fault that is on; always true, also without parameters.
 
     Args:
@@ -56,7 +56,7 @@ class FaultBoard:
         self._device = device
         self.catalogue = {fault.name: fault for fault in catalogue}
         self.counts = dict.fromkeys(self.catalogue, 0)
-        self._active: dict[str, Struck] = {}
+        self._active: dict[str, ActiveFault] = {}
         self._left: dict[str, int] = {}
         self._listeners: list[Callable[[str, bool], None]] = []
 
@@ -70,16 +70,16 @@ class FaultBoard:
         Args:
             name: One of the catalogue.
             parameters: Those that differ from their defaults.
-            times: How often a fault that strikes once is to strike.
+            times: How often a fault that acts once is to act.
 
         Raises:
             InputError: Unknown fault or parameter, a value of another type, or ``times`` below one.
         """
         fault = self.check(name, parameters or {}, times)
-        self._active[name] = Struck({**fault.parameters, **(parameters or {})})
+        self._active[name] = ActiveFault({**fault.parameters, **(parameters or {})})
         if fault.once:
             self._left[name] = times
-        self._tell(name, active=True)
+        self._notify(name, active=True)
 
     def check(self, name: str, parameters: Mapping[str, Value], times: int = 1) -> Fault:
         """Return the fault that a request means, or raise ``InputError``."""
@@ -99,35 +99,35 @@ class FaultBoard:
         for active in [name] if name is not None else list(self._active):
             if self._active.pop(active, None) is not None:
                 self._left.pop(active, None)
-                self._tell(active, active=False)
+                self._notify(active, active=False)
 
-    def active(self, name: str) -> Struck | None:
+    def active(self, name: str) -> ActiveFault | None:
         """Give a fault that is on with its parameters, else None; counts nothing."""
         return self._active.get(name)
 
-    def hit(self, name: str) -> Struck | None:
+    def hit(self, name: str) -> ActiveFault | None:
         """Give a fault that is on with its parameters and count that it showed, else None.
 
-        A fault that strikes once is used up by as many hits as it was set for.
+        A fault that acts once is used up by as many hits as it was set for.
         """
-        struck = self._active.get(name)
-        if struck is None:
+        fault = self._active.get(name)
+        if fault is None:
             return None
         self.counts[name] += 1
         if name in self._left:
             self._left[name] -= 1
             if self._left[name] == 0:
                 self.clear(name)
-        return struck
+        return fault
 
     def snapshot(self) -> dict[str, object]:
-        """Tell what is on, with its parameters, and the counts of what has struck."""
+        """Return what is on, with its parameters, and the counts of what has acted."""
         return {
-            "active": {name: dict(struck.parameters) for name, struck in self._active.items()},
+            "active": {name: dict(fault.parameters) for name, fault in self._active.items()},
             "counts": {name: count for name, count in self.counts.items() if count},
         }
 
-    def _tell(self, name: str, *, active: bool) -> None:
+    def _notify(self, name: str, *, active: bool) -> None:
         for listener in self._listeners:
             listener(name, active)
 

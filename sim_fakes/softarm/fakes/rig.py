@@ -146,7 +146,7 @@ class Rig:
             self._tasks.create_task(self._clear_at(device, fault, until), name=f"clear {device}.{fault}")
 
     def endpoints(self) -> list[Endpoint]:
-        """Tell where each fake can be reached, in the order of the scenario."""
+        """Return where each fake can be reached, in the order of the scenario."""
         return [self._endpoint(part) for part in self.scenario.device]
 
     def _endpoint(self, part: DevicePart) -> Endpoint:

@@ -46,7 +46,7 @@ class FaultPart(ConfigTable):
         device: Name of the device.
         fault: Name of the fault.
         for_s: How long a lasting fault stays [s]; to the end when left out.
-        times: How often a fault that strikes once is to strike.
+        times: How often a fault that acts once is to act.
         parameters: Parameters that differ from their defaults.
     """
 

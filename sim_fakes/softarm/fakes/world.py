@@ -54,7 +54,7 @@ class FakeArmWorld:
         return self._steps * self.step
 
     def advance(self, time: float, most: int = 50) -> bool:
-        """Step up to ``time`` [s], at most ``most`` steps; tell whether it was reached."""
+        """Step up to ``time`` [s], at most ``most`` steps; return whether it was reached."""
         for _ in range(most):
             if self.time + self.step > time + 1e-9:
                 return True

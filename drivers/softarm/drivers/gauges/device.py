@@ -99,7 +99,7 @@ class ForceGauge(SerialDevice[FrameT, Force]):
         Args:
             sample: What the instrument sent.
             arrival_ns: Host monotonic time of arrival [ns].
-            unit: Its unit, where the sample lacks it and the instrument told it otherwise.
+            unit: Its unit, where the sample lacks it and the instrument reported it otherwise.
             trusted: Whether the instrument's settings are known to be right.
         """
         judged = self.scale.judge(sample, unit)

@@ -67,7 +67,7 @@ class ForceScale:
 
         Args:
             sample: What the instrument sent.
-            unit: Its unit, where the sample lacks it and the instrument told it otherwise.
+            unit: Its unit, where the sample lacks it and the instrument reported it otherwise.
         """
         known = sample.unit or unit or self.unit
         per = NEWTON_PER.get(known or "", 0.0)

@@ -41,7 +41,7 @@ def lutron_codec() -> FrameParser[GaugeSample]:
 
 
 def _over_range(digits: bytes) -> bool:
-    """Tell whether the shown digits are all nines, which is how the display says overload.
+    """Return whether the shown digits are all nines, which is how the display says overload.
 
     The reading fills the eight digits from the right, so leading zeros are those that the display does not
     have. At least four nines are asked for: 9, 99 and 999 are ordinary weights in grams.

@@ -64,7 +64,7 @@ class PolledGauge(ForceGauge[FrameT], Generic[FrameT]):
 
     @abstractmethod
     async def poll(self, link: SerialLink) -> bool:
-        """Ask for a reading, and tell whether an answer came."""
+        """Ask for a reading, and return whether an answer came."""
 
     async def begin(self, link: SerialLink) -> None:
         """Ask until a first answer comes."""

@@ -1,4 +1,4 @@
-"""What the sequence numbers and the rate of an inertial unit tell: lost samples, restarts, wrong settings."""
+"""What the sequence numbers and the rate of an inertial unit show: lost samples, restarts, wrong settings."""
 
 from dataclasses import dataclass, field
 from typing import Final
@@ -64,7 +64,7 @@ class IndexTracker:
         return SequenceStep(self._index, lost=max(0, passed - 1))
 
     def _fits(self, passed: int, elapsed_ns: int) -> bool:
-        """Tell whether so many samples fit the time."""
+        """Return whether so many samples fit the time."""
         if self.period_ns is None or elapsed_ns <= SILENCE_NS:
             return True
         off = (elapsed_ns / self.period_ns - passed + self.modulus / 2) % self.modulus - self.modulus / 2
@@ -90,7 +90,7 @@ class RateMonitor:
         self.rate, self._start_ns, self._count = None, None, 0
 
     def sample(self, arrival_ns: int) -> bool:
-        """Count a sample, and tell whether a window has ended and `rate` [Hz] is new."""
+        """Count a sample, and return whether a window has ended and `rate` [Hz] is new."""
         last_ns, self._last_ns = self._last_ns, arrival_ns
         if self._start_ns is None or arrival_ns - last_ns > PAUSE_NS:
             self._start_ns, self._count = arrival_ns, 0

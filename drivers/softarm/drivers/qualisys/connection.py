@@ -46,7 +46,7 @@ class Listener(Protocol):
         """Take a reply that nobody waits for."""
 
     def on_lost(self) -> None:
-        """Take that the connection has ended; `Connection.error` tells why."""
+        """Take that the connection has ended; `Connection.error` says why."""
 
 
 class _Request(NamedTuple):

@@ -1,4 +1,4 @@
-"""What time stamps and frame numbers tell: lost frames, a new measurement, a picture that stands still."""
+"""What time stamps and frame numbers show: lost frames, a new measurement, a picture that stands still."""
 
 from dataclasses import dataclass
 

@@ -104,7 +104,7 @@ def quaternion_from_angles(roll_deg: float, pitch_deg: float, yaw_deg: float) ->
 def _is_rotation(
     r11: float, r21: float, r31: float, r12: float, r22: float, r32: float, r13: float, r23: float, r33: float
 ) -> bool:
-    """Tell whether the first two columns are orthonormal and the third is their cross product; NaN is not."""
+    """Return whether the first two columns are orthonormal and the third their cross product; NaN is not."""
     tolerance = _ORTHONORMAL_TOLERANCE
     return (
         abs(r11 * r11 + r21 * r21 + r31 * r31 - 1) < tolerance

@@ -83,7 +83,7 @@ class MotionPublisher:
             self._health.alarms.clear(BODIES)
 
     def publish(self, frame: BodyFrame, arrival_ns: int) -> bool:
-        """Publish a frame, and tell whether the names of its bodies are known."""
+        """Publish a frame, and return whether the names of its bodies are known."""
         step = self._continuity.step(frame.timestamp_us, frame.frame)
         if step.restarted:
             self._stream.start_epoch("measurement restarted")
@@ -124,7 +124,7 @@ class MotionPublisher:
         return self._labels is not None
 
     def _lost(self, by_name: Mapping[str, BodyPose | None], measured_ns: int) -> dict[str, float]:
-        """Tell how long bodies have been lost [s], and raise or take back their alarms."""
+        """Return how long bodies have been lost [s], and raise or take back their alarms."""
         lost: dict[str, float] = {}
         alarms = self._health.alarms
         for name, pose in by_name.items():

@@ -14,7 +14,7 @@ DIAGNOSIS = " diagnosis"
 
 
 def reports_fault(alarms: Alarms) -> bool:
-    """Tell whether the diagnosis of a valve is not clean."""
+    """Return whether the diagnosis of a valve is not clean."""
     return any(alarm.key.endswith(DIAGNOSIS) for alarm in alarms.standing)
 
 
@@ -33,7 +33,7 @@ class ValveAlarms:
         self._reach_s = reach_s
 
     def watchdog_fired(self) -> bool:
-        """The terminal holds zeros that nobody wrote; tells whether that is news."""
+        """The terminal holds zeros that nobody wrote; return whether that is news."""
         return self._alarms.set(
             WATCHDOG_FIRED,
             "the terminal cleared its outputs, by its watchdog or a restart",
@@ -41,7 +41,7 @@ class ValveAlarms:
         )
 
     def foreign_writer(self) -> bool:
-        """The terminal holds what this host never wrote; tells whether that is news."""
+        """The terminal holds what this host never wrote; return whether that is news."""
         return self._alarms.set(
             FOREIGN_WRITER,
             "another master writes to the valves",
@@ -84,7 +84,7 @@ class ValveAlarms:
                 self._alarms.clear(key)
 
     def tracking(self, deviations: tuple[float | None, ...], applied: Pressures) -> None:
-        """A measured pressure is not where it was told to be."""
+        """A measured pressure is not at its set-point."""
         for chamber, deviation in enumerate(deviations):
             key = f"chamber {chamber} tracking"
             if deviation is None:

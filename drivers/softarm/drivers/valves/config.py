@@ -24,12 +24,12 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 def _listed(value: Any) -> Any:
-    """Take one number as a list of one, so that an error in it is told once."""
+    """Take one number as a list of one, so that an error in it is reported once."""
     return (value,) if isinstance(value, (int, float)) else value
 
 
 class ValveConfig(DriverConfig):
-    """What every valve terminal is told.
+    """The settings of every valve terminal.
 
     Attributes:
         host: Address of the terminal.

@@ -72,7 +72,7 @@ def _found(echo: tuple[int, ...]) -> str:
 
 
 async def _modules(terminal: Terminal) -> str:
-    """Tell which modules are there and which report an error, where the terminal says so."""
+    """Return which modules are there and which report an error, where the terminal says so."""
     try:
         present = _bits(await terminal.link.read(MODULES_PRESENT, MODULE_WORDS))
         faulty = _bits(await terminal.link.read(MODULES_FAULTY, MODULE_WORDS))

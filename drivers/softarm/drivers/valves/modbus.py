@@ -20,7 +20,7 @@ EXCHANGE = 23
 
 CURE = "check address, cable and power of the terminal"
 
-# It tells every time-out on its own; the supervisor tells them once.
+# It logs every time-out; the supervisor reports them once.
 logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)
 
 

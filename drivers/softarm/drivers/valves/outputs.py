@@ -1,4 +1,4 @@
-"""What the valves are to be told: a set-point that expires, behind an interlock that never arms itself."""
+"""The set-point of the valves: it expires, behind an interlock that never arms itself."""
 
 import asyncio
 from collections.abc import Sequence
@@ -123,7 +123,7 @@ class Outputs:
         return OutputWrite(self._setpoint, applied, counts, self._slewing(), expired, acknowledge)
 
     def confirm(self, plan: OutputWrite) -> None:
-        """Tell those who wait that this plan was written."""
+        """Notify those who wait that this plan was written."""
         if plan.setpoint is None:
             return
         answer = AppliedPressures(plan.setpoint, plan.applied, self._clock(), plan.slewing)
@@ -131,7 +131,7 @@ class Outputs:
             future.set_result(answer)
 
     def fail(self, error: DeviceError) -> None:
-        """Tell those who wait that nobody knows what was written."""
+        """Notify those who wait that nobody knows what was written."""
         for future in self._take_waiting():
             future.set_exception(error)
 

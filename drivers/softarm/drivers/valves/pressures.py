@@ -28,7 +28,7 @@ class BankReading:
 
 @dataclass(frozen=True, slots=True)
 class AppliedPressures:
-    """Answer to a command: what the valves were told.
+    """Answer to a command: the set-points that the valves received.
 
     Attributes:
         setpoint: Gauge pressure asked of each chamber [Pa].

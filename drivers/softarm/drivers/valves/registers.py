@@ -164,7 +164,7 @@ class VtemLayout:
         return True
 
     def acknowledge(self, counts: Sequence[int], diagnosis: Sequence[int]) -> list[int]:
-        """Write the set-points; a slot that does not regulate is told to let go of its error."""
+        """Write the set-points; a slot that does not regulate is asked to release its error."""
         regulate, let_go = VTEM_PRESSURE_APP | VTEM_BOTH_VALVES << 6, VTEM_ACKNOWLEDGE | 1 << 6
         return self._encode([let_go if word else regulate for word in diagnosis[0::2]], counts)
 

@@ -147,7 +147,7 @@ def most_solves(options: Options) -> int:
 
 
 def training_flags(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
-    """Tell which nodes a fit may see: alternate blocks of long runs, else alternate runs, else all."""
+    """Return which nodes a fit may see: alternate blocks of long runs, else alternate runs, else all."""
     if any(own.blocks.max(initial=0) >= 1 for own in nodes):
         return tuple(training_blocks(own.blocks) for own in nodes)
     if len(nodes) > 1:

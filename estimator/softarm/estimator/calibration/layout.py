@@ -252,7 +252,7 @@ def _finer(specimen: Specimen, moved: Sequence[int]) -> list[Unknown]:
 
 
 def _registered_by_body(sensor: Measurement) -> bool:
-    """Tell whether a sensor rests on the pose of one body; markers on the base tell their own error."""
+    """Return whether a sensor rests on the pose of one body; markers on the base tell their own error."""
     return sensor.registration is not None and not sensor.registration.covariance.any()
 
 

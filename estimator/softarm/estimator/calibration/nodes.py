@@ -109,7 +109,7 @@ def block_of(run: CalibrationRun, time: Floats) -> Indices:
 
 
 def training_blocks(blocks: Sequence[int] | Indices) -> Flags:
-    """Tell which blocks a fit may see: every other one."""
+    """Return which blocks a fit may see: every other one."""
     training: Flags = np.asarray(blocks) % 2 == 0
     return training
 

@@ -200,7 +200,7 @@ def _frames(specimen: Specimen, found: Calibrated) -> tuple[FrameCalibration, ..
 
 
 def _mounted(specimen: Specimen, found: Calibrated) -> FrameCalibration | None:
-    """Tell how the body on the base is mounted; it adds to what the registration already knew."""
+    """Return how the body on the base is mounted; it adds to what the registration already knew."""
     turned = [found.value(f"base.turn_{axis}") for axis in "xyz"]
     moved = [found.value(f"base.shift_{axis}") for axis in "xyz"]
     if all(value is None for value in (*turned, *moved)):

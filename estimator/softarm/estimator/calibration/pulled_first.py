@@ -87,7 +87,7 @@ def told_by_pulls(
 
 
 def _vented_pulls(nodes: Nodes) -> Flags:
-    """Tell at which nodes a known force acts on the vented arm, shape (nodes,)."""
+    """Return at which nodes a known force acts on the vented arm, shape (nodes,)."""
     if not nodes.run.pulled:
         return np.zeros(len(nodes.time), dtype=bool)
     return np.asarray((np.abs(nodes.loads) > LEAST_PULL).any(axis=1) & vented(nodes.pressures))

@@ -76,7 +76,7 @@ def known_pulls(
 
 
 def gauged_section(recording: Recording, gauge: str, sections: Sequence[str]) -> str:
-    """Tell which section a gauge pulls on.
+    """Return which section a gauge pulls on.
 
     Raises:
         InputError: The recording does not say, or names a section that the arm does not have.

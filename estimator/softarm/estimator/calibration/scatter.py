@@ -78,5 +78,5 @@ def scatter_in(specimen: Specimen, run: CalibrationRun) -> dict[str, float]:
 
 
 def vented(pressures: Floats) -> Flags:
-    """Tell which samples are vented, shape (samples,)."""
+    """Return which samples are vented, shape (samples,)."""
     return np.asarray((pressures < VENTED).all(axis=1))

@@ -53,7 +53,7 @@ def best_scaled(forward: Forward, factors: Sequence[float], scatter: Scatter) ->
 
 
 def _highest(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
-    """Tell which nodes have the highest sums of pressures over all runs."""
+    """Return which nodes have the highest sums of pressures over all runs."""
     sums = [own.pressures.sum(axis=1) for own in nodes]
     every = np.concatenate(sums)
     chosen = np.zeros(len(every), dtype=bool)

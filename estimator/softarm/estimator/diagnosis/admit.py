@@ -86,7 +86,7 @@ def motion_columns(recording: Recording) -> dict[str, Floats]:
 
 
 def moves(recording: Recording) -> bool:
-    """Tell whether any reading moves by more than noise."""
+    """Return whether any reading moves by more than noise."""
     for name, values in motion_columns(recording).items():
         seen = values[np.isfinite(values)]
         if len(seen) < 2:
@@ -98,7 +98,7 @@ def moves(recording: Recording) -> bool:
 
 
 def _opens_valves(recording: Recording) -> bool:
-    """Tell whether set-points and pressures were recorded without the arm: a test of valves."""
+    """Return whether set-points and pressures were recorded without the arm: a test of valves."""
     both = [
         np.nanmax(recording.columns[f"pressure_cmd_{k}_pa"], initial=0.0) > 1000.0
         for k in recording.chambers
@@ -143,7 +143,7 @@ def _check_length(recording: Recording) -> None:
 
 
 def _time_notes(recording: Recording) -> list[str]:
-    """Tell of gaps, of jumps of the clock, and of sensors that lost many of their readings."""
+    """Report gaps, jumps of the clock, and sensors that lost many of their readings."""
     found = [_break_note(recording)] if _breaks(recording.time) else []
     for name, values in motion_columns(recording).items():
         if not name.endswith(("_x_m", "_x_rad")):
@@ -173,7 +173,7 @@ def _lost(time: Floats, seen: NDArray[np.bool_]) -> float:
 
 
 def _break_note(recording: Recording) -> str:
-    """Tell of the longest break: where everything goes on through it, the clock may have jumped."""
+    """Report the longest break: where everything goes on through it, the clock may have jumped."""
     steps = np.diff(recording.time)
     place = int(np.argmax(steps))
     where = f"{steps[place]:.2f} s at {recording.time[place]:.1f} s"

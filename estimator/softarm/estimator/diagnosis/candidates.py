@@ -91,7 +91,7 @@ def surprise(fit: Fit) -> float:
 
 
 def is_told(fit: Fit, number: int) -> bool:
-    """Tell whether some amplitude of an effect is told from none."""
+    """Return whether some amplitude of an effect is told from none."""
     effect, theta, stds = fit.hypotheses[number].effect, fit.thetas[number], fit.stds(number)
     sizes = [
         abs(value) / max(std, 1e-300)

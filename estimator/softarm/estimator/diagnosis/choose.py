@@ -213,7 +213,7 @@ class Search:
         return self.weighed(candidate.number, again) if again.gain > fit.gain else candidate
 
     def solvable(self, fit: Fit) -> bool:
-        """Tell whether the effects of a fit can be solved on the model itself."""
+        """Return whether the effects of a fit can be solved on the model itself."""
         kinds = {h.effect.hook for h in fit.hypotheses}
         return kinds <= self.solve and not any(h.effect.responds_to_own_effect for h in fit.hypotheses)
 
@@ -256,14 +256,14 @@ class Search:
         return None, turned_down
 
     def another_swing(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
-        """Tell whether a candidate only moves as accepted effects on stiffness or mass make the arm swing."""
+        """Return whether a candidate moves only as accepted effects on stiffness or mass swing the arm."""
         weighty = [one.candidate.delta_bic for one in accepted if self.changes_swing(one.candidate)]
         if not weighty or not self.only_moves(candidate):
             return False
         return self.changes_swing(candidate) or candidate.delta_bic < SWUNG * max(weighty)
 
     def another_stretch(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
-        """Tell whether a candidate is a force along the arm that a law of bending leaves of the stretch."""
+        """Return whether a candidate is a force along the arm that a law of bending leaves of the stretch."""
         material = [
             one.candidate.delta_bic for one in accepted if self.effect(one.candidate).hook == "couple"
         ]
@@ -272,12 +272,12 @@ class Search:
         return candidate.delta_bic < SECOND * max(material)
 
     def changes_swing(self, candidate: Candidate) -> bool:
-        """Tell whether a candidate changes stiffness or mass, and with them how the arm swings."""
+        """Return whether a candidate changes stiffness or mass, and with them how the arm swings."""
         effect = self.effect(candidate)
         return effect.hook == "couple" or effect.changes_inertia
 
     def only_moves(self, candidate: Candidate) -> bool:
-        """Tell whether a candidate leaves the arm at rest as it is."""
+        """Return whether a candidate leaves the arm at rest as it is."""
         return "delay" in self.effect(candidate).equivalence
 
     def effect(self, candidate: Candidate) -> Effect:
@@ -308,7 +308,7 @@ class Search:
         return kept, self.refit(left) if left is not None else None, dropped
 
     def missed(self, fit: Fit, number: int) -> bool:
-        """Tell whether the others explain much less without an effect, as where a wall is hard."""
+        """Return whether the others explain much less without an effect, as where a wall is hard."""
         others = self.subset(fit, [k for k in range(len(fit.thetas)) if k != number])
         left = self.refit(others).gain if others is not None else 0.0
         return fit.gain - left > LEAST_BIC + self.price * len(fit.thetas[number])
@@ -345,7 +345,7 @@ class Search:
 
 
 def _key(fit: Fit | None) -> tuple[object, ...]:
-    """Tell fits apart by what they say."""
+    """Return what distinguishes fits: their effects."""
     if fit is None:
         return ()
     return (

@@ -259,7 +259,7 @@ class Decision:
 
 
 def decide(search: Search) -> Decision:
-    """Choose the effects that are reported, and tell whether something else is missing."""
+    """Choose the effects that are reported, and return whether something else is missing."""
     choice, unproven = proven(search)
     choice, sizes, fragments = without_fragments(search, choice)
     law = better_law(search, choice)
@@ -395,7 +395,7 @@ def _map(search: Search, choice: ChosenEffects | None) -> LocationMap:
 
 
 def _changed(search: Search, choice: ChosenEffects) -> bool:
-    """Tell whether the recordings in question have changed more than the findings say."""
+    """Return whether the recordings in question have changed more than the findings say."""
     evidence, share = search.evidence, search.weights.share
     if not any(stage.session.nominal for stage in evidence.stages):
         return False

@@ -96,7 +96,7 @@ class ExactModel:
 
 
 def _settled(drive: Drive, again: Drive) -> bool:
-    """Tell whether effects do the same in two responses."""
+    """Return whether effects do the same in two responses."""
     strain = float(np.abs(again.eigenstrains - drive.eigenstrains).max(initial=0.0))
     wrench = float(np.abs(again.wrenches - drive.wrenches).max(initial=0.0))
     return strain < SETTLED_STRAIN and wrench < SETTLED_WRENCH

@@ -349,7 +349,7 @@ class Chart:
         return np.array([p.role == "amplitude" for p in self.parameters])
 
     def at_bound(self, values: Floats) -> bool:
-        """Tell whether an amplitude is at a bound that is not its neutral value."""
+        """Return whether an amplitude is at a bound that is not its neutral value."""
         near = np.minimum(values - self.lower, self.upper - values) < 1e-6
         neutral = np.abs(values - self.centres) < 1e-6
         return bool((near & ~neutral & self.amplitudes).any())

@@ -115,7 +115,7 @@ def averaged(session: Session, step: float) -> Session:
 
 
 def _steady(session: Session, places: NDArray[np.int64], size: int) -> Flags:
-    """Tell in which windows the pressures rest: long windows are there to average a ring away."""
+    """Return in which windows the pressures rest: long windows are there to average a ring away."""
     highest = np.full((size, session.pressures.shape[1]), -np.inf)
     lowest = np.full_like(highest, np.inf)
     np.maximum.at(highest, places, session.pressures)

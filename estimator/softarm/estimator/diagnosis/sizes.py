@@ -88,7 +88,7 @@ def sized(search: Search, fit: Fit) -> Fit:
 
 
 def reversed_sign(fit: Fit, other: Fit) -> bool:
-    """Tell whether some effect acts the other way in another fit: then that is no estimate of its size."""
+    """Return whether some effect acts the other way in another fit: then that is no estimate of its size."""
     for hypothesis, own, theirs in zip(fit.hypotheses, fit.thetas, other.thetas, strict=True):
         sizes = np.array(
             [p.spread if p.role == "amplitude" else np.inf for p in hypothesis.effect.parameters]

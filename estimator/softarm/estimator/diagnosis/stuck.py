@@ -148,7 +148,7 @@ def without_stuck(stage: Stage, stuck: tuple[Stuck, ...]) -> Stage:
 
 
 def stuck_findings(stuck: Sequence[Stuck]) -> tuple[Finding, ...]:
-    """Tell of every sensor that stood still, from the first time on."""
+    """Report every sensor that stood still, from the first time on."""
     found = []
     for sensor in dict.fromkeys(one.sensor for one in stuck):
         own = [one for one in stuck if one.sensor == sensor]

@@ -151,7 +151,7 @@ def _lag(stage: Stage, swaying: Swaying, theta: Floats) -> Floats:
 
 
 def _held(stage: Stage) -> NDArray[np.bool_]:
-    """Tell when a section is held by a load that is known: then it does not swing freely."""
+    """Return at which samples a known load holds a section, which then does not swing freely."""
     clock = stage.session.clock
     taut = np.abs(stage.session.wrenches).max(axis=(1, 2), initial=0.0) > UNHELD
     last = np.maximum.accumulate(np.where(taut, clock, -np.inf))

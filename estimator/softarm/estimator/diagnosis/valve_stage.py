@@ -123,7 +123,7 @@ def _middle(recording: Recording, chamber: int) -> float:
 
 
 def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple[Finding, ...]:
-    """Tell what the valves do otherwise; those that nominal recordings leave out are not judged."""
+    """Report what the valves do otherwise; those that nominal recordings leave out are not judged."""
     found: list[Finding] = []
     scatter = _scatter([suspects, nominal])
     for chamber in sorted({split.valve.chamber for split in suspects}):
@@ -223,7 +223,7 @@ def valve_diagnosis(
 
 
 def _ceiling(chamber: int, own: Sequence[Split], known: Sequence[Split], evidence: Evidence) -> list[Finding]:
-    """Tell of a pressure that is not passed; a law learnt before it was met cannot be judged by it."""
+    """Report a pressure that is not passed; a law learnt before it was met cannot be judged by it."""
     ceilings = [split.valve.ceiling for split in own if np.isfinite(split.valve.ceiling)]
     if not ceilings or any(np.isfinite(split.valve.ceiling) for split in known):
         return []
@@ -238,7 +238,7 @@ def _ceiling(chamber: int, own: Sequence[Split], known: Sequence[Split], evidenc
 def _steady(
     chamber: int, own: Sequence[Split], known: Sequence[Split], scatter: float, evidence: Evidence
 ) -> list[Finding]:
-    """Tell of a steady error, or of one that is new where there are nominal recordings."""
+    """Report a steady error, or one that is new where there are nominal recordings."""
     ours, theirs = _offsets(own), _offsets(known)
     if not ours or (known and not theirs):
         return []
@@ -263,7 +263,7 @@ def _steady(
 def _delays(
     chamber: int, suspects: Sequence[Split], nominal: Sequence[Split], evidence: Evidence
 ) -> list[Finding]:
-    """Tell of a dead time and a lag, or of what is new of them."""
+    """Report a dead time and a lag, or what is new of them."""
     own, known = _timed(suspects), _timed(nominal)
     if not own or (nominal and not known):
         return []

@@ -142,7 +142,7 @@ def _valve(chamber: int, time: Floats, asked: Floats, given: Floats, ceiling: fl
 
 
 def _settled(time: Floats, asked: Floats) -> Flags:
-    """Tell where a set-point has been constant for ``SETTLED`` seconds, shape (samples,)."""
+    """Return where a set-point has been constant for ``SETTLED`` seconds, shape (samples,)."""
     steps = np.abs(np.diff(asked, prepend=asked[0])) > 1.0
     last = np.maximum.accumulate(np.where(steps, time, time[0] - SETTLED))
     return np.asarray(time - last >= SETTLED)

@@ -12,7 +12,7 @@ QUATERNION = 4
 
 
 def turns(reading: Floats) -> bool:
-    """Tell whether a reading is an orientation or a pose."""
+    """Return whether a reading is an orientation or a pose."""
     return reading.shape[-1] in (QUATERNION, 3 + QUATERNION)
 
 

@@ -70,7 +70,7 @@ class Manoeuvre:
         return np.column_stack([np.interp(time, self.times, column) for column in self.forces.T])
 
     def within(self, limits: ManoeuvreLimits) -> bool:
-        """Tell whether pressures and their changes stay within limits."""
+        """Return whether pressures and their changes stay within limits."""
         change = np.abs(np.diff(self.pressures, axis=0)) / np.diff(self.times)[:, None]
         inside = (self.pressures >= 0.0) & (self.pressures <= limits.pressures)
         return bool(inside.all() and (change <= limits.slew * (1.0 + 1e-9)).all())

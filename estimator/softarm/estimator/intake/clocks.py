@@ -93,7 +93,7 @@ def mend_clocks(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
 
 
 def _shared(shifts: Shifts, lag: float) -> bool:
-    """Tell whether every sensor is explained at least as well at a lag as at any usual one."""
+    """Return whether every sensor is explained at least as well at a lag as at any usual one."""
     near = np.abs(shifts.lags - lag) < SPREAD
     gains = shifts.likelihoods[:, near].max(axis=1) - shifts.likelihoods[:, shifts.usual].max(axis=1)
     return bool((gains > 0.0).all())

@@ -193,7 +193,7 @@ def _solve(
 
 
 def _misses(slices: Mapping[str, Any], left: Floats, sigma: Floats) -> list[str]:
-    """Tell by how much each sensor's reading would be missed, where by more than its tolerance."""
+    """Return by how much each sensor's reading would be missed, where by more than its tolerance."""
     found = []
     for name, rows in slices.items():
         ratio = float(np.max(np.abs(left[rows]) / sigma[rows], initial=0.0))

@@ -55,7 +55,7 @@ class InputBounds:
         return held
 
     def reached(self, vector: Floats, scale: Floats) -> tuple[Flags, Flags]:
-        """Tell which free inputs lie on their lower and on their upper bound."""
+        """Return which free inputs lie on their lower and on their upper bound."""
         near = 1e-6 * scale
         return (
             ~self.held & (vector <= self.lower + near),

@@ -60,7 +60,7 @@ class Linearised(Generic[State]):
     step: Linearisation
 
     def serves(self, model: ArmModel[State, Any], gravity: Floats) -> bool:
-        """Tell whether it is a linearisation of a model under a gravitational acceleration."""
+        """Return whether it is a linearisation of a model under a gravitational acceleration."""
         return self.model is model and np.array_equal(self.inputs.gravity, gravity)
 
 

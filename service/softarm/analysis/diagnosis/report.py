@@ -61,7 +61,7 @@ class EvidencePart(_Part):
 
 
 class ConfusablePart(_Part):
-    """What these data cannot tell from a finding, and the manoeuvre that would."""
+    """What these data cannot distinguish from a finding, and the manoeuvre that would."""
 
     effect: EffectName
     where: Where

@@ -80,7 +80,7 @@ def run(
     Args:
         request: What to diagnose.
         executor: Runs independent work.
-        tell: Told what is being done.
+        tell: Called with what is being done.
         keep: Given the residuals and columns, before anything is looked for.
 
     Raises:
@@ -264,7 +264,7 @@ def ring_frequency(session: Session) -> float | None:
 
 
 def _on_mesh(specimen: Specimen, admitted: Admitted, known: FittedRod | None) -> bool:
-    """Tell whether the recordings ask for so few different answers that finite elements may give them."""
+    """Return whether the recordings ask for so few different answers that finite elements may give them."""
     if specimen.geometry.kind != "block" and known is not None:
         return False
     distinct = 0

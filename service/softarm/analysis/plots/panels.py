@@ -35,7 +35,7 @@ class PlotPanel:
         title: Kind of stream.
         unit: Unit of its curves.
         lines: The curves.
-        moves: Whether it shows motion, so that a spectrum of it tells of vibration.
+        moves: Whether it shows motion, so that a spectrum of it shows vibration.
     """
 
     title: str

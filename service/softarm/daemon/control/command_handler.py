@@ -159,7 +159,7 @@ class CommandHandler:
             message = f"{refusal.filename or 'the disk'}: {refusal.strerror or refusal}"
             hint = "check that the folder is there and may be written, and that the disk has room"
             return Refused(verb=verb, code="not_available", message=message, hint=hint)
-        except Exception:  # one command must not end the service; nobody else would tell it
+        except Exception:  # one command must not end the service; nobody else would report it
             logger.exception("%s failed", verb)
             hint = "report this with the service's log"
             return Refused(verb=verb, code="internal", message="the command failed", hint=hint)

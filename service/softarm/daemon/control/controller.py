@@ -32,7 +32,7 @@ class ValveOutputs(Protocol):
         """Vent every chamber and take no set-point until ``arm``."""
 
     def acknowledge(self) -> bool:
-        """Have errors that the terminal keeps acknowledged; tell whether there are any."""
+        """Have errors that the terminal keeps acknowledged; return whether there are any."""
 
     def command(self, setpoint: Sequence[float], lifetime_s: float) -> None:
         """Put a set-point in force from the next pass on [Pa]; it is refused when out of range."""
@@ -52,7 +52,7 @@ class Wanted:
 
 
 class Controller:
-    """Decides what the valves are told; the only one that tells them.
+    """Decides the set-points of the valves, and is the only one to send them.
 
     Args:
         valves: The valve bank.
@@ -122,7 +122,7 @@ class Controller:
         self._valves.vent(reason)
 
     def acknowledge(self) -> bool:
-        """Have errors that the valve terminal keeps acknowledged; tell whether there are any."""
+        """Have errors that the valve terminal keeps acknowledged; return whether there are any."""
         return self._valves.acknowledge()
 
     def want(self, pressures: Floats, lifetime_s: float, now_ns: int) -> Floats:

@@ -42,7 +42,7 @@ class HoldControl:
     correction: Floats
 
     def progress(self, now_ns: int) -> float:
-        """Tell how far the ramp is, from 0 to 1."""
+        """Return how far the ramp is, from 0 to 1."""
         return min(max((now_ns - self.begin_ns) * 1e-9 / self.ramp_s, 0.0), 1.0)
 
 

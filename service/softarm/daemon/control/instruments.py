@@ -44,7 +44,7 @@ class Instruments(Protocol):
         """Gauge pressures last written [Pa], shape (chambers,)."""
 
     def valve_alarms(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Tell what ends every pressurised mode, and what a person should know of the valves."""
+        """Return what ends every pressurised mode, and what a person should know of the valves."""
 
     @property
     def expiries(self) -> int:
@@ -163,7 +163,7 @@ class LiveInstruments:
         await device.connect()
 
     def troubles(self) -> dict[str, str]:
-        """Tell the newest alarm of each device, and of each channel that one is about."""
+        """Return the newest alarm of each device, and of each channel that one is about."""
         return {
             _place(device.name, alarm.key): f"{alarm.what}; {alarm.cure}"
             for device in self._devices
@@ -190,5 +190,5 @@ def _place(device: str, key: str) -> str:
 
 
 def _fatal(key: str) -> bool:
-    """Tell whether an alarm of the valve bank ends every pressurised mode."""
+    """Return whether an alarm of the valve bank ends every pressurised mode."""
     return key in (WATCHDOG_FIRED, FOREIGN_WRITER) or key.endswith((" tracking", DIAGNOSIS))

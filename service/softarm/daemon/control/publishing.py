@@ -152,7 +152,7 @@ class Publisher:
         return self._estimator_state.sections
 
     def estimate(self, result: EstimationResult) -> Estimate:
-        """Tell the external force.
+        """Return the message with the external force.
 
         Args:
             result: What the estimator found.
@@ -180,7 +180,7 @@ class Publisher:
         )
 
     def mismatch(self, test: MismatchTest, recording: str | None) -> Mismatch:
-        """Tell whether model and measurements agree."""
+        """Return whether model and measurements agree."""
         return Mismatch(
             stamp=self._stamp("mismatch"),
             consistent=test.consistent,

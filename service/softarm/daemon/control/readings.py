@@ -109,7 +109,7 @@ class Readings:
         return None if last_ns is None else max(now_ns - last_ns, 0) * 1e-9
 
     def age_s(self, name: str, now_ns: int) -> float | None:
-        """Tell the age of a channel's newest sample [s]."""
+        """Return the age of a channel's newest sample [s]."""
         sample = self._latest.get(name)
         return None if sample is None else max(now_ns - sample.measured_ns, 0) * 1e-9
 

@@ -96,7 +96,7 @@ class EstimationResult:
         innovation_squared: Normalised innovation squared.
         degrees_of_freedom: Its expectation when the model is right.
         sensor_innovations: Root mean square of each sensor's residual over its standard deviation.
-        unobservable: What these readings cannot tell, in words.
+        unobservable: What these readings do not determine, in words.
         hold: Pressures that hold the pose, when they were asked for.
         contact: Place of a single push, when it was asked for and the sensors can tell.
         nodes: Position [m] and stress [Pa] of the surface's nodes, shape (nodes, 4), when asked for.

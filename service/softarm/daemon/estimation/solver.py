@@ -47,7 +47,7 @@ PLACES = 12
 """Candidate heights of a push, from the clamp to the tip."""
 INSIDE_M = 1e-3
 OBSERVED_EVERY_S = 0.1
-"""What the readings cannot tell is analysed so often; it changes slowly."""
+"""What the readings do not determine is analysed so often; it changes slowly."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ class Solver:
         )
 
     def _unseen(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> tuple[str, ...]:
-        """Say what these sensors cannot tell; the answer of a moment ago serves while they are the same."""
+        """Return what these sensors do not determine; a recent answer serves while they are the same."""
         since_s, sensors, told = self._unobservable
         if not np.isfinite(estimate.motion).all():
             return ()

@@ -54,7 +54,7 @@ class LeaseManager:
         return lease.holder if lease is not None and now_ns < lease.expires_ns else None
 
     def remaining_s(self, now_ns: int) -> float:
-        """Tell how long the lease still lives [s]."""
+        """Return how long the lease still lives [s]."""
         lease = self._lease
         return max(lease.expires_ns - now_ns, 0) / NANOSECONDS if lease is not None else 0.0
 
@@ -109,7 +109,7 @@ class LeaseManager:
         return self.holder(now_ns) is not None and self._lease is not None and token == self._lease.token
 
     def accept_sequence(self, sequence: int) -> bool:
-        """Tell whether a command's sequence number is new within this lease, and remember it."""
+        """Return whether a command's sequence number is new within this lease, and remember it."""
         if sequence <= self._last_sequence:
             return False
         self._last_sequence = sequence

@@ -1,4 +1,4 @@
-"""The library of manoeuvres: what tells the physical effects apart.
+"""The library of manoeuvres: what separates the physical effects.
 
 Each takes a generator of random numbers where it has a choice; pressures are gauge [Pa], times [s].
 """

@@ -163,7 +163,7 @@ class QtmServer:
             self.measurement.start(self._clock.now())
 
     def announce(self, event: int) -> None:
-        """Tell every client of an event; those that ``GetState`` may return are remembered."""
+        """Send every client an event; those that ``GetState`` may return are remembered."""
         if event not in (SETTINGS_CHANGED, SHUTTING_DOWN):
             self.last_event = event
         for client in self.clients:

@@ -36,7 +36,7 @@ class FrameStream:
         self.credit = 1.0 - self.share
 
     def due(self) -> bool:
-        """Tell whether the next captured frame goes out."""
+        """Return whether the next captured frame goes out."""
         self.credit += self.share
         if self.credit < 1.0 - 1e-9:
             return False
@@ -61,7 +61,7 @@ class Software(Protocol):
 
     @property
     def last_event(self) -> int:
-        """The event that tells its state."""
+        """The event that announces its state."""
 
     @property
     def last_frame(self) -> MeasuredFrame | None:

@@ -74,7 +74,7 @@ class LoadCell:
         self._zero = self._load(state)
 
     def is_off(self) -> bool:
-        """Tell whether the gauge is switched off, and count the reading that it swallows."""
+        """Return whether the gauge is switched off, and count the reading that it swallows."""
         return self._faults.hit("power_off") is not None
 
     def _load(self, state: PlantState) -> float:

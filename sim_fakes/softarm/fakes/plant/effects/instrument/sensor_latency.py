@@ -1,4 +1,4 @@
-"""A sensor that tells what was some time ago."""
+"""A sensor that reports what was some time ago."""
 
 from collections import deque
 from dataclasses import dataclass, field
