@@ -1,12 +1,14 @@
 """Motion that nothing provoked: the arm or one sensor moves although the pressures rested.
 
 Over half a second a reading may move by what the pressures moved meanwhile and a little before, each
-times its
-slope, twice that for the overshoot of an undamped swing, and that swing may ring on for some seconds:
+times its slope, twice that for the overshoot of an undamped swing, and that swing may ring on for some
+seconds:
 
-    |y(t + h) - y(t)| <= 2 sum_k |g_k| (V_k * decay)(t) + noise,
+    |y(t + h) - y(t)| <= 2 sum_k g_k (V_k * decay)(t) + noise,
 
-with V_k the total variation of pressure k. A larger step has another cause: a touch, a jump of a body.
+with V_k the total variation of pressure k. The slope g_k is that of a regression, and at least the range of
+the reading over that of the pressures: torsion and height follow pressures in even powers, in which a
+regression sees no slope. A larger step has another cause: a touch, a jump of a body.
 """
 
 from dataclasses import dataclass
@@ -30,6 +32,8 @@ RINGING = ((1.0, 1.0), (3.0, 0.15), (10.0, 0.02))
 fifth of the bend in ten seconds) over half a second."""
 LATE = 0.5
 """Motion may follow the pressures late by this [s]: valves, lines, sensors."""
+RANGE = (2.0, 98.0)
+"""Percentiles between which a value ranges, a few strange samples apart."""
 BLIND = 3.0
 """Noise: so many robust deviations of the readings from sample to sample."""
 
@@ -57,7 +61,7 @@ def unprovoked_motion(grid: Grid) -> Unprovoked:
 def _over_span(grid: Grid, width: int) -> Floats:
     """Compute by how much each value moves over a span beyond what is provoked, shape (spans, values)."""
     values, age = _carried(grid.values)
-    slopes = slopes_of(grid)
+    slopes = _largest_slopes(grid)
     quiet = _without_noise(grid.pressures, BLIND * _noise(grid.pressures))
     way = np.abs(np.diff(quiet, axis=0, prepend=quiet[:1]))
     running = np.cumsum(way, axis=0)
@@ -65,9 +69,9 @@ def _over_span(grid: Grid, width: int) -> Floats:
     moved = np.abs(values[width:] - values[:-width])
     late = round(LATE / grid.step)
     since = np.maximum(index - late - age[:-width].T, 0).T  # the last reading before the span may be older
-    meanwhile = np.einsum("tck,ck->tc", _range_sums(running, since, index + width), np.abs(slopes))
+    meanwhile = np.einsum("tck,ck->tc", _range_sums(running, since, index + width), slopes)
     ringing = sum(
-        share * (first_order(way, grid.step / time) * time / grid.step)[: len(index)] @ np.abs(slopes).T
+        share * (first_order(way, grid.step / time) * time / grid.step)[: len(index)] @ slopes.T
         for time, share in RINGING
     )
     noise = BLIND * _noise(grid.values)
@@ -110,6 +114,14 @@ def slopes_of(grid: Grid) -> Floats:
     ridge = 1e-4 * len(design) * np.eye(design.shape[1])
     solution = np.linalg.solve(design.T @ design + ridge, design.T @ (values - values.mean(axis=0)))
     slopes: Floats = solution[:-1].T / scale
+    return slopes
+
+
+def _largest_slopes(grid: Grid) -> Floats:
+    """Bound what a pressure moves of each value, shape (values, chambers)."""
+    low, high = np.nanpercentile(grid.values, RANGE, axis=0)
+    largest = max(float(np.ptp(grid.pressures, axis=0).max(initial=0.0)), 1.0)
+    slopes: Floats = np.maximum(np.abs(slopes_of(grid)), (high - low)[:, None] / largest)
     return slopes
 
 
