@@ -6,9 +6,9 @@ seconds:
 
     |y(t + h) - y(t)| <= 2 sum_k g_k (V_k * decay)(t) + noise,
 
-with V_k the total variation of pressure k. The slope g_k is that of a regression, and at least the range of
-the reading over that of the pressures: torsion and height follow pressures in even powers, in which a
-regression sees no slope. A larger step has another cause: a touch, a jump of a body.
+with V_k the total variation of pressure k. The slope g_k is that of a regression, and at least twice the
+range of the reading over that of the pressures: torsion and height follow pressures in even powers, in which
+a regression sees no slope. A larger step has another cause: a touch, a jump of a body.
 """
 
 from dataclasses import dataclass
@@ -32,6 +32,8 @@ RINGING = ((1.0, 1.0), (3.0, 0.15), (10.0, 0.02))
 fifth of the bend in ten seconds) over half a second."""
 LATE = 0.5
 """Motion may follow the pressures late by this [s]: valves, lines, sensors."""
+STEEPEST = 2.0
+"""Largest slope over the mean one: a reading that follows the square of a pressure."""
 RANGE = (2.0, 98.0)
 """Percentiles between which a value ranges, a few strange samples apart."""
 BLIND = 3.0
@@ -121,7 +123,7 @@ def _largest_slopes(grid: Grid) -> Floats:
     """Bound what a pressure moves of each value, shape (values, chambers)."""
     low, high = np.nanpercentile(grid.values, RANGE, axis=0)
     largest = max(float(np.ptp(grid.pressures, axis=0).max(initial=0.0)), 1.0)
-    slopes: Floats = np.maximum(np.abs(slopes_of(grid)), (high - low)[:, None] / largest)
+    slopes: Floats = np.maximum(np.abs(slopes_of(grid)), STEEPEST * (high - low)[:, None] / largest)
     return slopes
 
 
