@@ -49,8 +49,7 @@ class Browser:
         return self._wait.until(lambda driver: driver.find_element("xpath", path))
 
     def click(self, text):
-        self._driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", self.button(text))
-        webdriver.ActionChains(self._driver).click(self.button(text)).perform()
+        self.button(text).click()  # scrolls, and refuses to click what lies over the button
 
     def press(self, text):
         webdriver.ActionChains(self._driver).click_and_hold(self.button(text)).perform()
