@@ -1,10 +1,9 @@
 """Stretches of a recording that no steady law explains: a touch, a violent start, a body found elsewhere.
 
 Each second of each stream is compared with what the law predicts from all other times (``law.left_out``). Its
-error follows a Student-t distribution of the predicted variance under the law, and a far wider normal
-one during
-an event; whether an event lasts is a Markov chain of two states (Rabiner, Proc. IEEE 77 (1989) 257). A
-stretch is reported when it is probable and large enough to move a fit.
+error follows a Student-t distribution of the predicted variance under the law, and a far wider normal one
+during an event; whether an event lasts is a Markov chain of two states (Rabiner, Proc. IEEE 77 (1989) 257).
+A stretch is reported when it is probable and large enough to move a fit.
 """
 
 from collections.abc import Sequence
@@ -278,9 +277,9 @@ def smoothed(log_ratios: Floats) -> Floats:
     forward, backward = np.empty_like(emitted), np.zeros_like(emitted)
     forward[0] = emitted[0] + np.log([0.9, 0.1])  # a start is rough more often than the middle
     for k in range(1, len(emitted)):
-        forward[k] = emitted[k] + logsumexp(forward[k - 1][:, None] + step, axis=0)
+        forward[k] = emitted[k] + np.logaddexp(*(forward[k - 1][:, None] + step))
     for k in range(len(emitted) - 2, -1, -1):
-        backward[k] = logsumexp(step + emitted[k + 1] + backward[k + 1], axis=1)
+        backward[k] = np.logaddexp(*(step + emitted[k + 1] + backward[k + 1]).T)
     joint = forward + backward
     posterior: Floats = np.exp(joint[:, 1] - logsumexp(joint, axis=1))
     return posterior

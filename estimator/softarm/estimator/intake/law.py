@@ -14,16 +14,15 @@ y(t) = f(p, m) + d(t) + e(t) with Gaussian-process priors (Rasmussen and William
 | swing s | r r' exp(-|t - t'| / 1 s), r the recent rate of the pressures | inertia, valves |
 | noise e | identity | |
 
-Variances of the parts are those of largest marginal likelihood. Every second carries a weight of its
-own, which
-divides the variance of d, s and e: a scale mixture, so that a few strange seconds do not set the law.
+Variances of the parts are those of largest marginal likelihood. Every second carries a weight of its own,
+which divides the variance of d, s and e: a scale mixture, so that a few strange seconds do not set the law.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotrf, dpotri
 from scipy.optimize import minimize
 
 Floats = NDArray[np.float64]
@@ -125,11 +124,10 @@ def fit_variances(inputs: Predictors, values: Floats, weights: Floats, start: Fl
         scales = np.exp(theta)
         total = LEVEL + sum(s * part for s, part in zip(scales, parts, strict=True))
         total[np.diag_indices_from(total)] += 1e-8
-        factor = cho_factor(total, lower=True)
-        inverse = cho_solve(factor, np.eye(len(y)))
+        inverse, half_log_determinant = _inverted(total)
         solved = inverse @ y
         columns = y.shape[1]
-        value = 0.5 * float((y * solved).sum()) + columns * float(np.log(np.diag(factor[0])).sum())
+        value = 0.5 * float((y * solved).sum()) + columns * half_log_determinant
         inner = solved @ solved.T - columns * inverse
         slopes = [-0.5 * s * float((inner * part).sum()) for s, part in zip(scales, parts, strict=True)]
         return value / columns, np.array(slopes) / columns
@@ -145,8 +143,7 @@ def left_out(
     """Predict each block of time from all others.
 
     With C the covariance, e_B = (C^-1_BB)^-1 (C^-1 y)_B, of covariance (C^-1_BB)^-1 (Sundararajan and
-    Keerthi,
-    Neural Computation 13 (2001) 1103, for blocks).
+    Keerthi, Neural Computation 13 (2001) 1103, for blocks).
 
     Args:
         inputs: What the law may depend on.
@@ -161,7 +158,7 @@ def left_out(
     parts = covariances(inputs, weights)
     total = LEVEL + sum(np.exp(v) * part for v, part in zip(variances, parts, strict=True))
     total[np.diag_indices_from(total)] += 1e-8
-    inverse = cho_solve(cho_factor(total, lower=True), np.eye(len(total)))
+    inverse, _ = _inverted(total)
     solved = inverse @ values
     errors, spreads = np.empty_like(values), np.empty(len(values))
     for block in np.unique(blocks):
@@ -169,6 +166,16 @@ def left_out(
         covariance = np.linalg.inv(inverse[np.ix_(own, own)])
         errors[own], spreads[own] = covariance @ solved[own], np.diag(covariance)
     return errors, spreads
+
+
+def _inverted(covariance: Floats) -> tuple[Floats, float]:
+    """Invert a positive definite matrix; also return half the logarithm of its determinant."""
+    factor, failed = dpotrf(covariance.T, lower=1)  # transposed, since LAPACK counts columns first
+    if failed:
+        raise np.linalg.LinAlgError(f"the leading minor {failed} is not positive")
+    half_log_determinant = float(np.log(np.diag(factor)).sum())
+    lower, _ = dpotri(factor, lower=1, overwrite_c=1)
+    return lower + np.tril(lower, -1).T, half_log_determinant
 
 
 def own_noise(inputs: Predictors, variances: Floats) -> Floats:
