@@ -38,7 +38,7 @@ folder of the file. Names of keys carry the unit.
 - `softarm check FILE` reports every mistake at once, an unknown key with the nearest known one.
 - `softarm doctor --config FILE` opens the devices.
 - `softarm fakes --scenario demo --config FILE` writes a configuration that fits simulated instruments.
-- [deploy/config/sopra.toml](../deploy/config/sopra.toml) is an example of a laboratory.
+- `deploy/config/sopra.toml` is an example of a laboratory.
 """
 
 

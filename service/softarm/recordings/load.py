@@ -28,9 +28,8 @@ def load_recording(path: Path, column_map: Path | None = None, *, units_checked:
             or ``.tsv``.
         column_map: For Qualisys exports, a TOML file whose tables ``markers`` and ``bodies`` give the names
             that labels and rigid bodies have in a recording; the TOML beside the export when left out.
-        units_checked: Whether values that only another unit explains are refused; off where an intake
-        follows,
-            which mends them.
+        units_checked: Whether values that only another unit explains are refused; off where an intake,
+            which mends them, follows.
 
     Raises:
         InputError: Names the file, the field and the cure.
