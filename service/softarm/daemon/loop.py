@@ -207,6 +207,7 @@ class ControlLoop:
         self.estimates.submit(self._clocks.monotonic_ns(), after_ticks=0.5)
 
     def _on_transition(self, transition: Transition) -> None:
+        self.estimator_state.wake()
         self._reporter.transition(transition)
         self._publish_state(self._clocks.monotonic_ns())
 

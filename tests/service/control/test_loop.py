@@ -5,6 +5,7 @@ import json
 import logging
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -137,6 +138,19 @@ async def test_every_change_of_mode_is_an_event_and_in_the_journal_with_who_aske
     ]
     for change, by in changes:
         assert any(change in line and by in line for line in caplog.messages), change
+
+
+async def test_a_command_that_waits_for_an_estimate_ends_with_its_mode(arm):
+    arm.step()
+    await arm.demand("lease/acquire", "arm", "teach/start")
+    state = arm.loop.estimator_state
+    state.update(replace(state.result, hold=None), UNIX_NS)
+    asked = asyncio.create_task(arm.send("teach/hold", deadline_unix_ns=UNIX_NS + 10**9))
+    await asyncio.sleep(0)
+    await arm.send("stop", client="bob")
+    answer = await asyncio.wait_for(asked, 0.2)  # the caller would wait for a second
+    assert answer.code == "wrong_mode"
+    assert "changed to FAULTED" in answer.message
 
 
 async def test_a_report_that_fails_does_not_keep_the_arm_from_being_vented(arm, monkeypatch):

@@ -277,7 +277,7 @@ class CommandHandler:
         changes = modes.changes
         if modes.mode in (Mode.TEACH, Mode.HOLDING):
             left_s = (request.deadline_unix_ns - self._context.unix_ns()) * 1e-9
-            await estimator_state.wait_for_hold(left_s - ANSWER_S)
+            await estimator_state.wait_for_hold(left_s - ANSWER_S, lambda: modes.changes != changes)
         if modes.changes != changes:
             message = f"the arm changed to {modes.mode} while the command waited for an estimate"
             raise RefusalError("wrong_mode", message, way_out(modes.mode))

@@ -134,17 +134,22 @@ class EstimatorState:
             self.contact = self._placed(result, self.contact_since_unix_ns)
         self._updated.set()
 
-    async def wait_for_hold(self, seconds: float) -> None:
+    async def wait_for_hold(self, seconds: float, pointless: Callable[[], bool]) -> None:
         """Wait until a result answers how the pose is held, for a limited time.
 
         Args:
             seconds: How long at most [s].
+            pointless: Whether to wait no longer; asked at every result and at every ``wake``.
         """
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(max(seconds, 0.0)):
-                while self.hold_answer is None:
+                while self.hold_answer is None and not pointless():
                     self._updated.clear()
                     await self._updated.wait()
+
+    def wake(self) -> None:
+        """Let whoever waits look whether there is still something to wait for."""
+        self._updated.set()
 
     @property
     def hold(self) -> HoldAnswer | None:
