@@ -11,7 +11,9 @@ from pathlib import Path
 import pytest
 
 from softarm_client import Arm
+from softarm_client.errors import UnreachableError
 from tests.deploy.test_units import install
+from tests.deploy.test_zenoh import as_user, with_users
 from tests.deploy.unit_conditions import UID, InstalledUnit, SupervisorSocket, refusal
 from tests.service.page.test_server import free_port
 
@@ -54,8 +56,12 @@ def supervisor():
         end.close()
 
 
-def unit(host, kind, arm):
-    return InstalledUnit(host / f"etc/systemd/system/{kind}@.service", arm, host)
+def unit(host, kind, arm, credentials=None):
+    return InstalledUnit(host / f"etc/systemd/system/{kind}@.service", arm, host, credentials)
+
+
+def endpoint(host, arm):
+    return re.search(r"tcp/127\.0\.0\.1:\d+", (host / f"etc/softarm/{arm}.toml").read_text())[0]
 
 
 PROBE = """sh -c 'id -u; umask; pwd; ls /tmp /var/tmp /root /home /proc/pressure 2>/dev/null; echo writes; \
@@ -90,6 +96,24 @@ def test_the_control_loop_of_each_service_runs_and_asks_for_time_to_build_its_es
             socket.wait_for("EXTEND_TIMEOUT_USEC=", process)
         assert process.returncode == 0
         assert (host / f"var/cache/softarm/{arm}/numba").is_dir()
+
+
+def test_credentials_that_are_handed_over_keep_strangers_out(host, trees, supervisor, tmp_path):
+    handed = host / "run/credentials"
+    handed.mkdir(parents=True)
+    with_users("users.json5", handed).rename(handed / "zenoh.json5")
+    for file in (*handed.iterdir(), handed):
+        os.chown(file, UID, UID)
+        file.chmod(0o500 if file == handed else 0o400)  # as systemd leaves them
+    operator = as_user("operator", tmp_path)
+    socket = supervisor("users")
+    with unit(host, "softarm", ARMS[0], handed).running(trees, socket.address) as process:
+        socket.wait_for("WATCHDOG=1", process)
+        with pytest.raises(UnreachableError):
+            Arm(ARMS[0], endpoint(host, ARMS[0]))
+        with Arm(ARMS[0], endpoint(host, ARMS[0]), zenoh_config=operator) as client:
+            assert client.stop().mode == "FAULTED"
+    assert process.returncode == 0
 
 
 def test_each_page_serves_and_waits_for_its_service(host, trees, supervisor):
@@ -140,9 +164,7 @@ def test_two_services_get_ready_command_their_arms_and_leave_recordings_for_thei
 
 def recorded(host, arm):
     """Record for a moment; the file must be readable by the group and by nobody else."""
-    text = (host / f"etc/softarm/{arm}.toml").read_text()
-    endpoint = re.search(r"tcp/127\.0\.0\.1:\d+", text)[0]
-    with Arm(arm, endpoint) as client:
+    with Arm(arm, endpoint(host, arm)) as client:
         begun = Path(client.recordings.start("x").path)
         since = client.state().ticks
         client.states().wait_for(lambda state: state.ticks > since + 50, 20.0)
