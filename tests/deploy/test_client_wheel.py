@@ -58,5 +58,12 @@ def test_client_alone_commands_an_arm(python, tmp_path):
     assert path.startswith(str(python.parents[1]))
 
 
+def test_client_alone_has_the_ros_node(python):
+    command = [python, "-m", "softarm_client.ros", "--arm", "test"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env={"PATH": "/usr/bin:/bin"})
+    assert done.returncode == 2
+    assert done.stderr.startswith("softarm: ROS 2: cannot be imported (No module named 'rclpy')")
+
+
 def test_licence_of_the_client_is_the_project_s():
     assert (ROOT / "service" / "softarm_client" / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()

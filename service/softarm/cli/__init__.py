@@ -40,6 +40,7 @@ COMMANDS = {
     "bench": "Run a benchmark and print its table.",
     "fakes": "Start simulated instruments on real ports.",
     "page": "Serve the operator page in the browser.",
+    "ros": "Offer a running arm as a ROS 2 node.",
     "vent": "Vent every chamber, whether or not the service runs.",
     "doctor": "Check every configured device: does it answer, how fast, and with which fault.",
 }

@@ -1,0 +1,64 @@
+"""Starts the node: finds ROS 2, waits for the arm's service, and ends on a signal."""
+
+import os
+import signal
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+from softarm_client.arm import Arm
+from softarm_client.errors import SetupError, UnreachableError
+
+ENDING = signal.SIGINT, signal.SIGTERM
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+"""Environment variable of ROS 2 for how far nodes find each other; its own default is the whole network."""
+AGAIN_S = 1.0
+"""Pause before a service that did not answer is asked again."""
+CURE = "source its setup.bash, or pip install softarm-client[ros] in a new environment; see docs/ros.md"
+
+
+def serve(
+    arm: str, endpoint: str, zenoh_config: Path | None, arguments: Sequence[str], say: Callable[[str], None]
+) -> None:
+    """Run the node of an arm until SIGINT or SIGTERM.
+
+    ROS 2 asks nobody for credentials: unless the environment says otherwise, only this host sees the node.
+
+    Args:
+        arm: The arm's name.
+        endpoint: Where its service, or a router before it, listens.
+        zenoh_config: JSON5 file with credentials and certificates.
+        arguments: Arguments of ROS 2, from ``--ros-args`` on.
+        say: Takes what is waited for, once for each reason, and the name of the node.
+
+    Raises:
+        SetupError: ROS 2 is not there or does not take the arguments, or the file is not valid.
+    """
+    if arguments and arguments[0] != "--ros-args":
+        raise SetupError("arguments", f"{arguments[0]!r} is unknown", "arguments of ROS 2 follow --ros-args")
+    os.environ.setdefault(RANGE, "LOCALHOST")
+    try:
+        from softarm_client.ros.node import running_node
+    except ImportError as error:
+        raise SetupError("ROS 2", f"cannot be imported ({error})", CURE) from error
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # also in the threads that start from here
+    client = _wait_for(partial(Arm, arm, endpoint, "ROS node", zenoh_config), say)
+    if client is None:
+        return
+    with client, running_node(client, arguments) as node:
+        say(f"ROS 2 node {node.name}; {RANGE}={os.environ[RANGE]}")
+        signal.sigwait(ENDING)
+
+
+def _wait_for(connect: Callable[[], Arm], say: Callable[[str], None]) -> Arm | None:
+    """Connect to the arm's service as soon as it is there; ``None`` where the wait was ended."""
+    said = ""
+    while True:
+        try:
+            return connect()
+        except UnreachableError as error:
+            if str(error) != said:
+                said = str(error)
+                say(f"waiting for the service: {said}")
+        if signal.sigtimedwait(ENDING, AGAIN_S) is not None:
+            return None
