@@ -1,6 +1,6 @@
 """What the service answers to each command: the mode after it, and what was applied."""
 
-from softarm_client.messages import Message
+from softarm_client.messages import Message, SectionPose
 
 
 class Result(Message):
@@ -44,11 +44,13 @@ class Pose(Message):
         pressures_pa: Gauge pressures, one a chamber [Pa].
         reachable: Whether they hold the pose within the sensors' noise.
         note: Why not, in a sentence.
+        sections: Section poses when it was saved; only ``teach/list`` states them.
     """
 
     pressures_pa: tuple[float, ...]
     reachable: bool
     note: str
+    sections: tuple[SectionPose, ...] = ()
 
 
 class Saved(Result, Pose):

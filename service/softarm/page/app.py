@@ -1,4 +1,4 @@
-"""The page of an arm that is served: feeds view and panel from the streams."""
+"""The page of an arm that is served: feeds view, panel and controls from the streams."""
 
 import threading
 import time
@@ -8,6 +8,7 @@ from typing import Generic, TypeVar
 
 import viser
 
+from softarm.page.controls import Controls
 from softarm.page.panel import Panel
 from softarm.page.scene import ArmScene
 from softarm.page.waiting import ServedArm
@@ -28,8 +29,10 @@ class Page:
 
     def __init__(self, arm: ServedArm, server: viser.ViserServer) -> None:
         self._client = arm.client
-        self._scene = ArmScene(server, arm.surface)
-        self._panel = Panel(server, arm.client, arm.chambers)
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self._scene = ArmScene(server, arm.surface, arm.body)
+        self._controls = Controls(server, arm.client, self._scene.show_ghost)
+        self._panel = Panel(server, arm.body)
         self._sections: State | None = None
         self._exit = ExitStack()
         self._closing = threading.Event()
@@ -41,14 +44,14 @@ class Page:
         enter(arm.estimates().subscribe(Throttle(self._on_estimate, REFRESH_S)))
         enter(arm.mismatches().subscribe(Throttle(self._panel.show_mismatch, REFRESH_S)))
         self._exit.enter_context(self._client.subscribe_shape(self._scene.show_shape))
-        self._panel.operator.start()
+        self._controls.operator.start()
         self._watch.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._closing.set()
         self._watch.join()
-        self._panel.operator.close()
+        self._controls.operator.close()
         self._exit.close()
 
     def _watch_age(self) -> None:
@@ -56,16 +59,19 @@ class Page:
         while not self._closing.wait(REFRESH_S):
             age_s = self._client.state_age_s
             self._panel.show_age(age_s)
+            self._controls.enable(age_s <= STALE_S)
             self._scene.show_stale(age_s > STALE_S)
 
     def _on_state(self, state: State) -> None:
         self._sections = state
         self._panel.show_state(state)
+        self._controls.show_state(state)
+        self._scene.show_sections(state.sections)
 
     def _on_estimate(self, estimate: Estimate) -> None:
         self._panel.show_estimate(estimate)
         if self._sections is not None:
-            self._scene.show_loads(estimate.loads, self._sections.sections)
+            self._scene.show_estimate(estimate, self._sections.sections)
 
 
 class Throttle(Generic[Kind]):

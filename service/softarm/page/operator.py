@@ -109,13 +109,24 @@ class Operator:
         """Leave FAULTED once the cause is gone."""
         self._send(self._client.clear)
 
-    def poses(self) -> dict[str, str]:
-        """Name the saved poses, each with why it is out of reach; none when the service does not answer."""
+    def tare(self) -> None:
+        """Take the present external force as zero."""
+        self._send(self._client.tare, "the present force counts as zero")
+
+    def record(self, name: str) -> None:
+        """Write every stream to a file from now on."""
+        self._send(lambda: self._client.recordings.start(name), "the recording has started")
+
+    def end_recording(self) -> None:
+        """End the recording; its file is then whole."""
+        self._send(self._client.recordings.stop, "the recording has ended")
+
+    def poses(self) -> dict[str, Pose]:
+        """Return the saved poses by name; none when the service does not answer."""
         try:
-            poses = self._client.teach.poses()
+            return self._client.teach.poses()
         except CommandRefusedError:
             return {}
-        return {name: _short_of(pose) for name, pose in poses.items()}
 
     def _let_go(self, command: Callable[[], Result]) -> None:
         self._pressed_s, self._holding = float("-inf"), False
@@ -129,7 +140,7 @@ class Operator:
             self._say(f"refused: {refusal}")
             return False
         self._mode = result.mode
-        short = _short_of(result) if isinstance(result, Pose) else ""
+        short = short_of(result) if isinstance(result, Pose) else ""
         self._say("; ".join(filter(None, (f"the arm is {self._mode}", done, short))))
         return True
 
@@ -153,6 +164,6 @@ class Operator:
                 self._acquire()
 
 
-def _short_of(pose: Pose) -> str:
+def short_of(pose: Pose) -> str:
     """Return why a pose is out of reach, nothing when it is not."""
     return "" if pose.reachable else pose.note

@@ -1,4 +1,4 @@
-"""The 3-D view: the arm's surface coloured by stress, and the force with its uncertainty."""
+"""The 3-D view: the arm coloured by stress, its sections, the forces, the contact and a saved pose."""
 
 import threading
 from collections.abc import Sequence
@@ -7,13 +7,19 @@ import numpy as np
 import trimesh
 import viser
 from numpy.typing import NDArray
+from viser.transforms import SO3
 
-from softarm_client.messages import LoadEstimate, SectionPose, Surface
+from softarm.page.body import Body, Chamber
+from softarm.page.readings import COLOURS, load_deviation
+from softarm_client.messages import Contact, Estimate, LoadEstimate, SectionPose, Surface
 
 Floats = NDArray[np.float64]
 METRES_PER_NEWTON = 0.15
-HANGING = np.diag([1.0, -1.0, -1.0])
-"""The view's z points up, the base frame's from the base down to the tip."""
+LAYER_M = 2e-3
+"""Nodes whose heights at rest differ by less belong to one layer of the surface."""
+LABEL_GAP_M = 8e-3
+HANGING, STANDING = (0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+"""Orientation of the base frame, whose z points from the base to the tip, in the view, whose z points up."""
 GREY = (150, 150, 150)
 COLD, HOT = np.array([70.0, 130.0, 200.0]), np.array([225.0, 70.0, 50.0])
 
@@ -25,42 +31,75 @@ def colours(stress: Floats) -> NDArray[np.uint8]:
     return np.asarray((1.0 - share) * COLD + share * HOT, dtype=np.uint8)
 
 
-def load_deviation(load: LoadEstimate) -> float:
-    """Return the standard deviation of a force, root mean square over its estimated axes [N]."""
-    variances = [row[axis] for axis, row in enumerate(load.covariance_n2)]
-    known = [variance for variance in variances if variance is not None]
-    return float(np.sqrt(max(sum(known) / len(known), 0.0))) if known else 0.0
-
-
 class ArmScene:
-    """What the browser shows in 3-D.
+    """What the browser shows in 3-D; every node below ``/base`` is drawn in the base frame.
 
     Args:
         server: viser's server.
         surface: The arm's surface at rest.
+        body: Its sections and chambers.
     """
 
-    def __init__(self, server: viser.ViserServer, surface: Surface) -> None:
-        rest = np.array(surface.rest_m)
-        self._server = server
-        self._nodes = len(rest)
+    def __init__(self, server: viser.ViserServer, surface: Surface, body: Body) -> None:
+        self._rest = np.array(surface.rest_m)
+        self._scene = server.scene
         self._faces = np.array(surface.triangles)
-        server.scene.set_up_direction("+z")
-        server.scene.add_grid("/floor", width=0.6, height=0.6, position=(0.0, 0.0, -0.35), cell_size=0.05)
-        server.initial_camera.position = (0.45, -0.45, 0.05)
-        server.initial_camera.look_at = (0.0, 0.0, -0.14)
-        self._force_handles: dict[str, viser.SceneNodeHandle] = {}
-        self._shown = rest, np.zeros(self._nodes)
+        length = float(self._rest[:, 2].max())
+        middle, floor = (-0.5 * length, -1.25 * length) if body.hangs else (0.5 * length, 0.0)
+        self._scene.set_up_direction("+z")
+        self._scene.configure_default_lights(cast_shadow=False)
+        self._scene.add_grid("/floor", width=0.6, height=0.6, position=(0.0, 0.0, floor), cell_size=0.05)
+        server.initial_camera.position = (1.2 * length, -0.9 * length, middle + 0.4 * length)
+        server.initial_camera.look_at = (0.0, 0.0, middle)
+        orientation = HANGING if body.hangs else STANDING
+        self._scene.add_frame("/base", wxyz=orientation, axes_length=0.05, axes_radius=0.001)
+        self._live = self._scene.add_frame("/base/live", show_axes=False)
+        self._sections = {
+            section.name: self._scene.add_frame(
+                f"/base/section/{section.name}",
+                axes_length=0.035,
+                axes_radius=0.001,
+                wxyz=section.frame_quaternion,
+                position=section.frame_origin_m,
+            )
+            for section in body.sections
+        }
+        for index, chamber in enumerate(body.chambers):
+            self._label_chamber(index, chamber, body)
+        self._shown = self._rest, np.zeros(len(self._rest))
         self._stale = False
         self._drawing = threading.Lock()
         self._draw()
 
+    def _label_chamber(self, index: int, chamber: Chamber, body: Body) -> None:
+        """Write a chamber's number beside its beginning, fixed to the section that ends there."""
+        section = min(body.sections, key=lambda section: abs(section.to_m - chamber.from_m))
+        reach = self._radius(self._layer(chamber.from_m), self._rest) + LABEL_GAP_M
+        sideways = np.array([np.cos(chamber.azimuth_rad), np.sin(chamber.azimuth_rad), 0.0])
+        place = reach * sideways + [0.0, 0.0, chamber.from_m] - np.array(section.frame_origin_m)
+        frame = SO3(np.array(section.frame_quaternion))
+        self._scene.add_label(
+            f"/base/section/{section.name}/chamber-{index}",
+            str(index),
+            position=frame.inverse().apply(place),
+            anchor="center-center",
+        )
+
+    def _layer(self, height_m: float) -> NDArray[np.intp]:
+        """Return the nodes of the surface that are nearest to a height at rest."""
+        distance = np.abs(self._rest[:, 2] - height_m)
+        return np.flatnonzero(distance <= distance.min() + LAYER_M)
+
+    @staticmethod
+    def _radius(layer: NDArray[np.intp], points: Floats) -> float:
+        """Return the largest distance of a layer's nodes from their centre [m]."""
+        return float(np.linalg.norm(points[layer] - points[layer].mean(axis=0), axis=1).max())
+
     def _draw(self) -> None:
         points, stress = self._shown
-        vertices = points @ HANGING.T
-        painted = np.full((len(vertices), 3), GREY, np.uint8) if self._stale else colours(stress)
-        surface = trimesh.Trimesh(vertices, self._faces, vertex_colors=painted, process=False)
-        self._server.scene.add_mesh_trimesh("/arm", surface)
+        painted = np.full((len(points), 3), GREY, np.uint8) if self._stale else colours(stress)
+        surface = trimesh.Trimesh(points, self._faces, vertex_colors=painted, process=False)
+        self._scene.add_mesh_trimesh("/base/arm", surface)
 
     def show_stale(self, stale: bool) -> None:
         """Draw the arm grey and without forces while the service is not heard."""
@@ -68,41 +107,83 @@ class ArmScene:
             if stale == self._stale:
                 return
             self._stale = stale
+            self._live.visible = not stale
             self._draw()
-            for handle in self._force_handles.values():
-                handle.visible = not stale
 
     def show_shape(self, data: bytes) -> None:
         """Show a shape message: positions and stress of every node of the surface."""
         nodes = np.frombuffer(data, dtype="<f4").reshape(-1, 4).astype(np.float64)
-        if len(nodes) == self._nodes:
+        if len(nodes) == len(self._rest):
             with self._drawing:
                 self._shown = nodes[:, :3], nodes[:, 3]
                 self._draw()
 
-    def show_loads(self, loads: Sequence[LoadEstimate], sections: Sequence[SectionPose]) -> None:
-        """Draw each force as an arrow at its section, with a sphere of one standard deviation at its head."""
+    def show_sections(self, sections: Sequence[SectionPose]) -> None:
+        """Move the frames of the sections."""
+        for section in sections:
+            frame = self._sections.get(section.section)
+            if frame is not None:
+                frame.position, frame.wxyz = section.position_m, section.quaternion_wxyz
+
+    def show_estimate(self, estimate: Estimate, sections: Sequence[SectionPose]) -> None:
+        """Draw the forces at their sections, and the contact."""
         places = {section.section: np.array(section.position_m) for section in sections}
-        with self._drawing:  # show_stale must not meet an arrow that is being replaced
-            for load in loads:
-                place = places.get(load.section)
-                if place is None:
-                    continue
-                start = place @ HANGING.T
-                reach = METRES_PER_NEWTON * np.array(load.force_n) @ HANGING.T
-                deviation = load_deviation(load)
-                self._force_handles[f"/force/{load.section}"] = self._server.scene.add_arrows(
-                    f"/force/{load.section}",
-                    np.array([[start, start + reach]], dtype=np.float32),
-                    colors=(240, 170, 40),
-                    shaft_radius=0.002,
-                    head_radius=0.005,
-                    head_length=0.012,
-                )
-                self._force_handles[f"/uncertainty/{load.section}"] = self._server.scene.add_icosphere(
-                    f"/uncertainty/{load.section}",
-                    radius=max(METRES_PER_NEWTON * deviation, 1e-4),
-                    color=(240, 170, 40),
-                    opacity=0.3,
-                    position=tuple(start + reach),
-                )
+        for index, load in enumerate(estimate.loads):
+            if load.section in places:
+                self._show_load(load, places[load.section], COLOURS[index % len(COLOURS)])
+        self._show_contact(estimate.contact)
+
+    def _show_load(self, load: LoadEstimate, start: Floats, colour: str) -> None:
+        """Draw a force as an arrow, with a sphere of one standard deviation around its head."""
+        rgb = _rgb(colour)
+        head = start + METRES_PER_NEWTON * np.array(load.force_n)
+        self._scene.add_arrows(
+            f"/base/live/force/{load.section}",
+            np.array([[start, head]], dtype=np.float32),
+            colors=rgb,
+            shaft_radius=0.002,
+            head_radius=0.005,
+            head_length=0.012,
+        )
+        self._scene.add_icosphere(
+            f"/base/live/deviation/{load.section}",
+            radius=max(METRES_PER_NEWTON * load_deviation(load), 1e-4),
+            color=rgb,
+            opacity=0.3,
+            position=tuple(head),
+        )
+
+    def _show_contact(self, contact: Contact | None) -> None:
+        """Draw a ball around the arm where the contact is."""
+        layer = self._layer(0.0 if contact is None else contact.height_m)
+        points, _ = self._shown
+        self._scene.add_icosphere(
+            "/base/live/contact",
+            radius=1.15 * self._radius(layer, points),
+            color=(250, 220, 60),
+            opacity=0.35,
+            position=tuple(points[layer].mean(axis=0)),
+            visible=contact is not None,
+        )
+
+    def show_ghost(self, sections: Sequence[SectionPose]) -> None:
+        """Draw a saved pose: a grey line through its sections with a frame at each; none removes it."""
+        self._scene.add_frame("/base/ghost", show_axes=False, visible=bool(sections))
+        if not sections:
+            return
+        points = np.array([(0.0, 0.0, 0.0), *(section.position_m for section in sections)])
+        apart = np.linalg.norm(np.diff(points, axis=0), axis=1) > LAYER_M
+        line = points[np.concatenate([[True], apart])]
+        self._scene.add_spline_catmull_rom("/base/ghost/line", line, thickness=0.004, color=GREY)
+        self._scene.add_batched_axes(
+            "/base/ghost/frames",
+            np.array([section.quaternion_wxyz for section in sections]),
+            np.array([section.position_m for section in sections]),
+            axes_length=0.03,
+            axes_radius=0.0006,
+        )
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue

@@ -5,6 +5,7 @@ import html
 import socket
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
+from importlib.resources import files
 from inspect import isawaitable
 from io import StringIO
 from typing import Any
@@ -22,10 +23,17 @@ from softarm.common.errors import WorkFailedError
 from softarm.estimator.errors import InputError
 
 FOREIGN = Origin("http://foreign.invalid")
+PING_S, PONG_S = 2.0, 3.0
+"""A browser is asked for a sign of life after the first; without one for the second it no longer counts.
+
+One that lost its network would otherwise count for 40 s, and hold a pose that nobody watches.
+"""
 ANYWHERE = ("0.0.0.0", "::", "")
 """Addresses to listen on that no browser can name."""
 TITLE = b"<title>Viser</title>"
 """Title of viser's own page, which it has no option for."""
+HEAD = files(__package__).joinpath("head.html").read_bytes()
+"""What the page adds to viser's own: its style, and a STOP that no panel hides."""
 Answer = Callable[[ServerConnection, Request], Awaitable[Response | None] | Response | None]
 
 
@@ -103,15 +111,17 @@ def _answering_only(origins: Sequence[str], title: str) -> Iterator[None]:
 
     def serve(*arguments: Any, process_request: Answer, **options: Any) -> websocket_server.serve:
         titled = _titled(process_request, title)
-        return original(*arguments, process_request=titled, origins=allowed, **options)
+        own: dict[str, Any] = {"process_request": titled, "origins": allowed}
+        own |= {"ping_interval": PING_S, "ping_timeout": PONG_S}
+        return original(*arguments, **own, **options)
 
     with mock.patch.object(websocket_server, "serve", serve):
         yield
 
 
 def _titled(answer: Answer, title: str) -> Answer:
-    """Answer requests for the page with a title of its own."""
-    own = f"<title>{html.escape(title)}</title>".encode()
+    """Answer requests for the page with a title and a head of its own."""
+    own = f"<title>{html.escape(title)}</title>".encode() + HEAD
 
     async def titled(connection: ServerConnection, request: Request) -> Response | None:
         if "Accept-Encoding" in request.headers:

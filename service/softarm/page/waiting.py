@@ -1,11 +1,11 @@
 """The page before the arm's service is there: it waits, and says for what."""
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import viser
 
+from softarm.page.body import Body
 from softarm.page.text import plain
 from softarm_client import Arm
 from softarm_client.errors import ClientError
@@ -19,12 +19,12 @@ class ServedArm:
     Args:
         client: Client of the service.
         surface: The arm's surface at rest.
-        chambers: Number of chambers.
+        body: What the page shows of its specimen.
     """
 
     client: Arm
     surface: Surface
-    chambers: int
+    body: Body
 
 
 def ask_arm(client: Arm) -> ServedArm:
@@ -33,8 +33,7 @@ def ask_arm(client: Arm) -> ServedArm:
     Raises:
         CommandRefusedError: No service of this arm answers.
     """
-    chambers = json.loads(client.ask("specimen"))["chambers"]
-    return ServedArm(client, client.surface(), len(chambers))
+    return ServedArm(client, client.surface(), Body.model_validate_json(client.ask("specimen")))
 
 
 def wait_for_arm(

@@ -1,6 +1,7 @@
 """The control loop on stand-ins of devices and estimator, for a real page."""
 
 import asyncio
+import contextlib
 import threading
 import time
 
@@ -27,6 +28,7 @@ class PageService:
         self.verbs_seen = []
         self._folder = folder
         self._ready = threading.Event()
+        self._silent = False
         self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()), daemon=True)
 
     def __enter__(self):
@@ -42,6 +44,13 @@ class PageService:
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._stop.set)
             self._thread.join()
+
+    @contextlib.contextmanager
+    def silent(self):
+        """Publish nothing within the block; commands are answered all the same."""
+        self._silent = True
+        yield
+        self._silent = False
 
     @property
     def mode(self):
@@ -82,12 +91,13 @@ class PageService:
     async def _step(self):
         with Ticker(TICK_S) as ticker:
             async for tick in ticker.ticks():
-                self.control.instruments.read()
-                self.control.step(tick)
+                if not self._silent:
+                    self.control.instruments.read()
+                    self.control.step(tick)
                 self._stepped.set()
 
 
-@pytest.fixture
-def service(tmp_path):
-    with PageService(tmp_path) as running:
+@pytest.fixture(scope="module")
+def service(tmp_path_factory):
+    with PageService(tmp_path_factory.mktemp("service")) as running:
         yield running

@@ -1,4 +1,4 @@
-"""What the page shows, read from its texts without a browser."""
+"""What the page shows of a service, read from its texts without a browser."""
 
 import threading
 import time
@@ -32,25 +32,40 @@ def until(accept, within=20.0):
         threading.Event().wait(0.02)
 
 
-def test_service_that_is_gone_greys_the_page_within_half_a_second(service, page):
-    panel = page._panel
-    until(lambda: page._client.state_age_s < 0.5)
-    until(lambda: "IDLE" in panel._mode.content and "0.412 N" in panel._force.content)
-    assert not any(button.disabled for button in panel._moving_buttons)
-    service.end()
-    gone = time.monotonic()
-    until(lambda: "not heard for" in panel._mode.content)
-    assert time.monotonic() - gone < 1.0  # half a second, and what a busy machine adds
-    until(lambda: panel._force.content == "unknown")
-    assert "last mode IDLE" in panel._mode.content
-    until(lambda: all(button.disabled for button in panel._moving_buttons))
-    until(lambda: page._scene._stale)
+def test_silent_service_greys_the_page_within_half_a_second(service, page):
+    panel, inputs = page._panel, page._controls._inputs
+    until(lambda: "IDLE" in panel._status.content and "0.412" in panel._forces.content)
+    until(lambda: not any(button.disabled for button in inputs))
+    with service.silent():
+        gone = time.monotonic()
+        until(lambda: "NO SERVICE" in panel._status.content)
+        assert time.monotonic() - gone < 1.0  # half a second, and what a busy machine adds
+        assert "last mode was IDLE" in panel._status.content
+        until(lambda: "#pressures" in panel._beat.content)
+        until(lambda: all(button.disabled for button in inputs))
+        until(lambda: page._scene._stale)
+    until(lambda: "IDLE" in panel._status.content and "grey" not in panel._beat.content)
 
 
-def test_curves_carry_the_names_of_the_sections_of_the_estimate(service, page):
+def test_old_estimates_are_grey_while_the_service_is_heard(page, monkeypatch):
     panel = page._panel
-    until(lambda: panel._force_plot is not None)
-    labels = [series["label"] for series in panel._force_plot.series[1:]]
-    assert labels == ["intermediate [N]", "tip [N]"]
-    # Both axes of the covariance are 1e-3 N^2: 0.032 N along each, not the 0.045 N of their sum.
-    assert "± 0.032" in panel._force.content
+    until(lambda: "0.412" in panel._forces.content)
+    monkeypatch.setattr("softarm.page.panel.ESTIMATE_OLD_S", -1.0)
+    until(lambda: "#forces" in panel._beat.content)
+    assert "#pressures" not in panel._beat.content
+
+
+def test_curves_carry_the_names_of_the_sections_of_the_estimate(page):
+    panel = page._panel
+    until(lambda: panel._curve is not None)
+    assert [series["label"] for series in panel._curve.series[1:]] == ["intermediate", "tip"]
+
+
+def test_recording_and_taring_are_commands_of_the_page(service, page):
+    controls = page._controls
+    controls.operator.record("from-the-page")
+    until(lambda: "from-the-page" in controls._recording.content.replace("&#45;", "-"))
+    controls.operator.end_recording()
+    until(lambda: "Nothing is recorded" in controls._recording.content)
+    controls.operator.tare()
+    until(lambda: "<b>0.000</b>" in page._panel._forces.content)

@@ -1,0 +1,57 @@
+"""What the page shows of a specimen; everything else in it is ignored."""
+
+from softarm_client.messages import Message, Vector
+
+
+class RigidSection(Message):
+    """A rigid section at rest, in the base frame.
+
+    Args:
+        name: Its name.
+        to_m: Height at which it ends.
+        frame_origin_m: Origin of its frame.
+        frame_quaternion: Orientation of its frame (w, x, y, z).
+    """
+
+    name: str
+    to_m: float
+    frame_origin_m: Vector
+    frame_quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+
+class Chamber(Message):
+    """A pressure chamber at rest.
+
+    Args:
+        azimuth_rad: Direction of its centre about z.
+        from_m: Height at which it begins.
+        pressure_limit_pa: Largest safe gauge pressure.
+    """
+
+    azimuth_rad: float
+    from_m: float
+    pressure_limit_pa: float
+
+
+class Body(Message):
+    """Sections and chambers of an arm.
+
+    Args:
+        gravity_m_s2: Gravitational acceleration in the base frame.
+        sections: Rigid sections, from base to tip.
+        chambers: Chambers, in the order of their index.
+    """
+
+    gravity_m_s2: Vector = (0.0, 0.0, 9.81)
+    sections: tuple[RigidSection, ...]
+    chambers: tuple[Chamber, ...] = ()
+
+    @property
+    def pressure_limits_pa(self) -> tuple[float, ...]:
+        """Largest safe gauge pressure of each chamber [Pa]."""
+        return tuple(chamber.pressure_limit_pa for chamber in self.chambers)
+
+    @property
+    def hangs(self) -> bool:
+        """Whether gravity points from the base to the tip."""
+        return self.gravity_m_s2[2] > 0.0

@@ -1,0 +1,195 @@
+"""What the page shows of the messages, as HTML: every text of others is escaped."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import PurePath
+
+import numpy as np
+
+from softarm.page.text import plain
+from softarm_client.messages import Estimate, HealthFinding, LoadEstimate, Mismatch, SectionPose, State
+from softarm_client.modes import Mode
+
+COLOURS = ("#e08a00", "#2ca02c", "#9467bd", "#17a2b8", "#8c564b", "#e377c2")
+"""Of the forces, in the order of the sections: the arrow, the curve and the table's row."""
+IN_WORDS: Mapping[str, str] = {
+    Mode.STARTING: "The service starts. The arm is vented.",
+    Mode.IDLE: "The arm is vented and follows nobody.",
+    Mode.ARMED: "The valves follow set-points. Pressures may change at any time.",
+    Mode.TEACH: "The arm can be moved by hand.",
+    Mode.HOLDING: "The arm holds a pose.",
+    Mode.EXPERIMENT: "A program moves the arm.",
+    Mode.FAULTED: "The arm was vented. Remedy the cause, then press Clear.",
+    Mode.STOPPING: "The service ends. The arm is vented.",
+}
+MOVING = frozenset({Mode.ARMED, Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT})
+WORST_FIRST = ("fault", "warning", "info")
+
+
+def load_deviation(load: LoadEstimate) -> float:
+    """Return the standard deviation of a force, root mean square over its estimated axes [N]."""
+    variances = [row[axis] for axis, row in enumerate(load.covariance_n2)]
+    known = [variance for variance in variances if variance is not None]
+    return float(np.sqrt(max(sum(known) / len(known), 0.0))) if known else 0.0
+
+
+def reading(name: str, content: str, title: str = "") -> str:
+    """Return one block of the panel.
+
+    Args:
+        name: Its ``id``.
+        content: HTML, escaped.
+        title: HTML above it, escaped.
+    """
+    heading = f'<b class="title">{title}</b>' if title else ""
+    return f'<div class="reading" id="{name}">{heading}{content}</div>'
+
+
+def status(state: State) -> str:
+    """Write the mode, its meaning and everything that is wrong, the worst first."""
+    kind = "fault" if state.mode == Mode.FAULTED else "moving" if state.mode in MOVING else ""
+    cause = f'<div class="fault">{plain(state.fault_cause)}</div>' if state.fault_cause else ""
+    wrong = sorted(state.findings, key=_rank)
+    findings = "".join(f'<div class="{_rank_name(f)}">{_finding(f)}</div>' for f in wrong)
+    words = f"{IN_WORDS.get(state.mode, '')} {plain(state.teach_note or '')}"
+    lease = f"Lease: {plain(state.lease.holder or 'free')}."
+    return reading(
+        "status",
+        f'<div class="mode {kind}">{plain(state.mode)}</div>{words} {lease}{cause}'
+        f'<div class="scrolls">{findings or "Nothing is wrong."}</div>',
+    )
+
+
+def lost_service(age_s: float, state: State | None) -> str:
+    """Write for how long the service has not been heard."""
+    since = "has not been heard yet" if np.isinf(age_s) else f"was not heard for {age_s:.1f} s"
+    last = "" if state is None else f" Its last mode was {plain(state.mode)}. What is grey is old."
+    words = f'<div class="mode fault">NO SERVICE</div>The service {since}.{last} Only STOP can be pressed.'
+    return reading("status", words)
+
+
+def _finding(finding: HealthFinding) -> str:
+    return f"{plain(finding.where)}: {plain(finding.message)}; {plain(finding.hint)}"
+
+
+def _rank_name(finding: HealthFinding) -> str:
+    return finding.severity if finding.severity in WORST_FIRST else "info"
+
+
+def _rank(finding: HealthFinding) -> int:
+    return WORST_FIRST.index(_rank_name(finding))
+
+
+def forces(estimate: Estimate, sections: Sequence[SectionPose]) -> str:
+    """Write the force, the place and the tilt of each section."""
+    loads = {load.section: load for load in estimate.loads}
+    colours = dict(zip(loads, COLOURS * len(loads), strict=False))
+    poses = {section.section: section for section in sections}
+    rows = [
+        f"<tr><td>{_swatch(colours.get(name))}{plain(name)}</td>{_force(loads.get(name))}{_pose(poses.get(name))}</tr>"
+        for name in dict.fromkeys((*loads, *poses))
+    ]
+    head = "<tr><th>section</th><th>force [N]</th><th>x, y, z [mm]</th><th>tilt</th></tr>"
+    lost = f" Without {plain(', '.join(estimate.sensors_lost))}." if estimate.sensors_lost else ""
+    timing = f"{plain(estimate.status)}, {1e3 * estimate.latency_s:.0f} ms old.{lost}"
+    return reading(
+        "forces", f"<table>{head}{''.join(rows)}</table>{_contact(estimate)} {timing}", "External force"
+    )
+
+
+def _swatch(colour: str | None) -> str:
+    return f'<span class="dot" style="background:{colour or "transparent"}"></span>'
+
+
+def _force(load: LoadEstimate | None) -> str:
+    if load is None:
+        return "<td></td>"
+    return f"<td><b>{np.linalg.norm(load.force_n):.3f}</b> ± {load_deviation(load):.3f}</td>"
+
+
+def _pose(pose: SectionPose | None) -> str:
+    if pose is None:
+        return "<td></td><td></td>"
+    _, x, y, _ = pose.quaternion_wxyz
+    tilt = np.degrees(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
+    place = ", ".join(f"{1e3 * coordinate:.0f}" for coordinate in pose.position_m)
+    return f"<td>{place}</td><td>{tilt:.1f}°</td>"
+
+
+def _contact(estimate: Estimate) -> str:
+    place = estimate.contact
+    if place is None:
+        return "Contact, place unknown;" if estimate.in_contact else "No contact;"
+    return f"Contact {1e3 * place.height_m:.0f} ± {1e3 * place.height_std_m:.0f} mm from the base;"
+
+
+def pressures(state: State, limits_pa: Sequence[float]) -> str:
+    """Write each chamber's asked, applied and measured pressure as bars.
+
+    Args:
+        state: The newest state.
+        limits_pa: Pressure at the right end of each chamber's bars [Pa].
+    """
+    chambers = zip(state.asked_pa, state.applied_pa, state.measured_pa, limits_pa, strict=False)
+    rows = [
+        f'<tr><td>{k}</td><td><div class="bars">{_bars((asked, applied, measured), limit)}</div></td>'
+        f"<td>{asked / 1e3:.1f}</td><td>{applied / 1e3:.1f}</td><td>{_kpa(measured)}</td></tr>"
+        for k, (asked, applied, measured, limit) in enumerate(chambers)
+    ]
+    kinds = "".join(f'<th><span class="legend {kind}">{kind}</span></th>' for kind in KINDS)
+    head = f"<tr><th></th><th></th>{kinds}</tr>"
+    return reading("pressures", f"<table>{head}{''.join(rows)}</table>", "Pressure of each chamber [kPa]")
+
+
+KINDS = ("asked", "applied", "measured")
+
+
+def _bars(values_pa: Iterable[float | None], limit_pa: float) -> str:
+    widths = [0.0 if value is None else min(max(100.0 * value / limit_pa, 0.0), 100.0) for value in values_pa]
+    return "".join(
+        f'<i class="{kind}" style="top:{5 * row}px;width:{width:.1f}%"></i>'
+        for row, (kind, width) in enumerate(zip(KINDS, widths, strict=True))
+    )
+
+
+def _kpa(pressure: float | None) -> str:
+    return '<span class="fault">lost</span>' if pressure is None else f"{pressure / 1e3:.1f}"
+
+
+def instruments(state: State) -> str:
+    """Write the health of each instrument: its last valid reading, and whether a finding names it."""
+    worst = {f.where: _rank_name(f) for f in sorted(state.findings, key=_rank, reverse=True)}
+    names = dict.fromkeys((*state.ages_s, *worst))
+    entries = "".join(_instrument(name, state.ages_s.get(name), worst.get(name, "")) for name in names)
+    return reading("instruments", entries, "Instruments: age of the last reading")
+
+
+def _instrument(name: str, age_s: float | None, severity: str) -> str:
+    age = "" if age_s is None else f" {1e3 * age_s:.0f} ms" if age_s < 1.0 else f" {age_s:.0f} s"
+    kind = severity or ("" if age else "warning")
+    return (
+        f'<span class="instrument"><span class="dot {kind}"></span>{plain(name)}{age or " no reading"}</span>'
+    )
+
+
+def model(mismatch: Mismatch) -> str:
+    """Write whether model and measurements differ, where, and what to do."""
+    square = mismatch.normalised_innovation_squared
+    ratio = "" if square is None else f" (residual {np.sqrt(square):.1f}, expected 1)"
+    if mismatch.consistent:
+        words = f"They agree{ratio}."
+    else:
+        where = plain(", ".join(mismatch.where) or "an unknown place")
+        name = f" Recorded in {_file(mismatch.recording)}." if mismatch.recording else ""
+        words = f'<span class="warning">They differ at {where}{ratio}: {plain(mismatch.advice)}.{name}</span>'
+    return reading("model", words, "Model and measurements")
+
+
+def recording(state: State) -> str:
+    """Write the name of the recording that runs."""
+    if state.recording is None:
+        return reading("recording", "Nothing is recorded.")
+    return reading("recording", f'<span class="recording">● {_file(state.recording)}</span>')
+
+
+def _file(path: str) -> str:
+    return plain(PurePath(path).name)
