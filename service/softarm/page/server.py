@@ -111,9 +111,9 @@ def _answering_only(origins: Sequence[str], title: str) -> Iterator[None]:
 
     def serve(*arguments: Any, process_request: Answer, **options: Any) -> websocket_server.serve:
         titled = _titled(process_request, title)
-        own: dict[str, Any] = {"process_request": titled, "origins": allowed}
-        own |= {"ping_interval": PING_S, "ping_timeout": PONG_S}
-        return original(*arguments, **own, **options)
+        options |= {"process_request": titled, "origins": allowed}
+        options |= {"ping_interval": PING_S, "ping_timeout": PONG_S}
+        return original(*arguments, **options)
 
     with mock.patch.object(websocket_server, "serve", serve):
         yield

@@ -97,6 +97,11 @@ class Browser:
     def until_shown(self, text):
         self.until(lambda: text in self.text("body"))
 
+    def click_away_notices(self):
+        """Close what viser says of a browser without a graphics card."""
+        notice = "button.mantine-Notification-closeButton"
+        self._wait.until(lambda driver: driver.find_element("css selector", notice)).click()
+
     def picture(self, path):
         self._driver.save_screenshot(str(path))
 

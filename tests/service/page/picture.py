@@ -8,7 +8,7 @@ from pathlib import Path
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.experiments.force import ForceSettings
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
-from softarm.experiments.session import connect, force_on_fakes
+from softarm.experiments.session import connect, force_on_fakes, wait_ready
 from softarm.page.app import Page
 from softarm.page.server import page_server
 from softarm.page.waiting import ask_arm
@@ -27,17 +27,19 @@ def take_picture(path, folder):
         patience=5.0,
     )
     force, port, looks = ForceSettings(steps=4), free_port(), count(1)
+    last = 2 * force.steps
     with (
         FakeRig(settings, folder) as rig,
         connect(rig) as client,
         Arm(settings.arm, settings.endpoint, name="operator page") as watching,
         page_server("127.0.0.1", port, settings.arm) as server,
-        Page(ask_arm(watching), server),
         open_browser(f"http://127.0.0.1:{port}", folder) as browser,
     ):
-        browser.open()
-        last = 2 * force.steps
-        force_on_fakes(rig, client, force, lambda: browser.picture(path) if next(looks) == last else None)
+        wait_ready(client)
+        with Page(ask_arm(watching), server):
+            browser.open()
+            browser.click_away_notices()
+            force_on_fakes(rig, client, force, lambda: browser.picture(path) if next(looks) == last else None)
 
 
 if __name__ == "__main__":
