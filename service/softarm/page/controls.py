@@ -105,8 +105,7 @@ class Controls:
         self._answer.content = readings.reading("answer", plain(text))
 
     def show_state(self, state: State) -> None:
-        """Take the mode and show what is recorded."""
-        self._operator.see(state)
+        """Show what is recorded."""
         self._recording.content = readings.recording(state)
 
     def enable(self, enabled: bool) -> None:

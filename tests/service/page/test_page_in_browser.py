@@ -97,6 +97,7 @@ def test_teach_hold_release_and_stop_through_the_page(service, page, browser, ho
         service.until(Mode.IDLE, within=2.0)  # twice the lease: a held pose outlives the dead-man
     browser.click("Release")
     service.until(Mode.IDLE)
+    browser.until_shown("IDLE")
 
     browser.click("Go to")
     service.until(Mode.HOLDING)

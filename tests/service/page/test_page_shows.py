@@ -51,8 +51,7 @@ def test_old_estimates_are_grey_while_the_service_is_heard(page, monkeypatch):
     panel = page._panel
     until(lambda: "0.412" in panel._forces.content)
     monkeypatch.setattr("softarm.page.panel.ESTIMATE_OLD_S", -1.0)
-    until(lambda: "#forces" in panel._beat.content)
-    assert "#pressures" not in panel._beat.content
+    until(lambda: "#forces" in panel._beat.content and "#pressures" not in panel._beat.content)
 
 
 def test_curves_carry_the_names_of_the_sections_of_the_estimate(page):
