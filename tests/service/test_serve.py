@@ -25,6 +25,7 @@ specimen = "sopra"
 listen = ["tcp/127.0.0.1:{port}"]
 [control]
 rate_hz = 50
+model = "rod"
 [[devices]]
 name = "valves"
 kind = "festo_mpa"
