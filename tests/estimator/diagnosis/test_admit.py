@@ -78,3 +78,33 @@ def test_a_shipped_specimen_is_not_taken_for_another() -> None:
     beam = Recording("swing", time, {**markers, "pressure_0_pa": time}, {"specimen": "beam"})
     with pytest.raises(InputError, match="recorded on 'beam'"):
         admit([beam], [], load_specimen("single_segment"))
+
+
+def test_a_gap_of_one_sensor_is_named() -> None:
+    plain = _recording()
+    bends = {f"bend_tip_{axis}_rad": plain.columns[f"bend_tip_{axis}_rad"] for axis in "xy"}
+    gap = (plain.time > 10.02) & (plain.time < 11.98)
+    lost = {name: np.where(gap, np.nan, values) for name, values in bends.items()}
+    (note,) = admit([Recording("run", plain.time, plain.columns | lost)], [], SOPRA).notes
+    assert note == "run: bend_tip has a gap of 2.00 s."
+
+
+def test_a_sensor_that_never_reads_is_lost_and_alone_no_motion() -> None:
+    plain = _recording()
+    nothing = {f"bend_intermediate_{axis}_rad": np.full(len(plain.time), np.nan) for axis in "xy"}
+    (note,) = admit([Recording("run", plain.time, plain.columns | nothing)], [], SOPRA).notes
+    assert note == "run: 100% of the readings of bend_intermediate are lost."
+    pressures = {"pressure_3_pa": plain.columns["pressure_3_pa"]}
+    with pytest.raises(InputError, match="no reading of the motion is left"):
+        admit([Recording("run", plain.time, pressures | nothing)], [], SOPRA)
+
+
+def test_mended_recordings_keep_their_part_and_why() -> None:
+    admitted = admit([_recording()], [_recording(bend=0.2)], SOPRA)
+    mended = admitted.mended(lambda r: r.window(r.time < 10.0), ["cut"])
+    assert [(r.time[-1] < 10.0, nominal) for r, nominal in mended.all] == [(True, True), (True, False)]
+    assert mended.notes == (*admitted.notes, "cut")
+
+
+def test_a_copy_of_a_specimen_under_a_name_of_its_own_is_admitted() -> None:
+    assert admit([_recording(specimen="my_arm")], [], SOPRA).suspects

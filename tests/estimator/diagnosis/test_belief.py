@@ -68,3 +68,12 @@ def test_a_factor_solves_badly_scaled_matrices() -> None:
     matrix = np.outer(size, size) * (np.eye(3) + 0.2)
     right = matrix @ np.array([1.0, 2.0, 3.0])
     assert Factor.of(matrix).solve(right) == pytest.approx([1.0, 2.0, 3.0], rel=1e-5)
+
+
+def test_rounding_that_makes_a_matrix_indefinite_makes_no_belief_so() -> None:
+    """Products in single precision may; what is solved for then has to cost something nevertheless."""
+    matrix = np.array([[1.0, 1.1], [1.1, 1.0]])
+    assert np.linalg.eigvalsh(matrix)[0] < 0.0
+    factor = Factor.of(matrix)
+    for right in np.eye(2), np.array([[1.0, -1.0], [1.0, 1.0]]):
+        assert (np.diag(right.T @ factor.solve(right)) > 0.0).all()

@@ -84,3 +84,45 @@ def test_the_noise_of_means_falls_with_the_root_of_their_number() -> None:
 def test_gravity_that_is_not_a_vector_is_refused() -> None:
     with pytest.raises(InputError, match="is not three numbers"):
         prepare(_recording(gravity_m_s2=[0.0, 9.81]), SOPRA, SECTIONS, nominal=False)
+
+
+def test_markers_that_the_specimen_lacks_are_left_out_and_named() -> None:
+    other = {f"marker_other_{axis}_m": np.full(len(TIME), 0.1) for axis in "xyz"}
+    found = prepare(_recording(other), SOPRA, SECTIONS, nominal=False)
+    assert not any(m.name == "marker_other" for m in found.session.suite.measurements)
+    assert found.notes == ("run: markers other are not in the specimen and left out.",)
+    alone = Recording("run", TIME, {"pressure_0_pa": np.zeros(len(TIME)), **other})
+    with pytest.raises(InputError, match=r"none of its markers \(other\) is in the specimen"):
+        prepare(alone, SOPRA, SECTIONS, nominal=False)
+
+
+def test_pressures_and_motion_that_are_never_present_together_are_refused() -> None:
+    pressures = np.where(TIME > 15.0, 1e4, np.nan)
+    moved = np.where(TIME < 14.0, 0.1, np.nan)
+    bends = {f"bend_tip_{axis}_rad": moved for axis in "xy"}
+    with pytest.raises(InputError, match="never present together"):
+        prepare(Recording("run", TIME, {"pressure_0_pa": pressures, **bends}), SOPRA, SECTIONS, nominal=False)
+
+
+def test_long_windows_are_kept_where_the_pressures_rest() -> None:
+    """Means over a ring say where the arm rests; while pressures change it rests nowhere."""
+    held = np.where(TIME < 15.0, 2e4, 2e4 + 1e3 * (TIME - 15.0))
+    moving = prepare(_recording({"pressure_0_pa": held}), SOPRA, SECTIONS, nominal=False).session
+    mean = averaged(moving, 1.0)
+    assert mean.clock.max() < 15.0
+    assert mean.samples == 15
+    changing = prepare(_recording({"pressure_0_pa": 2e3 * TIME}), SOPRA, SECTIONS, nominal=False).session
+    assert averaged(changing, 1.0).samples == 30
+
+
+def test_mean_orientations_are_of_unit_length_and_their_noise_is_an_angle() -> None:
+    rng = np.random.default_rng(0)
+    angles = rng.normal(0.0, 0.004, len(TIME))
+    tip = {"frame_tip_qw": np.cos(0.5 * angles), "frame_tip_qx": np.sin(0.5 * angles)}
+    session = prepare(_recording(tip), SOPRA, SECTIONS, nominal=False).session
+    mean = averaged(session, 0.1)
+    part = mean.suite.reading_slices["frame_tip"]
+    np.testing.assert_allclose(np.linalg.norm(mean.readings[:, part][:, 3:], axis=1), 1.0, atol=1e-12)
+    sigma = mean.sigma[mean.suite.slices["frame_tip"]]
+    assert sigma[3] == pytest.approx(0.004 / np.sqrt(5.0), rel=0.6)
+    assert sigma[4] < 0.5 * sigma[3]

@@ -22,10 +22,10 @@ from softarm.estimator.diagnosis.candidates import (
 )
 from softarm.estimator.diagnosis.choose import SECOND, SWUNG, Search
 from softarm.estimator.diagnosis.conclude import unproven
-from softarm.estimator.diagnosis.diagnose import Decision
+from softarm.estimator.diagnosis.diagnose import Decision, disagreement
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gram import Products, products_of
-from softarm.estimator.diagnosis.judge import CERTAIN, Judgement, bootstrap, judge
+from softarm.estimator.diagnosis.judge import CERTAIN, HETEROGENEITY, Judgement, bootstrap, judge
 from softarm.estimator.diagnosis.library import Direction, Hypothesis, Library
 from softarm.estimator.diagnosis.nominal import MATERIAL, belief_before, evidence_of_change
 from softarm.estimator.diagnosis.screen import null_scores, screen
@@ -357,3 +357,71 @@ def test_an_effect_has_to_predict_the_confirming_stretches(useful, lost):
         subset=lambda _, kept: None if not kept else fit,
     )
     assert unproven(cast("Any", search), chosen(fit)) == lost
+
+
+def test_two_recordings_are_judged_by_spans_of_time():
+    """Each span is predicted from the others: a size that only one span shows is no effect."""
+
+    def spans(sizes: list[float]) -> list[Products]:
+        parts = recordings(sizes)
+        return [replace(part, session=number // 3, block=number) for number, part in enumerate(parts)]
+
+    belief = Belief(np.zeros(1), 1e-4 * np.eye(1))
+    steady, once = (
+        judge(spans(sizes), belief, 1.0, 1, np.random.default_rng(0), 0.0, 50.0)
+        for sizes in ([2.0] * 5, [2.0, 0.0, 0.0, 0.0, 0.0])
+    )
+    assert steady.accepted
+    assert not once.accepted
+
+
+def test_a_candidate_that_changes_nothing_is_not_accepted():
+    parts = recordings([0.0] * RUNS)
+    for part in parts:
+        part.matrix[-1], part.matrix[:, -1], part.vector[-1] = 0.0, 0.0, 0.0
+    belief = Belief(np.zeros(1), 1e-4 * np.eye(1))
+    found = judge(parts, belief, 1.0, 1, np.random.default_rng(0), 0.0, 50.0)
+    assert found.spread == 0.0
+    assert found.after == pytest.approx(found.before)
+    assert not found.accepted
+
+
+def test_something_present_does_not_pull_where_it_can_only_push():
+    wall = Library(
+        (hypothesis("contact_obstacle"),), (Direction(0, 0, -1, np.array([30.0, 0.01, 0.0]), 1.0, 1.0),)
+    )
+    evidence = cast("Any", SimpleNamespace(nuisances=0, library=wall))
+    scores = []
+    for sign in (1.0, -1.0):
+        marginal = Marginal(np.array([[100.0]]), np.array([sign * 80.0]), 500.0, 400.0)
+        ((_, score, theta),) = screen(evidence, marginal, frozenset())
+        assert theta == pytest.approx([30.0, 0.01, 0.0])
+        scores.append(score)
+    assert scores[0] > 0.0 > scores[1]
+
+
+def test_halves_of_a_single_nominal_recording_show_what_changes_by_itself():
+    def width(change: float) -> float:
+        arm = ArmOfOneEffect(change)
+        halves = [(number, part) for number, part in enumerate(arm.parts) if number in (1, 4)]
+        arm.parts = [replace(part, session=0, block=number, nominal=True) for number, part in halves]
+        return belief_before(cast("Any", arm), cast("Any", SimpleNamespace(share=1.0)))[1]
+
+    assert width(0.0) < MATERIAL < width(0.5)
+
+
+def test_without_confirming_stretches_nothing_is_unproven():
+    search = cast("Any", SimpleNamespace(parts=lambda _: [], rng=np.random.default_rng(0)))
+    assert unproven(search, chosen(fit_of("tip_payload", 0.02))) == []
+
+
+def test_recordings_that_show_different_sizes_are_said_to_disagree():
+    search = cast(
+        "Any", SimpleNamespace(evidence=SimpleNamespace(library=Library((hypothesis("tip_payload"),), ())))
+    )
+    told = candidate(fit_of("tip_payload", 0.02), 20.0)
+    for spread, count in ((0.5 * HETEROGENEITY, 0), (1.5 * HETEROGENEITY, 1)):
+        choice = ChosenEffects((), None, 0.0, (told, judgement(spread=spread)))
+        notes = disagreement(search, choice)
+        assert len(notes) == count
+        assert all("The recordings disagree: tip_payload at" in note for note in notes)

@@ -2,16 +2,17 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from softarm.estimator.diagnosis import sizes
 from softarm.estimator.diagnosis.belief import Belief
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.library import Hypothesis
-from softarm.estimator.diagnosis.sizes import Part, reversed_sign, robust_covariance, sized
+from softarm.estimator.diagnosis.sizes import Part, reversed_sign, robust_covariance, sized, without_fragments
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.simulation.straight_arm import world
@@ -117,3 +118,34 @@ def test_a_size_of_the_other_sign_is_no_estimate_of_the_same_effect():
     force = Hypothesis(EFFECTS["external_force"], Place(section="tip"))
     pulled = Fit((force,), (np.array([0.2, 0.01, 0.0]),), np.eye(3), np.ones(3), 1.0, at_bound=False)
     assert not reversed_sign(pulled, replace(pulled, thetas=(np.array([0.2, -0.01, 0.0]),)))
+
+
+def test_a_size_that_turns_out_reversed_stays_and_is_less_certain(search):
+    """The choice saw a weaker chamber, where these columns would make it a stronger one."""
+    weaker = Hypothesis(EFFECTS["chamber_gain"], Place(chamber=0))
+    fit = Fit((weaker,), (np.array([-0.02]),), np.eye(1) * 1e-12, np.ones(1), 50.0, at_bound=False)
+    found = sized(search, fit)
+    assert found.thetas[0][0] == -0.02
+    assert found.stds(0)[0] > 1e-4
+
+
+def test_the_weakest_of_uncertain_effects_is_taken_back_first(monkeypatch):
+    names = ("tip_payload", "chamber_gain", "segment_stiffness")
+    places = (Place(section="tip"), Place(chamber=0), Place(segment="lower"))
+    hypotheses = tuple(Hypothesis(EFFECTS[n], p) for n, p in zip(names, places, strict=True))
+    fit = Fit(hypotheses, (np.array([0.1]),) * 3, 1e-4 * np.eye(3), np.ones(3), 100.0, at_bound=False)
+    strong, weak, weaker = (SimpleNamespace(candidate=SimpleNamespace(delta_bic=d)) for d in (90, 20, 10))
+    choice = SimpleNamespace(fit=fit, accepted=(strong, weak, weaker))
+
+    def less(choice, lost):
+        kept = [k for k in range(len(choice.accepted)) if k not in lost]
+        smaller = replace(fit, hypotheses=tuple(choice.fit.hypotheses[k] for k in kept))
+        return SimpleNamespace(fit=smaller, accepted=tuple(choice.accepted[k] for k in kept))
+
+    monkeypatch.setattr(sizes, "sized", lambda _, own: replace(own, gain=1.0))
+    monkeypatch.setattr(
+        sizes, "fragments", lambda c, _: [k for k, a in enumerate(c.accepted) if a is not strong]
+    )
+    left, _, dropped = without_fragments(cast("Search", SimpleNamespace(without=less)), cast("Any", choice))
+    assert dropped == ["segment_stiffness", "chamber_gain"]
+    assert left.accepted == (strong,)

@@ -83,3 +83,13 @@ def test_a_pressure_that_stands_still_is_named_and_its_set_point_stands_in() -> 
     mended = without_pressures(recording, [stuck], by_set_points=True)
     np.testing.assert_array_equal(mended.columns["pressure_2_pa"], ASKED)
     assert np.isnan(without_pressures(recording, [stuck]).columns["pressure_2_pa"][500:1500]).all()
+
+
+def test_a_short_or_unknown_stillness_is_left_alone(stages: tuple[Stage, Stage]) -> None:
+    stopped = stages[1]
+    short = replace(stopped, session=stopped.session.thin(np.arange(stopped.session.samples) % 60 == 0))
+    few = calibrate_sessions(model(), [short.session]).stage(model(), short.session)
+    assert find_stuck(few) == ()
+    (stuck,) = find_stuck(stopped)
+    elsewhere = without_stuck(stopped, (replace(stuck, sensor="bend_other"),))
+    np.testing.assert_array_equal(elsewhere.session.readings, stopped.session.readings)

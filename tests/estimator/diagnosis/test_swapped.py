@@ -11,6 +11,7 @@ from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.swapped import refuse_swapped, refuse_swapped_channels
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
+from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.specimen import load_specimen
 from tests.estimator.diagnosis.linear_arm import model, session
 
@@ -87,3 +88,20 @@ def test_against_the_model_exchanged_chambers_are_refused(known: list[Session]) 
     exchanged = replace(run, pressures=run.pressures[:, [0, 1, 2, 5, 4, 3]])
     with pytest.raises(InputError, match="pressure_3_pa and pressure_5_pa look exchanged"):
         refuse_swapped(_stages(known, exchanged))
+
+
+def test_a_few_samples_accuse_no_channel(columns: dict[str, np.ndarray]) -> None:
+    exchanged = _exchange(columns, "pressure_1", "pressure_4")
+    seen = np.arange(1200) < 40
+    _check({name: np.where(seen, values, np.nan) for name, values in exchanged.items()})
+
+
+def test_against_the_model_sensors_of_one_session_alone_are_left_as_they_are(known: list[Session]) -> None:
+    """What the first session calls a sensor another may lack, or be read by something else."""
+    run = session("run", 11)
+    exchanged = replace(run, readings=run.readings[:, [2, 3, 0, 1]])
+    first, second = (_stages(known, one)[-1] for one in (exchanged, run))
+    only = second.suite.measurements[0]
+    lacking = replace(second, suite=SensorSuite((only,)), session=replace(run, readings=run.readings[:, :2]))
+    with pytest.raises(InputError, match="bend_intermediate and bend_tip look exchanged"):
+        refuse_swapped([first, lacking])

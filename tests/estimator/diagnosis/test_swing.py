@@ -44,3 +44,32 @@ def test_no_swing_is_fitted_without_a_stiffness(stage: Stage) -> None:
     swing, notes = fit_swing([with_compliance(stage, np.nan, slice(None))], MASSES)
     assert swing is None
     assert notes == ("run: no swing was fitted, since the model's stiffness is not known along it.",)
+
+
+def test_a_swing_is_found_with_its_mass_and_its_delay(stage: Stage) -> None:
+    truth = Swing(0.7, (2.0, 0.002), 0.06, 0.0, 0.0)
+    swung = swinging(stage, truth, MASSES)
+    moved = np.einsum("trk,tk->tr", stage.by_couple, swung.drive.couples.reshape(stage.session.samples, -1))
+    recorded = replace(stage, session=replace(stage.session, readings=stage.base + moved))
+    swing, (note,) = fit_swing([recorded], MASSES)
+    assert swing is not None
+    assert swing.mass == pytest.approx(truth.mass, rel=0.15)
+    assert swing.delay == pytest.approx(truth.delay, abs=0.5 * stage.session.step)
+    assert swing.doubt < 0.2
+    assert f"{swing.mass:.2f} times the weighed masses" in note
+
+
+def test_samples_that_are_far_apart_show_no_swing(stage: Stage) -> None:
+    session = stage.session
+    slow = replace(
+        stage, session=replace(session, clock=session.clock[0] + 2.0 * (session.clock - session.clock[0]))
+    )
+    assert fit_swing([slow], MASSES) == (None, ())
+    assert swinging(slow, Swing(1.0, (2.0, 0.002), 0.03, 0.1, 2.0), MASSES) is slow
+
+
+def test_where_the_model_finds_no_equilibrium_nothing_swings(stage: Stage) -> None:
+    baseline = stage.arm.baseline
+    lost = replace(baseline, converged=np.zeros_like(baseline.converged))
+    nowhere = replace(stage, arm=replace(stage.arm, baseline=lost))
+    assert swinging(nowhere, Swing(1.0, (2.0, 0.002), 0.03, 0.1, 2.0), MASSES) is nowhere

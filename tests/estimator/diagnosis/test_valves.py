@@ -1,7 +1,16 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis.valve_stage import splits_of, valve_findings
+from softarm.estimator.diagnosis.admit import Admitted
+from softarm.estimator.diagnosis.valve_stage import (
+    LEFT_OVER,
+    splits_of,
+    valve_diagnosis,
+    valve_findings,
+    with_valves,
+)
 from softarm.estimator.diagnosis.valves import static, valves_of
 from softarm.estimator.recording import Recording
 from softarm.estimator.simulation.filters import first_order
@@ -79,3 +88,79 @@ def test_valves_that_wander_between_recordings_are_not_blamed() -> None:
     assert valve_findings(splits_of([again]), known) == ()
     (finding,) = valve_findings(splits_of([worse]), known)
     assert finding.effect in ("pressure_bias", "valve_deadband")
+
+
+PLAIN, BIASED = (0.0, 0.0, 0.0, np.inf), (900.0, 0.0, 0.0, np.inf)
+
+
+def _diagnosed(recording: Recording):
+    admitted = Admitted((recording,), (), ())
+    splits = splits_of([recording])
+    return valve_diagnosis("sopra", admitted, splits, valve_findings(splits, []))
+
+
+def test_a_steady_error_is_a_bias() -> None:
+    (finding,) = valve_findings(splits_of([_recording("off", law=BIASED)]), [])
+    assert finding.effect == "pressure_bias"
+    assert finding.parameters["bias"].value == pytest.approx(900.0, abs=60.0)
+    assert finding.confusable_with == ()  # a dead band would lower the pressure
+
+
+def test_valves_that_nominal_recordings_leave_out_are_not_judged() -> None:
+    plain = _recording("known")
+    other = {name.replace("_0_", "_1_"): values for name, values in plain.columns.items()}
+    known = splits_of([Recording("known", plain.time, other)])
+    assert valve_findings(splits_of([_recording("off", law=BIASED)]), known) == ()
+
+
+def test_a_set_point_slightly_above_the_highest_pressure_is_no_ceiling() -> None:
+    law = (0.0, 0.0, 0.0, 57.5e3)
+    assert valve_findings(splits_of([_recording("short", law=law)]), []) == ()
+
+
+def test_a_valve_that_stays_shut_later_is_not_judged() -> None:
+    plain = _recording("early")
+    lost = plain.time > 30.0
+    columns = {name: np.where(lost, np.nan, values) for name, values in plain.columns.items()}
+    columns["pressure_cmd_0_pa"][-1] = 20e3  # opened once more, but nothing was measured then
+    assert splits_of([Recording("early", plain.time, columns)]) == []
+
+
+@pytest.mark.parametrize(
+    ("law", "verdict", "effects"),
+    [(PLAIN, "consistent", []), (BIASED, "explained", ["pressure_bias"])],
+)
+def test_recordings_of_valves_alone_get_a_verdict(law: tuple, verdict: str, effects: list[str]) -> None:
+    found = _diagnosed(_recording("bench", law=law))
+    assert found.verdict == verdict
+    assert [finding.effect for finding in found.findings] == effects
+    assert found.heldout.before == pytest.approx(np.hypot(30.0, law[0]) / 30.0, rel=0.1)
+    assert found.heldout.after == pytest.approx(1.0, rel=0.1)
+    assert found.heldout.channels["pressure_0"].after == pytest.approx(30.0, rel=0.1)
+    assert any("valves alone" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(("law", "verdict"), [(PLAIN, "unexplained"), (BIASED, "partly_explained")])
+def test_what_a_valves_law_leaves_is_unexplained(law: tuple, verdict: str) -> None:
+    """A pressure that swings about its set-point is nothing that a lag or a bias describes."""
+    plain = _recording("swinging", law=law)
+    swung = plain.columns["pressure_0_pa"] + 1200.0 * np.sin(2.0 * np.pi * TIME / 0.7)
+    found = _diagnosed(Recording("swinging", TIME, plain.columns | {"pressure_0_pa": swung}))
+    assert found.verdict == verdict
+    assert found.unexplained.normalised_rms > LEFT_OVER
+
+
+@pytest.mark.parametrize(
+    ("alone", "together"),
+    [
+        ("consistent", "explained"),
+        ("unexplained", "partly_explained"),
+        ("explained", "explained"),
+    ],
+)
+def test_a_valves_fault_explains_its_part_of_an_arms_verdict(alone: str, together: str) -> None:
+    arm = replace(_diagnosed(_recording("plain")), verdict=alone)
+    faults = _diagnosed(_recording("off", law=BIASED)).findings
+    assert with_valves(arm, faults).verdict == together
+    assert with_valves(arm, faults).findings == faults
+    assert with_valves(arm, ()) is arm

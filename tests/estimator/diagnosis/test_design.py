@@ -1,0 +1,131 @@
+"""What a diagnosis regresses on: the effects that may act, the model itself, lines, and what exposes them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from softarm.analysis.diagnosis.workers import Inline
+from softarm.estimator.diagnosis.conclude import exposing_variable
+from softarm.estimator.diagnosis.diagnose import diagnose
+from softarm.estimator.diagnosis.exact_model import SETTLED_WRENCH, ExactModel
+from softarm.estimator.diagnosis.library import build_library, library_columns
+from softarm.estimator.diagnosis.line import line_errors
+from softarm.estimator.diagnosis.nuisances import calibrate_sessions
+from softarm.estimator.diagnosis.result import Cell
+from softarm.estimator.diagnosis.session import Session
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.effects import EFFECTS, Spot
+from softarm.estimator.effects.placed import PlacedEffect, signals_of
+from softarm.estimator.errors import InputError
+from softarm.estimator.sensing import Registration, SensorSuite
+from softarm.estimator.sensors import SpecimenSensors
+from softarm.estimator.specimen import load_specimen
+from softarm.estimator.specimen.physics import Place
+from tests.estimator.diagnosis.linear_arm import SECTIONS, model, session, suite
+from tests.estimator.simulation.straight_arm import world
+
+SENSORS = ("bend_intermediate", "bend_tip")
+
+
+@pytest.fixture(scope="module")
+def stage() -> Stage:
+    known = session("nominal", 0, nominal=True)
+    return calibrate_sessions(model(), [known]).stage(model(), known)
+
+
+def test_a_chamber_that_was_never_driven_is_no_suspect() -> None:
+    pressures = np.full((10, 6), 20e3)
+    pressures[:, 2] = 500.0
+    library = build_library(world(SENSORS), pressures, ("chamber_gain",))
+    assert [h.place.chamber for h in library.hypotheses] == [None, 0, 1, 3, 4, 5]
+
+
+def test_an_effect_that_is_there_or_not_has_a_direction_for_each_way_of_being_there() -> None:
+    pressures = np.full((10, 6), 20e3)
+    library = build_library(world(SENSORS), pressures, ("pressure_saturation",))
+    own = [d for d in library.directions if d.hypothesis == 0]
+    assert len(own) > 1
+    assert {d.parameter for d in own} == {-1}
+    assert len({tuple(d.theta) for d in own}) == len(own)
+
+
+def test_an_effect_of_a_sensor_that_a_session_lacks_changes_nothing_there(stage: Stage) -> None:
+    library = build_library(world(SENSORS), stage.session.pressures, ("sensor_scale",))
+    one = SensorSuite(stage.suite.measurements[:1])
+    lacking = replace(
+        stage,
+        suite=one,
+        world=replace(stage.world, sensors=SENSORS[:1]),
+        session=replace(stage.session, suite=one, readings=stage.session.readings[:, :2]),
+    )
+    columns = library_columns(lacking, library)
+    moved = {h.place.sensor: bool(np.abs(columns[..., k]).any()) for k, h in enumerate(library.hypotheses)}
+    assert moved == {"bend_intermediate": True, "bend_tip": False}
+
+
+def test_the_model_itself_answers_to_a_cord_until_force_and_pose_agree(stage: Stage) -> None:
+    cord = PlacedEffect(
+        EFFECTS["tether_stiffness"], Spot(stage.world, Place(section="tip")), np.array([0.3, 0.0, 0.4])
+    )
+    exact = ExactModel(stage.exact, stage.drive, stage.arm.baseline, stage.world)
+    drive, response = exact.under([cord])
+    seen = signals_of(drive.at(exact.nodes), stage.world, response)
+    wanted, _ = cord.effect.act(seen, cord.theta, cord.spot, ())
+    pulled = drive.wrenches[exact.nodes]
+    assert np.abs(pulled).max() > 1e3 * SETTLED_WRENCH
+    np.testing.assert_allclose(pulled, wanted, atol=0.02 * np.abs(wanted).max())
+
+
+def test_a_line_is_learnt_from_sessions_that_have_the_sensor_and_predicts_no_orientation() -> None:
+    make = SpecimenSensors(load_specimen("sopra"), SECTIONS, Registration())
+    rich = SensorSuite((make.bend("tip"), make.orientation("tip")))
+    plain = session("run", 3)
+    line = plain.pressures @ np.linspace(1e-6, 6e-6, 6) + 0.1
+
+    def recorded(name: str, own: SensorSuite, size: int) -> Session:
+        readings = np.tile(line[:, None], (1, size))
+        held = np.arange(plain.samples) % 5 == 0
+        return replace(plain, name=name, suite=own, readings=readings, heldout=held)
+
+    errors = line_errors([recorded("rich", rich, 6), recorded("plain", suite(), 4)])
+    assert set(errors) == {"bend_tip.x", "bend_tip.y", "bend_intermediate.x", "bend_intermediate.y"}
+    assert max(errors.values()) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("effect", "place", "name", "unit"),
+    [
+        ("chamber_gain", Place(chamber=2), "pressure of chamber 2", "Pa"),
+        ("line_lag", Place(chamber=1), "rate of pressure of chamber 1", "Pa/s"),
+        ("hysteresis", Place(), "rate of the pressures' sum", "Pa/s"),
+        ("segment_stiffness", Place(segment="lower"), "bend of the last segment", "rad"),
+        ("sensor_drift", Place(sensor="bend_tip"), "time", "s"),
+    ],
+)
+def test_an_effect_is_shown_against_what_it_varies_with(
+    stage: Stage, effect: str, place: Place, name: str, unit: str
+) -> None:
+    found, of, values = exposing_variable(stage, effect, place)
+    assert (found, of, values.shape) == (name, unit, (stage.session.samples,))
+    assert np.ptp(values) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "place"),
+    [
+        ("segment", "lower", Place(segment="lower", axis="x")),
+        ("chamber", "3", Place(chamber=3)),
+        ("sensor", "bend_tip", Place(sensor="bend_tip", axis="x")),
+        ("base", "base", Place(section="base", axis="x")),
+    ],
+)
+def test_a_place_on_the_map_is_one_where_effects_act(kind: str, name: str, place: Place) -> None:
+    assert Cell(kind, name, "x", "pose", 0.1, "rad", 0.5, 0.01).place == place
+
+
+def test_pressures_at_which_the_model_finds_no_equilibrium_are_refused() -> None:
+    run = session("run", 4)
+    lost = replace(run, readings=np.full_like(run.readings, np.nan))
+    with pytest.raises(InputError, match="no equilibrium at the recorded pressures"):
+        diagnose(model(), [session("nominal", 0, nominal=True), lost], Inline(), effects=("chamber_gain",))
