@@ -367,3 +367,21 @@ async def test_a_folder_that_cannot_be_written_is_named_without_a_number(arm, tm
     refused = await arm.send("record/start", name="run")
     assert "recordings" in refused.message
     assert "Errno" not in refused.message
+
+
+async def test_a_bank_that_vents_by_itself_ends_the_mode_and_is_named(arm):
+    arm.step()
+    await arm.demand("lease/acquire", "arm")
+    arm.step()
+    assert arm.loop.mode is Mode.ARMED
+    arm.instruments.valves.armed = False
+    arm.step()
+    assert arm.loop.mode is Mode.FAULTED
+    assert "the valve bank has vented by itself" in arm.outlet.of("event")[-1].text
+
+
+async def test_stored_readings_raise_no_live_alarm(arm):
+    arm.instruments.source = "replay"
+    arm.instruments.status = (DeviceStatus("gauge", connected=False, error="cannot be reached"),)
+    arm.step(10)
+    assert arm.outlet.of("state")[-1].findings == ()

@@ -1,5 +1,6 @@
 import asyncio
 import json
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from softarm.daemon.estimation.messages import EstimationRequest, EstimationResu
 from softarm.daemon.network.api_examples import EXAMPLES
 from softarm.daemon.safety.diagnostics import Diagnostic
 from softarm.daemon.safety.modes import PRESSURISED, Mode, Trigger
-from softarm.drivers.errors import LimitError
+from softarm.drivers.errors import ConnectionLost, DeviceErrors, InterlockError, LimitError
 from softarm.estimator.model import Load
 from softarm.recordings.info import parse_info
 from softarm.recordings.mcap_reader import read_contents
@@ -466,3 +467,61 @@ async def test_pose_that_no_mode_estimates_is_refused_with_the_cause(bench, verb
     answer = await bench.send("teach/save", name="a")
     assert code(answer) == "wrong_mode"
     assert word in answer.message
+
+
+async def test_a_refusal_names_what_failed_and_what_to_do(bench, monkeypatch):
+    """Whatever fails in a command ends that command alone."""
+
+    def failing(error):
+        def arm():
+            raise error
+
+        return arm
+
+    await bench.acquire()
+    for error, code, words, hint in (
+        (
+            InterlockError("valves", "the interlock is open", "close it"),
+            "not_available",
+            "interlock",
+            "close",
+        ),
+        (OSError(28, "No space left on device", "/rec"), "not_available", "/rec: No space left", "has room"),
+        (ZeroDivisionError(), "internal", "the command failed", "log"),
+    ):
+        monkeypatch.setattr(bench.valves, "arm", failing(error))
+        refused = await bench.send("arm")
+        assert refused.code == code
+        assert words in refused.message
+        assert hint in refused.hint
+    monkeypatch.undo()
+    assert isinstance(await bench.send("arm"), Applied)
+
+
+async def test_no_force_is_tared_without_an_estimate_that_converged(bench):
+    bench.estimator_state.update(failed(0.0), 0)
+    refused = await bench.send("estimate/tare")
+    assert (refused.code, refused.message) == ("not_available", "no estimate to tare")
+    bench.estimator_state.update(result(loads=(0.1, 0.0, 0.0, 0.2)), 0)
+    assert (await bench.send("estimate/tare")).applied == {"loads_n": [0.1, 0.0, 0.0, 0.2]}
+
+
+async def test_a_device_that_does_not_come_back_is_refused_with_its_cure(bench, monkeypatch):
+    async def unplugged(name):
+        raise DeviceErrors("the gauge", [ConnectionLost(name, "cannot be reached", "plug it in")])
+
+    bench.verbs = CommandHandler(replace(bench.verbs._context, reconnect=unplugged))
+    refused = await bench.send("device/reconnect", device="gauge")
+    assert (refused.code, refused.message) == ("not_available", "gauge: cannot be reached")
+    assert refused.hint == "plug it in"
+
+
+async def test_one_recording_is_opened_at_a_time(bench):
+    bench.verbs._context.recorder.start = lambda *_: opened.wait(5.0) and Path("run.mcap")
+    opened = threading.Event()
+    first, second = (asyncio.ensure_future(bench.send("record/start", name=n)) for n in ("one", "two"))
+    done, _ = await asyncio.wait((first, second), return_when=asyncio.FIRST_COMPLETED)
+    assert done == {second}
+    assert second.result().code == "busy"
+    opened.set()
+    assert (await first).applied == {"path": "run.mcap"}

@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from softarm.daemon.safety.checks import ALL_CHECKS
+from softarm.daemon.safety.checks.estimator import FAILURES_ALLOWED, STEERING_BY_THE_ESTIMATE
 from softarm.daemon.safety.checks.inputs import FOLLOWING_THE_POSE
 from softarm.daemon.safety.diagnostics import HealthMonitor
 from softarm.daemon.safety.modes import PRESSURISED, Mode
@@ -188,3 +189,42 @@ def test_estimator_that_is_not_started_again_is_said_to_be_so():
     (finding,) = HealthMonitor(ALL_CHECKS).evaluate(replace(HEALTHY, estimator=gone))
     assert "does not start it again" in finding.message
     assert "restart the service" in finding.hint
+
+
+LATE = replace(HEALTHY.estimator, age_s=1.0)
+
+
+@pytest.mark.parametrize(
+    ("estimator", "busy", "words", "hint"),
+    [
+        (LATE, "", "returns no results", "a sensor may be lost"),
+        (LATE, "the control loop came 80 ms late", "came 80 ms late", "processor"),
+        (replace(HEALTHY.estimator, age_s=None), "", "returns no results", "a sensor may be lost"),
+        (replace(HEALTHY.estimator, failures=FAILURES_ALLOWED + 1), "", "21 estimates in a row", "calibrate"),
+        (replace(HEALTHY.estimator, running=False), "", "is not running", "restarts it"),
+    ],
+)
+@given(mode=st.sampled_from(Mode))
+def test_an_estimator_that_cannot_be_relied_on_is_named_with_its_cause(estimator, busy, words, hint, mode):
+    observation = replace(HEALTHY, mode=mode, estimator=estimator, busy=busy)
+    found = [f for f in HealthMonitor(ALL_CHECKS).evaluate(observation) if f.code == "estimator_failed"]
+    if busy and mode is Mode.STARTING:
+        return
+    (finding,) = found
+    assert words in finding.message
+    assert hint in finding.hint
+    steered = STEERING_BY_THE_ESTIMATE if estimator.failures else FOLLOWING_THE_POSE
+    assert finding.severity == ("fault" if mode in steered else "warning")
+
+
+@given(st.integers(0, FAILURES_ALLOWED), st.sampled_from(Mode))
+def test_a_few_estimates_that_do_not_converge_are_nothing(failures, mode):
+    estimator = replace(HEALTHY.estimator, failures=failures)
+    assert HealthMonitor(ALL_CHECKS).evaluate(replace(HEALTHY, mode=mode, estimator=estimator)) == ()
+
+
+def test_a_recording_that_loses_messages_is_named_and_the_arm_goes_on():
+    recorder = RecorderHealth(active=True, dropped=3, error="", free_bytes=10**12)
+    (finding,) = HealthMonitor(ALL_CHECKS).evaluate(replace(HEALTHY, recorder=recorder))
+    assert (finding.code, finding.severity) == ("recorder_dropped", "warning")
+    assert "3 messages" in finding.message
