@@ -121,7 +121,7 @@ def test_a_frequency_that_contradicts_a_payload_costs_it_its_gain() -> None:
 
 def test_no_frequency_makes_a_mass_negative() -> None:
     heard = Ring(0.3, MASS).heard(fit_of("tip_payload", 0.001, 0.05, TIP))
-    assert heard.thetas[0][0] == 0.0
+    assert heard.thetas[0][0] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.fixture(scope="module")

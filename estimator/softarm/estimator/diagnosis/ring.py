@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.library import Hypothesis
@@ -21,8 +22,8 @@ SIGMA = 0.015
 """Standard deviation of the logarithm of a ratio of frequencies."""
 ONE_POSE = 0.05
 """Share of a size that one pose at rest leaves open: the model's law was calibrated at another load."""
-STEPS = 6
-STEP = 1e-4
+ROUNDING = 1e-12
+"""Least variance of a combination of parameters, over the largest."""
 
 
 @dataclass(frozen=True)
@@ -51,41 +52,33 @@ class Ring:
         return float((self.ratio**2 - (self.ratio - predicted) ** 2) / SIGMA**2)
 
     def heard(self, fit: Fit) -> Fit:
-        """Let a fit, and its gain, take note of the frequency (an iterated Kalman update)."""
+        """Let a fit, and its gain, take note of the frequency: the mode of the posterior, in bounds.
+
+        The unknowns are changes of the parameters in units of the fit; the residual is these changes,
+        whitened, then that of the frequency.
+        """
         free = fit.covariance.shape[0]
         sizes = [len(theta) for theta in fit.thetas]
-        start = sum(sizes) - free
-        before = np.concatenate(fit.thetas)
+        fixed, before = np.split(np.concatenate(fit.thetas), [sum(sizes) - free])
         scale = np.ones(free) * fit.scales
-        spread = fit.covariance * np.outer(scale, scale)
-        spread = spread + np.diag((ONE_POSE * before[start:]) ** 2)
-        moved = before.copy()
-        slope = np.zeros(free)
-        for _ in range(STEPS):
-            here = self._at(fit, moved, sizes)
-            slope = np.array([self._slope(fit, moved, sizes, start + k, scale[k]) for k in range(free)])
-            gain = spread @ slope / (slope @ spread @ slope + SIGMA**2)
-            left = self.ratio - here - slope @ (before - moved)[start:]
-            moved[start:] = self._bounded(fit, before[start:] + gain * left, start)
-        change = moved[start:] - before[start:]
-        lost = float(change @ np.linalg.pinv(spread) @ change)
-        thetas = tuple(np.split(moved, np.cumsum(sizes)[:-1]))
-        narrowed = spread - np.outer(gain, slope @ spread)
-        total = fit.gain - lost + self.gain(self._at(fit, moved, sizes))
-        covariance = narrowed / np.outer(scale, scale)
-        return replace(fit, thetas=thetas, covariance=covariance, gain=total)
+        values, vectors = np.linalg.eigh(fit.covariance + np.diag((ONE_POSE * before / scale) ** 2))
+        whitener = vectors / np.sqrt(np.maximum(values, ROUNDING * values[-1]))
 
-    def _at(self, fit: Fit, values: Floats, sizes: Sequence[int]) -> float:
-        return self.predicted(fit.hypotheses, np.split(values, np.cumsum(sizes)[:-1]))
+        def parts(change: Floats) -> list[Floats]:
+            return np.split(np.concatenate([fixed, before + scale * change]), np.cumsum(sizes)[:-1])
 
-    def _slope(self, fit: Fit, values: Floats, sizes: Sequence[int], index: int, size: float) -> float:
-        ahead = values.copy()
-        ahead[index] += STEP * size
-        return (self._at(fit, ahead, sizes) - self._at(fit, values, sizes)) / (STEP * size)
+        def residual(change: Floats) -> Floats:
+            left = self.ratio - self.predicted(fit.hypotheses, parts(change))
+            return np.append(change @ whitener, left / SIGMA)
 
-    def _bounded(self, fit: Fit, values: Floats, start: int) -> Floats:
-        parameters = [p for hypothesis in fit.hypotheses for p in hypothesis.effect.parameters][start:]
-        return np.clip(values, [p.lower for p in parameters], [p.upper for p in parameters])
+        parameters = [p for hypothesis in fit.hypotheses for p in hypothesis.effect.parameters][-free:]
+        lower, upper = np.array([(p.lower, p.upper) for p in parameters]).T
+        bounds = np.minimum((lower - before) / scale, 0.0), np.maximum((upper - before) / scale, 0.0)
+        found = least_squares(residual, np.zeros(free), bounds=bounds, x_scale=np.sqrt(values.max()))
+        thetas = tuple(parts(found.x))
+        total = self.gain(self.predicted(fit.hypotheses, thetas)) - float(found.fun[:-1] @ found.fun[:-1])
+        covariance = np.linalg.inv(found.jac.T @ found.jac)
+        return replace(fit, thetas=thetas, covariance=covariance, gain=fit.gain + total)
 
 
 def ring_of(stages: Sequence[Stage]) -> Ring | None:
