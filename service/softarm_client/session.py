@@ -181,13 +181,3 @@ def _overrides(settings: NetworkSettings) -> dict[str, object]:
         overrides["connect/endpoints"] = list(settings.connect)
         overrides["connect/timeout_ms"] = 3000
     return overrides
-
-
-def listening_endpoint(session: zenoh.Session) -> str:
-    """Give the first endpoint a session really listens on, with the port that 0 became."""
-    for reply in session.get(f"@/{session.zid()}/*", timeout=2.0):
-        if reply.ok is not None:
-            locators = json.loads(reply.ok.payload.to_string()).get("locators", [])
-            if locators:
-                return str(locators[0])
-    raise SetupError("network", "the session listens on no endpoint", "give network.listen an address")

@@ -16,8 +16,9 @@ from softarm_client import Arm
 from softarm_client.commands import Applied
 from softarm_client.errors import CommandRefusedError, SetupError, UnreachableError
 from softarm_client.messages import Event, Mismatch, Stamp
-from softarm_client.session import NetworkSettings, client_settings, listening_endpoint, open_session
+from softarm_client.session import NetworkSettings, client_settings, open_session
 from tests.service.network.served import ServedArm
+from tests.service.standins import listening_endpoint
 
 EXAMPLES = Path(__file__).parents[2] / "deploy" / "zenoh"
 EVENT = Event(

@@ -1,14 +1,17 @@
 """Surroundings of a control loop without devices, estimator or network: valves that do as they are asked."""
 
+import json
 import time
 from pathlib import Path
 
 import numpy as np
+import zenoh
 
 from softarm.daemon.config import ServiceConfig, Setup
-from softarm.daemon.control.channels import channel_reading
+from softarm.daemon.control.channels import ChannelReading
 from softarm.daemon.estimation.messages import EstimationResult, HoldAnswer
 from softarm.daemon.estimation.worker import WorkerState
+from softarm.drivers.reading import Reading
 from softarm.estimator.arm import default_loads
 from softarm.estimator.specimen import load_specimen
 
@@ -21,6 +24,21 @@ CONFIG = {
     "devices": [{"name": "valves", "kind": "festo_mpa"}],
 }
 STRAIGHT = (0.0, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0)
+
+
+def channel_reading(name: str, values: tuple[float, ...], now_ns: int, source: str) -> ChannelReading:
+    """Return a valid reading of a channel that was measured just now."""
+    return Reading(name, values, None, now_ns, now_ns, 0, 0, True, source)
+
+
+def listening_endpoint(session: zenoh.Session) -> str:
+    """Return the first endpoint a session really listens on, with the port that 0 became."""
+    for reply in session.get(f"@/{session.zid()}/*", timeout=2.0):
+        if reply.ok is not None:
+            locators = json.loads(reply.ok.payload.to_string()).get("locators", [])
+            if locators:
+                return str(locators[0])
+    raise AssertionError("the session listens on no endpoint")
 
 
 def setup_in(folder):

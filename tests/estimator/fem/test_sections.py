@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from softarm.estimator.derivatives import derivative_error
 from softarm.estimator.fem import FiniteElementModel, SectionNodes
 from softarm.estimator.fem.sections import SectionFit, build_section, build_slice
 from softarm.estimator.rotations import exp, log
+from tests.estimator.derivatives import derivative_error
 
 ArmOf = Callable[..., FiniteElementModel]
 

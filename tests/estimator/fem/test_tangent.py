@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from softarm.estimator.derivatives import central_difference
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.mesh import ElementKind
 from softarm.estimator.model import Inputs
+from tests.estimator.derivatives import central_difference
 
 ArmOf = Callable[..., FiniteElementModel]
 

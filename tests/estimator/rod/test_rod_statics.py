@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from softarm.estimator.derivatives import derivative_error
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Inputs, Load
 from softarm.estimator.rod.laws import feature_slopes, features, term_table
 from softarm.estimator.rod.skin import placed, skin
 from softarm.estimator.rod.statics import place, strain_between
 from softarm.estimator.rotations import exp, log
+from tests.estimator.derivatives import derivative_error
 from tests.estimator.rod import linear_rod as known
 from tests.estimator.rod.linear_rod import linear_rod
 

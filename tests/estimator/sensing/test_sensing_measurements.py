@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from softarm.estimator.derivatives import derivative_error
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import exp
@@ -21,6 +20,7 @@ from softarm.estimator.sensing import (
     SensorSuite,
     register,
 )
+from tests.estimator.derivatives import derivative_error
 
 RANDOM = np.random.default_rng(5)
 SAMPLES = 7

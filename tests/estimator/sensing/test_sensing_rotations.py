@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from softarm.estimator.derivatives import derivative_error
 from softarm.estimator.rotations import (
     exp,
     from_quaternions,
@@ -12,6 +11,7 @@ from softarm.estimator.rotations import (
     skew,
     to_quaternions,
 )
+from tests.estimator.derivatives import derivative_error
 
 RANDOM = np.random.default_rng(1)
 VECTORS = RANDOM.normal(size=(200, 3))

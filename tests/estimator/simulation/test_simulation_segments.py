@@ -1,8 +1,8 @@
 import numpy as np
 
-from softarm.estimator.derivatives import derivative_error
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import exp
+from tests.estimator.derivatives import derivative_error
 from tests.estimator.simulation.straight_arm import REST, SEGMENTS, twists_by_strains
 
 

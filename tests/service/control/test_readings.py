@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from softarm.daemon.config import SafetySettings, SensorSettings
-from softarm.daemon.control.channels import ChannelReading, channel_reading
+from softarm.daemon.control.channels import ChannelReading
 from softarm.daemon.control.readings import Readings, leading_channels
+from tests.service.standins import channel_reading
 
 SENSORS = (
     SensorSettings(kind="bend", section="tip", device="bend", channel="1"),

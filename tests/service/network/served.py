@@ -14,8 +14,9 @@ from softarm.daemon.loop import ControlLoop
 from softarm.daemon.network.bus import Bus
 from softarm.daemon.network.inbox import serve_each
 from softarm_client.modes import Mode
-from softarm_client.session import NetworkSettings, client_settings, listening_endpoint, open_session
+from softarm_client.session import NetworkSettings, client_settings, open_session
 from tests.service import standins
+from tests.service.standins import listening_endpoint
 
 TICK_S = 0.02
 FREE_PORT = NetworkSettings(listen=("tcp/127.0.0.1:0",))

@@ -10,7 +10,8 @@ from softarm_client import Arm
 from softarm_client.commands import Applied, Refused
 from softarm_client.errors import CommandRefusedError, UnreachableError
 from softarm_client.messages import Mismatch, Stamp
-from softarm_client.session import NetworkSettings, listening_endpoint
+from softarm_client.session import NetworkSettings
+from tests.service.standins import listening_endpoint
 
 STOPPED = Applied(verb="stop", mode="FAULTED", applied={"asked_pa": [0.0]})
 FREE_PORT = NetworkSettings(listen=("tcp/127.0.0.1:0",))

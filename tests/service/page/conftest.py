@@ -14,8 +14,8 @@ from softarm.daemon.loop import ControlLoop
 from softarm.daemon.network.bus import Bus
 from softarm.daemon.surface import drawn_surface
 from softarm.estimator.geometry import build_mesh
-from softarm_client.session import NetworkSettings, listening_endpoint
-from tests.service.standins import SPECIMEN, Estimator, Instruments, setup_in
+from softarm_client.session import NetworkSettings
+from tests.service.standins import SPECIMEN, Estimator, Instruments, listening_endpoint, setup_in
 
 TICK_S = 0.02
 

@@ -11,13 +11,13 @@ from mcap_protobuf.decoder import DecoderFactory
 from scipy.spatial.transform import Rotation
 
 from softarm.daemon.config import SensorSettings
-from softarm.daemon.control.channels import channel_reading
 from softarm.daemon.control.recorder import Recorder
 from softarm.daemon.control.streams import SHAPE_EVERY_NS, RecordedStreams, estimate_columns
 from softarm.recordings import load_recording
 from softarm.recordings.mcap_writer import Start
 from softarm.recordings.scene import METRES_PER_NEWTON
 from softarm_client.messages import Estimate, LoadEstimate, SectionPose
+from tests.service.standins import channel_reading
 
 MONOTONIC_NS, UNIX_NS = 10**12, 1_790_000_000_000_000_000
 STEP_NS = 10_000_000

@@ -8,8 +8,6 @@ from softarm.drivers.imu.sample import ImuSample, quaternion_from_yaw_pitch_roll
 
 FRAME_LENGTH: Final = 19
 INDEX_MODULUS: Final = 256
-PERIOD: Final = 0.01
-"""Time [s] from one index to the next."""
 
 _BODY: Final = struct.Struct("<B6h")
 _MILLI_G: Final = 9.80665e-3

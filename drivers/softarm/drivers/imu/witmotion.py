@@ -20,19 +20,6 @@ QUATERNION: Final = 0x59
 RATES: Final = {0.2: 1, 0.5: 2, 1: 3, 2: 4, 5: 5, 10: 6, 20: 7, 50: 8, 100: 9, 125: 0x0A, 200: 0x0B}
 """Register value per output rate [Hz]."""
 
-BAUD_RATES: Final = {
-    4800: 1,
-    9600: 2,
-    19200: 3,
-    38400: 4,
-    57600: 5,
-    115200: 6,
-    230400: 7,
-    460800: 8,
-    921600: 9,
-}
-"""Register value per baud rate."""
-
 UNLOCK: Final = bytes.fromhex("ff aa 69 88 b5")
 """Opens the configuration for ten seconds."""
 

@@ -11,7 +11,6 @@ GO_TO_CONFIG: Final = 0x30
 GO_TO_MEASUREMENT: Final = 0x10
 MT_DATA2: Final = 0x36
 WAKE_UP: Final = 0x3E
-WAKE_UP_ACK: Final = 0x3F
 ERROR: Final = 0x42
 INDEX_MODULUS: Final = 65536
 TICK: Final = 1e-4

@@ -19,11 +19,6 @@ class WatchdogState:
     milliseconds: int | None
     fact: str
 
-    @property
-    def guards(self) -> bool:
-        """Whether the terminal vents on its own."""
-        return bool(self.milliseconds)
-
 
 async def read_watchdog(link: RegisterLink) -> WatchdogState:
     """Ask for the time-out; a terminal without the register has none."""

@@ -58,8 +58,6 @@ SAME_AIR = 2e3
 """Vented chambers read the same air within this [Pa]."""
 FOLLOWS = 0.15
 SIZE_SPREAD = 0.25
-LEAST_MOTION = 1e-3
-"""Pressures that change by less than this share of the limit, whatever the unit, say nothing of bends."""
 
 
 @dataclass(frozen=True)

@@ -19,21 +19,6 @@ gauge one force, a valve bank the measured pressures.
 """
 
 
-def channel_reading(
-    name: str, values: tuple[float, ...], now_ns: int, source: str, sequence: int = 0
-) -> ChannelReading:
-    """Return a valid reading of a channel that was measured just now.
-
-    Args:
-        name: The channel.
-        values: What was measured, SI units.
-        now_ns: Monotonic time [ns].
-        source: Where it comes from.
-        sequence: Its number.
-    """
-    return Reading(name, values, None, now_ns, now_ns, sequence, 0, True, source)
-
-
 @singledispatch
 def parts(value: Any) -> Iterator[tuple[str, tuple[float, ...]]]:
     """Take a device's value apart into channels; what is invalid in it is left out.
