@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.effects.simulate import simulate_with
@@ -35,10 +36,10 @@ KNOWN = 0.05  # how well calibration knows stiffness and gain of a segment
 LEG = 15e3  # Pa between two solutions of the model along a path
 SAMPLES = 500
 SHORTEST, LONGEST = 0.04, 0.25  # s between samples
-SEARCH = 6
-SHARES = (1.0, 0.3, 0.1)
 DIFFERENCE = 0.02
-"""Steps of the rival's fit, shares of a step to try, and its relative step for a derivative."""
+"""Relative step for a derivative."""
+SETTLED = 1e-4
+"""Relative change of D^2, or of the rival's parameters, that ends a fit."""
 
 
 @dataclass(frozen=True)
@@ -158,59 +159,45 @@ class SeparationTrial:
         suite = self.subject.suite
         return self._whiten(suite.sensitivity(scene, suite.predict(there)).innovation)
 
-    def separation(self, found: PlacedEffect, rival: PlacedEffect) -> float:
-        """Give D^2 of an effect and its rival, whose parameters are fitted from those given."""
-        wanted = self.readings(found)
-        theta = rival.theta.astype(float)
-        here = self.readings(rival)
-        best = self._left(wanted - here)
-        for _ in range(SEARCH):
-            columns = self._tangent(rival, theta, here)
-            step = _solved(wanted - here, np.column_stack([columns, self.nuisances]), len(theta))
-            for share in SHARES:
-                trial = _bounded(rival, theta + share * step)
-                there = self.readings(replace(rival, theta=trial))
-                left = self._left(wanted - there)
-                if left < best:
-                    theta, here, best = trial, there, left
-                    break
-            else:
-                return best
-        return best
+    def separation(self, effect: PlacedEffect, rival: PlacedEffect) -> float:
+        """Compute D^2 of an effect and its rival, fitted from the parameters given or, if less, from none."""
+        wanted, parameters = self.readings(effect), rival.effect.parameters
 
-    def _left(self, gap: Floats) -> float:
-        """Give what is left of a gap beyond what calibration may explain."""
+        def left(theta: Floats) -> Floats:
+            return self._unexplained(wanted - self.readings(replace(rival, theta=theta)))
+
+        def slopes(theta: Floats) -> Floats:
+            return -self._unexplained(self._tangent(rival, theta))
+
+        bounds = [p.lower for p in parameters], [p.upper for p in parameters]
+        starts = [np.clip(theta, *bounds) for theta in (rival.theta.astype(float), rival.effect.neutral)]
+        start = min(starts, key=lambda theta: float((left(theta) ** 2).sum()))
+        scale = [abs(p.typical) or p.spread for p in parameters]
+        found = least_squares(left, start, slopes, bounds, x_scale=scale, ftol=SETTLED, xtol=SETTLED)
+        return 2.0 * float(found.cost)
+
+    @cached_property
+    def _explained(self) -> Floats:
+        """Orthonormal basis of what calibration may explain, its prior's rows below the readings'."""
         known = self.nuisances
-        rows = np.vstack([known, np.eye(known.shape[1])])
-        target = np.concatenate([gap, np.zeros(known.shape[1])])
-        found = np.linalg.lstsq(rows, target, rcond=None)[0]
-        return float(((target - rows @ found) ** 2).sum())
+        return np.linalg.qr(np.vstack([known, np.eye(known.shape[1])]))[0]
 
-    def _tangent(self, rival: PlacedEffect, theta: Floats, here: Floats) -> Floats:
+    def _unexplained(self, change: Floats) -> Floats:
+        """Project changes onto what calibration does not explain, shape (rows + unknowns, ...)."""
+        basis = self._explained
+        padded = np.concatenate([change, np.zeros((basis.shape[1], *change.shape[1:]))])
+        return padded - basis @ (basis.T @ padded)
+
+    def _tangent(self, rival: PlacedEffect, theta: Floats) -> Floats:
         """Differentiate the readings by the rival's parameters, shape (rows, parameters)."""
-        columns = []
+        columns, here = [], self.readings(replace(rival, theta=theta))
         for k, parameter in enumerate(rival.effect.parameters):
-            step = DIFFERENCE * max(abs(theta[k]), abs(parameter.typical))
+            step = DIFFERENCE * max(abs(theta[k]), abs(parameter.typical) or parameter.spread)
             step = -step if theta[k] + step > parameter.upper else step
             moved = theta.copy()
             moved[k] += step
             columns.append((self.readings(replace(rival, theta=moved)) - here) / step)
         return np.column_stack(columns)
-
-
-def _solved(gap: Floats, rows: Floats, free: int) -> Floats:
-    """Give the step of the first ``free`` unknowns; the others have a prior of one about zero."""
-    known = rows.shape[1] - free
-    prior = np.hstack([np.zeros((known, free)), np.eye(known)])
-    target = np.concatenate([gap, np.zeros(known)])
-    step: Floats = np.linalg.lstsq(np.vstack([rows, prior]), target, rcond=1e-8)[0][:free]
-    return step
-
-
-def _bounded(placed: PlacedEffect, theta: Floats) -> Floats:
-    low = np.array([p.lower for p in placed.effect.parameters])
-    high = np.array([p.upper for p in placed.effect.parameters])
-    return np.clip(theta, low, high)
 
 
 def _between(clock: Floats, solved: ArmResponse, time: Floats, segments: Segments) -> ArmResponse:
