@@ -90,8 +90,6 @@ def judge(
     before, after, counts, sizes, precisions = [], [], [], [], []
     for fold in _folds(parts):
         rest = [part for part in parts if part not in fold]
-        if not rest:
-            continue
         learnt = extended.updated(total(rest, size + 1), share)
         known = belief.beside(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
         seen = total(fold, size + 1)
