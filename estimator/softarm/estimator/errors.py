@@ -1,8 +1,11 @@
-"""The error a caller's error raises."""
+"""The error that wrong input raises, and advice on words that are not known."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 
 class InputError(ValueError):
-    """An error in what the user gave, told in one line.
+    """An error in what the user gave, described in one line.
 
     Args:
         where: The file and the field, column or option at fault.
@@ -15,3 +18,16 @@ class InputError(ValueError):
         self.where = where
         self.what = what
         self.cure = cure
+
+
+def suggest(name: str, known: Iterable[str], otherwise: str, cutoff: float = 0.5) -> str:
+    """Name the known word that was probably meant, or return other advice where none is near.
+
+    Args:
+        name: What was given.
+        known: What might have been meant.
+        otherwise: The other advice.
+        cutoff: Likeness from which a word is near, from 0 to 1 (``difflib``).
+    """
+    close = get_close_matches(name, list(known), n=1, cutoff=cutoff)
+    return f"did you mean '{close[0]}'?" if close else otherwise

@@ -1,6 +1,5 @@
 """The configuration of one service: a TOML file, checked as a whole."""
 
-import difflib
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -22,7 +21,7 @@ from softarm.drivers.config import DriverConfig
 from softarm.drivers.errors import DeviceErrors
 from softarm.drivers.registry import load_devices
 from softarm.drivers.valves.config import ValveConfig
-from softarm.estimator.errors import InputError
+from softarm.estimator.errors import InputError, suggest
 from softarm.estimator.specimen import Specimen, load_specimen
 from softarm_client.session import NetworkSettings
 
@@ -130,8 +129,7 @@ def _error_line(entry: Any) -> str:
     place = ".".join(str(part) for part in entry["loc"])
     if entry["type"] == "extra_forbidden":
         known = _known_keys(entry["loc"][:-1])
-        near = difflib.get_close_matches(str(entry["loc"][-1]), known, n=1)
-        advice = f"did you mean {near[0]!r}?" if near else f"known keys: {', '.join(known)}"
+        advice = suggest(str(entry["loc"][-1]), known, f"known keys: {', '.join(known)}", cutoff=0.6)
         return f"{place}: unknown key; {advice}"
     if entry["type"] == "missing":
         return f"{place}: missing; add it"

@@ -62,7 +62,7 @@ def test_a_recording_that_is_too_short_or_too_still_is_refused(tmp_path: Path) -
 
 
 def test_an_effect_that_does_not_exist_is_named_with_the_nearest(moving: Path) -> None:
-    with pytest.raises(InputError, match="did you mean line_lag"):
+    with pytest.raises(InputError, match="did you mean 'line_lag'"):
         run(DiagnosisRequest((moving,), (), SOPRA, effects=("line_lagg",)), Inline())
 
 

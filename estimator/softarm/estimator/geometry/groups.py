@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 import meshio
 import numpy as np
 
-from softarm.estimator.errors import InputError
+from softarm.estimator.errors import InputError, suggest
 from softarm.estimator.mesh import ElementKind, FacetKind, Floats, Indices
 
 ELEMENTS: Mapping[str, ElementKind] = {
@@ -106,8 +105,7 @@ class MeshFileContent:
             number = _number(value, where)
             return [np.flatnonzero(np.asarray(v).ravel() == number) for v in self.mesh.cell_data[array]]
         known = self.group_names()
-        close = get_close_matches(group, known, n=1, cutoff=0.5)
-        cure = f"did you mean '{close[0]}'?" if close else f"the file has {', '.join(known) or 'no groups'}"
+        cure = suggest(group, known, f"the file has {', '.join(known) or 'no groups'}")
         raise InputError(where, f"no group '{group}' in {self.path.name}", cure)
 
     def group_names(self) -> list[str]:

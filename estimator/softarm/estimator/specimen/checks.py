@@ -3,12 +3,12 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from pydantic_core import PydanticCustomError
 
+from softarm.estimator.errors import suggest
 from softarm.estimator.specimen.body import Chamber, Section, Segment
 
 if TYPE_CHECKING:
@@ -239,7 +239,4 @@ def _rotations(specimen: "Specimen") -> Iterator[Inconsistency]:
 
 
 def _suggest(name: str, known: list[str], kind: str) -> str:
-    close = get_close_matches(name, known, n=1, cutoff=0.5)
-    if close:
-        return f"did you mean '{close[0]}'?"
-    return f"give a known {kind}: {', '.join(known) or 'none is defined'}"
+    return suggest(name, known, f"give a known {kind}: {', '.join(known) or 'none is defined'}")

@@ -3,14 +3,13 @@
 import os
 import tempfile
 import tomllib
-from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
 
 import tomli_w
 from pydantic import ValidationError
 
-from softarm.estimator.errors import InputError
+from softarm.estimator.errors import InputError, suggest
 from softarm.estimator.specimen.problems import describe_errors
 from softarm.estimator.specimen.specimen import Specimen
 
@@ -102,8 +101,7 @@ def _read(path: Path) -> str:
     try:
         return path.read_text("utf-8")
     except FileNotFoundError:
-        close = get_close_matches(str(path), SHIPPED, n=1, cutoff=0.6)
-        cure = f"did you mean '{close[0]}'?" if close else f"give a TOML file or one of {', '.join(SHIPPED)}"
+        cure = suggest(str(path), SHIPPED, f"give a TOML file or one of {', '.join(SHIPPED)}", cutoff=0.6)
         raise InputError(str(path), "no such specimen", cure) from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(str(path), f"cannot read: {error}", "give a readable TOML file in UTF-8") from None

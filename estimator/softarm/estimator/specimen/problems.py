@@ -2,12 +2,11 @@
 
 import types
 from collections.abc import Iterator
-from difflib import get_close_matches
 from typing import Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from softarm.estimator.errors import InputError
+from softarm.estimator.errors import InputError, suggest
 from softarm.estimator.specimen.checks import Inconsistency
 
 LIMITS = {
@@ -100,8 +99,7 @@ def _choice(path: str, kind: str, context: dict[str, Any], value: Any) -> Iterat
     else:
         given, expected = str(value), str(context["expected"])
     known = [word.strip(" '") for word in expected.replace(" or ", ", ").split(",")]
-    close = get_close_matches(given, known, n=1, cutoff=0.5)
-    cure = f"did you mean '{close[0]}'?" if close else f"give one of {', '.join(known)}"
+    cure = suggest(given, known, f"give one of {', '.join(known)}")
     yield Inconsistency(path, f"'{given}' is not known", cure)
 
 
@@ -112,8 +110,7 @@ def _short(value: Any) -> str:
 
 def _nearest(key: str, owner: type[BaseModel] | None) -> str:
     known = _keys(owner) if owner else []
-    close = get_close_matches(key, known, n=1, cutoff=0.4)
-    return f"did you mean '{close[0]}'?" if close else f"known here: {', '.join(known)}"
+    return suggest(key, known, f"known here: {', '.join(known)}", cutoff=0.4)
 
 
 def _keys(owner: type[BaseModel]) -> list[str]:

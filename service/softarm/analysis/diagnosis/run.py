@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 
@@ -34,7 +33,7 @@ from softarm.estimator.diagnosis.stuck import stuck_findings, stuck_notes, stuck
 from softarm.estimator.diagnosis.valve_stage import splits_of, valve_diagnosis, valve_findings, with_valves
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.accepted import physics_entry
-from softarm.estimator.errors import InputError
+from softarm.estimator.errors import InputError, suggest
 from softarm.estimator.rod import CalibratedRod, FittedRod, adapted
 from softarm.estimator.sensing import Bend
 from softarm.estimator.specimen import Specimen
@@ -279,7 +278,6 @@ def _known(names: Sequence[str]) -> list[EffectName] | None:
     """Give the effects of some names, in the order of the library; ``None`` stands for all."""
     for name in names:
         if name not in EFFECTS:
-            close = get_close_matches(name, EFFECTS, n=1, cutoff=0.5)
-            cure = f"did you mean {close[0]}?" if close else f"choose among {', '.join(EFFECTS)}"
+            cure = suggest(name, EFFECTS, f"choose among {', '.join(EFFECTS)}")
             raise InputError("--effect", f"{name!r} is no effect", cure)
     return [effect.name for effect in EFFECTS.values() if effect.name in names] or None
