@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from threading import Condition, Thread
-from types import TracebackType
 from typing import Generic, Self, TypeVar
 
 Request = TypeVar("Request")
@@ -34,9 +33,7 @@ class Background(Generic[Request, Answer]):
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Let the thread finish what it has in hand, and end it."""
         with self._changed:
             self._closing = True

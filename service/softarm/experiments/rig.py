@@ -8,7 +8,6 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import tomli_w
@@ -194,12 +193,7 @@ class Process:
             self.process.kill()
             return self.process.wait()
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.end()
         if self.process.stdout is not None:
             self.process.stdout.close()
@@ -236,11 +230,6 @@ class FakeRig:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.service.__exit__(kind, error, trace)
-        self.fakes.__exit__(kind, error, trace)
+    def __exit__(self, *error: object) -> None:
+        self.service.__exit__(*error)
+        self.fakes.__exit__(*error)
