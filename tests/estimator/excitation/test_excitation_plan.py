@@ -1,6 +1,6 @@
 """Separations are those of least squares, and plans take what decides."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -53,6 +53,14 @@ def test_the_separation_is_no_more_than_the_effect_itself():
     assert 0.0 <= trial.separation(CREEP, LAG) <= float(np.sum(trial.readings(CREEP) ** 2)) + 1e-9
 
 
+@pytest.mark.parametrize("rival", [LAG, placed("contact_obstacle", [30.0, 0.005, 0.5], section="tip")])
+def test_a_rival_of_no_size_is_a_rival_too(rival):
+    """What separates an effect from any rival is no more than what calibration leaves of the effect."""
+    trial = SUBJECT.trial(MENU["steps"])
+    absent = replace(rival, theta=rival.effect.neutral)
+    assert trial.separation(CREEP, rival) <= 1.001 * trial.separation(CREEP, absent)
+
+
 def test_weights_part_when_the_mount_is_turned():
     pair = Rivals(WEIGHT, SPREAD)
     plan = plan_for([pair], [MENU["ramps"], MENU["mount_turned_x"]], SUBJECT)
@@ -86,5 +94,7 @@ def test_a_plan_stops_where_everything_is_decided():
 def test_gains_fall_as_less_is_lacking():
     plan = plan_for([Rivals(CREEP, LAG)], [MENU["steps"]], SUBJECT)
     choice = plan.choices[0]
-    assert choice.gain([10.0]) == pytest.approx(10.0 / choice.seconds)
+    (found,) = choice.separations
+    assert choice.gain([0.5 * found]) == pytest.approx(0.5 * found / choice.seconds)
+    assert choice.gain([2.0 * found]) == pytest.approx(found / choice.seconds)
     assert choice.gain([0.0]) == 0.0

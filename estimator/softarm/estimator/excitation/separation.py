@@ -180,13 +180,15 @@ class SeparationTrial:
     def _explained(self) -> Floats:
         """Orthonormal basis of what calibration may explain, its prior's rows below the readings'."""
         known = self.nuisances
-        return np.linalg.qr(np.vstack([known, np.eye(known.shape[1])]))[0]
+        basis: Floats = np.linalg.qr(np.vstack([known, np.eye(known.shape[1])]))[0]
+        return basis
 
     def _unexplained(self, change: Floats) -> Floats:
         """Project changes onto what calibration does not explain, shape (rows + unknowns, ...)."""
         basis = self._explained
         padded = np.concatenate([change, np.zeros((basis.shape[1], *change.shape[1:]))])
-        return padded - basis @ (basis.T @ padded)
+        left: Floats = padded - basis @ (basis.T @ padded)
+        return left
 
     def _tangent(self, rival: PlacedEffect, theta: Floats) -> Floats:
         """Differentiate the readings by the rival's parameters, shape (rows, parameters)."""
