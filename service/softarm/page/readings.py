@@ -159,16 +159,20 @@ def instruments(state: State) -> str:
     """Write the health of each instrument: its last valid reading, and whether a finding names it."""
     worst = {f.where: _rank_name(f) for f in sorted(state.findings, key=_rank, reverse=True)}
     names = dict.fromkeys((*state.ages_s, *worst))
-    entries = "".join(_instrument(name, state.ages_s.get(name), worst.get(name, "")) for name in names)
+    ages = {name: _age(state.ages_s[name]) if name in state.ages_s else "" for name in names}
+    entries = "".join(_instrument(name, ages[name], worst.get(name, "")) for name in names)
     return reading("instruments", entries, "Instruments: age of the last reading")
 
 
-def _instrument(name: str, age_s: float | None, severity: str) -> str:
-    age = "" if age_s is None else f" {1e3 * age_s:.0f} ms" if age_s < 1.0 else f" {age_s:.0f} s"
-    kind = severity or ("" if age else "warning")
-    return (
-        f'<span class="instrument"><span class="dot {kind}"></span>{plain(name)}{age or " no reading"}</span>'
-    )
+def _age(age_s: float | None) -> str:
+    if age_s is None:
+        return "no reading"
+    return f"{1e3 * age_s:.0f} ms" if age_s < 1.0 else f"{age_s:.0f} s"
+
+
+def _instrument(name: str, age: str, severity: str) -> str:
+    kind = severity or ("warning" if age == "no reading" else "")
+    return f'<span class="instrument"><span class="dot {kind}"></span>{plain(name)} {age}</span>'
 
 
 def model(mismatch: Mismatch) -> str:

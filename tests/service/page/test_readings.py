@@ -148,7 +148,7 @@ def test_instruments_carry_the_colour_of_their_finding(findings, kind):
     shown = readings.instruments(state(findings=(*findings, finding("recorder", "fault"))))
     assert f'<span class="dot {kind}"></span>orientation&#95;tip 12 ms' in shown
     assert '<span class="dot warning"></span>valves no reading' in shown
-    assert '<span class="dot fault"></span>recorder' in shown
+    assert '<span class="dot fault"></span>recorder </span>' in shown
 
 
 def test_disagreement_names_the_place_the_remedy_and_the_recording():
