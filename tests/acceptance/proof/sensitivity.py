@@ -73,6 +73,15 @@ def deciding_constants() -> tuple[DecidingConstant, ...]:
     return tuple(found)
 
 
+@cache
+def _assigned(module: str) -> frozenset[str]:
+    """List the names that a module gives a value of its own, at its top."""
+    lines = ast.parse(inspect.getsource(importlib.import_module(module))).body
+    targets = [target for line in lines if isinstance(line, ast.Assign) for target in line.targets]
+    names = [node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name)]
+    return frozenset(names)
+
+
 @contextmanager
 def moved(constant: DecidingConstant, factor: float) -> Iterator[None]:
     """Multiply a constant wherever it has been imported; whole numbers move by one at least."""
@@ -81,11 +90,12 @@ def moved(constant: DecidingConstant, factor: float) -> Iterator[None]:
     if isinstance(old, int):
         value = max(1, old + (1 if factor > 1.0 else -1) * max(1, round(STEP * old)))
     own = f"{PACKAGE}.{constant.module}"
-    others = {f"{PACKAGE}.{one.module}" for one in deciding_constants() if one.name == constant.name} - {own}
     holders = [
         module
         for name, module in list(sys.modules.items())
-        if name.startswith(PACKAGE) and name not in others and hasattr(module, constant.name)
+        if name.startswith(PACKAGE)
+        and hasattr(module, constant.name)
+        and (name == own or constant.name not in _assigned(name))
     ]
     try:
         for module in holders:
