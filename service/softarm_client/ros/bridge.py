@@ -2,6 +2,7 @@
 
 import os
 import signal
+import threading
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -14,6 +15,8 @@ RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 """Environment variable of ROS 2 for how far nodes find each other; its own default is the whole network."""
 AGAIN_S = 1.0
 """Pause before a service that did not answer is asked again."""
+LOOK_S = 0.2
+"""A signal that a thread of zenoh or ROS 2 takes does not wake the main thread: it looks so often."""
 CURE = "source its setup.bash, or pip install softarm-client[ros] in a new environment; see docs/ros.md"
 
 
@@ -41,16 +44,25 @@ def serve(
         from softarm_client.ros.node import running_node
     except ImportError as error:
         raise SetupError("ROS 2", f"cannot be imported ({error})", CURE) from error
-    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)  # also in the threads that start from here
-    client = _wait_for(partial(Arm, arm, endpoint, "ROS node", zenoh_config), say)
+    ended = _ended_by_signal()
+    client = _wait_for(partial(Arm, arm, endpoint, "ROS node", zenoh_config), say, ended)
     if client is None:
         return
     with client, running_node(client, arguments) as node:
         say(f"ROS 2 node {node.name}; {RANGE}={os.environ[RANGE]}")
-        signal.sigwait(ENDING)
+        while not ended.wait(LOOK_S):
+            pass
 
 
-def _wait_for(connect: Callable[[], Arm], say: Callable[[str], None]) -> Arm | None:
+def _ended_by_signal() -> threading.Event:
+    """Take the signals that end a process from here on; the event says that one came."""
+    ended = threading.Event()
+    for number in ENDING:
+        signal.signal(number, lambda *_: ended.set())
+    return ended
+
+
+def _wait_for(connect: Callable[[], Arm], say: Callable[[str], None], ended: threading.Event) -> Arm | None:
     """Connect to the arm's service as soon as it is there; ``None`` where the wait was ended."""
     said = ""
     while True:
@@ -60,5 +72,5 @@ def _wait_for(connect: Callable[[], Arm], say: Callable[[str], None]) -> Arm | N
             if str(error) != said:
                 said = str(error)
                 say(f"waiting for the service: {said}")
-        if signal.sigtimedwait(ENDING, AGAIN_S) is not None:
+        if ended.wait(AGAIN_S):
             return None
