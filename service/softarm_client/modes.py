@@ -14,3 +14,7 @@ class Mode(StrEnum):
     EXPERIMENT = "EXPERIMENT"
     FAULTED = "FAULTED"
     STOPPING = "STOPPING"
+
+
+PRESSURISED = frozenset({Mode.ARMED, Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT})
+"""Modes in which the valves may hold pressure; in every other one they are vented."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from softarm.page.text import plain
 from softarm_client.messages import Estimate, HealthFinding, LoadEstimate, Mismatch, SectionPose, State
-from softarm_client.modes import Mode
+from softarm_client.modes import PRESSURISED, Mode
 
 COLOURS = ("#e08a00", "#2ca02c", "#9467bd", "#17a2b8", "#8c564b", "#e377c2")
 """Of the forces, in the order of the sections: the arrow, the curve and the table's row."""
@@ -21,7 +21,6 @@ IN_WORDS: Mapping[str, str] = {
     Mode.FAULTED: "The arm was vented. Remedy the cause, then press Clear.",
     Mode.STOPPING: "The service ends. The arm is vented.",
 }
-MOVING = frozenset({Mode.ARMED, Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT})
 WORST_FIRST = ("fault", "warning", "info")
 
 
@@ -46,7 +45,7 @@ def reading(name: str, content: str, title: str = "") -> str:
 
 def status(state: State) -> str:
     """Write the mode, its meaning and everything that is wrong, the worst first."""
-    kind = "fault" if state.mode == Mode.FAULTED else "moving" if state.mode in MOVING else ""
+    kind = "fault" if state.mode == Mode.FAULTED else "moving" if state.mode in PRESSURISED else ""
     cause = f'<div class="fault">{plain(state.fault_cause)}</div>' if state.fault_cause else ""
     wrong = sorted(state.findings, key=_rank)
     findings = "".join(f'<div class="{_rank_name(f)}">{_finding(f)}</div>' for f in wrong)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from typing import Any
 
 from softarm_client.arm import Arm
 from softarm_client.errors import ClientError
@@ -43,7 +44,7 @@ class LeaseKeeper:
         return "the node does not hold the lease"
 
 
-def verbs(arm: Arm, lease: LeaseKeeper, parameter: Callable[[str], object]) -> dict[str, Do]:
+def verbs(arm: Arm, lease: LeaseKeeper, parameter: Callable[[str], Any]) -> dict[str, Do]:
     """Return what each service does.
 
     Args:
@@ -64,7 +65,7 @@ def verbs(arm: Arm, lease: LeaseKeeper, parameter: Callable[[str], object]) -> d
         "estimate/tare": arm.tare,
         "calibrate/rest": arm.align_at_rest,
         "teach/start": arm.teach.start,
-        "teach/hold": lambda: arm.teach.hold(float(str(parameter("ramp_s")))),
+        "teach/hold": lambda: arm.teach.hold(float(parameter("ramp_s"))),
         "teach/save": lambda: arm.teach.save(str(parameter("pose_name"))),
         "teach/release": arm.teach.release,
         "experiment/begin": arm.experiment.begin,

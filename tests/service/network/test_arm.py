@@ -13,15 +13,8 @@ from softarm_client import Arm, CommandRefusedError, Mode, ServiceSilentError
 from softarm_client.commands import VERBS
 from softarm_client.messages import Mismatch, Stamp, State
 from softarm_client.results import RESULTS, Pose
-from tests.service.network.served import ServedArm
 
 UNTYPED = {"lease/acquire", "lease/release", "teach/list"}
-
-
-@pytest.fixture
-def served(tmp_path):
-    with ServedArm(tmp_path) as served:
-        yield served
 
 
 @pytest.fixture

@@ -9,13 +9,6 @@ from softarm_client import Arm
 from softarm_client.commands import VERBS
 from softarm_client.ros.interface import PARAMETERS, SERVICES
 from softarm_client.ros.services import LeaseKeeper, answer, verbs
-from tests.service.network.served import ServedArm
-
-
-@pytest.fixture
-def served(tmp_path):
-    with ServedArm(tmp_path) as served:
-        yield served
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
+from softarm_client.modes import PRESSURISED as PRESSURISED
 from softarm_client.modes import Mode as Mode
 
 logger = logging.getLogger(__name__)
@@ -29,9 +30,6 @@ class Trigger(StrEnum):
     CLEAR = "clear"
     SHUT_DOWN = "shut_down"
 
-
-PRESSURISED = frozenset({Mode.ARMED, Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT})
-"""Modes in which the valves may hold pressure; in every other one they are vented."""
 
 TRANSITIONS = MappingProxyType(
     {
