@@ -67,7 +67,7 @@ def test_second_stop_is_refused_while_a_slow_disk_keeps_the_first_waiting(tmp_pa
 
     free = threading.Event()
     free.set()
-    recorder = Recorder(tmp_path, create=lambda path: Disk(path, "xb"))
+    recorder = Recorder(tmp_path, create=lambda path: io.BufferedWriter(Disk(path, "xb")))
     path = recorder.start("run", {})
     free.clear()
     recorder.put(sample(0))
@@ -157,7 +157,7 @@ def test_stopping_does_not_wait_for_ever_for_a_disk_that_hangs(tmp_path, monkeyp
     monkeypatch.setattr(recorder_module, "CLOSE_S", 0.1)
     free = threading.Event()
     free.set()
-    recorder = Recorder(tmp_path, create=lambda path: Disk(path, "xb"))
+    recorder = Recorder(tmp_path, create=lambda path: io.BufferedWriter(Disk(path, "xb")))
     path = recorder.start("run", {})
     run = recorder._run
     free.clear()
