@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from softarm.estimator.intake.clocks import Shifts, _strayed, likelihoods
+from softarm.estimator.intake.clocks import Shifts, _strayed, likelihoods, mend_clocks
+from softarm.estimator.recording import Recording
+from tests.estimator.intake.small_arm import LIMIT, specimen
 
 LAGS = np.arange(-8.0, 8.01, 0.05)
 SAMPLES = 25.0
@@ -15,7 +17,7 @@ def strayed(at_rest: float, elsewhere: float):
     left[np.abs(LAGS) < 0.2] = at_rest
     left[np.abs(LAGS - 4.5) < 0.2] = elsewhere
     one = likelihoods(left, SAMPLES)
-    return _strayed(Shifts(("frame_tip",), LAGS, one[None], SAMPLES), one)
+    return _strayed(Shifts(("frame_tip",), LAGS, one[None], one[None], SAMPLES), one, one)
 
 
 @pytest.mark.parametrize(("at_rest", "elsewhere"), [(0.033, 0.018), (0.015, 0.010), (0.1, 0.09)])
@@ -26,3 +28,23 @@ def test_a_motion_that_no_shift_explains_already_is_not_moved(at_rest, elsewhere
 def test_a_motion_that_only_a_shift_explains_is_moved():
     lag, *_ = strayed(0.5, 0.05)
     assert lag == pytest.approx(4.5, abs=0.2)
+
+
+@pytest.mark.parametrize("seed", range(16, 22))
+def test_a_few_poses_of_a_nonlinear_arm_are_no_shift(seed):
+    # Nine poses have fewer levels than the regression has coefficients, and all last equally long.
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 46.0, 0.05)
+    levels = rng.uniform(0.2, 0.8, (11, 6)) * LIMIT * (rng.random((11, 6)) < 0.6)
+    levels[[0, -1]] = 0.0
+    acting = levels[np.clip((time + 1.0) // 4.5, 0, 10).astype(int)]
+    linear = acting @ rng.normal(size=(6, 4)) / LIMIT
+    bends = linear - 0.9 * np.maximum(linear - 0.2, 0.0) + rng.normal(0.0, 1e-3, linear.shape)
+    columns = {f"pressure_{k}_pa": acting[:, k] for k in range(6)}
+    columns |= {
+        f"bend_{section}_{axis}_rad": bends[:, 2 * k + j]
+        for k, section in enumerate(("intermediate", "tip"))
+        for j, axis in enumerate("xy")
+    }
+    recording = Recording("poses", time, columns)
+    assert mend_clocks(recording, specimen())[1] == ()

@@ -1,12 +1,14 @@
 """Clocks that do not agree: one stream shifted against the pressures by a constant, or from some time on.
 
 For each sensor and shift, its motion is regressed on the pressures moved by that shift, together with the
-pressures behind a first-order filter. Up to ``ALLOWED`` seconds a shift is left to the calibration, or is an
-effect of its own (``sensor_latency``, ``line_lag``); motion that comes earlier than its cause, or far later,
-is a matter of clocks.
+pressures behind a first-order filter; what counts is how well each part of the run is predicted from the
+others. Up to ``ALLOWED`` seconds a shift is left to the calibration, or is an effect of its own
+(``sensor_latency``, ``line_lag``); motion that comes earlier than its cause, or far later, is a matter of
+clocks.
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,7 @@ from softarm.estimator.intake.result import MOTION, RecordingFault
 from softarm.estimator.intake.streams import streams_of
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
+from softarm.estimator.statistics import correlation_length
 
 Floats = NDArray[np.float64]
 
@@ -36,14 +39,14 @@ BETTER = 0.7
 FORM = 0.05
 """Share of the variance that a linear law leaves of an arm's nonlinear response at the right shift: 0.1 to
 4 % in the poses and steps of simulated arms. What is left below it says nothing about the clocks."""
-INDEPENDENT = 2.0
-"""Seconds per independent sample of what a regression leaves."""
 SHORTEST = 10.0
 APART = 1.5
 """Shifts farther apart than this [s] are different explanations."""
 SPREAD = 0.25
 """Sensors whose shifts agree within this [s] share a clock."""
 PRESSED = 1e3
+PARTS = 4
+"""Parts of a run, each predicted from the others."""
 
 
 @dataclass(frozen=True)
@@ -53,13 +56,16 @@ class Shifts:
     Args:
         names: Sensors that the pressures explain at some shift.
         lags: By which motion lags behind the pressures [s], shape (lags,).
-        likelihoods: Logarithms, shape (sensors, lags).
+        likelihoods: Logarithms, by what the regression predicts of parts it has not seen, shape (sensors,
+            lags).
+        fitted: The same by what it fits, shape (sensors, lags).
         samples: Independent samples behind them.
     """
 
     names: tuple[str, ...]
     lags: Floats
     likelihoods: Floats
+    fitted: Floats
     samples: float
 
     @property
@@ -78,8 +84,8 @@ def mend_clocks(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
     if shifts is None:
         return recording, ()
     whole = shifts.likelihoods.mean(axis=0)
-    common = _strayed(shifts, whole)
-    alone = [_strayed(shifts, own) for own in shifts.likelihoods]
+    common = _strayed(shifts, whole, shifts.fitted.mean(axis=0))
+    alone = [_strayed(shifts, *own) for own in zip(shifts.likelihoods, shifts.fitted, strict=True)]
     for candidate in (common, *alone):
         if candidate is not None and _shared(shifts, candidate[0]):
             return _mended(recording, ("pressures",), "the motion", candidate)
@@ -99,8 +105,8 @@ def _shared(shifts: Shifts, lag: float) -> bool:
     return bool((gains > 0.0).all())
 
 
-def _strayed(shifts: Shifts, likelihood: Floats) -> tuple[float, float, float, float] | None:
-    """Find a shift that clearly beats every usual one.
+def _strayed(shifts: Shifts, likelihood: Floats, fitted: Floats) -> tuple[float, float, float, float] | None:
+    """Find a shift that clearly beats every usual one; prediction chooses it, the fit places it.
 
     Returns:
         Its lag [s] and log odds, the next best lag [s] and the log odds against that; ``None`` without one.
@@ -112,8 +118,9 @@ def _strayed(shifts: Shifts, likelihood: Floats) -> tuple[float, float, float, f
         return None
     away = np.abs(shifts.lags - shifts.lags[best]) > APART
     other = int(np.flatnonzero(away)[np.argmax(likelihood[away])])
+    near = np.abs(shifts.lags - shifts.lags[best]) < 2 * SPREAD
     return (
-        float(shifts.lags[best]),
+        float(shifts.lags[np.flatnonzero(near)[np.argmax(fitted[near])]]),
         gain,
         float(shifts.lags[other]),
         float(likelihood[best] - likelihood[other]),
@@ -160,15 +167,25 @@ def find_shifts(recording: Recording, specimen: Specimen) -> Shifts | None:
         return None
     reach = min(LONGEST, 0.25 * seconds)
     lags = np.arange(-reach, reach + STEP / 2, STEP)
-    left = _unexplained(grid, lags)
     numbers = np.unique(grid.stream)
-    own = np.array([left[:, grid.stream == number].mean(axis=1) for number in numbers])
-    moved = own.min(axis=1) < 1.0 - EXPLAINED
+    predicted, fitted = (
+        np.array([left[:, grid.stream == number].mean(axis=1) for number in numbers])
+        for left in _unexplained(grid, lags)
+    )
+    moved = predicted.min(axis=1) < 1.0 - EXPLAINED
     if not moved.any():
         return None
     names = tuple(streams[number].name for number in numbers[moved])
-    samples = seconds / INDEPENDENT
-    return Shifts(names, lags, likelihoods(own[moved], samples), samples)
+    samples = (seconds - 2 * reach) / _correlated_s(grid)
+    return Shifts(
+        names, lags, likelihoods(predicted[moved], samples), likelihoods(fitted[moved], samples), samples
+    )
+
+
+def _correlated_s(grid: Grid) -> float:
+    """Return the time in which the motion says one thing [s]: about as long as a pose is held."""
+    motion = grid.values - np.nanmean(grid.values, axis=0)
+    return grid.step * float(np.mean([correlation_length(column) for column in motion.T]))
 
 
 def likelihoods(left: Floats, samples: float) -> Floats:
@@ -181,26 +198,51 @@ def likelihoods(left: Floats, samples: float) -> Floats:
     return np.asarray(-0.5 * samples * np.log(left + FORM))
 
 
-def _unexplained(grid: Grid, lags: Floats) -> Floats:
-    """Compute the share of each value's variance that shifted pressures leave, shape (lags, values)."""
+def _unexplained(grid: Grid, lags: Floats) -> tuple[Floats, Floats]:
+    """Compute the share of each value's variance that shifted pressures leave.
+
+    Returns:
+        What they leave of each part of the run, predicted by the regression on the others, and what they
+        leave in the fit, each of shape (lags, values). A run of ten poses has no more levels than the
+        regression has coefficients: a shift by whole poses fits as well as the right one, and predicts
+        nothing. Prediction is blunt about a tenth of a second, where the fit is sharp.
+    """
     scale = max(float(np.abs(grid.pressures).max()), 1.0)
     both = np.column_stack([grid.pressures, first_order(grid.pressures, grid.step / SLOW)]) / scale
+    both = np.column_stack([both, np.ones(len(both))])
     seen = np.asarray(np.isfinite(grid.values).all(axis=1))
     edge = int(np.ceil(np.abs(lags).max() / grid.step))
     rows = np.flatnonzero(seen)
     rows = rows[(rows >= edge) & (rows < len(seen) - edge)]
-    left = np.ones((len(lags), grid.values.shape[1]))
+    predicted, fitted = np.ones((2, len(lags), grid.values.shape[1]))
     if len(rows) < 5 * both.shape[1]:
-        return left
+        return predicted, fitted
     values = grid.values[rows] - grid.values[rows].mean(axis=0)
     power = np.maximum((values**2).sum(axis=0), 1e-30)
     for k, lag in enumerate(lags):
-        design = both[rows - round(lag / grid.step)]
-        design = design - design.mean(axis=0)
-        inner = design.T @ design + 1e-4 * len(rows) * np.eye(design.shape[1])
-        solved = np.linalg.solve(inner, design.T @ values)
-        left[k] = ((values - design @ solved) ** 2).sum(axis=0) / power
-    return left
+        wrong = _regressed(both[rows - round(lag / grid.step)], values)
+        predicted[k], fitted[k] = (part / power for part in wrong)
+    return predicted, fitted
+
+
+def _regressed(design: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Sum up what a regression mispredicts of each part from the others, and what one on all leaves.
+
+    Returns:
+        Both sums of squares, of shape (values,).
+    """
+    parts = np.linspace(0, len(values), PARTS + 1).astype(int)
+    rows = [slice(begin, end) for begin, end in pairwise(parts)]
+    inner = np.array([design[one].T @ design[one] for one in rows])
+    outer = np.array([design[one].T @ values[one] for one in rows])
+    ridge = 1e-4 * len(values) * np.eye(design.shape[1])
+    whole, right = inner.sum(axis=0), outer.sum(axis=0)
+    laws = np.linalg.solve(whole - inner + ridge, right - outer)
+    wrong = [
+        ((values[one] - design[one] @ law) ** 2).sum(axis=0) for one, law in zip(rows, laws, strict=True)
+    ]
+    fit = values - design @ np.linalg.solve(whole + ridge, right)
+    return np.asarray(np.sum(wrong, axis=0)), np.asarray((fit**2).sum(axis=0))
 
 
 def moved_pressures(recording: Recording, lag: float) -> Recording:
