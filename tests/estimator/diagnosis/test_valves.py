@@ -41,6 +41,12 @@ def test_dead_time_lag_and_bias_are_found() -> None:
     assert valve.ceiling == np.inf
 
 
+@pytest.mark.parametrize("lag", [0.008, 0.053, 0.115, 0.26])
+def test_a_delay_is_found_to_a_fraction_of_itself(lag: float) -> None:
+    (valve,) = valves_of(_recording("slow", lag=lag), {})
+    assert valve.dead_time + valve.lag == pytest.approx(lag, rel=0.02, abs=0.002)
+
+
 def test_what_nominal_recordings_show_as_well_is_not_new() -> None:
     law = (-700.0, 0.0, 0.0, np.inf)
     known = splits_of([_recording("known", 0.05, 0.06, law)])

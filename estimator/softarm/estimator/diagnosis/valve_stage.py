@@ -1,6 +1,6 @@
 """What the valves do otherwise than asked, or otherwise than in nominal recordings, as findings."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -125,7 +125,8 @@ def _middle(recording: Recording, chamber: int) -> float:
 def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple[Finding, ...]:
     """Report what the valves do otherwise; those that nominal recordings leave out are not judged."""
     found: list[Finding] = []
-    scatter = _scatter([suspects, nominal])
+    scatter = _scatter(_offsets, SCATTER, [suspects, nominal])
+    jitter = _scatter(_delayed, max((_jitter(split) for split in suspects), default=0.0), [suspects, nominal])
     for chamber in sorted({split.valve.chamber for split in suspects}):
         own = [split for split in suspects if split.valve.chamber == chamber]
         known = [split for split in nominal if split.valve.chamber == chamber]
@@ -135,19 +136,32 @@ def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple
             continue
         if 2.0 * evidence.log_bayes_factor >= LEAST_BIC and evidence.heldout_after < evidence.heldout_before:
             found += _steady(chamber, own, known, scatter, evidence)
-            found += _delays(chamber, own, known, evidence)
+            found += _delays(chamber, own, known, jitter, evidence)
     return tuple(found)
 
 
-def _scatter(groups: Sequence[Sequence[Split]]) -> float:
-    """Pool how far the steady errors of one valve lie apart between recordings of one state [Pa]."""
-    squares, count = WORTH * SCATTER**2, WORTH
+def _scatter(
+    measured: Callable[[Sequence[Split]], list[float]], prior: float, groups: Sequence[Sequence[Split]]
+) -> float:
+    """Pool how far what is measured of one valve lies apart between recordings of one state.
+
+    Args:
+        measured: Gives it for recordings of one valve.
+        prior: Its scatter before anything is seen, worth ``WORTH`` recordings.
+        groups: Recordings by state.
+    """
+    squares, count = WORTH * prior**2, WORTH
     for group in groups:
         for chamber in {split.valve.chamber for split in group}:
-            own = _offsets([split for split in group if split.valve.chamber == chamber])
-            squares += float(np.sum((np.array(own) - np.mean(own)) ** 2)) if own else 0.0
+            own = np.array(measured([split for split in group if split.valve.chamber == chamber]))
+            squares += float(np.sum((own - own.mean()) ** 2)) if len(own) else 0.0
             count += max(len(own) - 1, 0)
     return float(np.sqrt(squares / count))
+
+
+def _jitter(split: Split) -> float:
+    """Give the scatter of a delay of which only the sample is known in which it ends [s]."""
+    return float(np.median(np.diff(split.time)) / np.sqrt(12.0))
 
 
 def with_valves(diagnosis: Diagnosis, faults: tuple[Finding, ...]) -> Diagnosis:
@@ -261,27 +275,26 @@ def _steady(
 
 
 def _delays(
-    chamber: int, suspects: Sequence[Split], nominal: Sequence[Split], evidence: Evidence
+    chamber: int, suspects: Sequence[Split], nominal: Sequence[Split], jitter: float, evidence: Evidence
 ) -> list[Finding]:
     """Report a dead time and a lag, or what is new of them."""
     own, known = _timed(suspects), _timed(nominal)
     if not own or (nominal and not known):
         return []
-    dead, dead_spread = _summary([valve.dead_time for valve in own])
-    lag, lag_spread = _summary([valve.lag for valve in own])
-    dead_before, dead_known = _summary([valve.dead_time for valve in known])
-    lag_before, lag_known = _summary([valve.lag for valve in known])
+    dead, lag = (float(np.median(values)) for values in _times(own))
+    dead_before, lag_before = (float(np.median(values)) if known else 0.0 for values in _times(known))
     late, slower = dead - dead_before, lag - lag_before
-    least = max(LEAST_DELAY, SIGMAS * float(np.hypot(dead_spread + lag_spread, dead_known + lag_known)))
-    if late + slower <= least:
+    spread = jitter * float(np.sqrt(1.0 / len(own) + (1.0 / len(known) if known else 0.0)))
+    if late + slower <= max(LEAST_DELAY, SIGMAS * spread):
         return []
+    deviation = max(spread, max(_jitter(split) for split in suspects))
     words = (
         f"The valve of chamber {chamber} responds {1e3 * dead:.0f} ms after its set-point, and then settles "
         f"with a time constant of {1e3 * lag:.0f} ms."
     )
     quantities = {
-        "lag": Quantity(slower, max(lag_spread, 0.01), "s"),
-        "dead_time": Quantity(late, max(dead_spread, 0.01), "s"),
+        "lag": Quantity(slower, deviation, "s"),
+        "dead_time": Quantity(late, deviation, "s"),
     }
     return [_finding("line_lag", chamber, words, quantities, evidence, "time since a change")]
 
@@ -297,12 +310,14 @@ def _offsets(splits: Sequence[Split]) -> list[float]:
     return [valve.bias - (1.0 + valve.gain) * valve.deadband for valve in valves]
 
 
-def _summary(values: Sequence[float]) -> tuple[float, float]:
-    """Give the median and the standard deviation of a mean."""
-    if not values:
-        return 0.0, 0.0
-    spread = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
-    return float(np.median(values)), spread / np.sqrt(len(values))
+def _times(valves: Sequence[Valve]) -> tuple[list[float], list[float]]:
+    """Give dead times and lags [s]."""
+    return [valve.dead_time for valve in valves], [valve.lag for valve in valves]
+
+
+def _delayed(splits: Sequence[Split]) -> list[float]:
+    """Give dead time and lag together [s]: what one gains the other loses."""
+    return [valve.dead_time + valve.lag for valve in _timed(splits)]
 
 
 def _channel_error(pairs: Floats) -> ChannelError:

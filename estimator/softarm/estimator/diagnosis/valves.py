@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from softarm.estimator.recording import Recording
 from softarm.estimator.simulation.filters import first_order
@@ -208,11 +209,15 @@ def _timing(time: Floats, asked: Floats, given: Floats, law: ValveLaw) -> tuple[
     dead_time = _onset(time, asked, given)
     late = np.interp(time - dead_time, time, asked)
     target = static(late, law.bias, law.gain, law.deadband, law.ceiling)
-    errors = [
-        (float(np.mean((given - first_order(time, target, float(lag), ())[0])[near] ** 2)), float(lag))
-        for lag in LAGS
-    ]
-    return dead_time, min(errors)[1]
+
+    def left(lag: float) -> float:
+        return float(np.mean((given - first_order(time, target, lag, ())[0])[near] ** 2))
+
+    best = int(np.argmin([left(float(lag)) for lag in LAGS]))
+    if best == len(LAGS) - 1:
+        return dead_time, float(LAGS[-1])
+    bounds = (float(LAGS[max(best - 1, 0)]), float(LAGS[best + 1]))
+    return dead_time, float(minimize_scalar(left, bounds=bounds, method="bounded").x)
 
 
 def _onset(time: Floats, asked: Floats, given: Floats) -> float:
