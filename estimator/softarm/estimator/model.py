@@ -87,12 +87,8 @@ class Linearisation(Protocol):
         """
 
 
-State = TypeVar("State")
-Step = TypeVar("Step", bound=Linearisation)
-
-
-class ArmModel(Protocol[State, Step]):
-    """A static model of the arm, immutable; its state is a value that the caller keeps."""
+class ArmDescription(Protocol):
+    """What every model states of its arm."""
 
     @property
     def sections(self) -> tuple[str, ...]:
@@ -105,6 +101,14 @@ class ArmModel(Protocol[State, Step]):
     @property
     def loads(self) -> tuple[Load, ...]:
         """Loads whose amplitudes are inputs."""
+
+
+State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
+
+
+class ArmModel(ArmDescription, Protocol[State, Step]):
+    """A static model of the arm, immutable; its state is a value that the caller keeps."""
 
     def rest(self) -> State:
         """Give the unloaded state."""

@@ -7,9 +7,10 @@ from typing import Any, Protocol, Self, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
+from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp
+from softarm.estimator.wrapper import ModelWrapper
 
 Floats = NDArray[np.float64]
 
@@ -50,7 +51,7 @@ class ScaledModel(Protocol):
 
 
 @dataclass(frozen=True)
-class NodeByNode:
+class NodeByNode(ModelWrapper):
     """Solves a model sample by sample, each begun from its own last state or from its neighbour's.
 
     It implements ``BatchArmModel``; stiffness factors are those of a ``ScaledModel``, and none of others.
@@ -64,21 +65,6 @@ class NodeByNode:
     advance: Callable[[float], None] = lambda _: None
 
     takes_eigenstrains = False
-
-    @property
-    def sections(self) -> tuple[str, ...]:
-        """Names of the sections."""
-        return tuple(self.model.sections)
-
-    @property
-    def chambers(self) -> int:
-        """Number of chambers."""
-        return self.model.chambers
-
-    @property
-    def loads(self) -> tuple[Load, ...]:
-        """Loads whose amplitudes are inputs."""
-        return tuple(self.model.loads)
 
     @property
     def regions(self) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.model import Frames, Load
+from softarm.estimator.model import ArmDescription, Frames
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -85,20 +85,8 @@ class ArmResponse:
         return {name: getattr(self, name) for name in names}
 
 
-class BatchArmModel(Protocol):
+class BatchArmModel(ArmDescription, Protocol):
     """A model of the arm that solves many samples in one call, such as the calibrated rod."""
-
-    @property
-    def sections(self) -> tuple[str, ...]:
-        """Names of the sections."""
-
-    @property
-    def chambers(self) -> int:
-        """Number of chambers."""
-
-    @property
-    def loads(self) -> tuple[Load, ...]:
-        """Loads whose amplitudes are inputs."""
 
     @property
     def regions(self) -> tuple[str, ...]:

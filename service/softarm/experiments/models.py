@@ -1,7 +1,7 @@
 """The models that experiments run on, built once per specimen."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from softarm.estimator.model import ArmModel, Load
 from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.response import ArmResponse, BatchArmModel
 from softarm.estimator.specimen import Specimen
+from softarm.estimator.wrapper import BatchModelWrapper
 
 Advance = Callable[[float], None]
 
@@ -47,45 +48,15 @@ class SharedSolutions:
 
 
 @dataclass(frozen=True)
-class WarmModel:
+class WarmModel(BatchModelWrapper):
     """A model that begins at the responses of others; implements ``BatchArmModel``.
 
     Args:
         model: The model.
-        responses: Their responses; its own are added.
+        responses: Their responses; its own are added, and copies with other stiffness factors share them.
     """
 
-    model: BatchArmModel
     responses: SharedSolutions
-
-    @property
-    def sections(self) -> tuple[str, ...]:
-        """Names of the sections."""
-        return self.model.sections
-
-    @property
-    def chambers(self) -> int:
-        """Number of chambers."""
-        return self.model.chambers
-
-    @property
-    def loads(self) -> tuple[Load, ...]:
-        """Loads whose amplitudes are inputs."""
-        return self.model.loads
-
-    @property
-    def regions(self) -> tuple[str, ...]:
-        """Names of the regions whose stiffness can be scaled."""
-        return self.model.regions
-
-    @property
-    def takes_eigenstrains(self) -> bool:
-        """Whether the regions can strain freely."""
-        return self.model.takes_eigenstrains
-
-    def with_scales(self, scales: Mapping[str, float]) -> "WarmModel":
-        """Return a copy with other stiffness factors, which shares the responses."""
-        return replace(self, model=self.model.with_scales(scales))
 
     def evaluate(
         self,

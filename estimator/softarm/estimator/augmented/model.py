@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
+from softarm.estimator.wrapper import ModelWrapper
 
 Floats = NDArray[np.float64]
 State = TypeVar("State")
@@ -79,7 +80,7 @@ class ShapedStep(Generic[State, Step]):
 
 
 @dataclass(frozen=True)
-class ShapedModel(Generic[State, Step]):
+class ShapedModel(ModelWrapper, Generic[State, Step]):
     """A model under known wrenches and a turned base; implements ``ArmModel``.
 
     Args:
@@ -93,16 +94,6 @@ class ShapedModel(Generic[State, Step]):
     spread: Spread
     wrenches: Floats
     turn: Floats
-
-    @property
-    def sections(self) -> tuple[str, ...]:
-        """Names of the sections whose frames it gives."""
-        return self.model.sections
-
-    @property
-    def chambers(self) -> int:
-        """Number of chambers."""
-        return self.model.chambers
 
     @property
     def loads(self) -> tuple[Load, ...]:

@@ -1,17 +1,16 @@
 """A model of many samples whose pressures are worth more as their chambers are stretched."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.model import Frames, Load
+from softarm.estimator.model import Frames
 from softarm.estimator.node_by_node import LARGEST_MOVE
-from softarm.estimator.response import ArmResponse, BatchArmModel
+from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp
 from softarm.estimator.stretch.law import StretchLaw
+from softarm.estimator.wrapper import BatchModelWrapper
 
 Floats = NDArray[np.float64]
 
@@ -19,7 +18,7 @@ PASSES = 6
 
 
 @dataclass(frozen=True)
-class StretchedBatch:
+class StretchedBatch(BatchModelWrapper):
     """A model whose pressures follow the stretch of their chambers; implements ``BatchArmModel``.
 
     Args:
@@ -27,37 +26,7 @@ class StretchedBatch:
         law: How far each chamber is stretched, and what its pressure is worth then.
     """
 
-    model: BatchArmModel
     law: StretchLaw
-
-    @property
-    def sections(self) -> tuple[str, ...]:
-        """Names of the sections."""
-        return self.model.sections
-
-    @property
-    def chambers(self) -> int:
-        """Number of chambers."""
-        return self.model.chambers
-
-    @property
-    def loads(self) -> tuple[Load, ...]:
-        """Loads whose amplitudes are inputs."""
-        return self.model.loads
-
-    @property
-    def regions(self) -> tuple[str, ...]:
-        """Names of the regions whose stiffness can be scaled."""
-        return self.model.regions
-
-    @property
-    def takes_eigenstrains(self) -> bool:
-        """Whether the regions can strain freely."""
-        return self.model.takes_eigenstrains
-
-    def with_scales(self, scales: Mapping[str, float]) -> Self:
-        """Return a copy with other stiffness factors of some regions."""
-        return replace(self, model=self.model.with_scales(scales))
 
     def evaluate(
         self,

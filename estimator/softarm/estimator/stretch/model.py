@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch.law import StretchLaw
+from softarm.estimator.wrapper import ModelWrapper
 
 Floats = NDArray[np.float64]
 State = TypeVar("State")
@@ -85,7 +86,7 @@ class StretchedStep(Generic[State, Step]):
 
 
 @dataclass(frozen=True)
-class StretchedModel(Generic[State, Step]):
+class StretchedModel(ModelWrapper, Generic[State, Step]):
     """A model whose pressures are worth more under stretch; implements ``ArmModel``.
 
     Its states are those of the wrapped model.
@@ -97,21 +98,6 @@ class StretchedModel(Generic[State, Step]):
 
     model: ArmModel[State, Step]
     law: StretchLaw
-
-    @property
-    def sections(self) -> tuple[str, ...]:
-        """Names of the sections whose frames it gives."""
-        return self.model.sections
-
-    @property
-    def chambers(self) -> int:
-        """Number of chambers."""
-        return self.model.chambers
-
-    @property
-    def loads(self) -> tuple[Load, ...]:
-        """Loads whose amplitudes are inputs."""
-        return self.model.loads
 
     def with_loads(self, loads: Sequence[Load]) -> "StretchedModel[State, Step]":
         """Copy the model with other loads."""

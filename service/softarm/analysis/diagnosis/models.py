@@ -11,13 +11,14 @@ from softarm.estimator.arm import build_arm
 from softarm.estimator.diagnosis.stage import Model
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.geometry import Resolution
-from softarm.estimator.model import Frames, Inputs, Load
+from softarm.estimator.model import Frames, Inputs
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rod import FittedRod, Recipe, fit_rod, sampled_model
 from softarm.estimator.rod.model import CalibratedRod
 from softarm.estimator.rod.samples import SamplingPlan
 from softarm.estimator.simulation import Segments, section_loads
 from softarm.estimator.specimen import Specimen
+from softarm.estimator.wrapper import ModelWrapper
 
 Floats = NDArray[np.float64]
 Answer = tuple[Floats, Floats, Floats, Floats, bool]
@@ -53,7 +54,7 @@ def rod_model(specimen: Specimen, rod: CalibratedRod) -> Model:
 
 
 @dataclass(frozen=True)
-class SparseModel:
+class SparseModel(ModelWrapper):
     """Finite elements that solve equal inputs only once; implements ``BatchArmModel``.
 
     Args:
@@ -67,21 +68,6 @@ class SparseModel:
     deadline: float = float("inf")
 
     takes_eigenstrains = False
-
-    @property
-    def sections(self) -> tuple[str, ...]:
-        """Names of the sections."""
-        return tuple(self.model.sections)
-
-    @property
-    def chambers(self) -> int:
-        """Number of chambers."""
-        return self.model.chambers
-
-    @property
-    def loads(self) -> tuple[Load, ...]:
-        """Loads whose amplitudes are inputs."""
-        return self.model.loads
 
     @property
     def regions(self) -> tuple[str, ...]:

@@ -14,7 +14,8 @@ from softarm.estimator.fem.tracking.background import BackgroundFactorisation
 from softarm.estimator.fem.tracking.frozen_tangent import FrozenTangent, freeze_tangent
 from softarm.estimator.fem.tracking.rotation_strain import SingleRotationStrain
 from softarm.estimator.mesh import Floats
-from softarm.estimator.model import Frames, Inputs, Load
+from softarm.estimator.model import Frames, Inputs
+from softarm.estimator.wrapper import ModelWrapper
 
 NEGLIGIBLE = 1.0
 """Residual over the tolerance below which nothing is corrected."""
@@ -176,7 +177,7 @@ class TrackingStep:
 
 
 @dataclass(frozen=True)
-class TrackingModel:
+class TrackingModel(ModelWrapper):
     """A finite-element model whose linearisations reuse the factor; an ``ArmModel``.
 
     A factor is replaced by the newest one from the background, or, where it contracts the residual by less
@@ -209,21 +210,6 @@ class TrackingModel:
         """Moments of the sections per value of a carried step's divergence, shape (4 sections, nodes)."""
         # The Poisson matrix is symmetric, so that its inverse may be applied to the moments' weights instead.
         return self.rotation_strain.solve_poisson(np.ascontiguousarray(self.model.section_fit.weights.T)).T
-
-    @property
-    def sections(self) -> tuple[str, ...]:
-        """Names of the sections whose frames it gives."""
-        return self.model.sections
-
-    @property
-    def chambers(self) -> int:
-        """Number of chambers."""
-        return self.model.chambers
-
-    @property
-    def loads(self) -> tuple[Load, ...]:
-        """Loads whose amplitudes are inputs."""
-        return self.model.loads
 
     def rest(self) -> TrackingState:
         """Return the unloaded state."""
