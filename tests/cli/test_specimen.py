@@ -11,7 +11,7 @@ from softarm.estimator.specimen import load_specimen
 
 def test_measures_that_are_asked_for_become_a_specimen_and_a_picture(tmp_path: Path) -> None:
     out = tmp_path / "arm.toml"
-    answers = "finger\n1\n" + "\n" * 20
+    answers = "finger\n\n1\n" + "\n" * 20
     result = CliRunner().invoke(command, ["new", "--out", str(out), "--json"], input=answers)
     assert result.exit_code == 0, result.output
     arm = load_specimen(out)
@@ -22,9 +22,18 @@ def test_measures_that_are_asked_for_become_a_specimen_and_a_picture(tmp_path: P
     assert segments["rows"][0]["chambers"] == "0, 1, 2"
 
 
+def test_a_cylinder_with_four_chambers_is_asked_for(tmp_path: Path) -> None:
+    out = tmp_path / "arm.toml"
+    answers = "trunk\ncylinder\n1\n\n\n\n\n\n4\n" + "\n" * 20
+    result = CliRunner().invoke(command, ["new", "--out", str(out)], input=answers)
+    assert result.exit_code == 0, result.output
+    arm = load_specimen(out)
+    assert (arm.geometry.kind, len(arm.chambers)) == ("cylinder", 4)
+
+
 def test_measures_that_do_not_fit_write_nothing(tmp_path: Path) -> None:
     out = tmp_path / "arm.toml"
-    walls = ["finger", "1", *[""] * 7, "12", *[""] * 10]
+    walls = ["finger", "", "1", *[""] * 7, "12", *[""] * 10]
     result = CliRunner().invoke(command, ["new", "--out", str(out)], input="\n".join(walls))
     assert result.exit_code != 0
     assert list(tmp_path.iterdir()) == []

@@ -9,7 +9,9 @@ import click
 from softarm.cli.output import force_option, json_option, say, show
 
 if TYPE_CHECKING:
-    from softarm.estimator.specimen.measures import ArmMeasures
+    from collections.abc import Sequence
+
+    from softarm.estimator.specimen.measures import ArmMeasures, CylinderMeasures, LobeMeasures
 
 
 @click.group(no_args_is_help=True)
@@ -29,9 +31,10 @@ def command() -> None:
 def new(out: Path, force: bool, as_json: bool) -> int:
     """Ask for the measures of an arm, check them, draw what was understood, and write a specimen.
 
-    For hanging arms of SoPrA's kind: one or more soft segments, each with three chambers in three lobes and a
-    rigid section below. Measure lengths and radii in millimetres and masses in grams. A picture is written
-    beside the specimen. Calibrate it next: softarm calibrate RECORDING --specimen FILE --out FILE.
+    For hanging arms of one or more soft segments with a rigid section below each: either SoPrA's three
+    tapering lobes, or a cylinder with any number of chambers. For any other body bring a mesh file (kind
+    mesh_file in docs/specimen.md). Measure lengths and radii in millimetres and masses in grams. A picture
+    is written beside the specimen. Calibrate it next: softarm calibrate RECORDING --specimen FILE --out FILE.
 
     Example: softarm specimen new --out my_arm.toml
     """
@@ -62,19 +65,20 @@ def new(out: Path, force: bool, as_json: bool) -> int:
     return 0
 
 
+def _number(text: str, default: float, unit: str, factor: float) -> float:
+    positive = click.FloatRange(min=0.0, min_open=True)
+    return factor * float(click.prompt(f"{text} [{unit}]", default=default, type=positive, err=True))
+
+
 def _ask() -> "ArmMeasures":
     """Ask for every measure, with those of SoPrA as defaults."""
     from softarm.estimator.specimen.measures import ArmMeasures, SegmentMeasures, names_of
 
-    def number(text: str, default: float, unit: str, factor: float) -> float:
-        positive = click.FloatRange(min=0.0, min_open=True)
-        return factor * float(click.prompt(f"{text} [{unit}]", default=default, type=positive, err=True))
-
-    say("Measures of the arm; Enter takes the value in brackets, that of SoPrA.")
+    say("Measures of the arm; Enter takes the value in brackets.")
     name = click.prompt("Name of the arm", default="my_arm", err=True)
+    shape = click.prompt("Shape", default="lobes", type=click.Choice(("lobes", "cylinder")), err=True)
     count = click.prompt("Number of soft segments", default=2, type=click.IntRange(1, 6), err=True)
-    base_m = number("Length of the rigid base", 10.0, "mm", 1e-3)
-    base_radius_m = number("Radius of a lobe at the base", 17.5, "mm", 1e-3)
+    base_m = _number("Length of the rigid base", 10.0, "mm", 1e-3)
     segment_names, section_names = names_of(count)
     segments = []
     for k, segment in enumerate(segment_names):
@@ -82,23 +86,47 @@ def _ask() -> "ArmMeasures":
         last = k == count - 1
         segments.append(
             SegmentMeasures(
-                number(f"Length of the soft segment {segment}", 120.0, "mm", 1e-3),
-                number(f"Mass of {segment}", 82.0 if last and count > 1 else 160.0, "g", 1e-3),
-                number(f"Radius of a lobe at the lower end of {segment}", 9.9 if last else 14.0, "mm", 1e-3),
-                number(f"Length of the rigid section {below}", 5.0 if last else 21.0, "mm", 1e-3),
-                number(f"Mass of the section {below}", 23.0 if last else 20.0, "g", 1e-3),
+                _number(f"Length of the soft segment {segment}", 120.0, "mm", 1e-3),
+                _number(f"Mass of {segment}", 82.0 if last and count > 1 else 160.0, "g", 1e-3),
+                _number(f"Length of the rigid section {below}", 5.0 if last else 21.0, "mm", 1e-3),
+                _number(f"Mass of the section {below}", 23.0 if last else 20.0, "g", 1e-3),
             )
         )
     return ArmMeasures(
         name,
         base_m,
-        base_radius_m,
         tuple(segments),
-        number("Thickness of the walls around a chamber", 2.0, "mm", 1e-3),
-        number("Thickness between a chamber and the core", 2.0, "mm", 1e-3),
-        number("Young's modulus of the soft silicone (Shore 10A: 264)", 264.0, "kPa", 1e3),
-        number("Young's modulus of the rigid sections (Shore 30A: 1140)", 1140.0, "kPa", 1e3),
-        number("Density of the silicone", 1070.0, "kg/m3", 1.0),
-        number("Largest gauge pressure of a chamber", 65.0, "kPa", 1e3),
+        _ask_lobes(segment_names) if shape == "lobes" else _ask_cylinder(),
+        _number("Young's modulus of the soft silicone (Shore 10A: 264)", 264.0, "kPa", 1e3),
+        _number("Young's modulus of the rigid sections (Shore 30A: 1140)", 1140.0, "kPa", 1e3),
+        _number("Density of the silicone", 1070.0, "kg/m3", 1.0),
+        _number("Largest gauge pressure of a chamber", 65.0, "kPa", 1e3),
         click.confirm("Are the chambers wound with fibres?", default=True, err=True),
+    )
+
+
+def _ask_lobes(segments: "Sequence[str]") -> "LobeMeasures":
+    from softarm.estimator.specimen.measures import LobeMeasures
+
+    ends = [f"Radius of a lobe at the lower end of {segment}" for segment in segments]
+    radii = [_number("Radius of a lobe at the base", 17.5, "mm", 1e-3)]
+    radii += [_number(text, 14.0, "mm", 1e-3) for text in ends[:-1]]
+    radii += [_number(ends[-1], 9.9, "mm", 1e-3)]
+    wall = _number("Thickness of the walls around a chamber", 2.0, "mm", 1e-3)
+    return LobeMeasures(
+        tuple(radii), wall, _number("Thickness between a chamber and the core", 2.0, "mm", 1e-3)
+    )
+
+
+def _ask_cylinder() -> "CylinderMeasures":
+    from softarm.estimator.specimen.measures import CylinderMeasures
+
+    chambers = click.prompt(
+        "Number of chambers of a segment", default=3, type=click.IntRange(2, 12), err=True
+    )
+    return CylinderMeasures(
+        chambers,
+        _number("Outer radius", 18.0, "mm", 1e-3),
+        _number("Thickness of the outer wall and of those between chambers", 2.5, "mm", 1e-3),
+        _number("Radius of the core between the chambers", 6.0, "mm", 1e-3),
     )

@@ -1,5 +1,7 @@
 """Swept bodies: their volume, their chambers, their symmetry, their orientation."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import tomli_w
@@ -20,6 +22,21 @@ from softarm.estimator.specimen import (
     parse_specimen,
     specimen_table,
 )
+from softarm.estimator.specimen.measures import (
+    ArmMeasures,
+    CylinderMeasures,
+    SegmentMeasures,
+    specimen_of_measures,
+)
+
+
+def cylinder_specimen(count: int) -> Specimen:
+    """An arm of one segment with this many chambers."""
+    shape = CylinderMeasures(count, outer_radius_m=0.018, wall_m=0.0025, core_radius_m=0.006)
+    segments = (SegmentMeasures(0.1, 0.08, 0.01, 0.01),)
+    return specimen_of_measures(
+        ArmMeasures("cylinder", 0.008, segments, shape, 264e3, 1140e3, 1070.0, 50e3, wound=True)
+    )
 
 
 def volume(mesh: Mesh) -> float:
@@ -72,6 +89,36 @@ def test_quadrant_volumes_match_the_plane_figures() -> None:
         assert chamber_volume(mesh, f"chamber_{index}") == pytest.approx(exact, rel=1e-3)
     body = np.pi * geometry.outer_radius_m**2 * specimen.length_m - 4.0 * exact
     assert volume(mesh) == pytest.approx(body, rel=1e-3)
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_cylinder_volumes_match_the_plane_figures(count: int) -> None:
+    specimen = cylinder_specimen(count)
+    geometry = specimen.geometry
+    assert geometry.kind == "cylinder"
+    mesh = build_mesh(specimen, Resolution(refinement=2))
+    radii = np.linspace(geometry.core_radius_m, geometry.outer_radius_m - geometry.wall_m, 200001)
+    angles = 2.0 * np.pi / count - 2.0 * np.arcsin(0.5 * geometry.wall_m / radii)
+    exact = float(np.trapezoid(radii * angles, radii)) * 0.1
+    for index in range(count):
+        assert chamber_volume(mesh, f"chamber_{index}") == pytest.approx(exact, rel=1e-3)
+    body = np.pi * geometry.outer_radius_m**2 * specimen.length_m - count * exact
+    assert volume(mesh) == pytest.approx(body, rel=1e-3)
+    assert jacobians(mesh.points, mesh.blocks[0]).min() > 0.0
+    for number in range(count):
+        nodes = mesh.points[np.unique(mesh.surfaces[f"chamber_{number}"].facets), :2]
+        turn = 2.0 * np.pi * number / count
+        middle = 0.5 * (nodes.min(axis=0) + nodes.max(axis=0))
+        assert middle @ [np.cos(turn), np.sin(turn)] > 0.8 * np.linalg.norm(middle)
+
+
+def test_a_cylinder_with_too_few_chambers_or_no_room_for_them_is_refused() -> None:
+    table = specimen_table(cylinder_specimen(3), Path())
+    with pytest.raises(InputError, match="1 chambers where this cylinder has 2"):
+        parse_specimen(tomli_w.dumps(table | {"chambers": table["chambers"][:1]}), "cylinder")
+    table["geometry"]["core_radius_m"] = 0.017
+    with pytest.raises(InputError, match=r"core radius 0\.017 m is not between"):
+        parse_specimen(tomli_w.dumps(table), "cylinder")
 
 
 def test_block_fills_its_box() -> None:

@@ -4,12 +4,17 @@ import numpy as np
 
 from softarm.estimator.errors import InputError
 from softarm.estimator.geometry.checks import check_mesh
-from softarm.estimator.geometry.cross_sections import block_patches, lobe_patches, quadrant_patches
+from softarm.estimator.geometry.cross_sections import (
+    block_patches,
+    cylinder_patches,
+    lobe_patches,
+    quadrant_patches,
+)
 from softarm.estimator.geometry.mesh_file import read_mesh
 from softarm.estimator.geometry.resolution import DEFAULTS, Resolution
 from softarm.estimator.geometry.sweep import sweep
 from softarm.estimator.mesh import Mesh
-from softarm.estimator.specimen import Block, MeshFile, QuadrantCylinder, Specimen, SweptLobes
+from softarm.estimator.specimen import Block, Cylinder, MeshFile, QuadrantCylinder, Specimen, SweptLobes
 
 
 def build_mesh(specimen: Specimen, resolution: Resolution | None = None) -> Mesh:
@@ -45,6 +50,10 @@ def build_mesh(specimen: Specimen, resolution: Resolution | None = None) -> Mesh
         case QuadrantCylinder():
             azimuth, lobes = _lobes(specimen, 4)
             patches = quadrant_patches(geometry, azimuth, resolution)
+            mesh = sweep(specimen, lambda _: patches, lobes, (), resolution)
+        case Cylinder():
+            azimuth, lobes = _lobes(specimen, specimen.chambers_per_segment)
+            patches = cylinder_patches(geometry, azimuth, len(lobes), resolution)
             mesh = sweep(specimen, lambda _: patches, lobes, (), resolution)
         case Block():
             patches = block_patches(geometry, resolution)

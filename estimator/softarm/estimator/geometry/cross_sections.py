@@ -7,7 +7,7 @@ import numpy as np
 from softarm.estimator.geometry.patches import Curve, Patch, arc, line, moved, straight
 from softarm.estimator.geometry.resolution import Resolution
 from softarm.estimator.mesh import Floats
-from softarm.estimator.specimen import Block, QuadrantCylinder, SweptLobes
+from softarm.estimator.specimen import Block, Cylinder, QuadrantCylinder, SweptLobes
 
 ORIGIN = np.zeros(2)
 CORE_SHARE = 0.5
@@ -126,29 +126,68 @@ def quadrant_patches(shape: QuadrantCylinder, azimuth: float, resolution: Resolu
         azimuth: Direction of chamber 0's centre [rad]; the dividing walls lie 45 degrees beside it.
         resolution: Divisions.
     """
+    half = 0.5 * shape.wall_m
+    root = np.array([shape.core_m - half, half])
+    diagonal = np.array([0.5, 0.5]) * shape.core_m
+    sector = _half_sector(shape, 0.25 * np.pi, line(root, diagonal), resolution)
+    return _around(sector, 4, azimuth)
+
+
+def cylinder_patches(shape: Cylinder, azimuth: float, count: int, resolution: Resolution) -> list[Patch]:
+    """Build the patches of a cylinder with equal chambers around a round core; the same at every height.
+
+    Args:
+        shape: Shape of the body.
+        azimuth: Direction of chamber 0's centre [rad].
+        count: Number of chambers.
+        resolution: Divisions.
+    """
+    edge = float(np.arcsin(0.5 * shape.wall_m / shape.core_radius_m))
+    core = arc(ORIGIN, shape.core_radius_m, edge, np.pi / count)
+    return _around(_half_sector(shape, np.pi / count, core, resolution), count, azimuth)
+
+
+def _around(half_sector: list[Patch], count: int, azimuth: float) -> list[Patch]:
+    """Mirror half a sector and repeat it around the axis; chamber 0 is centred at ``azimuth`` [rad]."""
     patches = []
-    for quadrant in range(4):
-        turn = azimuth - 0.25 * np.pi + quadrant * 0.5 * np.pi
-        for octant in _octant(shape, resolution, quadrant):
-            patches.append(moved(octant, turn, ORIGIN))
-            patches.append(moved(_mirrored(octant, lambda points: points[..., ::-1]), turn, ORIGIN))
+    for number in range(count):
+        turn = azimuth + (2.0 * number - 1.0) * np.pi / count
+        for patch in half_sector:
+            own = patch._replace(cavity=number) if patch.cavity >= 0 else patch
+            patches.append(moved(own, turn, ORIGIN))
+            mirrored = _mirrored(own, lambda points: points * [1.0, -1.0])
+            patches.append(moved(mirrored, turn + 2.0 * np.pi / count, ORIGIN))
     return patches
 
 
-def _octant(shape: QuadrantCylinder, resolution: Resolution, number: int) -> list[Patch]:
-    """Build the octant between the x axis, along which half a dividing wall lies, and the diagonal."""
+def _half_sector(
+    shape: QuadrantCylinder | Cylinder, middle: float, core: Curve, resolution: Resolution
+) -> list[Patch]:
+    """Build the half of a sector between the x axis, along which half a dividing wall lies, and its middle.
+
+    Args:
+        shape: Radius and walls.
+        middle: Direction of the middle of the chamber [rad].
+        core: Inner boundary of the chamber, from the dividing wall to the middle.
+        resolution: Divisions.
+    """
     half, outer = 0.5 * shape.wall_m, shape.outer_radius_m
     inner = outer - shape.wall_m
     around, through = resolution.arc_divisions, resolution.wall_divisions
-    edge, rim, middle = np.arcsin(half / inner), np.arcsin(half / outer), 0.25 * np.pi
-    root = np.array([shape.core_m - half, half])
-    diagonal = np.array([0.5, 0.5]) * shape.core_m
+    edge, rim = np.arcsin(half / inner), np.arcsin(half / outer)
+    root, diagonal = core(np.array([0.0, 1.0]))
     tip = inner * np.array([np.cos(edge), np.sin(edge)])
     axis_root, axis_tip = np.array([root[0], 0.0]), np.array([tip[0], 0.0])
     far = inner * np.array([np.cos(middle), np.sin(middle)])
     outside = arc(ORIGIN, outer, 0.0, rim)
     return [
-        straight([ORIGIN, axis_root, root, diagonal], (around, through)),
+        Patch(
+            line(ORIGIN, axis_root),
+            line(axis_root, root),
+            lambda s: core(1.0 - s),
+            line(ORIGIN, diagonal),
+            (around, through),
+        ),
         straight([axis_root, axis_tip, tip, root], (around, through)),
         Patch(
             line(axis_tip, np.array([outer, 0.0])),
@@ -162,9 +201,9 @@ def _octant(shape: QuadrantCylinder, resolution: Resolution, number: int) -> lis
             line(root, tip),
             arc(ORIGIN, inner, edge, middle),
             line(diagonal, far),
-            line(root, diagonal),
+            core,
             (around, around),
-            number,
+            0,
         ),
     ]
 

@@ -41,6 +41,7 @@ class Resolution:
 DEFAULTS = {
     "swept_lobes": Resolution(layers=1),
     "quadrant_cylinder": Resolution(layers=3),
+    "cylinder": Resolution(layers=3),
     "block": Resolution(layers=6),
     "mesh_file": Resolution(),
 }

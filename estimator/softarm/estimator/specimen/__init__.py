@@ -15,7 +15,14 @@ from softarm.estimator.specimen.files import (
     save_specimen,
     specimen_table,
 )
-from softarm.estimator.specimen.geometry import Block, Geometry, MeshFile, QuadrantCylinder, SweptLobes
+from softarm.estimator.specimen.geometry import (
+    Block,
+    Cylinder,
+    Geometry,
+    MeshFile,
+    QuadrantCylinder,
+    SweptLobes,
+)
 from softarm.estimator.specimen.material import Corotational, Gent, Material, NeoHookean, Softening, Yeoh
 from softarm.estimator.specimen.physics import EffectName, Parameter, Physics, Place
 from softarm.estimator.specimen.problems import SpecimenError
@@ -30,6 +37,7 @@ __all__ = [
     "ChamberCalibration",
     "Clamp",
     "Corotational",
+    "Cylinder",
     "EffectName",
     "Fibres",
     "FrameCalibration",

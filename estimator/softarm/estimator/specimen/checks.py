@@ -171,7 +171,12 @@ def _geometry(specimen: "Specimen") -> Iterator[Inconsistency]:
                 f"stations span {bottom} to {top} m, the body 0 to {specimen.length_m} m",
                 "give stations from the base to the tip",
             )
-    wanted = {"swept_lobes": 3, "quadrant_cylinder": 4, "block": 0}[geometry.kind]
+    wanted = {
+        "swept_lobes": 3,
+        "quadrant_cylinder": 4,
+        "cylinder": max(2, specimen.chambers_per_segment),
+        "block": 0,
+    }[geometry.kind]
     for index, segment in enumerate(specimen.segments):
         azimuths = sorted(
             chamber.azimuth_rad % math.tau for chamber in specimen.chambers if chamber.segment == segment.name
@@ -179,7 +184,7 @@ def _geometry(specimen: "Specimen") -> Iterator[Inconsistency]:
         if len(azimuths) != wanted:
             yield Inconsistency(
                 f"segments[{index}]",
-                f"{len(azimuths)} chambers where a {geometry.kind} has {wanted}",
+                f"{len(azimuths)} chambers where this {geometry.kind} has {wanted}",
                 "correct [[chambers]]",
             )
         elif any(
@@ -188,7 +193,7 @@ def _geometry(specimen: "Specimen") -> Iterator[Inconsistency]:
         ):
             yield Inconsistency(
                 "chambers",
-                f"the azimuths in segment '{segment.name}' are not {360 // wanted} degrees apart",
+                f"the azimuths in segment '{segment.name}' are not {360 / wanted:g} degrees apart",
                 "space them evenly",
             )
 

@@ -91,6 +91,39 @@ class QuadrantCylinder(Entry):
         return self
 
 
+class Cylinder(Entry):
+    """A cylinder with two or more equal chambers around a round core.
+
+    The number of chambers is that of each segment in ``[[chambers]]``. Each chamber is bounded by the outer
+    wall, by the two walls that divide it from its neighbours and by the core.
+    """
+
+    kind: Literal["cylinder"]
+    """Always ``cylinder``."""
+    outer_radius_m: Positive
+    """Outer radius of the cylinder."""
+    wall_m: Positive
+    """Thickness of the outer and of the dividing walls."""
+    core_radius_m: Positive
+    """Radius of the core."""
+
+    @model_validator(mode="after")
+    def _room(self) -> Self:
+        inside = self.outer_radius_m - self.wall_m
+        if not 0.5 * self.wall_m < self.core_radius_m < inside:
+            raise PydanticCustomError(
+                "core",
+                "core radius {core} m is not between {half} m (half the wall) and {inside} m (inner radius)",
+                {
+                    "core": self.core_radius_m,
+                    "half": 0.5 * self.wall_m,
+                    "inside": inside,
+                    "cure": "give a core that leaves room for the chambers",
+                },
+            )
+        return self
+
+
 class Block(Entry):
     """A solid cuboid about the z axis, without chambers."""
 
@@ -129,4 +162,4 @@ class MeshFile(Entry):
     """Group of the held nodes; left out, the heights of ``[clamp]`` decide."""
 
 
-Geometry = Annotated[SweptLobes | QuadrantCylinder | Block | MeshFile, Field(discriminator="kind")]
+Geometry = Annotated[SweptLobes | QuadrantCylinder | Cylinder | Block | MeshFile, Field(discriminator="kind")]

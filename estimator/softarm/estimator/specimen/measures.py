@@ -13,7 +13,6 @@ POISSON_RATIO = 0.49
 """Silicone is nearly incompressible; bending hardly depends on how nearly (see the shipped specimens)."""
 WOUND_N_M = 6500.0
 """Stiffness of a wall that is wound closely, that of the shipped specimen ``sopra``."""
-AZIMUTHS = (0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0)
 
 
 @dataclass(frozen=True)
@@ -23,29 +22,58 @@ class SegmentMeasures:
     Args:
         length_m: Length of the soft part [m].
         mass_kg: Its mass [kg].
-        radius_m: Radius r of a lobe at its lower end [m].
         section_m: Length of the rigid section below it [m].
         section_kg: Mass of that section [kg].
     """
 
     length_m: float
     mass_kg: float
-    radius_m: float
     section_m: float
     section_kg: float
 
 
 @dataclass(frozen=True)
+class LobeMeasures:
+    """Three tapering lobes with a chamber in each, as SoPrA has them.
+
+    Args:
+        radii_m: Radius of a lobe at the base, and at the lower end of each segment [m].
+        wall_m: Thickness of the walls around a chamber [m].
+        floor_m: Thickness between a chamber and the core [m].
+    """
+
+    radii_m: tuple[float, ...]
+    wall_m: float
+    floor_m: float
+    chambers: int = 3
+
+
+@dataclass(frozen=True)
+class CylinderMeasures:
+    """A cylinder with equal chambers around a round core.
+
+    Args:
+        chambers: Number of chambers of a segment.
+        outer_radius_m: Outer radius [m].
+        wall_m: Thickness of the outer wall and of those between chambers [m].
+        core_radius_m: Radius of the core [m].
+    """
+
+    chambers: int
+    outer_radius_m: float
+    wall_m: float
+    core_radius_m: float
+
+
+@dataclass(frozen=True)
 class ArmMeasures:
-    """A hanging arm with three lobes and three chambers per segment, of the kind of SoPrA.
+    """A hanging arm of soft segments, each with chambers along it and a rigid section below.
 
     Args:
         name: Of the arm.
         base_m: Length of the rigid base [m].
-        base_radius_m: Radius r of a lobe at the base [m].
         segments: The soft segments from the base to the tip.
-        wall_m: Thickness of the walls around a chamber [m].
-        floor_m: Thickness between a chamber and the core [m].
+        shape: Its cross-section.
         soft_young_pa: Young's modulus of the soft silicone [Pa].
         rigid_young_pa: Young's modulus of the rigid sections [Pa].
         density_kg_m3: Density of the silicone [kg/m3].
@@ -55,10 +83,8 @@ class ArmMeasures:
 
     name: str
     base_m: float
-    base_radius_m: float
     segments: tuple[SegmentMeasures, ...]
-    wall_m: float
-    floor_m: float
+    shape: LobeMeasures | CylinderMeasures
     soft_young_pa: float
     rigid_young_pa: float
     density_kg_m3: float
@@ -76,7 +102,8 @@ def specimen_of_measures(measures: ArmMeasures) -> Specimen:
 
 
 def _table(measures: ArmMeasures) -> dict[str, object]:
-    heights, radii = _stations(measures)
+    heights = _heights(measures)
+    count = measures.shape.chambers
     segment_names, section_names = names_of(len(measures.segments))
     starts = heights[1:-1:2]
     ends = heights[2::2]
@@ -96,27 +123,21 @@ def _table(measures: ArmMeasures) -> dict[str, object]:
         sections.append(_section(section_names[k + 1], end, end + part.section_m, part.section_kg))
         chambers += [
             {
-                "index": 3 * k + number,
+                "index": count * k + number,
                 "segment": segment_names[k],
-                "azimuth_rad": azimuth,
+                "azimuth_rad": math.tau * number / count,
                 "from_m": begin,
                 "to_m": end,
                 "pressure_limit_pa": measures.pressure_limit_pa,
             }
-            for number, azimuth in enumerate(AZIMUTHS)
+            for number in range(count)
         ]
     sections[-1]["frame_origin_m"] = [0.0, 0.0, heights[-1]]
     return {
         "schema": "softarm.specimen/1",
         "name": measures.name,
         "gravity_m_s2": [0.0, 0.0, 9.81],
-        "geometry": {
-            "kind": "swept_lobes",
-            "station_heights_m": heights,
-            "lobe_radii_m": radii,
-            "wall_m": measures.wall_m,
-            "floor_m": measures.floor_m,
-        },
+        "geometry": _geometry(measures.shape, heights),
         "materials": {
             "soft": _material(measures.soft_young_pa, measures.density_kg_m3),
             "rigid": _material(measures.rigid_young_pa, measures.density_kg_m3),
@@ -130,13 +151,29 @@ def _table(measures: ArmMeasures) -> dict[str, object]:
     }
 
 
-def _stations(measures: ArmMeasures) -> tuple[list[float], list[float]]:
-    """Return heights of the ends of all parts, and the radius of a lobe there [m]."""
-    heights, radii = [0.0, measures.base_m], [measures.base_radius_m] * 2
+def _heights(measures: ArmMeasures) -> list[float]:
+    """Return the heights of the ends of all parts [m]."""
+    heights = [0.0, measures.base_m]
     for part in measures.segments:
         heights += [heights[-1] + part.length_m, heights[-1] + part.length_m + part.section_m]
-        radii += [part.radius_m] * 2
-    return [round(height, 9) for height in heights], radii
+    return [round(height, 9) for height in heights]
+
+
+def _geometry(shape: LobeMeasures | CylinderMeasures, heights: list[float]) -> dict[str, object]:
+    if isinstance(shape, CylinderMeasures):
+        return {
+            "kind": "cylinder",
+            "outer_radius_m": shape.outer_radius_m,
+            "wall_m": shape.wall_m,
+            "core_radius_m": shape.core_radius_m,
+        }
+    return {
+        "kind": "swept_lobes",
+        "station_heights_m": heights,
+        "lobe_radii_m": [radius for radius in shape.radii_m for _ in range(2)],
+        "wall_m": shape.wall_m,
+        "floor_m": shape.floor_m,
+    }
 
 
 def names_of(count: int) -> tuple[Sequence[str], Sequence[str]]:

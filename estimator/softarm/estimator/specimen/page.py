@@ -16,7 +16,7 @@ from softarm.estimator.specimen.calibration import (
     FrameCalibration,
 )
 from softarm.estimator.specimen.entry import Value
-from softarm.estimator.specimen.geometry import Block, MeshFile, QuadrantCylinder, SweptLobes
+from softarm.estimator.specimen.geometry import Block, Cylinder, MeshFile, QuadrantCylinder, SweptLobes
 from softarm.estimator.specimen.material import Corotational, Gent, NeoHookean, Softening, Yeoh
 from softarm.estimator.specimen.physics import EffectName, Parameter, Physics, Place
 from softarm.estimator.specimen.specimen import Specimen
@@ -25,6 +25,7 @@ TABLES: tuple[tuple[str, type[BaseModel]], ...] = (
     ("The file", Specimen),
     ("`[geometry]`, kind `swept_lobes`", SweptLobes),
     ("`[geometry]`, kind `quadrant_cylinder`", QuadrantCylinder),
+    ("`[geometry]`, kind `cylinder`", Cylinder),
     ("`[geometry]`, kind `block`", Block),
     ("`[geometry]`, kind `mesh_file`", MeshFile),
     ("`[materials.NAME]`, law `neo_hookean`", NeoHookean),

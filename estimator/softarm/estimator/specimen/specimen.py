@@ -78,6 +78,11 @@ class Specimen(Entry):
         return tuple(chamber.pressure_limit_pa for chamber in self.chambers)
 
     @property
+    def chambers_per_segment(self) -> int:
+        """Number of chambers in the first segment."""
+        return sum(chamber.segment == self.segments[0].name for chamber in self.chambers)
+
+    @property
     def length_m(self) -> float:
         """Height of the tip end of the last part [m]."""
         return max(part.to_m for part in self.named_parts)

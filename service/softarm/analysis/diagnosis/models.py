@@ -26,7 +26,7 @@ Answer = tuple[Floats, Floats, Floats, Floats, bool]
 PRESSURE_GRAIN = 20.0
 LOAD_GRAIN = 1e-5
 """Inputs that differ by less [Pa; N, N m, m/s2] are solved once."""
-COARSE = {"quadrant_cylinder": Resolution(layers=1)}
+COARSE = {kind: Resolution(layers=1) for kind in ("quadrant_cylinder", "cylinder")}
 """Meshes of bodies whose usual mesh takes seconds to solve; calibration takes up what they are stiffer by."""
 BUDGET = 150.0
 """Seconds for which finite elements are solved at all, so that a diagnosis ends."""
