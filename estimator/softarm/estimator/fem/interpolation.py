@@ -45,31 +45,51 @@ def node_map(nodes: Indices) -> PointMap:
     return PointMap(np.asarray(nodes, dtype=np.int64)[:, None], np.ones((len(nodes), 1)))
 
 
-def _candidates(mesh: Mesh, connectivity: Indices, points: Floats) -> tuple[Indices, Indices]:
-    """Pair points with the elements whose box holds them."""
-    corners = mesh.points[connectivity]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    margin = 0.05 * (high - low).max(axis=1, keepdims=True)
+def _candidates(kind: str, corners: Floats, points: Floats) -> tuple[Indices, Indices]:
+    """Pair points with the elements whose box holds them, along the axes and along the element's own."""
     pairs: list[tuple[Indices, Indices]] = []
+    low, high = _box(corners)
     for start in range(0, len(points), 512):
         chunk = points[start : start + 512, None]
-        which, element = np.nonzero(((chunk >= low - margin) & (chunk <= high + margin)).all(axis=2))
+        which, element = np.nonzero(((chunk >= low) & (chunk <= high)).all(axis=2))
         pairs.append((which + start, element))
-    return np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
+    which, element = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    values, slopes = shape_functions(kind, _middle(kind)[None])
+    middle, to_own = values[0] @ corners, np.linalg.inv(_regular(corners.transpose(0, 2, 1) @ slopes[0]))
+    low, high = _box((corners - middle[:, None]) @ to_own.transpose(0, 2, 1))
+    own = (to_own[element] @ (points[which] - middle[element])[..., None])[..., 0]
+    near = ((own >= low[element]) & (own <= high[element])).all(axis=1)
+    return which[near], element[near]
+
+
+def _box(corners: Floats) -> tuple[Floats, Floats]:
+    """Bound each element, shape (elements, nodes, 3), with a margin for what curves beyond its nodes."""
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    margin = 0.05 * (high - low).max(axis=1, keepdims=True)
+    return low - margin, high + margin
+
+
+def _middle(kind: str) -> Floats:
+    return np.full(3, 0.25 if kind.startswith("tet") else 0.0)
+
+
+def _regular(jacobian: Floats) -> Floats:
+    """Replace singular matrices by the identity."""
+    return np.where(np.linalg.det(jacobian)[:, None, None] == 0.0, np.eye(3), jacobian)
 
 
 def _parent(kind: str, corners: Floats, targets: Floats) -> Floats:
     """Invert the parent map by Newton's iteration, shape (pairs, 3)."""
-    parent = np.full(targets.shape, 0.25 if kind.startswith("tet") else 0.0)
+    parent = np.tile(_middle(kind), (len(targets), 1))
+    moving = np.arange(len(targets))
     for _ in range(INVERSE_MAP_ITERATIONS):
-        values, slopes = shape_functions(kind, parent)
-        gap = targets - np.einsum("pn,pni->pi", values, corners)
-        jacobian = np.einsum("pni,pnk->pik", corners, slopes)
-        regular = np.abs(np.linalg.det(jacobian)) > 0.0
-        jacobian[~regular] = np.eye(3)
+        values, slopes = shape_functions(kind, parent[moving])
+        gap = targets[moving] - (values[:, None] @ corners[moving])[:, 0]
+        jacobian = _regular(corners[moving].transpose(0, 2, 1) @ slopes)
         step = np.linalg.solve(jacobian, gap[..., None])[..., 0]
-        parent += np.clip(step, -1.0, 1.0)
-        if np.abs(step).max(initial=0.0) < 1e-12:
+        parent[moving] += np.clip(step, -1.0, 1.0)
+        moving = moving[np.abs(step).max(axis=1) >= 1e-12]
+        if not len(moving):
             break
     return parent
 
@@ -90,7 +110,7 @@ def locate(mesh: Mesh, points: Floats) -> tuple[PointMap, Floats]:
     weights = np.zeros((len(points), width))
     violation = np.full(len(points), np.inf)
     for block in mesh.blocks:
-        which, element = _candidates(mesh, block.connectivity, points)
+        which, element = _candidates(block.kind, mesh.points[block.connectivity], points)
         connectivity = block.connectivity[element]
         parent = _parent(block.kind, mesh.points[connectivity], points[which])
         outside = inside_violation(block.kind, parent)
