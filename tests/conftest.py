@@ -11,8 +11,7 @@ LOADED = np.linalg, scipy.linalg
 """Only libraries that are loaded can be limited."""
 
 REALTIME = tuple(
-    Path(__file__).parent / part
-    for part in ("service/live", "service/page", "service/bench/test_soak.py", "wire")
+    Path(__file__).parent / part for part in ("service/live", "service/page", "service/bench/test_soak.py")
 )
 
 

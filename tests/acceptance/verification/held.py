@@ -94,7 +94,7 @@ def solve_held(
             matrix, internal = tangent_and_forces(body, displacement)
             residual = (fraction * force - internal).ravel() - matrix @ jump.ravel()
             change = jump.ravel().copy()
-            change[free] = spsolve(matrix[free][:, free].tocsc(), residual[free])
+            change[free] = spsolve(matrix[free][:, free].tocsc(), residual[free], permc_spec="MMD_AT_PLUS_A")
             displacement = displacement + change.reshape(-1, 3)
             jump = np.zeros_like(displacement)
             if np.abs(change).max() <= tolerance * max(np.abs(displacement).max(), 1e-300):

@@ -1,19 +1,19 @@
-"""Half a minute of faults, stalled clients and recordings beside a running service."""
+"""Twenty seconds of faults, stalled clients and recordings beside a running service."""
 
 import pytest
 
 from acceptance.soak_run import Soak, SoakSettings
 
 pytestmark = pytest.mark.timeout(240)
-SECONDS = 30.0
+SECONDS = 20.0
 GROWTH_PERCENT = 10.0
 
 
-def test_half_a_minute_loses_no_reply_and_leaves_every_recording_readable(tmp_path):
+def test_twenty_seconds_lose_no_reply_and_leaves_every_recording_readable(tmp_path):
     figures = Soak(SoakSettings(tmp_path, SECONDS, "fem", 1), lambda _: None).run().figures
     assert (figures["replies_lost"], figures["recordings_unreadable"]) == (0, 0), figures
     assert figures["service_ended"] == "no"
     assert figures["recordings"] >= 2
-    assert figures["device_faults"] >= 4
+    assert figures["device_faults"] >= 3
     assert figures["control_growth_percent"] < GROWTH_PERCENT
     assert figures["estimator_growth_percent"] < GROWTH_PERCENT
