@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
+
 Moment = tuple[float, Any, Floats]
 """Time [s], snapshot of the arm and pressures at the outlets in chamber order [Pa]."""
 

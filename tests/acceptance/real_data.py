@@ -17,6 +17,7 @@ from softarm.analysis.offline.track import track
 from softarm.cli.output import json_option, progress, quick_option, say, show
 from softarm.common.tables import Cell, Table, as_markdown
 from softarm.estimator.arm import build_arm
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration import (
     Calibrated,
     CalibrationRefusedError,
@@ -26,14 +27,14 @@ from softarm.estimator.calibration import (
     calibrate,
     calibrated_specimen,
 )
-from softarm.estimator.calibration.nodes import Flags, block_of, training_blocks
+from softarm.estimator.calibration.nodes import block_of, training_blocks
 from softarm.estimator.calibration.regression import fit_line
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.unknowns import Modulus
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Inputs
 from softarm.estimator.node_by_node import NodeByNode
-from softarm.estimator.recording import Floats, Recording
+from softarm.estimator.recording import Recording
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import Scene
 from softarm.estimator.specimen import Calibration, Specimen, load_specimen

@@ -3,9 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
 
 
 def central_difference(function: Callable[[Floats], Floats], point: Floats, steps: Floats | float) -> Floats:

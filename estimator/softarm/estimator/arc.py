@@ -1,9 +1,8 @@
 """Length of a circular arc over its chord."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
 
 STRAIGHT = 1e-3  # rad, below which the leading terms are exact to rounding
 

@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats, Indices
+
 Singles = NDArray[np.float32]
-Indices = NDArray[np.int64]
 ElementKind = Literal["tet4", "tet10", "hex8", "hex20"]
 FacetKind = Literal["tri3", "tri6", "quad4", "quad8"]
 

@@ -8,10 +8,7 @@ written against them runs on either.
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
 
 
 @dataclass(frozen=True)

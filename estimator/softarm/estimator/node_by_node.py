@@ -5,14 +5,12 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp
 from softarm.estimator.wrapper import ModelWrapper
-
-Floats = NDArray[np.float64]
 
 NEAR = 1e-3  # out-of-balance force over the applied one, at which a Newton step leaves about its square
 NEWTON_STEPS = 12

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
 
 POSE_SUFFIXES = ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
 BEND_SUFFIXES = ("x_rad", "y_rad")

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from softarm.estimator.mesh import ElementKind, FacetKind, Floats, Indices
+from softarm.estimator.arrays import Floats, Indices
+from softarm.estimator.mesh import ElementKind, FacetKind
 
 TET_EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
 HEX_CORNERS = np.array(

@@ -7,11 +7,8 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Flags, Floats, Indices
 from softarm.estimator.model import ArmDescription, Frames
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Indices = NDArray[np.int64]
 
 
 def _no_columns() -> Floats:

@@ -6,9 +6,8 @@ three-by-three matrices would cost more than the rest of an estimator step.
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
 
 
 @njit(cache=True, nogil=True)

@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
-from softarm.estimator.mesh import Floats, Indices
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.reference_elements import (
     HEX_CORNERS,
     HEX_EDGES,

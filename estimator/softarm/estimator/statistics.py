@@ -1,9 +1,8 @@
 """Robust and correlated statistics that several estimates share."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
 
 HUBER = 1.5
 """Size of a residual, in standard deviations, from which its loss grows linearly (P. J. Huber, Robust

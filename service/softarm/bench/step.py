@@ -14,6 +14,7 @@ from softarm.bench.step_parts import solvers, tracking_parts
 from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.common.tables import Cell, Table
 from softarm.estimator.arm import model_on_mesh
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.fem.tracking import BackgroundFactorisation, TrackingModel
 from softarm.estimator.fem.tracking.frozen_tangent import freeze_tangent
@@ -29,7 +30,7 @@ from softarm.estimator.inverse import (
 )
 from softarm.estimator.inverse.objectives import Iterate, SensorObjective
 from softarm.estimator.inverse.program import build_program, solve_program
-from softarm.estimator.mesh import Floats, Mesh
+from softarm.estimator.mesh import Mesh
 from softarm.estimator.model import Inputs
 from softarm.estimator.sensing import Registration, Scene, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.sparse.linalg import splu
 
 from softarm.common.tables import Cell
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.fem.linalg.cholesky import CholeskyPlan, FactorPlan
 from softarm.estimator.fem.linalg.pardiso import PardisoPlan
@@ -18,7 +19,6 @@ from softarm.estimator.fem.tracking import BackgroundFactorisation, TrackingMode
 from softarm.estimator.fem.tracking.model import Carrier
 from softarm.estimator.fem.tracking.rotation_strain import SingleRotationStrain
 from softarm.estimator.inverse import Estimator
-from softarm.estimator.mesh import Floats
 from softarm.estimator.model import Inputs
 
 STARTING = 10

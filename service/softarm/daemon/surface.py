@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Indices
 from softarm.estimator.mesh import Mesh
 from softarm.estimator.reference_elements import CORNERS
 from softarm_client.messages import Surface
-
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,10 @@
 """Figures of errors: min, max, mean, standard deviation, share inside two standard deviations."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.experiments.paper import Published
 
-Floats = NDArray[np.float64]
 Cells = dict[str, str | int | float | bool | None]
 
 

@@ -3,17 +3,15 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.analysis.offline.track import Waypoints, begin_near, settings
 from softarm.common.errors import WorkFailedError
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.inverse import ArmEstimate, Estimator
 from softarm.estimator.model import ArmModel
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
-
-Floats = NDArray[np.float64]
 
 
 def follow(

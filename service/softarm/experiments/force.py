@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.experiments.paper import FORCE_N, Published
 from softarm.experiments.rig_control import (
     Collector,
@@ -15,8 +15,6 @@ from softarm.experiments.rig_control import (
     ramp_pressures,
 )
 from softarm_client import Arm
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import Track, Waypoints, track
 from softarm.estimator.arm import default_loads
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration import CalibrationRun, arrange, section_forces
 from softarm.estimator.calibration.scatter import scatter_in
 from softarm.estimator.fem import FiniteElementState
@@ -33,8 +33,6 @@ from softarm.experiments.pulls import (
 )
 from softarm.experiments.subsets import subset
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Advance = Callable[[float], None]
 
 RATE_HZ = 2.0

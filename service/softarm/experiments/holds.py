@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.recording import Recording
-
-Floats = NDArray[np.float64]
 
 STEADY_PA = 1.0
 """Change from sample to sample from which a command counts as moving: small steps are led slowly."""

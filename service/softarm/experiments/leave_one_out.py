@@ -8,8 +8,8 @@ P what is known beforehand, the fit without pose i moves the unknowns by
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import build_layout
 from softarm.estimator.calibration.nodes import Nodes
@@ -18,8 +18,6 @@ from softarm.estimator.sensing import MeasuredPose
 from softarm.estimator.specimen import Specimen
 from softarm.experiments.holds import Holds
 from softarm.experiments.validation import PoseErrors, pose_deviation
-
-Floats = NDArray[np.float64]
 
 
 def leave_one_out_errors(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple[PoseErrors, ...]:

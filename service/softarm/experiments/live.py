@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
@@ -22,8 +22,6 @@ from softarm.experiments.session import connect, recorded, wait_ready
 from softarm.recordings import load_recording
 from softarm_client import Arm
 from softarm_client.session import DEFAULT_ENDPOINT
-
-Floats = NDArray[np.float64]
 
 LIFETIME_S = 5.0
 PATIENCE = 5.0

@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.common.errors import WorkFailedError
+from softarm.estimator.arrays import Floats
 from softarm.estimator.recording import Recording
 from softarm.experiments.live import LiveRig
-
-Floats = NDArray[np.float64]
 
 CORD_M = 0.30
 HIGHEST_PA = 45e3

@@ -5,10 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.analysis.calibration_tables import calibration_tables
 from softarm.common.tables import Table
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration import (
     CalibrationRun,
     Options,
@@ -33,8 +33,6 @@ from softarm.experiments.seed import SeedResult, series_of
 from softarm.experiments.teaching import TaughtPoses, miss_rows, misses, pose_of
 from softarm.experiments.validation import pose_errors, rows
 from softarm.recordings import save_recording
-
-Floats = NDArray[np.float64]
 
 LOOK_S = 0.5
 NODES = 90

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.estimator.arm import build_arm, default_loads
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration import section_forces
 from softarm.estimator.model import ArmModel, Load
 from softarm.estimator.node_by_node import NodeByNode
@@ -17,8 +17,6 @@ from softarm.estimator.wrapper import BatchModelWrapper
 
 Advance = Callable[[float], None]
 
-
-Floats = NDArray[np.float64]
 
 NEAR_PA = 15e3
 NEAR_N = 0.3

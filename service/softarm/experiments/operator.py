@@ -4,12 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from softarm.estimator.arrays import Floats
 from softarm.experiments.rig_control import FakeControl
-
-Floats = NDArray[np.float64]
 
 
 class ExperimentOperator(Protocol):

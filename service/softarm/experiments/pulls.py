@@ -3,18 +3,15 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.analysis.offline.track import State, Track
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.calibration.pulls import cord_direction, gauged_section
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
 from softarm.experiments.holds import means
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 TAUT_N = 0.03
 STILL_M_S = 1e-3

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from softarm.common.errors import WorkFailedError
+from softarm.estimator.arrays import Floats
 
-Floats = NDArray[np.float64]
 TIMEOUT_S = 600.0
 
 

@@ -9,14 +9,12 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.rotations import from_quaternions
 from softarm_client import Arm
 from softarm_client.messages import Estimate, State
-
-Floats = NDArray[np.float64]
 
 
 class FakeControl:

@@ -5,13 +5,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.errors import InputError
 from softarm.estimator.sensing import Bend, MeasuredPose, Measurement, Orientation, SensorSuite
 
-Floats = NDArray[np.float64]
 SUBSETS = ("bends", "orientations", "poses", "fused")
 
 

@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import actuation
 from softarm.common.errors import WorkFailedError
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration import CalibrationRun, arrange
 from softarm.estimator.calibration.scatter import scatter_in
 from softarm.estimator.errors import InputError
@@ -27,9 +27,6 @@ from softarm.experiments.paper import TEACH_DEGREES, TEACH_MM
 from softarm.experiments.recorded import FakeRun, holds_table, perform
 from softarm.experiments.subsets import subset
 from softarm.recordings import load_recording
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 CORRECTIONS = 2
 RATE_HZ = 1.0

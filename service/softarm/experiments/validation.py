@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
@@ -17,7 +18,6 @@ from softarm.experiments.figures import Cells, beside, error_figures, inside, wi
 from softarm.experiments.holds import Holds
 from softarm.experiments.paper import VALIDATION_DEGREES, VALIDATION_MM
 
-Floats = NDArray[np.float64]
 FEWEST_POSES = 5
 
 

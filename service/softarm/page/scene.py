@@ -9,11 +9,11 @@ import viser
 from numpy.typing import NDArray
 from viser.transforms import SO3
 
+from softarm.estimator.arrays import Floats
 from softarm.page.body import Body, Chamber
 from softarm.page.readings import COLOURS, load_deviation
 from softarm_client.messages import Contact, Estimate, LoadEstimate, SectionPose, Surface
 
-Floats = NDArray[np.float64]
 METRES_PER_NEWTON = 0.15
 LAYER_M = 2e-3
 """Nodes whose heights at rest differ by less belong to one layer of the surface."""

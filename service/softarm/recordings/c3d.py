@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
-from softarm.estimator.recording import MARKER_SUFFIXES, Floats
+from softarm.estimator.recording import MARKER_SUFFIXES
 from softarm.recordings.columns import TIME
 from softarm.recordings.mapping import mapped_names
 

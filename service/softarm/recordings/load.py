@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
-from softarm.estimator.recording import Floats, Recording
+from softarm.estimator.recording import Recording
 from softarm.recordings.c3d import read_c3d
 from softarm.recordings.files import refuse_existing, whole_files
 from softarm.recordings.info import format_info, read_info, sidecar

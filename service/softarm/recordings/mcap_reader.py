@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
-from softarm.estimator.recording import Floats, Recording
+from softarm.estimator.recording import Recording
 from softarm.recordings.columns import TIME, column_name
 from softarm.recordings.info import parse_info
 from softarm.recordings.mcap_records import CutOff, Damage, walk

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
-from softarm.estimator.recording import MARKER_SUFFIXES, POSE_SUFFIXES, Floats
+from softarm.estimator.recording import MARKER_SUFFIXES, POSE_SUFFIXES
 from softarm.estimator.rotations import to_quaternions
 from softarm.recordings.columns import TIME
 from softarm.recordings.mapping import MILLIMETRE, mapped_names

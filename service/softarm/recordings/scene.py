@@ -21,7 +21,6 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-Floats = NDArray[np.float64]
 FRAMES, SCENE = "/frames", "/scene"
 """Topics of the frames and of the scene."""
 BASE, LABORATORY, MEASURED = "base", "laboratory", "measured/"

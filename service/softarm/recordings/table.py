@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
-from softarm.estimator.recording import Floats, Recording
+from softarm.estimator.recording import Recording
 from softarm.recordings.columns import TIME, check_names
 from softarm.recordings.validate import row
 

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
-from softarm.estimator.recording import Floats, Recording
+from softarm.estimator.recording import Recording
 from softarm.recordings.columns import TIME, check_names
 
 LARGEST_PRESSURE = 2e6  # Pa; no chamber of silicone holds 20 bar, so it is another unit

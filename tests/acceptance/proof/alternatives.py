@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acceptance.proof.schedule import SealedTrial
 from acceptance.proof.trial import Folders, concealed, diagnosed, name_of
@@ -18,6 +17,7 @@ from softarm.analysis.offline.inputs import load_recordings
 from softarm.analysis.offline.resample import resample
 from softarm.bench.trials.run import WRITTEN
 from softarm.common.tables import Cell, Table
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration import arrange
 from softarm.estimator.effects.accepted import accepted_physics
 from softarm.estimator.effects.simulate import simulate_with
@@ -26,8 +26,6 @@ from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.simulation import Drive, LinearisedArm
 from softarm.estimator.specimen import Specimen, load_specimen
 from softarm.experiments.excitation_plan import subject_of
-
-Floats = NDArray[np.float64]
 
 TRIAL = SealedTrial("pair", 4900, "viscoelastic_creep+chamber_gain")
 EXCITATION = "hanging"

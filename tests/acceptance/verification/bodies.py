@@ -8,8 +8,9 @@ from scipy.optimize import brentq
 
 from acceptance.verification.box import box, mapped, with_nodes, with_surface
 from acceptance.verification.held import HeldResult, facet_forces, free_body, solve_held
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem import FiniteElementModel, Material, Settings
-from softarm.estimator.mesh import ElementKind, Floats
+from softarm.estimator.mesh import ElementKind
 from softarm.estimator.model import Inputs, Load
 
 INNER, OUTER = 0.01, 0.02

@@ -6,10 +6,11 @@ import numpy as np
 
 from acceptance.verification.box import box, mapped
 from acceptance.verification.held import HeldResult, free_body, solve_held, tangent_and_forces
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem import Material
 from softarm.estimator.fem.elements.material import CorotationalLaw, HyperelasticLaw
 from softarm.estimator.geometry.faces import boundary_faces
-from softarm.estimator.mesh import ElementKind, Floats, Indices, Mesh
+from softarm.estimator.mesh import ElementKind, Mesh
 from softarm.estimator.shape_functions import quadrature, shape_functions
 
 KINDS: tuple[ElementKind, ...] = ("tet4", "tet10", "hex8", "hex20")

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem import Material
 from softarm.estimator.fem.assembly import Body, build_body
-from softarm.estimator.mesh import Floats, Mesh
+from softarm.estimator.mesh import Mesh
 from softarm.estimator.shape_functions import quadrature, shape_functions
 
 NOBODY = np.zeros(0, dtype=np.int64)

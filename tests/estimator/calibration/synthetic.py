@@ -1,9 +1,9 @@
 """Recordings of a toy arm whose calibration is known."""
 
 import numpy as np
-from numpy.typing import NDArray
 from toy import toy
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import to_quaternions
 from softarm.estimator.sensing import Registration, Scene
@@ -17,8 +17,6 @@ from softarm.estimator.specimen import (
     Value,
     load_specimen,
 )
-
-Floats = NDArray[np.float64]
 
 GAINS = np.array([1.1, 0.95, 0.95, 0.9, 1.05, 1.05])
 SCALES = {"upper": 0.7, "lower": 1.4}

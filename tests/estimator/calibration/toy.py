@@ -8,12 +8,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.rotations import exp
-
-Floats = NDArray[np.float64]
 
 AZIMUTHS = np.arange(3) * 2 * np.pi / 3
 PUSH = -2e-5 * np.array([np.cos(AZIMUTHS), np.sin(AZIMUTHS)])  # rad per Pa at a stiffness of one

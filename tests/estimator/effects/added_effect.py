@@ -1,12 +1,11 @@
 """An effect that the library does not have, as its file would look."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import Spot, chambers
 
-Floats = NDArray[np.float64]
 HALF = 20e3
 
 

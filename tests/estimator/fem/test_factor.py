@@ -8,12 +8,12 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from acceptance.verification.box import box, mapped, with_nodes
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem import DistributedLoad, FiniteElementModel, Material, SolveStatus
 from softarm.estimator.fem.linalg.cholesky import CholeskyPlan, FactorPlan
 from softarm.estimator.fem.linalg.pardiso import PardisoPlan
 from softarm.estimator.fem.linalg.pattern import Tangent
 from softarm.estimator.fem.linalg.symbolic import analyse
-from softarm.estimator.mesh import Floats
 from softarm.estimator.model import Inputs
 
 ArmOf = Callable[..., FiniteElementModel]

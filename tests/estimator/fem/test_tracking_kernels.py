@@ -6,12 +6,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.fem.linalg.cholesky import CholeskyFactor
 from softarm.estimator.fem.tracking import TrackingModel
 from softarm.estimator.fem.tracking.rotation_strain import SingleRotationStrain
 from softarm.estimator.fem.tracking.single_factor import SingleFactor
-from softarm.estimator.mesh import Floats
 from softarm.estimator.model import Inputs
 from softarm.estimator.rotations import exp
 

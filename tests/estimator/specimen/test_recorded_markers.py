@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from softarm.estimator.mesh import Floats
+from softarm.estimator.arrays import Floats
 from softarm.estimator.sensing.registration import register
 from softarm.estimator.specimen import Specimen, load_specimen
 from softarm.recordings import load_recording

@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.augmented.model import ShapedModel, ShapedStep, Spread
 from softarm.estimator.effects.accepted import accepted_physics
 from softarm.estimator.effects.effect import Memory
@@ -34,7 +34,6 @@ from softarm.estimator.simulation.compliance import bounded_inverse
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
 
-Floats = NDArray[np.float64]
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.gaps import interpolate
 from softarm.estimator.calibration.pulls import LEAST_PULL, known_pulls
 from softarm.estimator.errors import InputError
@@ -16,9 +16,6 @@ from softarm.estimator.rotations import exp, from_quaternions, mean_rotation, wi
 from softarm.estimator.sensing import Measurement, Registration, SensorSuite, register
 from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.specimen import Specimen
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 SYSTEMATIC_SHARE = 0.25  # of a marker's noise that stays however many readings are averaged
 OVERSHOOT = 1.1  # a measured pressure may pass the limit that commands must keep by this factor

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.fit import CalibrationFit, fit
 from softarm.estimator.calibration.forward import Forward, NodePredictions
@@ -32,9 +32,6 @@ from softarm.estimator.model import Frames
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import Bend, SensorSuite
 from softarm.estimator.specimen import Specimen
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 NODES = 240
 LEAST_PRESSURE_SPREAD = 1.0e3  # Pa; a chamber that moved less tells nothing of its gain

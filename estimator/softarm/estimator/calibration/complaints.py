@@ -1,13 +1,11 @@
 """What a recording lacks that a calibration could have used, with what to do about it."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.pulls import HOOK, LEAST_PULL
 from softarm.estimator.recording import Recording
-
-Floats = NDArray[np.float64]
 
 NEAR_MOST = 0.8  # of a gauge's largest reading
 LONGEST_GAP = 0.5  # s between two readings of a gauge within its range

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
 from softarm.estimator.calibration.arrange import CalibrationRun
@@ -18,8 +17,6 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.specimen import Specimen
-
-Floats = NDArray[np.float64]
 
 SIGNIFICANCE = 0.01
 LEAST_RATIO = 1.3

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.scatter import vented
@@ -23,9 +24,6 @@ from softarm.estimator.statistics import (
     huber_weight,
     weighted_median,
 )
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 PULLED = ", pulled"
 """Runs with known forces have a scatter of their own: the arm hangs near rest, where a model is truer."""

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.layout import Layout
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.setting import Setting
@@ -14,9 +14,6 @@ from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse, BatchArmModel
 from softarm.estimator.sensing import Scene
 from softarm.estimator.simulation import Segments, with_segments
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

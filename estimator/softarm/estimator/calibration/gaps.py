@@ -1,9 +1,8 @@
 """Readings of streams that do not share their times, brought to common ones."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
 
 LONGEST_BRIDGE = 0.25  # s; over a longer gap nothing is known
 

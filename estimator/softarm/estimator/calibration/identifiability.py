@@ -4,12 +4,11 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.layout import Layout
 from softarm.estimator.calibration.unknowns import Unknown
 
-Floats = NDArray[np.float64]
 Verdict = Literal["determined", "weakly determined", "kept"]
 
 DETERMINED = 0.5

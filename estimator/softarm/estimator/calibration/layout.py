@@ -4,8 +4,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.unknowns import (
     Alignment,
@@ -26,9 +26,6 @@ from softarm.estimator.calibration.unknowns import (
 from softarm.estimator.sensing import Bend, MeasuredPose, Measurement, Orientation, SensorSuite
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import StretchLaw
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 MODULUS_SPREAD = np.log(2.0)  # fitted shear moduli of such arms range from 35 to 152 kPa
 GAIN_SPREAD = 0.15

@@ -5,13 +5,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from softarm.estimator.calibration.arrange import CalibrationRun, Floats
-
-Flags = NDArray[np.bool_]
-Indices = NDArray[np.int64]
+from softarm.estimator.arrays import Flags, Floats, Indices
+from softarm.estimator.calibration.arrange import CalibrationRun
 
 BLOCK = 10.0  # s
 WINDOW = 0.1  # s over which a node's readings are averaged

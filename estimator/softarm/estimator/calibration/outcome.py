@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.identifiability import Identified
 from softarm.estimator.calibration.setting import gravity_axes
 from softarm.estimator.calibration.unknowns import Modulus
@@ -17,8 +17,6 @@ from softarm.estimator.specimen import (
     Specimen,
     Value,
 )
-
-Floats = NDArray[np.float64]
 
 ZERO = Value(value=0.0)
 

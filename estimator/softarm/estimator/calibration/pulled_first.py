@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.fit import fit
 from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.layout import Layout
@@ -18,9 +18,6 @@ from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.scatter import vented
 from softarm.estimator.calibration.unknowns import Modulus, PressureUnknown
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 FEWEST_PULLS = 5  # nodes at which a known force must act before it counts as telling the moduli
 HELD = 0.002  # of a modulus' logarithm that pressures may move it from what pulls told

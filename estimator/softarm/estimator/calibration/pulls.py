@@ -9,16 +9,14 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.gaps import LONGEST_BRIDGE, interpolate
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Load
 from softarm.estimator.recording import Recording
 from softarm.estimator.sensing import Registration
 from softarm.estimator.specimen import Specimen
-
-Floats = NDArray[np.float64]
 
 HOOK = "hook"
 REPEATS = 8  # readings in a row that count as standing still

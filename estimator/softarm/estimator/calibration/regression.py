@@ -3,12 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.arrange import CalibrationRun
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LONGEST_LAG = 0.3  # s
 LAG_STEP = 0.02

@@ -9,13 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.model import Frames
 from softarm.estimator.sensing import Bend, Scene, SensorSuite
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

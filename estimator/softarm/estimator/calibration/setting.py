@@ -5,16 +5,14 @@ from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.rotations import exp
 from softarm.estimator.sensing import ActuationMap, Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import StretchedBatch, StretchLaw
-
-Floats = NDArray[np.float64]
 
 
 def gravity_axes(gravity: Floats) -> Floats:

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.fit import Scatter, robust_cost
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import Layout
@@ -13,9 +13,6 @@ from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.search import AxesFit
 from softarm.estimator.calibration.unknowns import Modulus
 from softarm.estimator.specimen import Specimen
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 STIFFER = (1.0, 1.4, 2.0, 2.8)
 PROBES = 6

@@ -10,15 +10,13 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import skew
 from softarm.estimator.sensing import ActuationMap, MarkerPosition, MeasuredPose, Scene, SensorSuite
-
-Floats = NDArray[np.float64]
 
 LOWEST_TORSION, HIGHEST_TORSION = -0.7, 4.0  # shares of the model's compliance that a segment may have more
 SINGLE_STEPS = "raise single chambers in steps over their whole range, each held for 5 s"

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
 from softarm.estimator.errors import InputError
-from softarm.estimator.recording import Floats, Recording
+from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import SHIPPED, Specimen
 
 LEAST_SAMPLES = 20

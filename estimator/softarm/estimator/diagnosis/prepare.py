@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.calibration import CalibrationRun, arrange, section_forces
 from softarm.estimator.calibration.pulls import HOOK, LEAST_PULL, gauged_section
-from softarm.estimator.diagnosis.session import Floats, Indices, Session
+from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Load
 from softarm.estimator.recording import Recording

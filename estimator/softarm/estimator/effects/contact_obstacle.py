@@ -4,16 +4,14 @@ n = (cos a, sin a, 0) points into the wall, d is its distance from the arm's axi
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     AROUND,
     Spot,
     moving_sections,
 )
-
-Floats = NDArray[np.float64]
 
 SOFTEST = 25.0
 """Stiffness [N/m] below which what holds a section back is no obstacle."""

@@ -1,15 +1,11 @@
 """Density other than described: all weights scale, g -> g (1 + s)."""
 
-import numpy as np
-from numpy.typing import NDArray
-
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ModalChange, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     everywhere,
 )
-
-Floats = NDArray[np.float64]
 
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.amounts import Amount
 from softarm.estimator.effects.world import Spot, World
 from softarm.estimator.specimen.physics import EffectName, Place
-
-Floats = NDArray[np.float64]
 
 Hook = Literal["command", "pressure", "gravity", "support", "load", "couple", "sensing"]
 Memory = tuple[Floats, ...]

@@ -1,12 +1,9 @@
 """What a recording excites, so that an effect it cannot show is called not testable rather than absent."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.effects.effect import Excitation
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 QUIET = 300.0
 """Pressures that vary by less count as still [Pa]."""

@@ -1,16 +1,14 @@
 """A sensor mounted turned about the arm's axis: its two bend axes, or its frame, are rotated."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.readings import from_vector, to_vector
 from softarm.estimator.effects.world import (
     Spot,
     sensors,
 )
-
-Floats = NDArray[np.float64]
 
 BEND = 2  # entries of a reading of two bend angles
 

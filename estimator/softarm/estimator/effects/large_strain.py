@@ -7,11 +7,9 @@ K_a d (1 - k (2 t^2 + 4/3 d^2 / r^2)); the sums in brackets are the loss of bend
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.world import World
-
-Floats = NDArray[np.float64]
 
 
 def losses(strains: Floats, world: World) -> Floats:

@@ -8,15 +8,13 @@ with q = D / (1 - D) and D the share of bending stiffness lost about the axis.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ModalChange, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     segments,
 )
-
-Floats = NDArray[np.float64]
 
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:

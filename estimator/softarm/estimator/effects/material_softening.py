@@ -4,17 +4,13 @@ Every strain grows beyond the linear one u by a power of its size, as in the law
 of 2 it is the leading term of Yeoh's law, with n of 1 a modulus that falls from the first strain on.
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.large_strain import losses
 from softarm.estimator.effects.world import (
     Spot,
     whole_and_segments,
 )
-
-Floats = NDArray[np.float64]
 
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:

@@ -5,16 +5,14 @@ with q of the step before.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.large_strain import losses
 from softarm.estimator.effects.world import (
     Spot,
     whole_and_segments,
 )
-
-Floats = NDArray[np.float64]
 
 STEPS = 12
 

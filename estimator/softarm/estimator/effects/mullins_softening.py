@@ -5,17 +5,15 @@ Ogden-Roxburgh: stiffness factor eta = 1 - s erf((M^2 - A^2) / w^2), A the size 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import erf
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.large_strain import size
 from softarm.estimator.effects.world import (
     Spot,
     whole_and_segments,
 )
-
-Floats = NDArray[np.float64]
 
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:

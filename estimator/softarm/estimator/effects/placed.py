@@ -5,14 +5,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Hook, Memory, Signals
 from softarm.estimator.effects.world import Spot, World
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.simulation import Drive
-
-Floats = NDArray[np.float64]
 
 FIELDS: Mapping[Hook, str] = {
     "command": "pressures",

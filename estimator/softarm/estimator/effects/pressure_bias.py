@@ -1,15 +1,11 @@
 """A valve's pressure is off by a constant while it is open, none while vented: p -> p + b where p > 0."""
 
-import numpy as np
-from numpy.typing import NDArray
-
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import (
     Spot,
     whole_and_chambers,
 )
-
-Floats = NDArray[np.float64]
 
 OPEN = 100.0  # Pa; below it a chamber counts as vented
 

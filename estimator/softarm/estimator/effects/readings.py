@@ -1,11 +1,9 @@
 """Readings as vectors that small errors are added to: angles and places as they are, frames by their turn."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.rotations import exp, from_quaternions, log, to_quaternions
-
-Floats = NDArray[np.float64]
 
 QUATERNION = 4
 """Entries of an orientation; a pose has as many after its place."""

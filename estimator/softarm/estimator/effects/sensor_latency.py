@@ -5,16 +5,14 @@ kept, and is brought back to unit length.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.readings import QUATERNION, turns
 from softarm.estimator.effects.world import (
     Spot,
     sensors,
 )
-
-Floats = NDArray[np.float64]
 
 LONGEST = 1.0  # s, the upper bound of the delay
 

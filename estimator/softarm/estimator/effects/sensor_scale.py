@@ -4,8 +4,8 @@ A frame shows too much of its way and of its turn from where it was first seen.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.readings import QUATERNION, turns
 from softarm.estimator.effects.world import (
@@ -13,8 +13,6 @@ from softarm.estimator.effects.world import (
     sensors,
 )
 from softarm.estimator.rotations import exp, from_quaternions, log, to_quaternions
-
-Floats = NDArray[np.float64]
 
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001

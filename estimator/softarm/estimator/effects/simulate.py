@@ -10,16 +10,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Memory
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
 from softarm.estimator.effects.world import World
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.sensing import Scene, SensorSuite
 from softarm.estimator.simulation import Drive, RespondingArm
-
-Floats = NDArray[np.float64]
 
 ITERATIONS = 40
 TOLERANCE = 1e-7

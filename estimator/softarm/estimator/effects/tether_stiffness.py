@@ -5,8 +5,8 @@ A cord is soft where an obstacle is hard: what holds back with less than ``SOFTE
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects import contact_obstacle
 from softarm.estimator.effects.contact_obstacle import SOFTEST
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
@@ -15,8 +15,6 @@ from softarm.estimator.effects.world import (
     Spot,
     moving_sections,
 )
-
-Floats = NDArray[np.float64]
 
 OPPOSITE = np.array([0.0, 0.0, np.pi])
 """From the parameters of a cord to those of the wall that would push to where it is tied."""

@@ -3,16 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.sensing import ActuationMap
 from softarm.estimator.simulation import Segments
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.specimen.physics import Place
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

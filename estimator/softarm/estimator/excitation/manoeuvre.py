@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Excitation
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

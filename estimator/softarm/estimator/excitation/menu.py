@@ -3,12 +3,11 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Excitation
 from softarm.estimator.excitation.manoeuvre import Manoeuvre, ManoeuvreLimits, ManoeuvrePath
 
-Floats = NDArray[np.float64]
 Segments = tuple[int, ...]
 """Segment of each chamber."""
 

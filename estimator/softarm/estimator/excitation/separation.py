@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.effects.simulate import simulate_with
 from softarm.estimator.effects.world import World
@@ -26,8 +26,6 @@ from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp, log
 from softarm.estimator.sensing import Scene, SensorSuite
 from softarm.estimator.simulation import Drive, LinearisedArm, RespondingArm, Segments
-
-Floats = NDArray[np.float64]
 
 FADING = 3.0  # s, over which errors of readings and model forget
 SLOWEST = 0.87  # from sample to sample; readings scatter also at once, so that jumps count no more than so

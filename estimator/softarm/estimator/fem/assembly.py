@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.elements.cavity import Cavities, build_cavities
 from softarm.estimator.fem.elements.fibre import Bars, Membrane, build_membrane, merge_bars
@@ -18,7 +19,7 @@ from softarm.estimator.fem.linalg.symbolic import analyse
 from softarm.estimator.fem.parity.corotational import Tetrahedra, build_tetrahedra
 from softarm.estimator.fem.parity.springs import Springs, build_springs
 from softarm.estimator.fem.rotation_strain import RotationStrain
-from softarm.estimator.mesh import ElementBlock, Floats, Indices, Mesh
+from softarm.estimator.mesh import ElementBlock, Mesh
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.errors import InputError
-from softarm.estimator.mesh import Floats, Indices, Mesh
+from softarm.estimator.mesh import Mesh
 from softarm.estimator.reference_elements import inside_violation
 from softarm.estimator.shape_functions import shape_functions
 

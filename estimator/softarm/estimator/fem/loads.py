@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.sections import SectionFit, SectionFrame, build_slice
-from softarm.estimator.mesh import Floats, Indices, Mesh
+from softarm.estimator.mesh import Mesh
 from softarm.estimator.model import Load
 from softarm.estimator.shape_functions import quadrature, shape_functions
 

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.assembly import Body, build_body
 from softarm.estimator.fem.elements.fibre import Membrane
@@ -17,7 +18,7 @@ from softarm.estimator.fem.sections import SectionFit, SectionFrame, SectionNode
 from softarm.estimator.fem.statics.continuation import EquilibriumPath, between
 from softarm.estimator.fem.statics.equilibrium import Balance, Settings, stable_factor, take_step
 from softarm.estimator.fem.statics.solution import Solution
-from softarm.estimator.mesh import Floats, Mesh
+from softarm.estimator.mesh import Mesh
 from softarm.estimator.model import Frames, Inputs, Load
 
 ROUNDING = 30.0 * np.finfo(float).eps

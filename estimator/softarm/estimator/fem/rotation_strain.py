@@ -20,8 +20,9 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import SuperLU, splu
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.linalg.small import polar_rotations
-from softarm.estimator.mesh import ElementBlock, Floats, Indices
+from softarm.estimator.mesh import ElementBlock
 from softarm.estimator.rotations import exp
 from softarm.estimator.shape_functions import quadrature, shape_functions
 

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.interpolation import PointMap, cross_section, node_map, points_inside
-from softarm.estimator.mesh import Floats, Mesh
+from softarm.estimator.mesh import Mesh
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import skew
 

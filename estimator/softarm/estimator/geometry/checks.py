@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.geometry.faces import open_edges
-from softarm.estimator.mesh import ElementBlock, Floats, Mesh
+from softarm.estimator.mesh import ElementBlock, Mesh
 from softarm.estimator.shape_functions import quadrature, shape_functions, volume_form
 
 

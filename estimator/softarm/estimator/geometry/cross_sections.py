@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.geometry.patches import Curve, Patch, arc, line, moved, straight
 from softarm.estimator.geometry.resolution import Resolution
-from softarm.estimator.mesh import Floats
 from softarm.estimator.specimen import Block, Cylinder, QuadrantCylinder, SweptLobes
 
 ORIGIN = np.zeros(2)

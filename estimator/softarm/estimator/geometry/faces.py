@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.mesh import ElementKind, FacetKind, Indices
+from softarm.estimator.arrays import Indices
+from softarm.estimator.mesh import ElementKind, FacetKind
 from softarm.estimator.reference_elements import CORNERS, ELEMENT_FACES, FACE_KIND
 
 

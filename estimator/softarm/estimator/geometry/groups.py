@@ -8,8 +8,9 @@ from typing import Any
 import meshio
 import numpy as np
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.errors import InputError, suggest
-from softarm.estimator.mesh import ElementKind, FacetKind, Floats, Indices
+from softarm.estimator.mesh import ElementKind, FacetKind
 
 ELEMENTS: Mapping[str, ElementKind] = {
     "tetra": "tet4",

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from softarm.estimator.mesh import ElementBlock, ElementSurface, Indices, Mesh
+from softarm.estimator.arrays import Indices
+from softarm.estimator.mesh import ElementBlock, ElementSurface, Mesh
 
 
 def without_orphans(mesh: Mesh) -> Mesh:

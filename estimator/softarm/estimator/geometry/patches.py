@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from softarm.estimator.mesh import Floats, Indices
+from softarm.estimator.arrays import Floats, Indices
 
 Curve = Callable[[Floats], Floats]
 

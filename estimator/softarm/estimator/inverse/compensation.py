@@ -6,9 +6,9 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse.estimate import ArmEstimate
 from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Tolerances
@@ -18,7 +18,6 @@ from softarm.estimator.inverse.problem import Problem
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation
 from softarm.estimator.sensing import Scene, SensorSuite
 
-Floats = NDArray[np.float64]
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 

@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import interp1d
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse.estimate import ArmEstimate
 from softarm.estimator.model import ArmModel, Inputs, Linearisation, Load
 from softarm.estimator.sensing import Scene, SensorSuite
 
-Floats = NDArray[np.float64]
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 

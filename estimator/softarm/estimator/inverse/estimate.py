@@ -6,8 +6,8 @@ from functools import cached_property
 from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Linearised, Minimum, Status
 from softarm.estimator.inverse.objectives import PRESSURES, WeightedRows
@@ -16,8 +16,6 @@ from softarm.estimator.inverse.unknowns import Unknowns
 from softarm.estimator.model import Frames, Inputs
 from softarm.estimator.sensing import SensorSuite
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 State = TypeVar("State")
 
 

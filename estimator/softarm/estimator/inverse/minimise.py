@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Generic, Literal, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.objectives import Iterate, Objective, WeightedRows
 from softarm.estimator.inverse.program import build_program, solve_program
@@ -14,7 +14,6 @@ from softarm.estimator.inverse.unknowns import Unknowns
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation
 from softarm.estimator.rotations import exp
 
-Floats = NDArray[np.float64]
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 Status = Literal["converged", "iterations_exhausted", "diverged"]

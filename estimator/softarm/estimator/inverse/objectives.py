@@ -12,10 +12,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
 from softarm.estimator.sensing import Scene, SensorSuite
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.inverse.unknowns import Unknowns
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 UNSEEN = 1e-6
 """Singular value, relative to the largest, under which a direction counts as not seen at all."""

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from proxsuite import proxqp
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.objectives import WeightedRows
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

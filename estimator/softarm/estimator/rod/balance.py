@@ -2,8 +2,8 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.rod.arrays import Actions, ChainInputs, Laws, Work
 from softarm.estimator.rod.laws import evaluate_laws
 from softarm.estimator.rod.statics import action_points, place, wrenches
@@ -15,9 +15,6 @@ from softarm.estimator.rod.tangent import (
     wrench_jacobian,
 )
 from softarm.estimator.rod.vectors import rotate
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)

@@ -5,8 +5,8 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.rod.model import CalibratedRod
@@ -14,8 +14,6 @@ from softarm.estimator.rod.samples import Progress, Samples, SamplingPlan, draw_
 from softarm.estimator.rod.stations import NEAR, Stations
 from softarm.estimator.rotations import log
 from softarm.estimator.specimen import Specimen
-
-Floats = NDArray[np.float64]
 
 UNTRAINED = (0.35, 0.6, 0.9)
 """Where between the ends of a soft segment loads act that no fit has seen."""

@@ -9,12 +9,9 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.rod.arrays import Laws
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 DEGREE = 4
 """Factors per term in the table; lower degrees are filled up with the constant."""

@@ -8,13 +8,11 @@ L = D P with D their derivative by M and P that of M by the nodes, and (K - D P)
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.fem.linalg.cholesky import StiffnessFactor
 from softarm.estimator.fem.sections import SectionFit
-
-Floats = NDArray[np.float64]
 
 STEP = 1e-5
 """Rotation by which the forces are differentiated [rad]."""

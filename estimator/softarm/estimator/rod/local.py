@@ -5,16 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Load
 from softarm.estimator.rod.arrays import Actions, ChainInputs
 from softarm.estimator.rod.chain import Chain
 from softarm.estimator.rod.samples import Samples
 from softarm.estimator.rod.statics import action_points, strain_between, wrenches
 from softarm.estimator.rotations import exp
-
-Floats = NDArray[np.float64]
 
 MOVE = 1e-5
 """Largest rotation [rad] or translation [m] by which frames are moved to differentiate."""

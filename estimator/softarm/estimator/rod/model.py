@@ -5,17 +5,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rod.arrays import Actions, ChainInputs, Laws, Work, new_work
 from softarm.estimator.rod.balance import respond, respond_all
 from softarm.estimator.rod.chain import Chain
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 TOLERANCE, COARSE = 1e-6, 1e-4
 """Gap of a strain [rad, share of a link's length] that one more Newton step closes to about its square; the

@@ -4,18 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.rod.arrays import Laws
 from softarm.estimator.rod.chain import Chain
 from softarm.estimator.rod.laws import OUTPUTS, feature_slopes, features, term_table
 from softarm.estimator.rod.local import LocalStates
 from softarm.estimator.rod.samples import Samples
 from softarm.estimator.rod.symmetry import Symmetry, feature_map, variable_map
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 
 FAR = 1.5
 """Sum of the links' bends [rad] at which a sample counts half."""

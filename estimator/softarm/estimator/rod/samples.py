@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem import FiniteElementModel, Settings
 from softarm.estimator.fem.linalg.cholesky import StiffnessFactor
 from softarm.estimator.fem.statics.continuation import Waypoint, between, extrapolate
@@ -17,8 +18,6 @@ from softarm.estimator.rod.stations import NEAR, Stations
 from softarm.estimator.rotations import log
 from softarm.estimator.specimen import Specimen
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 Progress = Callable[[int, int], None]
 
 STANDARD_GRAVITY = 9.80665

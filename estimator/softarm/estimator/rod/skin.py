@@ -1,13 +1,11 @@
 """The body around the rod, for pictures: every point moves with the stations above and below it."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
 from softarm.estimator.rod.chain import Chain
 from softarm.estimator.rod.statics import place
-
-Floats = NDArray[np.float64]
 
 
 def placed(chain: Chain, strain: Floats) -> Frames:

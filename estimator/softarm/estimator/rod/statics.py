@@ -13,13 +13,11 @@ squares): a lateral force by 3 s^2 - 2 s^3, an axial one by s, its moment by l s
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.rod.arrays import Actions, ChainInputs
 from softarm.estimator.rod.vectors import cross, multiply, rotate, rotate_back
 from softarm.estimator.rotations import exp_kernel, quaternion_kernel, rotation_vector_kernel
-
-Floats = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.estimator.arm import region_materials
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.fem.interpolation import PointMap, cross_section, locate
 from softarm.estimator.fem.sections import SectionFit, SectionFrame, frame_of_points
@@ -15,9 +15,6 @@ from softarm.estimator.rod.chain import Chain, point_weights
 from softarm.estimator.rod.symmetry import candidates
 from softarm.estimator.shape_functions import quadrature, shape_functions
 from softarm.estimator.specimen import Section, Specimen
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 RASTER = 24
 """Points across a station, before their images."""

@@ -5,14 +5,11 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.model import Load
 from softarm.estimator.rod.laws import features
 from softarm.estimator.specimen import Chamber, Specimen
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

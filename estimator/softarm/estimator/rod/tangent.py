@@ -2,14 +2,12 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.rod.arrays import Actions, ChainInputs
 from softarm.estimator.rod.statics import add_part
 from softarm.estimator.rod.vectors import cross, rotate, rotate_back
 from softarm.estimator.rotations import exp_kernel, jacobian_kernel
-
-Floats = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)

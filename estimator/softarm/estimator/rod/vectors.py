@@ -1,10 +1,8 @@
 """Products of three-vectors and matrices, compiled and without memory of their own."""
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
 
 
 @njit(cache=True, nogil=True)

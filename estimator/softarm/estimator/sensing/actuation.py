@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
 
 PASSES = 20
 """Each pass of the inverse leaves a tenth or less: cross-talk is small, and the curves are gentle."""

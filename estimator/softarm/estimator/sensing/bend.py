@@ -4,8 +4,8 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.rotations import exp, left_jacobian, skew
 from softarm.estimator.sensing.measurement import (
     Scene,
@@ -16,8 +16,6 @@ from softarm.estimator.sensing.measurement import (
     transpose,
     twist_rows,
 )
-
-Floats = NDArray[np.float64]
 
 MIRROR = np.diag([1.0, -1.0])
 

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from typing import Literal, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
 from softarm.estimator.sensing.registration import Registration
 
-Floats = NDArray[np.float64]
 Unit = Literal["m", "rad"]
 
 

@@ -6,8 +6,8 @@ from typing import ClassVar, Self
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.rotations import (
     exp,
     from_quaternions,
@@ -27,8 +27,6 @@ from softarm.estimator.sensing.measurement import (
     twist_rows,
 )
 from softarm.estimator.sensing.registration import Registration
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

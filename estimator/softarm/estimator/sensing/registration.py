@@ -3,12 +3,10 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.rotations import exp, nearest_rotation, skew
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,14 +4,12 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.rotations import skew
 from softarm.estimator.sensing.measurement import Scene, Sensitivity, Unit, no_load_rows, twist_rows
 from softarm.estimator.sensing.orientation import Orientation
 from softarm.estimator.sensing.registration import Registration
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

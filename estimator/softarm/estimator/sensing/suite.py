@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import skew
@@ -14,8 +15,6 @@ from softarm.estimator.sensing.marker import MarkerPosition
 from softarm.estimator.sensing.measurement import Measurement, Scene, Sensitivity, Unit
 from softarm.estimator.sensing.orientation import Orientation
 from softarm.estimator.sensing.section_pose import MeasuredPose
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

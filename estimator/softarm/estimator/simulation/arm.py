@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames, Load
 from softarm.estimator.response import ArmResponse, BatchArmModel
@@ -13,8 +13,6 @@ from softarm.estimator.rotations import exp
 from softarm.estimator.simulation.compliance import stiffness_along, yielding
 from softarm.estimator.simulation.drive import Drive
 from softarm.estimator.simulation.segments import Segments
-
-Floats = NDArray[np.float64]
 
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 

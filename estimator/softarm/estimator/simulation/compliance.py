@@ -1,12 +1,10 @@
 """How segments yield to their own couples in every pose, and what eigenstrains make of the sections."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
 from softarm.estimator.simulation.segments import Segments
-
-Floats = NDArray[np.float64]
 
 SPREAD = 8.0
 """Factor by which a segment's stiffness may differ between poses; more means that the model is lost."""

@@ -5,8 +5,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from softarm.estimator.arrays import Flags, Floats
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ sample, so that a stretch cut in two gives the same as the whole.
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
+
 Memory = tuple[Floats, ...]
 
 

@@ -15,13 +15,12 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import skew
 from softarm.estimator.simulation.segments import Segments
 from softarm.estimator.specimen import Specimen
-
-Floats = NDArray[np.float64]
 
 FINE = 0.02
 """Longest step in time [s]."""

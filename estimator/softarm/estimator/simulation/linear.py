@@ -4,15 +4,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp
 from softarm.estimator.simulation.drive import Drive
 from softarm.estimator.simulation.segments import Segments
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,13 @@ Loads conjugate to them act on the sections through the transposed derivative (v
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.estimator.arc import arc_over_chord
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import inverse_left_jacobian, log
 from softarm.estimator.specimen import Specimen
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -3,16 +3,14 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
 from softarm.estimator.node_by_node import LARGEST_MOVE
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp
 from softarm.estimator.stretch.law import StretchLaw
 from softarm.estimator.wrapper import BatchModelWrapper
-
-Floats = NDArray[np.float64]
 
 PASSES = 6
 

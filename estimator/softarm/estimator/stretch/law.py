@@ -15,13 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arc import arc_over_chord
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.geometry import build_mesh
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Section, Specimen
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

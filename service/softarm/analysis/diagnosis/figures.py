@@ -11,15 +11,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
 
 from softarm.analysis.plots.figures import blank
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.diagnosis.result import CellKind, Exposure, Trace
 from softarm.estimator.effects.amounts import readable
 from softarm.estimator.specimen import Specimen
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Shares = Mapping[tuple[CellKind, str], float]
 Arguments = ParamSpec("Arguments")
 

@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.estimator.arm import build_arm
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.stage import Model
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.geometry import Resolution
@@ -20,7 +20,6 @@ from softarm.estimator.simulation import Segments, section_loads
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.wrapper import ModelWrapper
 
-Floats = NDArray[np.float64]
 Answer = tuple[Floats, Floats, Floats, Floats, bool]
 
 PRESSURE_GRAIN = 20.0

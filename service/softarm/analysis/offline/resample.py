@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.errors import InputError
-from softarm.estimator.recording import Floats
 
 
 def resample(run: CalibrationRun, rate: float) -> CalibrationRun:

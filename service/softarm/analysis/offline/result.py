@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from softarm.analysis.offline.track import STATUSES, State, Track
-from softarm.estimator.recording import POSE_SUFFIXES, Floats, Recording
+from softarm.estimator.arrays import Floats
+from softarm.estimator.recording import POSE_SUFFIXES, Recording
 from softarm.estimator.rotations import to_quaternions
 
 Cells = dict[str, str | int | float | bool | None]

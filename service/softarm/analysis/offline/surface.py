@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
-from softarm.estimator.mesh import Floats, Mesh
+from softarm.estimator.mesh import Mesh
 from softarm.estimator.reference_elements import CORNERS
 from softarm.estimator.rod import CalibratedRod
 from softarm.estimator.rod.skin import skin

@@ -8,6 +8,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.augmented import Follower, estimator_of
 from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.errors import InputError
@@ -19,7 +20,6 @@ from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.simulation import section_loads
 from softarm.estimator.specimen import Specimen
 
-Floats = NDArray[np.float64]
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 

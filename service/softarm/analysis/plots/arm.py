@@ -9,7 +9,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from softarm.analysis.offline.surface import BodySurface
 from softarm.analysis.offline.track import State, Track
 from softarm.analysis.plots.figures import blank
-from softarm.estimator.recording import Floats
+from softarm.estimator.arrays import Floats
 
 MILLI = 1e3
 FORCE_LENGTH = 0.25  # of the arm's length, for the largest force shown

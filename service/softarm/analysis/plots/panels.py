@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softarm.estimator.recording import Floats, Recording
+from softarm.estimator.arrays import Floats
+from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions, log
 
 KILO = 1e-3

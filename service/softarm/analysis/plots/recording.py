@@ -9,7 +9,8 @@ from scipy.signal import welch
 
 from softarm.analysis.plots.figures import blank, label, save, stacked
 from softarm.analysis.plots.panels import PlotPanel, panels
-from softarm.estimator.recording import Floats, Recording
+from softarm.estimator.arrays import Floats
+from softarm.estimator.recording import Recording
 
 SHORTEST_SPECTRUM = 64  # samples
 GAP_STEPS = 3.0

@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from softarm.analysis.plots.figures import blank
+from softarm.estimator.arrays import Floats
 from softarm.estimator.geometry import DEFAULTS, build_mesh
-from softarm.estimator.mesh import ElementSurface, Floats, Mesh
+from softarm.estimator.mesh import ElementSurface, Mesh
 from softarm.estimator.specimen import Specimen
 
 MILLI = 1e3

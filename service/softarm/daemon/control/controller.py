@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.daemon.config import ControlSettings, SafetySettings
 from softarm.daemon.control.hold import HoldControl, HoldGoal, HoldLimits, advance_hold, begin_hold
@@ -14,8 +13,7 @@ from softarm.daemon.safety.lease import LeaseManager
 from softarm.daemon.safety.modes import PRESSURISED, SERVICE, Mode, ModeMachine, Transition, Trigger
 from softarm.drivers.errors import LimitError
 from softarm.drivers.valves.limits import check_setpoint
-
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
 
 
 class ValveOutputs(Protocol):

@@ -6,14 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.daemon.estimation.messages import EstimationResult, HoldAnswer, PoseTarget
+from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Load
 from softarm.estimator.rotations import from_quaternions
 from softarm_client.messages import Contact, LoadEstimate, SectionPose, Vector
 
-Floats = NDArray[np.float64]
 CONTACT_BEGINS = 4.0
 CONTACT_ENDS = 2.5
 """Normalised force (Mahalanobis distance) at which a contact begins and ends."""

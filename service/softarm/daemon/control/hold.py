@@ -3,11 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.daemon.estimation.messages import PoseTarget
-
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.daemon.config import Setup
 from softarm.daemon.control.controller import ValveOutputs
@@ -17,10 +16,10 @@ from softarm.drivers.reading import Sink
 from softarm.drivers.supervisor import ALIVE
 from softarm.drivers.valves import ValveBank
 from softarm.drivers.valves.alarms import DIAGNOSIS, FOREIGN_WRITER, WATCHDOG_FIRED
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 
 logger = logging.getLogger(__name__)
-Floats = NDArray[np.float64]
 Source = Literal["live", "fake", "replay"]
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.daemon.control.controller import Controller
 from softarm.daemon.control.estimator_state import EstimatorState
@@ -15,6 +14,7 @@ from softarm.daemon.control.lateness import TickDrift
 from softarm.daemon.control.mismatch import MismatchTest
 from softarm.daemon.estimation.messages import EstimationResult
 from softarm.daemon.safety.diagnostics import HealthMonitor
+from softarm.estimator.arrays import Floats
 from softarm_client.messages import (
     STREAMS,
     Estimate,
@@ -28,7 +28,6 @@ from softarm_client.messages import (
 )
 from softarm_client.modes import Mode
 
-Floats = NDArray[np.float64]
 Status = Literal["converged", "not_converged", "degraded", "no_data"]
 Kind = Literal["mode", "contact_begin", "contact_end", "finding", "finding_cleared"]
 

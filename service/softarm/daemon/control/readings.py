@@ -5,15 +5,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.daemon.config import SafetySettings, SensorSettings
 from softarm.daemon.control.channels import ChannelReading, channel_readings
 from softarm.daemon.safety.observation import Input
 from softarm.drivers.reading import Reading
+from softarm.estimator.arrays import Floats
 from softarm.estimator.rotations import from_quaternions, to_quaternions
 
-Floats = NDArray[np.float64]
 READING_SIZE = {"pose": 7, "orientation": 4, "bend": 2}
 
 

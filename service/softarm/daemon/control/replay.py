@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.daemon.config import SensorSettings
 from softarm.daemon.control.channels import ChannelReading
@@ -14,10 +13,10 @@ from softarm.daemon.control.readings import channel
 from softarm.daemon.safety.observation import DeviceStatus
 from softarm.drivers.errors import InterlockError
 from softarm.drivers.reading import Reading
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 
-Floats = NDArray[np.float64]
 BANK = "replay"
 
 

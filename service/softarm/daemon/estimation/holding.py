@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.daemon.estimation.messages import HoldAnswer, PoseTarget
+from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse import ArmEstimate, approach, replace_loads
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.sensing import ActuationMap, SensorSuite
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

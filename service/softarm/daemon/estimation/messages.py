@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse import ContactPlace
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.linalg.pattern import Pattern, Slots
-from softarm.estimator.mesh import Floats, Indices, Mesh
+from softarm.estimator.mesh import Mesh
 from softarm.estimator.shape_functions import quadrature, shape_functions
 
 END_CAP = 0.3

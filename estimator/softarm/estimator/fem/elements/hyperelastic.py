@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.elements.hyperelastic_kernel import solid_forces
 from softarm.estimator.fem.elements.material import Material
 from softarm.estimator.fem.linalg.pattern import FIXED, Pattern, Slots
 from softarm.estimator.fem.linalg.simd import LANES
-from softarm.estimator.mesh import ElementBlock, Floats, Indices
+from softarm.estimator.mesh import ElementBlock
 from softarm.estimator.shape_functions import quadrature, shape_functions
 
 LOCAL_BULK = {"tet4": 0.0, "tet10": 10.0, "hex8": 0.0, "hex20": 10.0}

@@ -19,10 +19,10 @@ those of the second node (``LEFT``).
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.linalg.pattern import Slots
 from softarm.estimator.fem.linalg.simd import LANES, fma, load, multiply, store, zero
-from softarm.estimator.mesh import Floats, Indices
 
 STEP = 8 * LANES
 RIGHT, LEFT = 9, 12

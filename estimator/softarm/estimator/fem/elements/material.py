@@ -5,8 +5,8 @@ from typing import Literal
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
-from softarm.estimator.mesh import Floats
 
 HyperelasticLaw = Literal["neo_hookean", "yeoh", "gent", "softening"]
 CorotationalLaw = Literal["small", "corotational", "corotational_polar", "corotational_edge_polar"]

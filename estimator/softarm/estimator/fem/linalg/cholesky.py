@@ -5,12 +5,12 @@ from typing import Protocol
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem.linalg.blas import Blas, load_blas
 from softarm.estimator.fem.linalg.cholesky_kernel import factor_fronts, multiply_blocks, solve_fronts
 from softarm.estimator.fem.linalg.pardiso import PardisoPlan
 from softarm.estimator.fem.linalg.pattern import Pattern, Tangent
 from softarm.estimator.fem.linalg.symbolic import SymbolicFactorisation
-from softarm.estimator.mesh import Floats
 
 REFINEMENT = 1e-10
 """Residual over the right-hand side at which refinement ends."""

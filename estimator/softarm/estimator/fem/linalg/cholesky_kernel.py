@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.linalg.blas import Addresses, Letters, gemm, gemv, potrf, syrk, trsm, trsv
-from softarm.estimator.mesh import Floats, Indices
 
 NO, TRANSPOSED, RIGHT, LEFT = 1, 2, 3, 4
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from softarm.estimator.mesh import Floats, Indices
+from softarm.estimator.arrays import Floats, Indices
 
 LEAF = 12
 CUTS = np.linspace(0.15, 0.85, 29)

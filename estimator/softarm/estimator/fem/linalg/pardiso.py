@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.linalg.pattern import Pattern
-from softarm.estimator.mesh import Floats, Indices
 
 POSITIVE_DEFINITE = 2
 ANALYSE, FACTORISE, SOLVE, RELEASE = 11, 22, 33, -1

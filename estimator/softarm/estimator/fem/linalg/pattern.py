@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from softarm.estimator.mesh import Floats, Indices
+from softarm.estimator.arrays import Floats, Indices
 
 Slots = NDArray[np.int32]
 FIXED = -1

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem.compiled import compiled
-from softarm.estimator.mesh import Floats
 
 POLAR_SWEEPS = 40
 """Sweeps after which an iteration that does not settle is ended."""

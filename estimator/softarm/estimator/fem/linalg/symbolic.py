@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softarm.estimator.arrays import Indices
 from softarm.estimator.fem.linalg.ordering import Ordering
 from softarm.estimator.fem.linalg.pattern import Pattern
-from softarm.estimator.mesh import Indices
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.elements.material import FRAME_CODES, Material
 from softarm.estimator.fem.linalg.pattern import Pattern, Slots
 from softarm.estimator.fem.parity.corotational_kernel import tetrahedron_forces, tetrahedron_rotations
-from softarm.estimator.mesh import ElementBlock, Floats, Indices
+from softarm.estimator.mesh import ElementBlock
 
 SMALL, POLAR = FRAME_CODES["small"], FRAME_CODES["corotational_polar"]
 EDGE_POLAR = FRAME_CODES["corotational_edge_polar"]

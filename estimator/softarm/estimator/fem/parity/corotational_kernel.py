@@ -10,10 +10,10 @@ frame of A = sum_a x_a c_a^T = R U, w = R (tr U - U)^-1 sum_a c_a x (R^T dx_a).
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.linalg.pattern import Slots
 from softarm.estimator.fem.linalg.small import invert_matrix, polar_rotation
-from softarm.estimator.mesh import Floats, Indices
 
 
 @compiled

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from softarm.estimator.mesh import ElementSurface, Floats, Indices
+from softarm.estimator.arrays import Floats, Indices
+from softarm.estimator.mesh import ElementSurface
 from softarm.estimator.reference_elements import CORNERS
 from softarm.estimator.shape_functions import shape_functions
 

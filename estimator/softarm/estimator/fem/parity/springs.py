@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem.elements.fibre import Bars
 from softarm.estimator.fem.interpolation import points_inside
-from softarm.estimator.mesh import Floats, Mesh
+from softarm.estimator.mesh import Mesh
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem.assembly import Body
 from softarm.estimator.fem.linalg.cholesky import StiffnessFactor
 from softarm.estimator.fem.statics.equilibrium import (
@@ -16,7 +17,6 @@ from softarm.estimator.fem.statics.equilibrium import (
     size_of,
 )
 from softarm.estimator.fem.statics.solution import Solution, SolveStatus
-from softarm.estimator.mesh import Floats
 from softarm.estimator.model import Inputs
 
 SNAP = 0.02

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem.assembly import AssembledForces, Body
 from softarm.estimator.fem.linalg.cholesky import StiffnessFactor
 from softarm.estimator.fem.linalg.pattern import Tangent
 from softarm.estimator.fem.statics.solution import Solution, SolveStatus
-from softarm.estimator.mesh import Floats
 from softarm.estimator.model import Inputs
 
 GROWTH_LIMIT = 1e6

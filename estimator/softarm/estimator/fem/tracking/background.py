@@ -1,9 +1,9 @@
 """Factoring the tangent in a thread while the caller goes on with the last factor."""
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.background import Background
 from softarm.estimator.fem.model import FiniteElementModel
 from softarm.estimator.fem.tracking.frozen_tangent import FrozenTangent, freeze_tangent
-from softarm.estimator.mesh import Floats
 from softarm.estimator.model import Inputs
 
 

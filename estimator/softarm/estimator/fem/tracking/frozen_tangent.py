@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem.linalg.cholesky import CholeskyFactor, SymmetricFactor
 from softarm.estimator.fem.model import FiniteElementModel, FiniteElementState
 from softarm.estimator.fem.tracking.single_factor import SingleFactor
-from softarm.estimator.mesh import Floats
 from softarm.estimator.model import Inputs
 
 

@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem.loads import superpose
 from softarm.estimator.fem.model import FiniteElementModel, FiniteElementState
 from softarm.estimator.fem.sections import SectionPoses
@@ -13,7 +14,6 @@ from softarm.estimator.fem.statics.equilibrium import Balance
 from softarm.estimator.fem.tracking.background import BackgroundFactorisation
 from softarm.estimator.fem.tracking.frozen_tangent import FrozenTangent, freeze_tangent
 from softarm.estimator.fem.tracking.rotation_strain import SingleRotationStrain
-from softarm.estimator.mesh import Floats
 from softarm.estimator.model import Frames, Inputs
 from softarm.estimator.wrapper import ModelWrapper
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.assembly import Body
 from softarm.estimator.fem.linalg.cholesky import CholeskyPlan
 from softarm.estimator.fem.linalg.pattern import Pattern
@@ -21,7 +22,7 @@ from softarm.estimator.fem.tracking.rotation_strain_kernel import (
 )
 from softarm.estimator.fem.tracking.simd_single import SINGLE_LANES
 from softarm.estimator.fem.tracking.single_factor import SingleFactor
-from softarm.estimator.mesh import Floats, Indices, Singles
+from softarm.estimator.mesh import Singles
 
 
 @dataclass(frozen=True)

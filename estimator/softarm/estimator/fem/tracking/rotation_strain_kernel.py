@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.tracking.simd_single import (
     SINGLE_LANES,
@@ -24,7 +25,7 @@ from softarm.estimator.fem.tracking.simd_single import (
     subtract_singles,
     zero_singles,
 )
-from softarm.estimator.mesh import Floats, Indices, Singles
+from softarm.estimator.mesh import Singles
 
 STEP = 4 * SINGLE_LANES
 MATRIX = 9 * STEP

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.compiled import compiled, reassociated
 from softarm.estimator.fem.linalg.cholesky import CholeskyFactor
 from softarm.estimator.fem.linalg.symbolic import SymbolicFactorisation
-from softarm.estimator.mesh import Floats, Indices, Singles
+from softarm.estimator.mesh import Singles
 
 
 @dataclass(frozen=True)
