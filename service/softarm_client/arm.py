@@ -4,7 +4,6 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeVar
 
 from pydantic import TypeAdapter
@@ -25,7 +24,6 @@ from softarm_client.results import (
     Saved,
     Tared,
 )
-from softarm_client.session import DEFAULT_ENDPOINT
 from softarm_client.streams import Stream
 
 Kind = TypeVar("Kind", bound=Result)
@@ -149,16 +147,8 @@ class Arm(LeasedConnection):
         UnreachableError: Nothing answers at the endpoint.
     """
 
-    def __init__(
-        self,
-        arm: str,
-        endpoint: str = DEFAULT_ENDPOINT,
-        name: str = "softarm-client",
-        zenoh_config: Path | None = None,
-    ) -> None:
-        super().__init__(arm, endpoint, name, zenoh_config)
-        self._watched = False
-        self._state_s: float | None = None
+    _watched = False
+    _state_s: float | None = None
 
     @property
     def state_age_s(self) -> float:

@@ -218,7 +218,7 @@ class Target:
     watcher: Watcher
 
     def signs(self) -> dict[str, Any]:
-        """Give everything by which the driver tells of trouble."""
+        """Return everything by which the driver tells of trouble."""
         summary = self.device.health.summary()
         told = {k: v for k, v in summary.items() if isinstance(v, int) and k not in ("frames", "overruns")}
         return told | dict(summary["events"]) | dict(self.watcher.signs)

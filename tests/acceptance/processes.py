@@ -13,7 +13,7 @@ def child_of(pid: int) -> int:
 
 
 def resident_kib(pid: int) -> int:
-    """Give the resident memory of a process [KiB]; 0 when it is gone."""
+    """Return the resident memory of a process [KiB]; 0 when it is gone."""
     try:
         lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     except OSError:

@@ -102,12 +102,12 @@ def recordings_folder() -> Path:
 
 
 def described(name: str) -> Specimen:
-    """Give a shipped specimen without what any recording has told of it."""
+    """Return a shipped specimen without what any recording has told of it."""
     return load_specimen(name).model_copy(update={"calibration": Calibration()})
 
 
 def named_model(specimen: Specimen, advance: Callable[[float], None]) -> tuple[BatchArmModel, str]:
-    """Give what a calibration runs on, and its name."""
+    """Return what a calibration runs on, and its name."""
     model = quick_model(specimen, advance)
     return model, "finite elements" if isinstance(model, NodeByNode) else "the calibrated rod"
 
@@ -214,7 +214,7 @@ def arm_errors(
 
 
 def joined(folds: Sequence[ArmErrors]) -> ArmErrors:
-    """Give the root mean square over folds."""
+    """Return the root mean square over folds."""
 
     def mean(name: str) -> Floats:
         return np.asarray(np.sqrt(np.mean([getattr(fold, name) ** 2 for fold in folds], axis=0)))
@@ -285,12 +285,12 @@ def segment_rows(recordings: Sequence[Recording], advance: Callable[[float], Non
 
 
 def _length(offsets: Floats) -> float:
-    """Give the root mean square distance of markers [mm] from their offsets [m], three a marker."""
+    """Return the root mean square distance of markers [mm] from their offsets [m], three a marker."""
     return float(1e3 * np.sqrt((offsets.reshape(-1, 3) ** 2).sum(axis=1).mean()))
 
 
 def predict(model: BatchArmModel, calibrated: Specimen, run: CalibrationRun) -> Floats:
-    """Give the readings of a run that a calibrated specimen predicts, shape (samples, readings)."""
+    """Return the readings of a run that a calibrated specimen predicts, shape (samples, readings)."""
     gain = calibrated.calibration.stretch_gain.value
     setting = Setting.of(calibrated, StretchLaw.of(calibrated, model.sections) if gain else None)
     acting = setting.actuation.to_chamber(run.pressures)
@@ -338,7 +338,7 @@ def beam_tables(folder: Path, advance: Callable[[float], None]) -> tuple[Table, 
 
 
 def settled(recording: Recording, duration: float = 1.0) -> tuple[float, float]:
-    """Give the window at the end in which the swing has died away [s]."""
+    """Return the window at the end in which the swing has died away [s]."""
     end = float(recording.time[-1])
     return end - duration, end
 
@@ -394,6 +394,6 @@ def _error_row(
 
 
 def _rms(left: Floats) -> Floats:
-    """Give the root mean square of each column, lost samples left out."""
+    """Return the root mean square of each column, lost samples left out."""
     values: Floats = np.sqrt(np.nanmean(left**2, axis=0))
     return values

@@ -106,7 +106,7 @@ def _ship(specimen: Specimen, name: str, fitted: FittedRod) -> Path:
 def error_rows(
     specimen: Specimen, fitted: FittedRod, quick: bool, advance: Callable[[float], None]
 ) -> list[dict[str, Cell]]:
-    """Give a rod's errors as measured when it was fitted; the full form adds those of a stiffer arm."""
+    """Return a rod's errors as measured when it was fitted; the full form adds those of a stiffer arm."""
     rows = _rows(specimen.name, "as described", fitted.report.trained, fitted.report.untrained)
     if quick:
         return rows

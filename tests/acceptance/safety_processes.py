@@ -32,7 +32,7 @@ STALLED_S = 3.0
 ROOM_BYTES = 300_000
 EVENT_NOTES = (
     "Fakes, service and clients are processes of their own, over zenoh. Vented: every valve of the fake "
-    "terminal holds zero, as its control port tells.",
+    "terminal holds zero, as the fakes report on their control port.",
     "A killed client's arm vents when its lease is not renewed (1 s); all else within 0.2 s. Full disk: no "
     "file of the service may grow any more.",
 )
@@ -128,7 +128,7 @@ class LiveArm:
         return self.rig.service.process.pid
 
     def setpoints(self) -> list[int]:
-        """Give what the fake terminal holds for its valves [mbar]."""
+        """Return what the fake terminal holds for its valves [mbar]."""
         held: list[int] = self.fakes.ask("truth")["setpoints_mbar"]["valves"]
         return held
 

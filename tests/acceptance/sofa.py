@@ -49,7 +49,7 @@ class Reference:
     trajectory: dict[str, Floats]
 
     def nodal_mass(self, mass: str) -> Floats:
-        """Give the masses of the nodes [kg] under the reference's mass model, ``uniform`` or ``lumped``."""
+        """Return the masses of the nodes [kg] under the reference's mass model, ``uniform`` or ``lumped``."""
         if mass == "uniform":
             return np.full(len(self.mesh.points), self.about["uniform_nodal_mass_kg"])
         return self.nodal_volume * float(self.about["rho"])
@@ -67,7 +67,7 @@ class Reference:
         )
 
     def inputs(self, case: str) -> Inputs:
-        """Give the inputs of a load case."""
+        """Return the inputs of a load case."""
         loads = self.about["cases"][case]
         gravity = [0.0, 0.0, -self.about["g"] if loads["gravity"] else 0.0]
         return Inputs(*(np.array(v, float) for v in (loads["pressure_Pa"], loads["tip_force_N"], gravity)))

@@ -12,7 +12,7 @@ from softarm.common.tables import Cell, Table
 
 
 def row(result: HeldResult) -> dict[str, Cell]:
-    """Give the table's row of one check."""
+    """Return the table's row of one check."""
     return {
         "check": result.check,
         "case": result.case,

@@ -22,7 +22,7 @@ class Backoff:
     jitter: float = 0.2
 
     def delays(self, random: Random) -> Iterator[float]:
-        """Give the waits of one run of failures [s], without end."""
+        """Return the waits of one run of failures [s], without end."""
         delay_s = self.first_s
         while True:
             yield delay_s * (1.0 + self.jitter * random.uniform(-1.0, 1.0))

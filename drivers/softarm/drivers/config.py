@@ -34,7 +34,7 @@ class DriverConfig(BaseModel, ABC):
 
     @abstractmethod
     def address(self) -> str:
-        """Give the address as a URL, such as ``modbus+tcp://192.168.0.100:502``."""
+        """Return the address as a URL, such as ``modbus+tcp://192.168.0.100:502``."""
 
     @property
     def source(self) -> str:

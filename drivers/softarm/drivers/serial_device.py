@@ -49,7 +49,7 @@ class SerialConfig(DriverConfig):
     identify_s: Annotated[float, Field(gt=0, le=60)] = 5.0
 
     def address(self) -> str:
-        """Give the address as a URL."""
+        """Return the address as a URL."""
         return f"serial://{self.port}?baud={self.baud}"
 
     @property

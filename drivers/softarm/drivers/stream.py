@@ -117,7 +117,7 @@ class ReadingStream(Generic[Value]):
         return reading
 
     def fresh(self, now_ns: int | None = None) -> Reading[Value] | None:
-        """Give the latest valid reading, or nothing when it is older than the deadline."""
+        """Return the latest valid reading, or nothing when it is older than the deadline."""
         reading = self.latest_valid
         if reading is None:
             return None

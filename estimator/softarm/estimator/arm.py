@@ -15,7 +15,7 @@ from softarm.estimator.specimen import Section, Specimen
 
 
 def default_loads(specimen: Specimen, sections: Sequence[str] = ()) -> tuple[Load, ...]:
-    """Give two lateral forces at every rigid section that is not held, named ``<section>_x`` and ``_y``.
+    """Return two lateral forces at every rigid section that is not held, named ``<section>_x`` and ``_y``.
 
     Args:
         specimen: Description.
@@ -69,7 +69,7 @@ def model_on_mesh(specimen: Specimen, mesh: Mesh, loads: Sequence[Load] | None =
 
 
 def region_materials(specimen: Specimen, mesh: Mesh) -> dict[str, Material]:
-    """Give the material of each region; a weighed part gets the density that makes up its mass."""
+    """Return the material of each region; a weighed part gets the density that makes up its mass."""
     volumes = np.zeros(len(mesh.regions))
     for block in mesh.blocks:
         np.add.at(volumes, block.region, element_volumes(mesh.points, block))
@@ -82,7 +82,7 @@ def region_materials(specimen: Specimen, mesh: Mesh) -> dict[str, Material]:
 
 
 def fibres(specimen: Specimen, mesh: Mesh) -> tuple[Membrane | Springs, ...]:
-    """Give the winding of the chambers."""
+    """Return the winding of the chambers."""
     winding = specimen.fibres
     match winding.kind:
         case "membrane":

@@ -108,7 +108,7 @@ class ArmModel(ArmDescription, Protocol[State, Step]):
     """A static model of the arm, immutable; its state is a value that the caller keeps."""
 
     def rest(self) -> State:
-        """Give the unloaded state."""
+        """Return the unloaded state."""
 
     def linearise(self, state: State, inputs: Inputs) -> Step:
         """Linearise about a state under given inputs."""

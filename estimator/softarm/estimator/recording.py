@@ -66,26 +66,26 @@ class Recording:
         return self.members(r"gauge_(.+)_n")
 
     def pressure(self, chamber: int) -> tuple[Floats, str]:
-        """Give a chamber's gauge pressure [Pa] and its source, ``measured`` before ``commanded``."""
+        """Return a chamber's gauge pressure [Pa] and its source, ``measured`` before ``commanded``."""
         measured = self.columns.get(f"pressure_{chamber}_pa")
         if measured is not None:
             return measured, "measured"
         return self.columns[f"pressure_cmd_{chamber}_pa"], "commanded"
 
     def bend(self, section: str) -> Floats:
-        """Give a section's two-axis bend [rad], shape (samples, 2)."""
+        """Return a section's two-axis bend [rad], shape (samples, 2)."""
         return self.stack(tuple(f"bend_{section}_{suffix}" for suffix in BEND_SUFFIXES))
 
     def pose(self, section: str) -> Floats:
-        """Give a section's pose: position [m] and quaternion (w, x, y, z), shape (samples, 7)."""
+        """Return a section's pose: position [m] and quaternion (w, x, y, z), shape (samples, 7)."""
         return self.stack(tuple(f"frame_{section}_{suffix}" for suffix in POSE_SUFFIXES))
 
     def marker(self, name: str) -> Floats:
-        """Give a marker's position in the laboratory frame [m], shape (samples, 3)."""
+        """Return a marker's position in the laboratory frame [m], shape (samples, 3)."""
         return self.stack(tuple(f"marker_{name}_{suffix}" for suffix in MARKER_SUFFIXES))
 
     def gauge(self, name: str) -> Floats:
-        """Give a gauge's force along its own axis [N], pull positive, shape (samples,)."""
+        """Return a gauge's force along its own axis [N], pull positive, shape (samples,)."""
         return self.columns[f"gauge_{name}_n"]
 
     def window(self, keep: NDArray[np.bool_]) -> "Recording":

@@ -19,7 +19,7 @@ from softarm.estimator.specimen import Specimen
 
 
 def mounted_base(specimen: Specimen) -> Registration:
-    """Give the map from the frame of the body on the base, as it was calibrated, to the base frame.
+    """Return the map from the frame of the body on the base, as it was calibrated, to the base frame.
 
     For readings that are told relative to that body.
     """

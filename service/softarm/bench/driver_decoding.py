@@ -96,7 +96,7 @@ class InstantLink:
         self.connected = True
 
     async def read(self, address: int, count: int) -> tuple[int, ...]:
-        """Give a block."""
+        """Return a block."""
         return tuple(self._registers[address : address + count])
 
     async def write(self, address: int, words: Sequence[int]) -> None:
@@ -174,7 +174,7 @@ def _numbered_packets() -> Iterator[bytes]:
 
 
 def body_packet(number: int) -> bytes:
-    """Give a data packet of three bodies at rest, numbered."""
+    """Return a data packet of three bodies at rest, numbered."""
     body = struct.pack("<12f", 10.0, 20.0, 30.0, 1, 0, 0, 0, 1, 0, 0, 0, 1)
     component = struct.pack("<IIIhh", 160, 5, 3, 0, 0) + 3 * body
     return struct.pack("<IIqII", 184, 3, number * 10_000, number, 1) + component

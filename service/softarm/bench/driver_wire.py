@@ -66,7 +66,7 @@ SUBJECTS = (
 
 
 def subjects() -> list[DeviceUnderTest]:
-    """Give the devices for which there is a driver."""
+    """Return the devices for which there is a driver."""
     return [subject for subject in SUBJECTS if subject.driver["kind"] in KINDS]
 
 
@@ -100,7 +100,7 @@ class FakesProcess:
         }
 
     def driver_table(self, subject: DeviceUnderTest, **changes: Any) -> dict[str, Any]:
-        """Give the configuration of the driver of one of its devices."""
+        """Return the configuration of the driver of one of its devices."""
         table = {"name": subject.name, "simulated": True, **subject.driver, **changes}
         if subject.on_tcp:
             return {**table, "host": "127.0.0.1", "port": self.ports[subject.name]}

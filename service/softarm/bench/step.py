@@ -97,7 +97,7 @@ def milliseconds(work: Callable[[], Any], repeats: int = REPEATS) -> Floats:
 
 
 def figures(spent: Floats) -> dict[str, Cell]:
-    """Give the median and the 99th percentile."""
+    """Return the median and the 99th percentile."""
     return {"median_ms": float(np.median(spent)), "p99_ms": float(np.percentile(spent, 99))}
 
 

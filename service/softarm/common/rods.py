@@ -19,7 +19,7 @@ LARGEST_FORCE_ERROR = 0.02
 
 
 def cache_directory() -> Path:
-    """Give the folder of fitted rods, after the XDG base directories."""
+    """Return the folder of fitted rods, after the XDG base directories."""
     base = os.environ.get("XDG_CACHE_HOME", "")
     return (Path(base) if Path(base).is_absolute() else Path.home() / ".cache") / "softarm" / "rods"
 
@@ -38,7 +38,7 @@ def rod_for(specimen: Specimen, progress: Progress | None = None) -> CalibratedR
 
 
 def trusted_rod(specimen: Specimen, progress: Progress | None = None) -> CalibratedRod:
-    """Give the rod of a specimen as ``rod_for``, if it may stand in for the finite elements.
+    """Return the rod of a specimen as ``rod_for``, if it may stand in for the finite elements.
 
     Raises:
         InputError: The specimen cannot be meshed.
@@ -61,19 +61,19 @@ def trusted(fitted: FittedRod) -> bool:
 
 
 def known_trusted_rod(specimen: Specimen) -> CalibratedRod | None:
-    """Give the rod of a specimen where it is known and may stand in for the finite elements."""
+    """Return the rod of a specimen where it is known and may stand in for the finite elements."""
     found = known_rod(specimen)
     return adapted(found.rod, specimen) if found is not None and trusted(found) else None
 
 
 def known_rod(specimen: Specimen) -> FittedRod | None:
-    """Give the shipped or cached rod of a specimen's shape, None where it would have to be fitted."""
+    """Return the shipped or cached rod of a specimen's shape, None where it would have to be fitted."""
     key = shape_key(specimen)
     return shipped_rod(key) or _cached(key)
 
 
 def fitted_rod(specimen: Specimen, progress: Progress | None = None) -> FittedRod:
-    """Give the rod of a specimen's shape with its report; one that is fitted is kept in the cache."""
+    """Return the rod of a specimen's shape with its report; one that is fitted is kept in the cache."""
     found = known_rod(specimen)
     if found is not None:
         return found

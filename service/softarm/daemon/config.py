@@ -199,7 +199,7 @@ def _unmoved(control: Any, specimen: Specimen) -> Iterator[str]:
 
 
 def _tables(value: Any) -> list[dict[str, Any]]:
-    """Give the tables of a list; what is none is reported elsewhere."""
+    """Return the tables of a list; what is none is reported elsewhere."""
     return [table for table in value if isinstance(table, dict)] if isinstance(value, list) else []
 
 

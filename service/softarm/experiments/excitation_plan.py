@@ -142,7 +142,7 @@ def _arm(specimen: Specimen) -> SimulatedArm:
 
 
 def _sensor_names(report: Report) -> tuple[str, ...]:
-    """Give the sensors behind a report's channels, such as ``bend_tip`` of ``bend_tip.x``."""
+    """Return the sensors behind a report's channels, such as ``bend_tip`` of ``bend_tip.x``."""
     names = dict.fromkeys(channel.partition(".")[0] for channel in report.baseline.rms)
     return tuple(name for name in names if name.partition("_")[0] in KINDS)
 

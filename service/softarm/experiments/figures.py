@@ -9,7 +9,7 @@ Cells = dict[str, str | int | float | bool | None]
 
 
 def error_figures(errors: Floats, unit: str) -> Cells:
-    """Give the figures that the paper prints.
+    """Return the figures that the paper prints.
 
     Args:
         errors: Sizes of errors, NaN where lost, shape (samples,).
@@ -44,7 +44,7 @@ def without_unit(row: Cells, unit: str) -> Cells:
 
 
 def inside(errors: Floats, deviations: Floats, factor: float = 2.0) -> float:
-    """Give the share of errors within some standard deviations; NaN where there is none."""
+    """Return the share of errors within some standard deviations; NaN where there is none."""
     seen = np.isfinite(errors) & np.isfinite(deviations)
     if not seen.any():
         return float("nan")

@@ -142,7 +142,7 @@ def _wait(collector: Collector, settings: ForceSettings) -> None:
 
 
 def summary(samples: Sequence[ForceSample]) -> list[dict[str, float | str]]:
-    """Give one row a condition: error in newtons and in percent of the range, beside the paper's.
+    """Return one row a condition: error in newtons and in percent of the range, beside the paper's.
 
     Args:
         samples: All looks.

@@ -62,7 +62,7 @@ def leave_one_out_errors(model: BatchArmModel, specimen: Specimen, holds: Holds)
 
 
 def without_each(residual: Floats, jacobian: Floats, prior: Floats) -> Floats:
-    """Give what each pose keeps when it is left out of the linear fit.
+    """Return what each pose keeps when it is left out of the linear fit.
 
     Args:
         residual: Whitened, shape (poses, rows).

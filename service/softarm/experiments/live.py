@@ -57,7 +57,7 @@ class LiveRig:
         return time.monotonic() - self._began
 
     def position(self, section: str) -> Floats:
-        """Give a section's estimated position in the base frame [m], shape (3,)."""
+        """Return a section's estimated position in the base frame [m], shape (3,)."""
         for pose in self.client.state().sections:
             if pose.section == section:
                 return np.array(pose.position_m)
@@ -161,7 +161,7 @@ def with_hooks(recording: Recording, hooks: list[tuple[float, Floats]], section:
 
 
 def base_to_laboratory(recording: Recording) -> Callable[[Floats], Floats]:
-    """Give the map from the base frame to that of the recorded poses."""
+    """Return the map from the base frame to that of the recorded poses."""
     if "base" not in recording.frames:
         return lambda points: points
     pose = recording.pose("base")

@@ -152,7 +152,7 @@ def _taught(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedR
 
 
 def _pose_before(run: CalibrationRun, end: float) -> Floats:
-    """Give the mean pose of a look that ends then, NaN where nothing was seen, shape (7,)."""
+    """Return the mean pose of a look that ends then, NaN where nothing was seen, shape (7,)."""
     seen = means(run, np.array([[end - LOOK_S, end]])).readings
     return seen[0] if len(seen) else np.full(run.readings.shape[1], np.nan)
 

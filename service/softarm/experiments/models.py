@@ -81,17 +81,17 @@ def _alike(one: Floats, other: Floats, tolerance: float) -> bool:
 
 
 def tracking_model(specimen: Specimen, loads: Sequence[Load] | None = None) -> ArmModel[Any, Any]:
-    """Give what an estimate runs on; two lateral forces on every section where no loads are named."""
+    """Return what an estimate runs on; two lateral forces on every section where no loads are named."""
     return build_arm(specimen, loads=default_loads(specimen) if loads is None else loads)
 
 
 def hand_loads(specimen: Specimen, section: str) -> tuple[Load, ...]:
-    """Give the force of a hand on one section."""
+    """Return the force of a hand on one section."""
     return tuple(load for load in section_forces(specimen) if load.section == section)
 
 
 def wrench_loads(specimen: Specimen, section: str) -> tuple[Load, ...]:
-    """Give force and torque on one section, the torque about the arm's axis at the base alone."""
+    """Return force and torque on one section, the torque about the arm's axis at the base alone."""
     return (
         *hand_loads(specimen, section),
         Load(f"{section}_torque", "moment", (0.0, 0.0, 1.0), section=section),

@@ -189,7 +189,7 @@ def force_errors(track: Track[State], pull: GaugePull, free: Flags | None = None
 
 
 def tare(forces: Floats, free: Flags) -> Floats:
-    """Give the mean force over the last stretch without force before each sample, shape (samples, axes).
+    """Return the mean force over the last stretch without force before each sample, shape (samples, axes).
 
     Args:
         forces: Estimates, shape (samples, axes).

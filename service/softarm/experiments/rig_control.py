@@ -58,7 +58,7 @@ class FakeControl:
 
 
 def laboratory_of(control: FakeControl) -> Callable[[Floats], Floats]:
-    """Give the map from the base frame of the fake arm to its laboratory."""
+    """Return the map from the base frame of the fake arm to its laboratory."""
     truth = control.ask("truth")
     origin, turn = np.array(truth["positions"][0]), from_quaternions(np.array(truth["quaternions"][0]))
     return lambda point: point @ turn.T + origin

@@ -131,17 +131,17 @@ class SeedBench:
         self._responses = SharedSolutions()
 
     def model(self, specimen: Specimen) -> BatchArmModel:
-        """Give a model of the arm that begins at what others have answered."""
+        """Return a model of the arm that begins at what others have answered."""
         return WarmModel(known_force_model(specimen), self._responses)
 
     def recording(self, name: str) -> Recording:
-        """Give a recording by the name of its run."""
+        """Return a recording by the name of its run."""
         number = list(RUNS).index(name)
         run = FakeRun(name, RUNS[name], seed=100 * self.plan.number + number, arm=self.plan.number)
         return load_recording(perform(run, self.plan.folder))
 
     def run(self, name: str, specimen: Specimen) -> CalibrationRun:
-        """Give a recording arranged for a specimen, its gauge as known forces."""
+        """Return a recording arranged for a specimen, its gauge as known forces."""
         return arrange(self.recording(name), specimen, None, section_forces(specimen))
 
     @cached_property
@@ -238,7 +238,7 @@ def _force(bench: SeedBench, result: SeedResult) -> None:
 
 
 def series_of(done: PullTrack) -> Series:
-    """Give what a plot of the force needs; estimates that were lost are left out."""
+    """Return what a plot of the force needs; estimates that were lost are left out."""
     errors = done.errors.keep(np.isfinite(done.errors.estimate))
     return {
         "time_s": errors.time.tolist(),

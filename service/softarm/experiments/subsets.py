@@ -15,7 +15,7 @@ SUBSETS = ("bends", "orientations", "poses", "fused")
 
 
 def subset(run: CalibrationRun, kind: str, noise: dict[str, float] | None = None) -> CalibrationRun:
-    """Give a run whose suite holds one kind of sensor.
+    """Return a run whose suite holds one kind of sensor.
 
     Args:
         run: What was recorded.

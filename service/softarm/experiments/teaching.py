@@ -134,7 +134,7 @@ def taught_poses(recording: Recording, specimen: Specimen, section: str = "tip")
 
 
 def pose_of(run: CalibrationRun, section: str) -> tuple[MeasuredPose, Floats]:
-    """Give the sensor of a section's pose and its readings, shape (samples, 7).
+    """Return the sensor of a section's pose and its readings, shape (samples, 7).
 
     Raises:
         InputError: The recording has no such pose.
@@ -217,7 +217,7 @@ def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, numbe
 
 
 def _as_shown(suite: SensorSuite, specimen: Specimen) -> SensorSuite:
-    """Give the sensor of the shown poses with the specimen's noise as what a held pose may miss."""
+    """Return the sensor of the shown poses with the specimen's noise as what a held pose may miss."""
     noise = specimen.noise
     return SensorSuite(
         tuple(
@@ -229,7 +229,7 @@ def _as_shown(suite: SensorSuite, specimen: Specimen) -> SensorSuite:
 
 
 def out_of_reach(goal: Frames, nearest: Frames | None) -> tuple[float, float]:
-    """Give how far the last section is from a goal [mm, degrees] where pressures bring it nearest."""
+    """Return how far the last section is from a goal [mm, degrees] where pressures bring it nearest."""
     if nearest is None:
         return np.nan, np.nan
     distance = float(np.linalg.norm(nearest.positions[-1] - goal.positions[-1]))
@@ -243,7 +243,7 @@ def _slow(recording: Recording, specimen: Specimen) -> CalibrationRun:
 
 
 def _held(recording: Recording, specimen: Specimen, count: int) -> tuple[Floats, Floats]:
-    """Give the poses at the ends of the holds, the vented one left out, shape (poses, 7), and when."""
+    """Return the poses at the ends of the holds, the vented one left out, shape (poses, 7), and when."""
     run = arrange(recording, specimen)
     sensor, readings = pose_of(run, "tip")
     windows = hold_windows(recording, shortest=0.5 * HOLD_S)
@@ -267,7 +267,7 @@ def misses(poses: TaughtPoses, seen: Floats) -> tuple[Floats, Floats]:
 
 
 def miss_rows(label: str, millimetres: Floats, degrees: Floats) -> list[Cells]:
-    """Give one row for the position and one for the orientation, beside the paper's."""
+    """Return one row for the position and one for the orientation, beside the paper's."""
     rows: list[Cells] = []
     for quantity, unit, sizes, published in (
         ("position", "mm", millimetres, TEACH_MM),

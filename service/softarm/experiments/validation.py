@@ -91,7 +91,7 @@ def pose_errors(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple
 
 
 def pose_deviation(specimen: Specimen, suite: SensorSuite) -> Floats:
-    """Give the standard deviation of measured minus predicted [m or rad], shape (rows,).
+    """Return the standard deviation of measured minus predicted [m or rad], shape (rows,).
 
     It joins the sensors' noise and the scatter of the calibration on blocks that it had not seen.
     """
@@ -109,7 +109,7 @@ def pose_deviation(specimen: Specimen, suite: SensorSuite) -> Floats:
 
 
 def rows(errors: Sequence[PoseErrors], label: str) -> list[Cells]:
-    """Give one row a section and quantity; the last section's stand beside the paper's."""
+    """Return one row a section and quantity; the last section's stand beside the paper's."""
     found: list[Cells] = []
     for part in errors:
         last = part is errors[-1]

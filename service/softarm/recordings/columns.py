@@ -111,7 +111,7 @@ def check_names(source: str, columns: Sequence[str]) -> None:
 
 
 def nearest(column: str, known: Iterable[str] = ()) -> str:
-    """Give the canonical name that a misnamed column most likely means."""
+    """Return the canonical name that a misnamed column most likely means."""
     if re.fullmatch(r"(host_)?(time|t|seconds)(_?stamp|_s|_sec)?", column.lower()):
         return TIME
     candidates = [*known, *_examples(column)]

@@ -33,5 +33,5 @@ def format_info(info: Mapping[str, Any]) -> bytes:
 
 
 def sidecar(path: Path) -> Path:
-    """Give the place of the TOML beside a data file: ``recording.csv`` and ``recording.toml``."""
+    """Return the place of the TOML beside a data file: ``recording.csv`` and ``recording.toml``."""
     return path.with_suffix(".toml")

@@ -78,7 +78,7 @@ class Bends:
         return self.measured - self.before
 
     def features(self, *, memory: bool) -> Floats:
-        """Give what a learned map sees: pressures and predicted bends, with memory also faded pressures."""
+        """Return what a learned map sees: pressures and predicted bends, with memory also faded pressures."""
         parts = [self.pressures / FULL, self.before]
         if memory:
             parts += [faded(self.time, self.pressures / FULL, time) for time in FADING]

@@ -68,7 +68,7 @@ def pulled(folders: Folders, one: TrialOutcome) -> Path:
 
 
 def force_error(specimen: Specimen, recording: Path) -> tuple[float, float]:
-    """Give the rms error of the estimated forces over a recording, and the range of the known ones [N]."""
+    """Return the rms error of the estimated forces over a recording, and the range of the known ones [N]."""
     (loaded,) = load_recordings([recording])
     specimen = in_its_mount(specimen, loaded)
     model = build_arm(specimen)

@@ -121,7 +121,7 @@ class RememberingSearch(Search):
 
 
 def products_of_trial(trial: Trial, kept: Path) -> RegressionProblem:
-    """Give the residuals and columns of a trial, from those kept if they are."""
+    """Return the residuals and columns of a trial, from those kept if they are."""
     file = kept / f"{trial.name}.pickle"
     if not file.exists():
         request = DiagnosisRequest(trial.questioned, trial.nominal, load_specimen(trial.specimen))

@@ -61,7 +61,7 @@ def _quarter(x: Floats) -> Floats:
 
 
 def elastica_tip(load: float) -> tuple[float, float]:
-    """Give the lateral and axial displacement of the tip of an inextensible cantilever, over its length.
+    """Return the lateral and axial displacement of the tip of an inextensible cantilever, over its length.
 
     theta'' = -load cos(theta), theta(0) = 0, theta'(1) = 0, load = F L^2 / (E I) (Bisshopp and Drucker 1945).
     """

@@ -51,7 +51,7 @@ def free_body(mesh: Mesh, material: Material) -> Body:
 
 
 def tangent_and_forces(body: Body, displacement: Floats) -> tuple[sparse.csc_matrix, Floats]:
-    """Give the tangent matrix over the nodes in ascending order and the internal forces [N]."""
+    """Return the tangent matrix over the nodes in ascending order and the internal forces [N]."""
     evaluation = body.evaluate(
         body.points + displacement, np.zeros(body.chambers), np.ones(len(body.parameters))
     )

@@ -55,7 +55,7 @@ class QualisysConfig(DriverConfig):
         return bodies
 
     def address(self) -> str:
-        """Give the address as a URL."""
+        """Return the address as a URL."""
         return f"qtm+tcp://{self.host}:{self.port}"
 
     def build(

@@ -163,7 +163,7 @@ class ValveBank(SupervisedDevice):
         return self.session(await self._open_link(self))
 
     def session(self, link: RegisterLink) -> BankSession:
-        """Give the session on an open connection."""
+        """Return the session on an open connection."""
         return BankSession(
             self.name,
             Terminal(link, self.layout, self.clock),

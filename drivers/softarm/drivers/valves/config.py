@@ -114,7 +114,7 @@ class ValveConfig(DriverConfig):
         return self
 
     def address(self) -> str:
-        """Give the address as a URL."""
+        """Return the address as a URL."""
         return f"modbus+tcp://{self.host}:{self.port}"
 
     def build(self, sink: Sink = ignore, clock: Clock = monotonic, *, observe: bool = False) -> ValveBank:

@@ -101,7 +101,7 @@ class Outputs:
         self._deadline_ns = self._clock() + round(lifetime_s * NANOSECONDS)
 
     def written(self) -> asyncio.Future[AppliedPressures]:
-        """Give the outcome of the next write of the set-point in force."""
+        """Return the outcome of the next write of the set-point in force."""
         future: asyncio.Future[AppliedPressures] = asyncio.get_running_loop().create_future()
         self._waiting.append(future)
         return future

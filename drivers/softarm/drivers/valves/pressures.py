@@ -59,7 +59,7 @@ class ChamberMap:
     pascal_per_count: float = 100.0
 
     def to_counts(self, pressures: Pressures, maximum: Pressures) -> tuple[int, ...]:
-        """Give the nearest counts of every valve; a valve without chamber gets zero.
+        """Return the nearest counts of every valve; a valve without chamber gets zero.
 
         A count that would exceed the maximum of its chamber goes down to the next one below.
         """

@@ -200,7 +200,7 @@ class AugmentedEstimator(Generic[State, Step]):
         return self._estimator.model
 
     def unshaped(self, pressures: Floats) -> Floats:
-        """Give the pressures that the effects turn into given ones once they stand still.
+        """Return the pressures that the effects turn into given ones once they stand still.
 
         Args:
             pressures: As they act in the chambers [Pa], shape (chambers,).
@@ -238,7 +238,7 @@ class AugmentedEstimator(Generic[State, Step]):
         return replace(plain, couples=self._couples)
 
     def _at_rest(self, drive: Drive) -> ArmResponse:
-        """Give the response of the rested arm to the first drive."""
+        """Return the response of the rested arm to the first drive."""
         model = self._arm_model
         inputs = Inputs(drive.pressures[0], np.zeros(len(model.loads)), drive.gravity[0])
         state, _ = model.solve(inputs, model.rest())

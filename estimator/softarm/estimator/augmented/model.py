@@ -110,12 +110,12 @@ class ShapedModel(ModelWrapper, Generic[State, Step]):
         return turned.reshape(wrenches.shape)
 
     def own_inputs(self, inputs: Inputs) -> Inputs:
-        """Give the wrapped model's inputs."""
+        """Return the wrapped model's inputs."""
         known = self._turned_back(self.wrenches)
         return Inputs(inputs.pressures, self.shares @ inputs.loads + known, self.turn.T @ inputs.gravity)
 
     def rest(self) -> State:
-        """Give the unloaded state."""
+        """Return the unloaded state."""
         return self.model.rest()
 
     def linearise(self, state: State, inputs: Inputs) -> ShapedStep[State, Step]:

@@ -158,7 +158,7 @@ def _judged(
     nodes: Sequence[Nodes],
     train: Sequence[Flags],
 ) -> tuple[Sequence[NodePredictions], Sequence[Nodes]]:
-    """Give the nodes that no fit has seen and what was predicted for them; all where every one was seen."""
+    """Return the nodes that no fit has seen and what was predicted for them; all where every one was seen."""
     unseen = [~flags for flags in train]
     if any(flags.any() for flags in unseen):
         return held_out, _parts(nodes, unseen)
@@ -198,7 +198,7 @@ def _axes_wanted(specimen: Specimen, options: Options) -> bool:
 
 
 def _with_axes(run: CalibrationRun, found: Mapping[str, AxesFit]) -> CalibrationRun:
-    """Give a run whose bends have the axes that were found."""
+    """Return a run whose bends have the axes that were found."""
     measurements = tuple(
         replace(m, in_plane=found[m.name].in_plane, mirrored=found[m.name].mirrored)
         if isinstance(m, Bend) and m.name in found
@@ -209,7 +209,7 @@ def _with_axes(run: CalibrationRun, found: Mapping[str, AxesFit]) -> Calibration
 
 
 def _known_of(known: Layout, layout: Layout) -> Layout:
-    """Give what was known before any data, of the unknowns of a layout."""
+    """Return what was known before any data, of the unknowns of a layout."""
     return known.without(set(known.names) - set(layout.names))
 
 
@@ -295,7 +295,7 @@ def _joined(
     held_out: Sequence[NodePredictions],
     train: Sequence[Flags],
 ) -> tuple[NodePredictions, ...]:
-    """Give evaluations of all nodes with the model's states of the last evaluations of both parts."""
+    """Return evaluations of all nodes with the model's states of the last evaluations of both parts."""
     found = []
     for every, seen, unseen, flags in zip(whole, trained, held_out, train, strict=True):
         converged, states = every.converged.copy(), every.response.states.copy()

@@ -44,7 +44,7 @@ def complaints(recording: Recording, run: CalibrationRun) -> tuple[str, ...]:
 
 
 def silent_at_most(time: Floats, tension: Floats) -> float:
-    """Give how long a gauge told nothing between readings near to its largest [s], 0 where it never did.
+    """Return how long a gauge told nothing between readings near to its largest [s], 0 where it never did.
 
     Args:
         time: [s], shape (samples,).

@@ -262,7 +262,7 @@ def _normal_equations(
 
 
 def _step(normal: Floats, gradient: Floats, damping: float) -> tuple[Floats, Floats]:
-    """Give the damped step, and the share of its deviation that each unknown would move undamped."""
+    """Return the damped step, and the share of its deviation that each unknown would move undamped."""
     damped = normal + damping * np.diag(np.diag(normal))
     step: Floats = np.linalg.solve(damped, gradient).astype(np.float64)
     deviations = np.sqrt(np.diag(np.linalg.inv(normal)))
@@ -271,7 +271,7 @@ def _step(normal: Floats, gradient: Floats, damping: float) -> tuple[Floats, Flo
 
 
 def _covariance(forward: Forward, rows: ResidualRows, scatter: Scatter, normal: Floats) -> Floats:
-    """Give the covariance: that of the curvature, widened to what blocks of ten seconds disagree by.
+    """Return the covariance: that of the curvature, widened to what blocks of ten seconds disagree by.
 
     The second is the cluster-robust estimate H^-1 (sum_b g_b g_b^T) H^-1 with g_b a block's gradient
     (Liang and Zeger 1986); the curvature's correlations are kept and each deviation is the larger of the two.
@@ -296,7 +296,7 @@ def _covariance(forward: Forward, rows: ResidualRows, scatter: Scatter, normal: 
 def _registration_covariance(
     forward: Forward, rows: ResidualRows, scatter: Scatter, normal: Floats
 ) -> Floats:
-    """Give what the errors of the laboratory's registrations add: they move all readings of a run together.
+    """Return what the errors of the laboratory's registrations add: they move all readings of a run together.
 
     An error e of covariance C moves the fit by H^-1 J^T W R e, with R the derivative by a rigid motion.
     """

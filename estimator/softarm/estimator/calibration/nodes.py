@@ -131,7 +131,7 @@ def _mean(readings: Floats) -> Floats:
 
 
 def _speed(run: CalibrationRun) -> Floats:
-    """Give how fast readings and pressures move, in their own spreads per second, shape (samples,).
+    """Return how fast readings and pressures move, in their own spreads per second, shape (samples,).
 
     Columns that hold little but noise are left out: in their own spreads, noise is fast.
     """
@@ -149,7 +149,7 @@ def _speed(run: CalibrationRun) -> Floats:
 
 
 def _noise(columns: Floats) -> Floats:
-    """Give each column's standard deviation from sample to sample, by its mean second difference."""
+    """Return each column's standard deviation from sample to sample, by its mean second difference."""
     turns = np.abs(np.diff(columns, n=2, axis=0))
     seen = np.isfinite(turns)
     sizes: Floats = np.where(seen, turns, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)

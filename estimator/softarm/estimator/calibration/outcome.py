@@ -77,7 +77,7 @@ class Calibrated:
         return sum(entry.verdict != "kept" for entry in self.identified)
 
     def value(self, name: str) -> Value | None:
-        """Give a fitted unknown and its deviation; ``None`` where it was kept or is no unknown."""
+        """Return a fitted unknown and its deviation; ``None`` where it was kept or is no unknown."""
         for entry in self.identified:
             if entry.unknown.name == name and entry.verdict != "kept":
                 if isinstance(entry.unknown, Modulus):

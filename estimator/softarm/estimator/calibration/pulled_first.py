@@ -48,7 +48,7 @@ class Told:
         )
 
     def widened(self, layout: Layout, covariance: Floats) -> Floats:
-        """Give a covariance in which the moduli are no better known than the pulls told."""
+        """Return a covariance in which the moduli are no better known than the pulls told."""
         own = np.sqrt(np.diag(covariance))
         least = np.array([self.spreads.get(name, 0.0) for name in layout.names])
         ratio = np.maximum(own, least) / own

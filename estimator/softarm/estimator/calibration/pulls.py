@@ -26,7 +26,7 @@ LEAST_PULL = 0.02  # N; less is a slack cord
 
 
 def section_forces(specimen: Specimen) -> tuple[Load, ...]:
-    """Give three forces on every rigid section that can move, ``<section>_x``, ``_y`` and ``_z``."""
+    """Return three forces on every rigid section that can move, ``<section>_x``, ``_y`` and ``_z``."""
     axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
     return tuple(
         Load(f"{section.name}_{axis}", "force", direction, section=section.name)
@@ -39,7 +39,7 @@ def section_forces(specimen: Specimen) -> tuple[Load, ...]:
 def known_pulls(
     recording: Recording, specimen: Specimen, registration: Registration, loads: Sequence[Load]
 ) -> Floats:
-    """Give the amplitudes of the loads that a recording's gauges tell, NaN between their readings.
+    """Return the amplitudes of the loads that a recording's gauges tell, NaN between their readings.
 
     Args:
         recording: What was recorded.
@@ -95,7 +95,7 @@ def gauged_section(recording: Recording, gauge: str, sections: Sequence[str]) ->
 def cord_direction(
     recording: Recording, specimen: Specimen, registration: Registration, section: str
 ) -> Floats | None:
-    """Give the unit vector from the knot to the hook in the base frame, shape (samples, 3).
+    """Return the unit vector from the knot to the hook in the base frame, shape (samples, 3).
 
     Zero where no hook is seen (the cord is off); ``None`` where the recording knows of none at all.
     """
@@ -117,7 +117,7 @@ def cord_direction(
 
 
 def _bridged(recording: Recording, places: Floats) -> Floats:
-    """Give places at the times of the gauge as well, which reads in between, shape (samples, 3)."""
+    """Return places at the times of the gauge as well, which reads in between, shape (samples, 3)."""
     time, seen = recording.time, np.isfinite(places).all(axis=1)
     if not seen.any():
         return places
@@ -178,7 +178,7 @@ def saturation(recording: Recording, gauge: str, section: str) -> tuple[float, i
 
 
 def _way(recording: Recording, section: str, during: slice) -> float:
-    """Give how far hook or section moves meanwhile along any axis [m]."""
+    """Return how far hook or section moves meanwhile along any axis [m]."""
     places = [recording.marker(HOOK)] if HOOK in recording.markers else []
     places += [recording.pose(section)[:, :3]] if section in recording.frames else []
     parts = [place[during] for place in places]

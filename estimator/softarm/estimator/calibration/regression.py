@@ -28,7 +28,7 @@ class Line:
         return int(self.slopes.size)
 
     def predict(self, pressures: Floats) -> Floats:
-        """Give the readings for pressures [Pa], shape (samples, chambers)."""
+        """Return the readings for pressures [Pa], shape (samples, chambers)."""
         predicted: Floats = _columns(pressures) @ self.slopes
         return predicted
 
@@ -64,7 +64,7 @@ def estimate_lag(run: CalibrationRun) -> float | None:
 
 
 def _unexplained(run: CalibrationRun) -> float:
-    """Give the share of the readings' variance that a line leaves, each reading over its own."""
+    """Return the share of the readings' variance that a line leaves, each reading over its own."""
     seen = np.isfinite(run.readings).all(axis=1) & np.isfinite(run.pressures).all(axis=1)
     readings = run.readings[seen]
     left = readings - fit_line(run.pressures[seen], readings).predict(run.pressures[seen])

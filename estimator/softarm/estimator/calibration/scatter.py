@@ -17,7 +17,7 @@ PRESSURISED_PULLS = ", pressurised pulls"
 
 
 def rms(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> dict[str, float]:
-    """Give the root mean square of the innovations by component of each sensor, over all runs."""
+    """Return the root mean square of the innovations by component of each sensor, over all runs."""
     squares: dict[str, list[Floats]] = {}
     for evaluation, own in zip(evaluations, nodes, strict=True):
         for name, rows in own.run.suite.slices.items():
@@ -28,7 +28,7 @@ def rms(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> dict[
 
 
 def scatter_by_condition(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> dict[str, float]:
-    """Give the scatter of each sensor by quantity: without known forces, and by name while a gauge pulls.
+    """Return the scatter of each sensor by quantity: without known forces, and by name while a gauge pulls.
 
     An arm that hangs vented, drawn by a gauge, stays near rest and scatters less than one under pressure.
 
@@ -57,7 +57,7 @@ def scatter_by_condition(evaluations: Sequence[NodePredictions], nodes: Sequence
 
 
 def scatter_in(specimen: Specimen, run: CalibrationRun) -> dict[str, float]:
-    """Give the scatter that a specimen's calibration left in the condition of a run [m or rad].
+    """Return the scatter that a specimen's calibration left in the condition of a run [m or rad].
 
     Args:
         specimen: The calibrated robot.

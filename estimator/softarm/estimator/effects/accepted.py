@@ -12,7 +12,7 @@ from softarm.estimator.specimen.physics import Parameter, Physics
 
 
 def accepted_physics(specimen: Specimen, world: World) -> tuple[PlacedEffect, ...]:
-    """Give the effects of a specimen's ``[[physics]]`` in their order, ready to act.
+    """Return the effects of a specimen's ``[[physics]]`` in their order, ready to act.
 
     Raises:
         InputError: If an effect has no physics, or lacks or exceeds its parameters or their bounds.
@@ -47,7 +47,7 @@ def _placed(entry: Physics, world: World) -> PlacedEffect:
 
 
 def _values(effect: Effect, entry: Physics) -> list[float]:
-    """Give the values in the order of the effect's parameters, each in its unit and bounds."""
+    """Return the values in the order of the effect's parameters, each in its unit and bounds."""
     values = []
     for parameter in effect.parameters:
         given = entry.parameters[parameter.name]

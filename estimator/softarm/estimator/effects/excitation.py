@@ -56,14 +56,14 @@ def inventory(time: Floats, pressures: Floats, gravity: Floats, limits: Floats) 
 
 
 def _longest(time: Floats, kept: Flags) -> float:
-    """Give the longest stretch over which a flag holds [s]."""
+    """Return the longest stretch over which a flag holds [s]."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]]).astype(int)))
     spans = [time[end - 1] - time[start] for start, end in edges.reshape(-1, 2)]
     return float(max(spans, default=0.0))
 
 
 def _longest_hold(time: Floats, pressures: Floats) -> float:
-    """Give the longest time for which driven pressures stay where they were when it began [s]."""
+    """Return the longest time for which driven pressures stay where they were when it began [s]."""
     longest, start = 0.0, 0
     for k in range(1, len(time)):
         if np.abs(pressures[k] - pressures[start]).max() > QUIET:
@@ -79,14 +79,14 @@ def _has_steps(time: Floats, pressures: Floats) -> bool:
 
 
 def _rates(time: Floats, pressures: Floats) -> Floats:
-    """Give how fast pressures change where they do [Pa/s]."""
+    """Return how fast pressures change where they do [Pa/s]."""
     change = np.abs(np.diff(pressures, axis=0)) / np.diff(time)[:, None]
     moving: Floats = change[change > QUIET]
     return moving
 
 
 def _spread(values: Floats) -> float:
-    """Give the ratio of the 90th to the 10th percentile, 0 without values."""
+    """Return the ratio of the 90th to the 10th percentile, 0 without values."""
     if len(values) < 2:
         return 0.0
     low, high = np.percentile(values, [10.0, 90.0])
@@ -94,7 +94,7 @@ def _spread(values: Floats) -> float:
 
 
 def _peaks(pressure: Floats) -> Floats:
-    """Give the tops of the excursions from the vented state [Pa]."""
+    """Return the tops of the excursions from the vented state [Pa]."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], pressure > OPEN, [False]]).astype(int)))
     return np.array([pressure[start:end].max() for start, end in edges.reshape(-1, 2)])
 

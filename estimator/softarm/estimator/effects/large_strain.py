@@ -13,7 +13,7 @@ from softarm.estimator.effects.world import World
 
 
 def losses(strains: Floats, world: World) -> Floats:
-    """Give the loss of stiffness at k = 1 of each strain, shape (..., segments, 4)."""
+    """Return the loss of stiffness at k = 1 of each strain, shape (..., segments, 4)."""
     bend = (strains[..., :2] ** 2).sum(axis=-1)
     stretch = (strains[..., 3] / world.radii) ** 2
     bending, axial = bend + 4.0 * stretch, 2.0 * bend + 4.0 / 3.0 * stretch
@@ -21,6 +21,6 @@ def losses(strains: Floats, world: World) -> Floats:
 
 
 def size(strains: Floats, world: World) -> Floats:
-    """Give the root of twice the mean square strain of the ring, in units of bend, shape (..., segments)."""
+    """Compute the root of twice the mean square strain of the ring, as a bend, shape (..., segments)."""
     bend = (strains[..., :2] ** 2).sum(axis=-1)
     return np.asarray(np.sqrt(bend + 2.0 * (strains[..., 3] / world.radii) ** 2), dtype=np.float64)

@@ -15,14 +15,14 @@ def turns(reading: Floats) -> bool:
 
 
 def to_vector(reading: Floats) -> Floats:
-    """Give the rotation vector of an orientation or a pose, anything else as it is, shape (samples, size)."""
+    """Return the rotation vector of an orientation or a pose, else the value, shape (samples, size)."""
     if not turns(reading):
         return reading
     return log(from_quaternions(reading[:, -QUATERNION:]))
 
 
 def from_vector(vector: Floats, reading: Floats, offset: Floats) -> Floats:
-    """Give the reading that a vector stands for, an offset added in the sensor's own axes.
+    """Return the reading that a vector stands for, an offset added in the sensor's own axes.
 
     Args:
         vector: As from ``to_vector``, shape (samples, size).

@@ -32,7 +32,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 
 
 def _unflipped(quaternions: Floats) -> Floats:
-    """Give the quaternions of the same turns without a jump from q to -q, shape (samples, 4)."""
+    """Return the quaternions of the same turns without a jump from q to -q, shape (samples, 4)."""
     flips = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=-1) < 0.0, -1.0, 1.0)
     signs = np.concatenate([[1.0], np.cumprod(flips)])
     unflipped: Floats = quaternions * signs[:, None]

@@ -133,13 +133,13 @@ def advance_with(
 
 
 def standing_pressures(effects: Sequence[PlacedEffect], world: World, drive: Drive) -> Floats:
-    """Give what effects make of pressures that have long stood still, shape (samples, chambers)."""
+    """Return what effects make of pressures that have long stood still, shape (samples, chambers)."""
     none: tuple[Memory, ...] = ((),) * len(effects)
     return _shape_drive(effects, world, drive, none, list(none)).pressures
 
 
 def recorded_turn(base_rotation: Floats, effects: Sequence[PlacedEffect]) -> Floats:
-    """Give the turn that a recorded base shows at its mean pose, by which the laboratory is found [rad].
+    """Return the turn that a recorded base shows at its mean pose, by which the laboratory is found [rad].
 
     Args:
         base_rotation: Turn of the base along the recording, shape (samples, 3).
@@ -187,12 +187,12 @@ def _share(
 
 
 def _spread(step: Floats, gap: Floats) -> Floats:
-    """Give a number of each sample the dimensions of a gap."""
+    """Return a number of each sample the dimensions of a gap."""
     return step.reshape(-1, *(1 for _ in gap.shape[1:]))
 
 
 def _relaxed(gap: Floats, old: tuple[Floats, Floats] | None, first: float) -> Floats:
-    """Give the share of each sample's gap to take (Aitken), shape (samples,)."""
+    """Return the share of each sample's gap to take (Aitken), shape (samples,)."""
     if old is None:
         return np.full(len(gap), first)
     before = old[0].reshape(len(gap), -1)

@@ -82,14 +82,14 @@ class World:
         return radii
 
     def couples(self, strains: Floats) -> Floats:
-        """Give the couples that strain the segments by so much, shape (samples, segments, 4)."""
+        """Return the couples that strain the segments by so much, shape (samples, segments, 4)."""
         if self.stiffness.ndim == 4:
             couples: Floats = np.einsum("tgij,tgj->tgi", self.stiffness, strains)
             return couples
         return strains * self.stiffness
 
     def strains(self, couples: Floats) -> Floats:
-        """Give the strains that couples alone would make, shape (samples, segments, 4)."""
+        """Return the strains that couples alone would make, shape (samples, segments, 4)."""
         if self.stiffness.ndim == 4:
             strained: Floats = np.asarray(np.linalg.solve(self.stiffness, couples[..., None])[..., 0])
             return strained

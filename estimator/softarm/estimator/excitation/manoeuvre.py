@@ -58,11 +58,11 @@ class Manoeuvre:
         return float(self.times[-1])
 
     def at(self, time: Floats) -> Floats:
-        """Give the pressures at some times [Pa], shape (samples, chambers)."""
+        """Return the pressures at some times [Pa], shape (samples, chambers)."""
         return np.column_stack([np.interp(time, self.times, column) for column in self.pressures.T])
 
     def force_at(self, time: Floats) -> Floats:
-        """Give the force on the last section at some times [N], shape (samples, 3)."""
+        """Return the force on the last section at some times [N], shape (samples, 3)."""
         if self.forces is None:
             return np.zeros((len(time), 3))
         return np.column_stack([np.interp(time, self.times, column) for column in self.forces.T])

@@ -54,7 +54,7 @@ class ChosenManoeuvre:
         return self.manoeuvre.duration + OVERHEAD
 
     def gain(self, lacking: Sequence[float]) -> float:
-        """Give the useful separation per second, ``lacking`` what each pair still needs."""
+        """Return the useful separation per second, ``lacking`` what each pair still needs."""
         useful = sum(min(gain, lack) for gain, lack in zip(self.separations, lacking, strict=True))
         return useful / self.seconds
 
@@ -77,7 +77,7 @@ class ExcitationPlan:
         return sum(choice.seconds for choice in self.choices)
 
     def separation(self, pair: int) -> float:
-        """Give the separation that the whole plan expects for a pair."""
+        """Return the separation that the whole plan expects for a pair."""
         return sum(choice.separations[pair] for choice in self.choices)
 
     @property

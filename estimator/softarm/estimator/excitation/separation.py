@@ -67,7 +67,7 @@ class SeparatedArm:
         return SeparationTrial(self, drive, LinearisedArm(self.segments, drive, baseline))
 
     def _drive(self, manoeuvre: Manoeuvre, time: Floats) -> Drive:
-        """Give the drive of a manoeuvre; a turned mount turns gravity the other way."""
+        """Return the drive of a manoeuvre; a turned mount turns gravity the other way."""
         turn = exp(np.array(manoeuvre.turn))
         sections = len(self.world.sections)
         gravity = turn.T @ self.gravity
@@ -107,7 +107,7 @@ class SeparationTrial:
     arm: LinearisedArm
 
     def readings(self, placed: PlacedEffect | None) -> Floats:
-        """Give the readings' change by an effect, whitened, shape (samples x rows of the suite,)."""
+        """Return the readings' change by an effect, whitened, shape (samples x rows of the suite,)."""
         subject = self.subject
         effects = () if placed is None else (placed,)
         done = simulate_with(effects, self.arm, subject.world, self.drive, subject.suite)
@@ -129,7 +129,7 @@ class SeparationTrial:
 
     @cached_property
     def _floors(self) -> Floats:
-        """Give the error of each row: the sensor's noise and what repeated runs differ by."""
+        """Return the error of each row: the sensor's noise and what repeated runs differ by."""
         rest, rows = self.arm.baseline.frames, []
         scene = Scene(Frames(rest.positions[0], rest.rotations[0]), np.zeros(0))
         for sensor in self.subject.suite.measurements:
@@ -139,7 +139,7 @@ class SeparationTrial:
 
     @cached_property
     def nuisances(self) -> Floats:
-        """Give the change by what calibration may explain, per standard deviation, shape (rows, unknowns)."""
+        """Return the change that calibration may explain, per deviation, shape (rows, unknowns)."""
         columns, base = [], self.arm.baseline
         owners = np.array(self.subject.world.chamber_segment)
         for segment in range(self.subject.segments.count):

@@ -141,7 +141,7 @@ class ContactProfile:
         return self._best(explained, to_pushes, information)
 
     def _share(self, found: ContactPlace) -> Floats:
-        """Give the push to the two candidates beside it: same force, same moment; shape (candidates, 2)."""
+        """Return the push to the two candidates beside it: same force, same moment; shape (candidates, 2)."""
         weights = np.array(
             [np.interp(found.height, self.heights, unit) for unit in np.eye(len(self.heights))]
         )

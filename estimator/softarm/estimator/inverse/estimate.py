@@ -142,7 +142,7 @@ class ArmEstimate(Generic[State]):
 
 
 def posterior(rows: tuple[WeightedRows, ...], scale: Floats, fixed: Flags) -> Floats:
-    """Give the covariance of the inputs, (sum J^T R^-1 J)^-1 over those that can move.
+    """Return the covariance of the inputs, (sum J^T R^-1 J)^-1 over those that can move.
 
     A direction that nothing determines is given a standard deviation of 1e3 times its scale instead of
     infinity.

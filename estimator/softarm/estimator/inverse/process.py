@@ -25,7 +25,7 @@ class LoadProcess:
     time_constant: float
 
     def start(self) -> tuple[Floats, Floats]:
-        """Give mean and covariance where nothing has been seen yet."""
+        """Return mean and covariance where nothing has been seen yet."""
         return np.zeros(len(self.sigma)), np.diag(self.sigma**2)
 
     def predict(self, mean: Floats, covariance: Floats, duration: float) -> tuple[Floats, Floats]:

@@ -189,7 +189,7 @@ class Estimator(Generic[State, Step]):
         return state, guess
 
     def _guided(self, problem: Problem, guess: Inputs) -> Inputs | None:
-        """Give the inputs that the guide finds, None where it finds none."""
+        """Return the inputs that the guide finds, None where it finds none."""
         if self._guide is None:
             return None
         state, _ = self._guide.solve(guess, self._guide.rest())

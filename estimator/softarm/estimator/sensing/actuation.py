@@ -43,12 +43,12 @@ class ActuationMap:
         return cls(np.ones(chambers), np.zeros(chambers), sigma)
 
     def to_chamber(self, measured: Floats) -> Floats:
-        """Give the chamber pressures [Pa] of measured ones [Pa], shape (..., chambers)."""
+        """Return the chamber pressures [Pa] of measured ones [Pa], shape (..., chambers)."""
         pressure: Floats = self._own(measured) + self.bias + self._from_others(measured)
         return pressure
 
     def to_measured(self, pressure: Floats) -> Floats:
-        """Give the readings [Pa], or the set-points, that stand for chamber pressures [Pa]."""
+        """Return the readings [Pa], or the set-points, that stand for chamber pressures [Pa]."""
         measured: Floats = (pressure - self.bias) / self.gain
         for _ in range(PASSES):
             left = pressure - self.bias - self._from_others(measured) - self._own(measured)
@@ -66,7 +66,7 @@ class ActuationMap:
         return own
 
     def _from_others(self, measured: Floats) -> Floats:
-        """Give what the others add [Pa]; a lost reading adds nothing."""
+        """Return what the others add [Pa]; a lost reading adds nothing."""
         if not np.any(self.crosstalk):
             return np.zeros_like(measured)
         return np.asarray(np.where(np.isfinite(measured), measured, 0.0) @ np.transpose(self.crosstalk))

@@ -80,7 +80,7 @@ class Bend:
         )
 
     def with_parameters(self, values: Floats) -> Self:
-        """Give the same sensor with other alignment parameters, shape (9,)."""
+        """Return the same sensor with other alignment parameters, shape (9,)."""
         return replace(
             self,
             in_plane=float(values[0]),
@@ -91,7 +91,7 @@ class Bend:
         )
 
     def predict(self, scene: Scene) -> Floats:
-        """Give the two angles [rad], shape (..., 2)."""
+        """Return the two angles [rad], shape (..., 2)."""
         bend: Floats = bend_of(self._direction(scene)) @ self._frame().T * self.scale + self.bias
         return bend
 
@@ -109,7 +109,7 @@ class Bend:
         return Sensitivity(reading - predicted, twists, no_load_rows(scene, self.size))
 
     def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:  # noqa: ARG002
-        """Give the derivative by the alignment parameters, shape (..., 2, 9)."""
+        """Return the derivative by the alignment parameters, shape (..., 2, 9)."""
         direction = self._direction(scene)
         bend = bend_of(direction)
         shape = self.scale[:, None] * self._frame() @ bend_jacobian(direction)
@@ -129,7 +129,7 @@ class Bend:
         return rows
 
     def covariance(self, reading: Floats) -> Floats:
-        """Give the covariance of the noise [rad2], the dead zone included, shape (..., 2, 2)."""
+        """Return the covariance of the noise [rad2], the dead zone included, shape (..., 2, 2)."""
         quiet = np.abs(reading - self.bias) <= self.dead_zone
         variance = np.broadcast_to(self.sigma, 2) ** 2 + np.where(quiet, self.dead_zone**2 / 3.0, 0.0)
         covariance: Floats = variance[..., None] * np.eye(2)
@@ -151,13 +151,13 @@ class Bend:
 
 
 def bend_of(direction: Floats) -> Floats:
-    """Give the bend theta (cos phi, sin phi) [rad], shape (..., 2), of unit vectors, shape (..., 3)."""
+    """Return the bend theta (cos phi, sin phi) [rad], shape (..., 2), of unit vectors, shape (..., 3)."""
     bend: Floats = _ratio(direction)[0][..., None] * direction[..., :2]
     return bend
 
 
 def bend_jacobian(direction: Floats) -> Floats:
-    """Give the derivative of ``bend_of`` along the unit sphere, shape (..., 2, 3)."""
+    """Return the derivative of ``bend_of`` along the unit sphere, shape (..., 2, 3)."""
     ratio, slope = _ratio(direction)
     across = direction[..., :2]
     jacobian = np.zeros((*direction.shape[:-1], 2, 3))
@@ -169,7 +169,7 @@ def bend_jacobian(direction: Floats) -> Floats:
 
 
 def _ratio(direction: Floats) -> tuple[Floats, Floats]:
-    """Give theta / sin(theta) and (sin cos - theta) / sin^3, by series near zero."""
+    """Return theta / sin(theta) and (sin cos - theta) / sin^3, by series near zero."""
     sine = np.hypot(direction[..., 0], direction[..., 1])
     angle = np.arctan2(sine, direction[..., 2])
     small = (sine < 1e-3) & (direction[..., 2] > 0)

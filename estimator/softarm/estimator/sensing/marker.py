@@ -43,11 +43,11 @@ class MarkerPosition:
         return self.offset
 
     def with_parameters(self, values: Floats) -> Self:
-        """Give the same marker at another offset [m], shape (3,)."""
+        """Return the same marker at another offset [m], shape (3,)."""
         return replace(self, offset=values)
 
     def predict(self, scene: Scene) -> Floats:
-        """Give the position in the laboratory frame [m], shape (..., 3)."""
+        """Return the position in the laboratory frame [m], shape (..., 3)."""
         return self.registration.to_laboratory(self._origin(scene) + self._arm(scene))
 
     def sensitivity(self, scene: Scene, reading: Floats) -> Sensitivity:
@@ -61,12 +61,12 @@ class MarkerPosition:
         )
 
     def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:  # noqa: ARG002
-        """Give the derivative by the offset, shape (..., 3, 3)."""
+        """Return the derivative by the offset, shape (..., 3, 3)."""
         rows: Floats = scene.frames.rotations[..., self.section, :, :]
         return rows
 
     def covariance(self, reading: Floats) -> Floats:
-        """Give the covariance of the noise [m2], shape (..., 3, 3)."""
+        """Return the covariance of the noise [m2], shape (..., 3, 3)."""
         return np.broadcast_to(np.diag(np.broadcast_to(self.sigma, 3) ** 2), (*np.shape(reading)[:-1], 3, 3))
 
     def _origin(self, scene: Scene) -> Floats:

@@ -77,19 +77,19 @@ class Measurement(Protocol):
         """Values of the alignment parameters."""
 
     def with_parameters(self, values: Floats) -> Self:
-        """Give the same sensor with other alignment parameters."""
+        """Return the same sensor with other alignment parameters."""
 
     def predict(self, scene: Scene) -> Floats:
-        """Give the reading that the scene would cause, shape (..., reading_size)."""
+        """Return the reading that the scene would cause, shape (..., reading_size)."""
 
     def sensitivity(self, scene: Scene, reading: Floats) -> Sensitivity:
         """Compare a reading, shape (..., reading_size), with the scene."""
 
     def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:
-        """Give the derivative of the prediction by the alignment, shape (..., size, parameters)."""
+        """Return the derivative of the prediction by the alignment, shape (..., size, parameters)."""
 
     def covariance(self, reading: Floats) -> Floats:
-        """Give the covariance of the noise of a reading, shape (..., size, size)."""
+        """Return the covariance of the noise of a reading, shape (..., size, size)."""
 
 
 def twist_rows(frames: Frames, section: int | None, rows: Floats) -> Floats:
@@ -111,12 +111,12 @@ def twist_rows(frames: Frames, section: int | None, rows: Floats) -> Floats:
 
 
 def no_load_rows(scene: Scene, size: int) -> Floats:
-    """Give the derivative by the loads of a prediction that only depends on the frames."""
+    """Return the derivative by the loads of a prediction that only depends on the frames."""
     return np.zeros((*scene.loads.shape[:-1], size, scene.loads.shape[-1]))
 
 
 def section_rotation(frames: Frames, section: int | None) -> Floats:
-    """Give the rotation of a section, or the identity for the clamp, shape (..., 3, 3)."""
+    """Return the rotation of a section, or the identity for the clamp, shape (..., 3, 3)."""
     if section is None:
         return np.broadcast_to(np.eye(3), (*frames.rotations.shape[:-3], 3, 3))
     rotation: Floats = frames.rotations[..., section, :, :]

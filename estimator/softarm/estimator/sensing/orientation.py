@@ -62,11 +62,11 @@ class Orientation:
         return self.misalignment
 
     def with_parameters(self, values: Floats) -> Self:
-        """Give the same sensor with another misalignment [rad], shape (3,)."""
+        """Return the same sensor with another misalignment [rad], shape (3,)."""
         return replace(self, misalignment=values)
 
     def predict(self, scene: Scene) -> Floats:
-        """Give the quaternion in the laboratory frame, shape (..., 4)."""
+        """Return the quaternion in the laboratory frame, shape (..., 4)."""
         return to_quaternions(self.registration.rotation.T @ self._rotation(scene))
 
     def sensitivity(self, scene: Scene, reading: Floats) -> Sensitivity:
@@ -78,13 +78,13 @@ class Orientation:
         )
 
     def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:
-        """Give the derivative by the misalignment, shape (..., 3, 3)."""
+        """Return the derivative by the misalignment, shape (..., 3, 3)."""
         innovation, _ = compare(self._rotation(scene), self._measured(reading))
         rows: Floats = inverse_left_jacobian(innovation) @ left_jacobian(-self.misalignment)
         return rows
 
     def covariance(self, reading: Floats) -> Floats:
-        """Give the covariance of the noise [rad2], shape (..., 3, 3)."""
+        """Return the covariance of the noise [rad2], shape (..., 3, 3)."""
         return np.broadcast_to(np.diag(np.broadcast_to(self.sigma, 3) ** 2), (*np.shape(reading)[:-1], 3, 3))
 
     @cached_property

@@ -49,11 +49,11 @@ class MeasuredPose:
         return np.concatenate([self.offset, self.misalignment])
 
     def with_parameters(self, values: Floats) -> Self:
-        """Give the same sensor with another offset and misalignment, shape (6,)."""
+        """Return the same sensor with another offset and misalignment, shape (6,)."""
         return replace(self, offset=values[:3], misalignment=values[3:])
 
     def predict(self, scene: Scene) -> Floats:
-        """Give position and quaternion in the laboratory frame, shape (..., 7)."""
+        """Return position and quaternion in the laboratory frame, shape (..., 7)."""
         position = self.registration.to_laboratory(self._origin(scene) + self._arm(scene))
         return np.concatenate([position, self._orientation().predict(scene)], axis=-1)
 
@@ -71,7 +71,7 @@ class MeasuredPose:
         )
 
     def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:
-        """Give the derivative by offset and misalignment, shape (..., 6, 6)."""
+        """Return the derivative by offset and misalignment, shape (..., 6, 6)."""
         rotation = scene.frames.rotations[..., self.section, :, :]
         rows = np.zeros((*rotation.shape[:-2], 6, 6))
         rows[..., :3, :3] = rotation
@@ -79,7 +79,7 @@ class MeasuredPose:
         return rows
 
     def covariance(self, reading: Floats) -> Floats:
-        """Give the covariance of the noise, shape (..., 6, 6)."""
+        """Return the covariance of the noise, shape (..., 6, 6)."""
         position, rotation = np.broadcast_to(self.position_sigma, 3), np.broadcast_to(self.rotation_sigma, 3)
         diagonal = np.diag(np.concatenate([position, rotation]) ** 2)
         return np.broadcast_to(diagonal, (*np.shape(reading)[:-1], 6, 6))

@@ -120,7 +120,7 @@ class SensorSuite:
         return stacked
 
     def predict(self, scene: Scene) -> Floats:
-        """Give the stacked readings that the scene would cause, shape (..., readings)."""
+        """Return the stacked readings that the scene would cause, shape (..., readings)."""
         parts = [measurement.predict(scene) for measurement in self.measurements]
         return np.concatenate([*parts, np.zeros((*scene.loads.shape[:-1], 0))], axis=-1)
 
@@ -137,7 +137,7 @@ class SensorSuite:
         )
 
     def covariance(self, scene: Scene, readings: Floats, twists: Floats) -> Floats:
-        """Give the covariance of the noise of all rows, the registrations' errors included.
+        """Return the covariance of the noise of all rows, the registrations' errors included.
 
         An error of a registration moves all the readings that use it together. Moving the laboratory is
         moving the arm the other way, so its derivative follows from that by the section twists.
@@ -160,7 +160,7 @@ class SensorSuite:
         return covariance
 
     def own_noise(self, readings: Floats) -> Floats:
-        """Give the covariance of the sensors' own noise, without the registrations', shape as ``covariance``.
+        """Return the covariance of sensor noise, without that of registrations, shaped as ``covariance``.
 
         It depends on the readings alone.
         """
@@ -206,7 +206,7 @@ class SensorSuite:
         return np.concatenate([measurement.parameters for measurement in self.measurements])
 
     def with_parameters(self, values: Floats) -> "SensorSuite":
-        """Give the same sensors with other alignment parameters."""
+        """Return the same sensors with other alignment parameters."""
         ends = np.cumsum([len(measurement.parameter_names) for measurement in self.measurements])
         parts = np.split(np.asarray(values, dtype=np.float64), ends[:-1])
         aligned = (m.with_parameters(part) for m, part in zip(self.measurements, parts, strict=True))
@@ -233,7 +233,7 @@ class SensorSuite:
         )
 
     def parameter_rows(self, scene: Scene, readings: Floats) -> Floats:
-        """Give the derivative by all alignment parameters, shape (..., size, parameters)."""
+        """Return the derivative by all alignment parameters, shape (..., size, parameters)."""
         parts = [
             measurement.parameter_rows(scene, reading)
             for measurement, reading in zip(self.measurements, self._split(readings), strict=True)
@@ -267,7 +267,7 @@ class SensorSuite:
 
 
 def _rigid_motion(frames: Frames) -> Floats:
-    """Give the section twists of a rigid motion (v, w) of the base frame, shape (..., 6 sections, 6)."""
+    """Return the section twists of a rigid motion (v, w) of the base frame, shape (..., 6 sections, 6)."""
     sections = frames.positions.shape[-2]
     motion = np.zeros((*frames.positions.shape[:-2], sections, 6, 6))
     motion[..., :3, :3] = motion[..., 3:, 3:] = np.eye(3)

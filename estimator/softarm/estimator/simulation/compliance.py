@@ -11,7 +11,7 @@ SPREAD = 8.0
 
 
 def stiffness_along(segments: Segments, frames: Frames, by_wrench: Floats) -> Floats:
-    """Give each segment's stiffness against its own couples in every pose, shape (samples, segments, 4, 4).
+    """Return each segment's stiffness against its own couples in every pose, shape (samples, segments, 4, 4).
 
     It is the inverse of the tangent compliance, kept within ``SPREAD`` of the typical one.
 
@@ -27,7 +27,7 @@ def stiffness_along(segments: Segments, frames: Frames, by_wrench: Floats) -> Fl
 
 
 def bounded_inverse(compliance: Floats, usual: Floats) -> Floats:
-    """Give the stiffness of each segment, kept within ``SPREAD`` of the usual one.
+    """Return the stiffness of each segment, kept within ``SPREAD`` of the usual one.
 
     Args:
         compliance: Tangent compliance against the segment's own couples, shape (..., segments, 4, 4).
@@ -42,7 +42,7 @@ def bounded_inverse(compliance: Floats, usual: Floats) -> Floats:
 
 
 def yielding(segments: Segments, frames: Frames, by_wrench: Floats) -> Floats:
-    """Give the twists of sections per unit of eigenstrains that act as couples.
+    """Return the twists of sections per unit of eigenstrains that act as couples.
 
     Returns:
         Shape (samples, 6 sections, 4 segments).

@@ -42,7 +42,7 @@ def first_order(time: Floats, values: Floats, lag: float, memory: Memory) -> tup
 
 @njit(cache=True, nogil=True)
 def _recursion(kept: Floats, ahead: Floats, state: Floats) -> Floats:
-    """Give z_k = kept_k z_(k-1) + ahead_k of several columns, shape (samples, columns)."""
+    """Return z_k = kept_k z_(k-1) + ahead_k of several columns, shape (samples, columns)."""
     out = np.empty_like(ahead)
     for k in range(len(kept)):
         for j in range(len(state)):
@@ -86,7 +86,7 @@ def second_order(
 
 
 def _propagators(steps: Floats, inertia: float, damping: float) -> Floats:
-    """Give exp(A h) of x'' = -(damping x' + x) / inertia^2 for each step h, shape (steps, 2, 2)."""
+    """Return exp(A h) of x'' = -(damping x' + x) / inertia^2 for each step h, shape (steps, 2, 2)."""
     decay = 0.5 * damping / inertia**2
     root = np.sqrt(complex(decay**2 - inertia**-2))
     root = root if abs(root) > 1e-6 / inertia else complex(1e-6 / inertia)

@@ -82,7 +82,7 @@ class Swaying:
         return cls(stiffness, _mass(frames, segments, masses, by_strain))
 
     def frequencies(self, sample: int = 0) -> Floats:
-        """Give the natural frequencies about the pose of one sample [Hz], rising."""
+        """Return the natural frequencies about the pose of one sample [Hz], rising."""
         slowness = eigh(self.mass[sample], self.stiffness[sample], eigvals_only=True)[::-1]
         frequencies: Floats = 1.0 / (2.0 * np.pi * np.sqrt(slowness[slowness > 0.0]))
         return frequencies
@@ -125,7 +125,7 @@ def _filled(by_wrench: Floats, converged: NDArray[np.bool_]) -> Floats:
 
 
 def _mass(frames: Frames, segments: Segments, masses: Masses, by_strain: Floats) -> Floats:
-    """Give M, shape (samples, strains, strains); ``by_strain`` differentiates the sections' twists."""
+    """Return M, shape (samples, strains, strains); ``by_strain`` differentiates the sections' twists."""
     places, turns = by_strain[:, :, :3], by_strain[:, :, 3:]
     total = np.zeros((len(places), places.shape[-1], places.shape[-1]))
     for section, mass in enumerate(masses.sections.tolist()):

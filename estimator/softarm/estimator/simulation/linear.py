@@ -28,7 +28,7 @@ class LinearisedArm:
     baseline: ArmResponse
 
     def twists(self, drive: Drive) -> Floats:
-        """Give the sections' twists, shape (samples, 6 sections), by the change from the baseline drive."""
+        """Return the sections' twists, shape (samples, 6 sections), by the change from the baseline drive."""
         return self.rigid(drive) + self._elastic(drive)
 
     def respond(
@@ -54,7 +54,7 @@ class LinearisedArm:
         return self.segments.rows(self.baseline.frames)
 
     def _elastic(self, drive: Drive) -> Floats:
-        """Give the twists by deformation; a turned base turns gravity and wrenches the other way."""
+        """Return the twists by deformation; a turned base turns gravity and wrenches the other way."""
         base = self.drive
         tilt = drive.base_rotation - base.base_rotation
         couples = np.einsum("tgij,tgi->tj", self._rows, drive.couples - base.couples)
@@ -73,7 +73,7 @@ class LinearisedArm:
         return twists + yielded
 
     def rigid(self, drive: Drive) -> Floats:
-        """Give the twists by the turn of the base about the origin."""
+        """Return the twists by the turn of the base about the origin."""
         places = self.baseline.frames.positions
         tilt = np.broadcast_to((drive.base_rotation - self.drive.base_rotation)[:, None], places.shape)
         rigid: Floats = np.concatenate([np.cross(tilt, places), tilt], axis=-1)

@@ -57,7 +57,7 @@ class Segments:
         return len(self.names)
 
     def _ends(self, frames: Frames) -> tuple[Floats, Floats, Floats]:
-        """Give R_a, R_b, shape (..., segments, 3, 3), and the chords, shape (..., segments, 3)."""
+        """Return R_a, R_b, shape (..., segments, 3, 3), and the chords, shape (..., segments, 3)."""
         turned = frames.rotations @ np.swapaxes(self.rest.rotations, -1, -2)
         upper = np.zeros((*turned.shape[:-3], self.count, 3, 3))
         start = np.zeros(upper.shape[:-1])
@@ -74,7 +74,7 @@ class Segments:
         return lengths
 
     def strains(self, frames: Frames) -> Floats:
-        """Give the generalised strains, shape (..., segments, 4)."""
+        """Return the generalised strains, shape (..., segments, 4)."""
         upper, lower, chord = self._ends(frames)
         theta = log(np.swapaxes(upper, -1, -2) @ lower)
         arc = np.linalg.norm(chord, axis=-1) * arc_over_chord(np.hypot(theta[..., 0], theta[..., 1]))[0]
@@ -102,6 +102,6 @@ class Segments:
         return rows.reshape(*theta.shape[:-1], 4, 6 * sections)
 
     def wrenches(self, frames: Frames, couples: Floats) -> Floats:
-        """Give the sections' wrenches, shape (..., sections, 6), that do the work of segment couples."""
+        """Return the sections' wrenches, shape (..., sections, 6), that do the work of segment couples."""
         wrench: Floats = np.einsum("...gij,...gi->...j", self.rows(frames), couples)
         return wrench.reshape(*wrench.shape[:-1], -1, 6)

@@ -84,20 +84,20 @@ class Calibration(Entry):
     """Alignment of each section's recorded pose."""
 
     def scale(self, region: str) -> float:
-        """Give the factor on the stiffness of a segment or section; 1 where none was found."""
+        """Return the factor on the stiffness of a segment or section; 1 where none was found."""
         return self.modulus_scale.get(region, UNIT).value
 
     def chamber(self, index: int) -> ChamberCalibration:
-        """Give what was found for a chamber, or a unit gain without bias."""
+        """Return what was found for a chamber, or a unit gain without bias."""
         found = (entry for entry in self.chambers if entry.index == index)
         return next(found, ChamberCalibration(index=index))
 
     def bend(self, section: str) -> BendCalibration:
-        """Give what was found for a section's bend, or no alignment and no bias."""
+        """Return what was found for a section's bend, or no alignment and no bias."""
         found = (entry for entry in self.bends if entry.section == section)
         return next(found, BendCalibration(section=section))
 
     def frame(self, section: str) -> FrameCalibration:
-        """Give what was found for a section's pose, or no misalignment."""
+        """Return what was found for a section's pose, or no misalignment."""
         found = (entry for entry in self.frames if entry.section == section)
         return next(found, FrameCalibration(section=section))

@@ -86,7 +86,7 @@ def save_specimen(specimen: Specimen, path: str | Path) -> None:
 
 
 def specimen_table(specimen: Specimen, folder: Path) -> dict[str, object]:
-    """Give the table that a specimen's file in some folder holds, without values left to their default."""
+    """Return the table that a specimen's file in some folder holds, without values left to their default."""
     table: dict[str, object] = specimen.model_dump(
         mode="json", by_alias=True, exclude_none=True, exclude_defaults=True
     )

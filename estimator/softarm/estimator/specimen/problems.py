@@ -173,7 +173,7 @@ def _tagged(annotation: Any, step: Any) -> type[BaseModel] | None:
 
 
 def _below(annotation: Any, step: Any) -> Any:
-    """Give the annotation of what lies at one step below."""
+    """Return the annotation of what lies at one step below."""
     for option in _options(annotation):
         table = _table(option)
         if table is not None:

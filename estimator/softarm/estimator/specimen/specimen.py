@@ -67,7 +67,7 @@ class Specimen(Entry):
         return self._folder
 
     def placed_in(self, folder: Path) -> "Specimen":
-        """Give the same specimen as if read from a folder."""
+        """Return the same specimen as if read from a folder."""
         placed = self.model_copy()
         placed._folder = folder
         return placed
@@ -99,11 +99,11 @@ class Specimen(Entry):
         return tuple(sorted(solid, key=lambda part: part.from_m))
 
     def segment(self, name: str) -> Segment:
-        """Give a segment by name."""
+        """Return a segment by name."""
         return next(part for part in self.segments if part.name == name)
 
     def section(self, name: str) -> Section:
-        """Give a section by name."""
+        """Return a section by name."""
         return next(part for part in self.sections if part.name == name)
 
     def section_above(self, height_m: float, among: Collection[str] = ()) -> str | None:

@@ -76,12 +76,12 @@ class StretchLaw:
         return cls(gain, below, above, starts, ends, lengths, axes[below], axes[above])
 
     def worth(self, pressures: Floats, stretches: Floats) -> Floats:
-        """Give the pressures that would push as much on unstretched chambers [Pa], shape (..., C)."""
+        """Return the pressures that would push as much on unstretched chambers [Pa], shape (..., C)."""
         acting: Floats = pressures * (1.0 + self.gain * stretches)
         return acting
 
     def stretches(self, frames: Frames) -> Floats:
-        """Give the stretch of each chamber, shape (..., C)."""
+        """Return the stretch of each chamber, shape (..., C)."""
         reach, turn = self._reach(frames), self._turn(frames)
         stretched: Floats = np.linalg.norm(reach, axis=-1) * arc_over_chord(turn)[0] / self.lengths - 1.0
         return np.where(self._known, stretched, 0.0)
@@ -120,13 +120,13 @@ class StretchLaw:
         )
 
     def _reach(self, frames: Frames) -> Floats:
-        """Give B - A, shape (..., C, 3)."""
+        """Return B - A, shape (..., C, 3)."""
         start = frames.positions[..., self.below, :] + _turned(frames.rotations, self.below, self.starts)
         end = frames.positions[..., self.above, :] + _turned(frames.rotations, self.above, self.ends)
         return np.asarray(end - start)
 
     def _turn(self, frames: Frames) -> Floats:
-        """Give the angle between the sections' axes [rad], shape (..., C)."""
+        """Return the angle between the sections' axes [rad], shape (..., C)."""
         lower, upper = self._axes(frames)
         across = np.linalg.norm(np.cross(lower, upper), axis=-1)
         return np.asarray(np.arctan2(across, (lower * upper).sum(axis=-1)))
@@ -137,7 +137,7 @@ def _rest(entry: Section) -> Floats:
 
 
 def _seen_from(entry: Section, point: Floats) -> Floats:
-    """Give a point at rest in the axes of a section [m], shape (3,)."""
+    """Return a point at rest in the axes of a section [m], shape (3,)."""
     seen: Floats = _rest(entry).T @ (point - np.array(entry.frame_origin_m))
     return seen
 

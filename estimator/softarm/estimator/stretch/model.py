@@ -79,7 +79,7 @@ class StretchedStep(Generic[State, Step]):
         return push * (still + behind), own + push[:, None] * moved
 
     def inner(self, change: Floats) -> Floats:
-        """Give the change of the wrapped model's inputs for that of these, shape (inputs,)."""
+        """Return the change of the wrapped model's inputs for that of these, shape (inputs,)."""
         still, moved = self._pressures
         return np.concatenate([still + moved @ change, change[self.model.chambers :]])
 
@@ -104,7 +104,7 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
         return replace(self, model=wrapped.with_loads(loads))
 
     def rest(self) -> State:
-        """Give the unloaded state."""
+        """Return the unloaded state."""
         return self.model.rest()
 
     def linearise(self, state: State, inputs: Inputs) -> StretchedStep[State, Step]:

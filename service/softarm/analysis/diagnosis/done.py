@@ -14,7 +14,7 @@ DIGEST = "report.digest"
 
 
 def digest_of(request: DiagnosisRequest) -> str:
-    """Give a digest of recordings, specimen, seed, effects and the program itself.
+    """Return a digest of recordings, specimen, seed, effects and the program itself.
 
     Raises:
         OSError: A recording cannot be read.
@@ -33,7 +33,7 @@ def digest_of(request: DiagnosisRequest) -> str:
 
 
 def done_before(out: Path, digest: str) -> Report | None:
-    """Give the report of a folder if it came of the same; else ``None``."""
+    """Return the report of a folder if it came of the same; else ``None``."""
     kept = out / DIGEST
     if not kept.is_file() or kept.read_text().strip() != digest:
         return None

@@ -113,7 +113,7 @@ def run(
 
     @cache
     def rod() -> CalibratedRod:
-        """Give the rod that is known, else one that is fitted once."""
+        """Return the rod that is known, else one that is fitted once."""
         return adapted((known or quick_rod(request.specimen, tell)).rod, request.specimen)
 
     if _on_mesh(request.specimen, admitted, known):
@@ -275,7 +275,7 @@ def _on_mesh(specimen: Specimen, admitted: Admitted, known: FittedRod | None) ->
 
 
 def _known(names: Sequence[str]) -> list[EffectName] | None:
-    """Give the effects of some names, in the order of the library; ``None`` stands for all."""
+    """Return the effects of some names, in the order of the library; ``None`` stands for all."""
     for name in names:
         if name not in EFFECTS:
             cure = suggest(name, EFFECTS, f"choose among {', '.join(EFFECTS)}")

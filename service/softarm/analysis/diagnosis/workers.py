@@ -24,7 +24,7 @@ class Inline(Executor):
 
 @contextmanager
 def workers(jobs: int, dask: str | None = None, patience: float = 10.0) -> Iterator[Executor]:
-    """Give an executor.
+    """Return an executor.
 
     Args:
         jobs: Number of processes; 1 stays in this one.

@@ -69,7 +69,7 @@ def aligned(
 
 
 def quick_model(specimen: Specimen, advance: Callable[[float], None]) -> BatchArmModel:
-    """Give the rod where it is known and near the finite elements, else these."""
+    """Return the rod where it is known and near the finite elements, else these."""
     rod = known_trusted_rod(specimen)
     if rod is not None:
         return rod.with_loads(())

@@ -117,7 +117,7 @@ def taken_in(recording: Recording, specimen: Specimen, notify: Callable[[str], N
 
 
 def in_its_mount(specimen: Specimen, recording: Recording) -> Specimen:
-    """Give the specimen in the mount of a recording, whose ``gravity_m_s2`` counts where it has one.
+    """Return the specimen in the mount of a recording, whose ``gravity_m_s2`` counts where it has one.
 
     Raises:
         InputError: It is not three finite numbers.

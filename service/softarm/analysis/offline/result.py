@@ -123,7 +123,7 @@ def _frames(track: Track[State]) -> dict[str, Floats]:
 
 
 def _nearest(time: Floats, values: Floats, wanted: Floats) -> Floats:
-    """Give the reading nearest to each wanted time, NaN where it lies further than half a step away."""
+    """Return the reading nearest to each wanted time, NaN where it lies further than half a step away."""
     after = np.clip(np.searchsorted(time, wanted), 0, len(time) - 1)
     before = np.clip(after - 1, 0, len(time) - 1)
     closer = np.where(np.abs(time[before] - wanted) <= np.abs(time[after] - wanted), before, after)

@@ -27,12 +27,12 @@ class BodySurface:
 
 
 def outer_surface(model: FiniteElementModel, state: FiniteElementState) -> BodySurface:
-    """Give the deformed outer surface; that of all chambers where the mesh names none."""
+    """Return the deformed outer surface; that of all chambers where the mesh names none."""
     return BodySurface(model.body.points + state.displacement, _facets(model.mesh))
 
 
 def skin_surface(mesh: Mesh, rod: CalibratedRod, strain: Floats) -> BodySurface:
-    """Give the surface around a rod, the cross-sections as they are at rest."""
+    """Return the surface around a rod, the cross-sections as they are at rest."""
     return BodySurface(skin(mesh.points, rod.chain, strain), _facets(mesh))
 
 

@@ -45,7 +45,7 @@ class Waypoints(Generic[State]):
     found: list[tuple[State, Inputs] | None] = field(default_factory=list)
 
     def at(self, index: int, loads: Sequence[Load]) -> tuple[State, Inputs] | None:
-        """Give a sample's state with the inputs of a model that has other unknown loads as well."""
+        """Return a sample's state with the inputs of a model that has other unknown loads as well."""
         if index >= len(self.found) or (known := self.found[index]) is None:
             return None
         state, inputs = known
@@ -199,7 +199,7 @@ def settings(loads: Sequence[Load], specimen: Specimen, run: CalibrationRun) -> 
 
 
 def actuation(specimen: Specimen, run: CalibrationRun) -> ActuationMap:
-    """Give the map from recorded to chamber pressures; nominal pressures are noisier than measured ones."""
+    """Return the map from recorded to chamber pressures; nominal pressures are noisier than measured ones."""
     sections = tuple(section.name for section in specimen.sections)
     found = SpecimenSensors(specimen, sections, Registration()).actuation()
     if "commanded" not in run.pressure_source:

@@ -46,7 +46,7 @@ def draw_arms(track: Track[State], title: str, surface: Callable[[State], BodySu
 
 
 def _extent(track: Track[State]) -> float:
-    """Give half the edge of a cube that holds every pose [mm]."""
+    """Return half the edge of a cube that holds every pose [mm]."""
     reach = float(np.nanmax(np.abs(track.frames.positions))) * MILLI
     return 0.55 * reach + 5.0
 

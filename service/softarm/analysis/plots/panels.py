@@ -91,7 +91,7 @@ def _poses(recording: Recording) -> Iterator[PlotPanel]:
 
 
 def _turned(quaternions: Floats) -> Floats:
-    """Give rotation vectors from the first orientation [degrees], shape (samples, 3)."""
+    """Return rotation vectors from the first orientation [degrees], shape (samples, 3)."""
     turned = np.full((len(quaternions), 3), np.nan)
     seen = np.isfinite(quaternions).all(axis=1)
     if seen.any():
@@ -125,7 +125,7 @@ def _axes(values: Floats) -> tuple[PlotLine, ...]:
 
 
 def _first(values: Floats) -> Floats:
-    """Give the first reading that was not lost, shape (3,)."""
+    """Return the first reading that was not lost, shape (3,)."""
     seen = np.flatnonzero(np.isfinite(values).all(axis=1))
     first: Floats = values[seen[0]] if seen.size else np.full(values.shape[1], np.nan)
     return first

@@ -17,7 +17,7 @@ IDENTIFIABLE = "identifiable effects named and placed"
 
 
 def wilson(hits: int, trials: int) -> tuple[float, float]:
-    """Give the 95 % interval of a share (Wilson, JASA 22, 1927)."""
+    """Return the 95 % interval of a share (Wilson, JASA 22, 1927)."""
     if trials == 0:
         return 0.0, 1.0
     z, share = 1.959964, hits / trials

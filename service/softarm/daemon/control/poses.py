@@ -59,7 +59,7 @@ class PoseStore:
         return tuple(self._poses)
 
     def get(self, name: str) -> SavedPose | None:
-        """Give a pose by name."""
+        """Return a pose by name."""
         return self._poses.get(name)
 
     def save(self, name: str, pose: SavedPose) -> None:
@@ -76,7 +76,7 @@ class PoseStore:
 
 
 def target_of(sections: Sequence[SectionPose]) -> PoseTarget | None:
-    """Give the pose of sections as a target; ``None`` when there is none."""
+    """Return the pose of sections as a target; ``None`` when there is none."""
     if not sections:
         return None
     positions = np.array([section.position_m for section in sections])

@@ -90,11 +90,11 @@ class Readings:
         return len(arrivals) == 1
 
     def latest(self, name: str) -> ChannelReading | None:
-        """Give the newest sample of a channel, however old."""
+        """Return the newest sample of a channel, however old."""
         return self._latest.get(name)
 
     def fresh(self, name: str, now_ns: int) -> ChannelReading | None:
-        """Give the newest sample of a channel unless it is stale."""
+        """Return the newest sample of a channel unless it is stale."""
         age_s = self.age_s(name, now_ns)
         return self._latest[name] if age_s is not None and age_s <= self.deadline_s(name) else None
 
@@ -202,7 +202,7 @@ def channel(sensor: SensorSettings) -> str:
 
 
 def relative_pose(base: Floats, pose: Floats) -> Floats:
-    """Give a pose seen from the base: R = R_b^T R_s, p = R_b^T (p_s - p_b).
+    """Return a pose seen from the base: R = R_b^T R_s, p = R_b^T (p_s - p_b).
 
     Args:
         base: Position [m] and quaternion of the base, shape (7,).

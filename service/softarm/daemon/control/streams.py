@@ -154,7 +154,7 @@ class RecordedStreams:
             self._recorder.put(RecordedSample(topic, values, self._stamp(now_ns)))
 
     def _after_last(self, topic: str, time_ns: int) -> int:
-        """Give a time, or one just after the last: one set of readings may be estimated twice."""
+        """Return a time, or one just after the last: one set of readings may be estimated twice."""
         self._last_ns[topic] = max(time_ns, self._last_ns.get(topic, 0) + APART_NS)
         return self._last_ns[topic]
 

@@ -31,7 +31,7 @@ class HeldArm:
     unshaped: Callable[[Floats], Floats]
 
     def commanded(self, acting: Floats) -> Floats:
-        """Give the pressures to command for pressures that are to act in the chambers [Pa]."""
+        """Return the pressures to command for pressures that are to act in the chambers [Pa]."""
         return self.actuation.to_measured(self.unshaped(acting))
 
 

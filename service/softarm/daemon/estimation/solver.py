@@ -125,7 +125,7 @@ class Solver:
         self._warm_up(np.array(specimen.gravity_m_s2))
 
     def _followed(self, specimen: Specimen) -> Any:
-        """Give the model of the estimates."""
+        """Return the model of the estimates."""
         loads = section_loads(self._model.sections) if specimen.physics else self._model.loads
         if self._rod is not None:
             return self._rod.with_loads(loads)
@@ -239,12 +239,12 @@ class Solver:
 
 
 def bounded(model: FiniteElementModel) -> FiniteElementModel:
-    """Give a model whose searches for an equilibrium end in time for a live service."""
+    """Return a model whose searches for an equilibrium end in time for a live service."""
     return replace(model, settings=replace(model.settings, total_iterations=SOLVES, descent=SOLVES))
 
 
 def _heights(specimen: Specimen) -> NDArray[np.float64]:
-    """Give candidate heights of a push [m], from above the clamp to the tip."""
+    """Return candidate heights of a push [m], from above the clamp to the tip."""
     tip = max(section.to_m for section in specimen.sections)
     start = specimen.clamp.up_to_m + (tip - specimen.clamp.up_to_m) / PLACES
     return np.linspace(start, tip - INSIDE_M, PLACES)
