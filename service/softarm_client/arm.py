@@ -59,7 +59,7 @@ class Pressures(Verbs):
         """Ask for gauge pressures; needs the lease.
 
         Args:
-            pressures_pa: One a chamber [Pa].
+            pressures_pa: One per chamber [Pa].
             lifetime_s: The arm vents unless the next set-point comes within this time [s].
 
         Returns:

@@ -82,7 +82,7 @@ class State(Message):
     mode: Annotated[Mode, OrNewer]
     fault_cause: str | None = Field(description="First cause of the latched fault; null unless FAULTED.")
     findings: tuple[HealthFinding, ...]
-    asked_pa: tuple[float, ...] = Field(description="Gauge pressures asked for, one a chamber.")
+    asked_pa: tuple[float, ...] = Field(description="Gauge pressures asked for, one per chamber.")
     applied_pa: tuple[float, ...] = Field(description="Gauge pressures after limits and slew.")
     measured_pa: tuple[float | None, ...] = Field(description="Gauge pressures measured; null when lost.")
     gauges_n: dict[str, float | None] = Field(

@@ -17,7 +17,7 @@ class Asked(Result):
     """Set-points after a command.
 
     Args:
-        asked_pa: Gauge pressures asked for, one a chamber [Pa].
+        asked_pa: Gauge pressures asked for, one per chamber [Pa].
         lifetime_s: How long they live unless renewed [s]; ``None`` where the answer states none.
     """
 
@@ -41,7 +41,7 @@ class Pose(Message):
     """Pressures that hold a pose.
 
     Args:
-        pressures_pa: Gauge pressures, one a chamber [Pa].
+        pressures_pa: Gauge pressures, one per chamber [Pa].
         reachable: Whether they hold the pose within the sensors' noise.
         note: Why not, in a sentence.
         sections: Section poses when it was saved; only ``teach/list`` states them.

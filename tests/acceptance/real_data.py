@@ -285,7 +285,7 @@ def segment_rows(recordings: Sequence[Recording], advance: Callable[[float], Non
 
 
 def _length(offsets: Floats) -> float:
-    """Return the root mean square distance of markers [mm] from their offsets [m], three a marker."""
+    """Return the root mean square distance of markers [mm] from their offsets [m], three per marker."""
     return float(1e3 * np.sqrt((offsets.reshape(-1, 3) ** 2).sum(axis=1).mean()))
 
 

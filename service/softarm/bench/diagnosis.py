@@ -21,16 +21,25 @@ from softarm.common.tables import Cell, Table
     type=click.Path(path_type=Path),
     help="Folder of trials: NAME/trial.toml, NAME/nominal/RUN, NAME/questioned/RUN.",
 )
-@click.option("--answers", type=click.Path(path_type=Path), help="Folder of answers, NAME.toml, to score by.")
+@click.option(
+    "--answers", type=click.Path(path_type=Path), help="Folder of answers, NAME.toml, to score against."
+)
 @click.option(
     "--out",
     "-o",
     type=click.Path(path_type=Path),
     default=Path("out/trials"),
     show_default=True,
-    help="Folder of reports and outcomes; a run that was ended goes on from what is there.",
+    help="Folder of reports and outcomes; an interrupted run resumes from it.",
 )
-@click.option("--jobs", "-j", default=2, show_default=True, type=click.IntRange(1), help="Trials at once.")
+@click.option(
+    "--jobs",
+    "-j",
+    default=2,
+    show_default=True,
+    type=click.IntRange(1),
+    help="Number of trials to run in parallel.",
+)
 @json_option
 def command(folder: Path, answers: Path | None, out: Path, jobs: int, as_json: bool) -> int:
     r"""Diagnose sealed trials, and score them where answers are given.

@@ -96,9 +96,13 @@ CASES = tuple(
 
 @click.command()
 @click.option(
-    "--seconds", type=click.FloatRange(min=1.0), default=12.0, show_default=True, help="For each row."
+    "--seconds",
+    type=click.FloatRange(min=1.0),
+    default=12.0,
+    show_default=True,
+    help="Duration of each measurement.",
 )
-@click.option("--model", type=click.Choice(list(LIMITS_MS)), help="Only with this model.")
+@click.option("--model", type=click.Choice(list(LIMITS_MS)), help="Measure only this model.")
 @quick_option
 @json_option
 def command(seconds: float, model: str | None, quick: bool, as_json: bool) -> int:

@@ -250,7 +250,7 @@ def _growth_row(nodes: Cell, values: Floats) -> dict[str, Cell]:
 
 
 @click.command()
-@click.option("--specimen", "name", default="sopra", show_default=True, help="Specimen.")
+@click.option("--specimen", "name", default="sopra", show_default=True, help="Specimen to solve.")
 @quick_option
 @json_option
 @click.option("--plain", is_flag=True, help="Switch off each part of the tracking path in turn, and stop.")

@@ -18,9 +18,7 @@ CONFIGURATION = ("specimen", "devices", "sensors", "network", "control", "safety
 
 @click.command()
 @click.argument("file")
-@click.option(
-    "--plot", type=click.Path(path_type=Path), help="Draw the arm as understood to this file (PNG)."
-)
+@click.option("--plot", type=click.Path(path_type=Path), help="Draw the arm that the file describes (PNG).")
 @json_option
 def command(file: str, plot: Path | None, as_json: bool) -> int:
     """Check a specimen or a service's configuration, and list and draw what it describes.

@@ -69,7 +69,7 @@ class NominalCommand(click.Command):
     metavar="RECORDING...",
     help="Recordings of the arm in its known state; only differences from them are reported.",
 )
-@click.option("--out", "-o", type=click.Path(path_type=Path), help="Folder of report.json and report.html.")
+@click.option("--out", "-o", type=click.Path(path_type=Path), help="Folder for report.json and report.html.")
 @click.option(
     "--write-specimen",
     type=click.Path(path_type=Path),

@@ -118,7 +118,7 @@ class Examination:
 @click.option(
     "--discover",
     metavar="ADDRESS[:PORT]",
-    help="Instead: list the Qualisys hosts that answer at an address, such as a broadcast address.",
+    help="Only list the Qualisys hosts that answer at this address, such as a broadcast address.",
 )
 @json_option
 def command(path: Path | None, seconds: float, discover: str | None, as_json: bool) -> int:

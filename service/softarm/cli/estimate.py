@@ -39,7 +39,7 @@ NAMES = {"fem": "finite elements", "rod": "calibrated rod"}
     type=click.Path(path_type=Path),
     help="File or folder for the estimates: .mcap, .csv, .parquet or a folder.",
 )
-@click.option("--plots", type=click.Path(path_type=Path), help="Folder of the plots; by default plots/NAME.")
+@click.option("--plots", type=click.Path(path_type=Path), help="Folder for the plots; by default plots/NAME.")
 @click.option(
     "--rate",
     type=click.FloatRange(min=0.0, min_open=True),

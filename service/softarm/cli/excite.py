@@ -32,16 +32,16 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path),
     help="Folder of a diagnosis; run only what separates the effects that it could not distinguish.",
 )
-@click.option("--manoeuvre", "names", multiple=True, help="Only this one; may be given several times.")
-@click.option("--by-hand", is_flag=True, help="Somebody is there to turn the mount and to pluck the arm.")
+@click.option("--manoeuvre", "names", multiple=True, help="Run only this manoeuvre; may be repeated.")
+@click.option("--by-hand", is_flag=True, help="An operator is present to turn the mount and pluck the arm.")
 @click.option(
     "--share",
     type=click.FloatRange(0.05, 1.0),
     default=0.75,
     show_default=True,
-    help="Part of the pressure limits to use.",
+    help="Fraction of the pressure limits to use.",
 )
-@click.option("--minutes", type=click.FloatRange(min=0.1), help="Leave out what comes after this time.")
+@click.option("--minutes", type=click.FloatRange(min=0.1), help="Leave out manoeuvres that would end later.")
 @click.option("--dry-run", is_flag=True, help="Print the plan and move nothing.")
 @click.option("--plot", type=click.Path(path_type=Path), help="Write a picture of the planned pressures.")
 @click.option(
@@ -177,7 +177,11 @@ def plan_tables(plan: "ExcitationPlan") -> tuple[Table, ...]:
         rows.append(row)
     total = f"{len(rows)} manoeuvres, {plan.seconds / 60.0:.1f} min with venting between them."
     tables = [
-        Table("Plan", rows, (total,) if rows else ("No manoeuvre of the menu would split the rivals.",))
+        Table(
+            "Plan",
+            rows,
+            (total,) if rows else ("No known manoeuvre would distinguish the remaining effects.",),
+        )
     ]
     if plan.rivals:
         tables.append(_rivals_table(plan))
@@ -213,4 +217,4 @@ def recorded_table(done: Sequence["Recorded"]) -> Table:
         }
         for one in done
     ]
-    return Table("Recorded", rows, ("Longest gap: between two set-points that the service took.",))
+    return Table("Recorded", rows, ("Longest gap: longest time between two accepted set-points.",))

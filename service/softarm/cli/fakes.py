@@ -29,7 +29,7 @@ from softarm.recordings.files import refuse_existing
 @click.option(
     "--scenario",
     required=True,
-    help="Which fakes, and what goes wrong when: a TOML file, or demo, bench or bad_day.",
+    help="Scenario of instruments and their faults: a TOML file, or demo, bench or bad_day.",
 )
 @click.option(
     "--config",

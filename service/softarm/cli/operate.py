@@ -25,7 +25,11 @@ LIFETIME_S = 1.0
     metavar="P,P,...",
     help="Gauge pressures to hold [kPa], one for each chamber; vented when left out.",
 )
-@click.option("--seconds", type=click.FloatRange(min=0.0, min_open=True), help="How long; until Ctrl-C.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="How long to hold; by default until Ctrl-C.",
+)
 @json_option
 def arm(
     arm: str, endpoint: str, zenoh_config: Path | None, kpa: str | None, seconds: float | None, as_json: bool
@@ -63,7 +67,7 @@ def _pressures(text: str) -> tuple[float, ...]:
         return tuple(1e3 * float(part) for part in text.split(","))
     except ValueError as error:
         cure = "write numbers with commas between them, such as 20,0,0,0,0,0"
-        raise InputError("--kpa", f"{text!r} is no list of pressures", cure) from error
+        raise InputError("--kpa", f"{text!r} is not a list of pressures", cure) from error
 
 
 @click.command()

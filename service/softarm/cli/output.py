@@ -118,7 +118,7 @@ def json_option(command: Command) -> Command:
 
 def quick_option(command: Command) -> Command:
     """Add ``--quick``, passed as ``quick``: a smaller form of a benchmark."""
-    return click.option("--quick", is_flag=True, help="Run a smaller form.")(command)
+    return click.option("--quick", is_flag=True, help="Run a shorter version.")(command)
 
 
 def force_option(command: Command) -> Command:

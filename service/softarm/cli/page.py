@@ -21,7 +21,10 @@ AGAIN_S = 1.0
 @click.command()
 @click.option("--arm", help="Name of the arm.")
 @click.option(
-    "--config", "path", type=click.Path(path_type=Path), help="The service's TOML file: names the rest."
+    "--config",
+    "path",
+    type=click.Path(path_type=Path),
+    help="The service's TOML file, in place of the other options.",
 )
 @click.option("--endpoint", help=f"zenoh endpoint of its service.  [default: {DEFAULT_ENDPOINT}]")
 @click.option("--host", help="Address to serve the page on.  [default: 127.0.0.1]")

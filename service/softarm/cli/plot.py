@@ -10,7 +10,7 @@ from softarm.common.tables import Table
 
 @click.command()
 @recording_argument
-@out_option("Folder of the PNG files; by default plots/NAME.")
+@out_option("Folder for the PNG files; by default plots/NAME.")
 @json_option
 def command(recording: Path, out: Path | None, as_json: bool) -> None:
     """Plot a recording: all streams over time, spectra of the motion, paths in space.

@@ -79,7 +79,11 @@ def list_poses(arm: str, endpoint: str, zenoh_config: Path | None, as_json: bool
 @command.command("goto")
 @arm_options
 @click.argument("name")
-@click.option("--seconds", type=click.FloatRange(min=0.0, min_open=True), help="How long; until Ctrl-C.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="How long to hold; by default until Ctrl-C.",
+)
 @json_option
 def goto(
     arm: str, endpoint: str, zenoh_config: Path | None, name: str, seconds: float | None, as_json: bool

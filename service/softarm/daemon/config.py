@@ -65,7 +65,7 @@ class Setup:
 
 
 class ConfigError(InputError):
-    """Every error of a configuration, one a line.
+    """Every error of a configuration, one per line.
 
     Args:
         path: The file.

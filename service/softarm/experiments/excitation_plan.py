@@ -60,7 +60,7 @@ def manoeuvres_of(
     known = {manoeuvre.name: manoeuvre for manoeuvre in every}
     for name in names:
         if name not in known:
-            raise InputError(f"--manoeuvre {name}", "there is none", f"choose from: {', '.join(known)}")
+            raise InputError(f"--manoeuvre {name}", "is unknown", f"choose from: {', '.join(known)}")
     if names:
         return tuple(manoeuvre for manoeuvre in every if manoeuvre.name in names)
     return tuple(manoeuvre for manoeuvre in every if by_hand or not manoeuvre.by_hand)

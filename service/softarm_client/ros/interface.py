@@ -90,7 +90,7 @@ TOPICS = {
 
 SET_PRESSURES = "set_pressures"
 SUBSCRIBED = {
-    SET_PRESSURES: ("std_msgs/msg/Float64MultiArray", "gauge pressures to ask for [Pa], one a chamber"),
+    SET_PRESSURES: ("std_msgs/msg/Float64MultiArray", "gauge pressures to ask for [Pa], one per chamber"),
 }
 """Every topic that the node subscribes to, with type and content."""
 

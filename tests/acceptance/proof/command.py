@@ -38,7 +38,14 @@ the answers lie in a folder that only the scorer opens.
 @click.option(
     "--seed", default=1, show_default=True, help="Of the first trial of each kind; the others count on."
 )
-@click.option("--jobs", "-j", default=2, show_default=True, type=click.IntRange(1), help="Trials at once.")
+@click.option(
+    "--jobs",
+    "-j",
+    default=2,
+    show_default=True,
+    type=click.IntRange(1),
+    help="Number of trials to run in parallel.",
+)
 @click.option(
     "--folder",
     type=click.Path(path_type=Path),

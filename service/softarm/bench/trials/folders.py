@@ -131,4 +131,4 @@ def _read_table(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise InputError(str(path), "is missing", "see docs/diagnosis-proof.md for the layout") from None
     except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"cannot be read: {error}", "mend the file") from None
+        raise InputError(str(path), f"cannot be read: {error}", "correct the file") from None

@@ -92,5 +92,5 @@ def _read(path: Path) -> dict[str, SavedPose]:
     except (ValueError, ValidationError, AttributeError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(
-            str(path), f"no list of poses ({reason})", "move the file away to start anew"
+            str(path), f"not a list of poses ({reason})", "move the file away to start anew"
         ) from error

@@ -58,7 +58,7 @@ EXAMPLES: Mapping[str, Example] = {
         "Ramp to a saved pose and hold it.", "HOLDING", {"name": "a", **RAMPED}, {"name": "a"}
     ),
     "teach/release": Example(
-        "End teaching or holding; the pressures live on for the stated time.",
+        "End teaching or holding; the pressures stay for their stated lifetime.",
         "ARMED",
         {"asked_pa": PRESSURES, "lifetime_s": 2.0},
     ),
@@ -79,7 +79,7 @@ EXAMPLES: Mapping[str, Example] = {
         {"name": "pull"},
     ),
     "record/stop": Example(
-        "End the recording; one that the holder of the lease began is ended by that holder alone.",
+        "End the recording; only the lease holder who started one may end it.",
         "IDLE",
         {"path": "/var/lib/softarm/recordings/pull.mcap", "dropped": 0},
     ),
