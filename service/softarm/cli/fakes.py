@@ -19,6 +19,7 @@ from softarm.fakes.clock import LoopClock
 from softarm.fakes.control import ControlPort, status
 from softarm.fakes.devices import catalogue
 from softarm.fakes.lateness import watch_lateness
+from softarm.fakes.placement import playing
 from softarm.fakes.rig import Rig, running
 from softarm.fakes.scenario import Scenario, check_scenario, read_scenario
 from softarm.fakes.warp import WarpLoop
@@ -36,11 +37,7 @@ from softarm.recordings.files import refuse_existing
     type=click.Path(path_type=Path),
     help="Write a service's configuration that fits these instruments, once they are ready.",
 )
-@click.option(
-    "--specimen",
-    metavar="S",
-    help="Specimen that the configuration names; by default that of the simulated arm.",
-)
+@click.option("--specimen", metavar="S", help="Specimen whose arm to simulate; SoPrA when left out.")
 @force_option
 @click.option("--faults", "list_faults", is_flag=True, help="List the faults of each device and exit.")
 @json_option
@@ -51,11 +48,15 @@ def command(
 
     The command prints the address of each instrument; with --json it prints one line when all are ready.
     Faults of the scenario act at their times; more can be injected on the control port. With --config a
-    second terminal can run the service on them: softarm serve --config FILE.
+    second terminal can run the service on them: softarm serve --config FILE. With --specimen the simulated
+    arm has that specimen's shape, but a material, tolerances and a dynamic model of its own, and the
+    instruments of the scenario move to it.
 
     Example: softarm fakes --scenario bench --config out/service.toml
     """
     checked = read_scenario(scenario)
+    if specimen is not None:
+        checked = playing(checked, specimen)
     if list_faults:
         show(_faults_table(checked), as_json=as_json)
         return
@@ -107,7 +108,7 @@ async def serve(
         gc.collect()
         gc.freeze()  # a full collection of all that is loaded would let the terminal miss its host's deadline
         if config is not None:
-            _write_config(rig, config, specimen or str(fake_specimen()))
+            _write_config(rig, config, specimen)
         _announce(rig, control, as_json=as_json)
         watching = asyncio.create_task(watch_lateness(LoopClock(), say))
         try:
@@ -118,8 +119,11 @@ async def serve(
     say("fakes: stopped")
 
 
-def _write_config(rig: Rig, path: Path, specimen: str) -> None:
-    settings = RigSettings(rig.scenario.name, specimen=specimen, sensors=("orientation", "bend", "imu"))
+def _write_config(rig: Rig, path: Path, specimen: str | None) -> None:
+    named = specimen or rig.scenario.plant.specimen or str(fake_specimen())
+    if Path(named).is_file():
+        named = str(Path(named).resolve())
+    settings = RigSettings(rig.scenario.name, specimen=named, sensors=("orientation", "bend", "imu"))
     table = service_config(settings, status(rig)["devices"])
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(tomli_w.dumps(table))

@@ -15,6 +15,7 @@ import tomli_w
 from softarm.daemon.config import SafetySettings
 from softarm.daemon.consistency import PLACED
 from softarm.estimator.errors import InputError
+from softarm.estimator.specimen import load_specimen
 
 END_TIMEOUT_S = 25.0
 WATCHDOG_MS = 180
@@ -77,13 +78,18 @@ def service_config(settings: RigSettings, devices: Sequence[Mapping[str, Any]]) 
         The configuration as a table.
     """
     tables, sensors, usual = [], [], SafetySettings().model_dump()
+    specimen = load_specimen(settings.specimen)
+    limit_pa = min(specimen.pressure_limits)
+    tip = specimen.sections[-1].name
     for device in devices:
-        tables.append(_device_table(device, settings.patience))
-        sensors += _sensor_tables(device, settings.sensors)
+        tables.append(_device_table(device, settings.patience, limit_pa))
+        sensors += _sensor_tables(device, settings.sensors, tip)
     return {
         "arm": settings.arm,
         "specimen": settings.specimen,
-        "base_body": next((f"{d['name']}/base" for d in devices if d["kind"] == "qualisys"), ""),
+        "base_body": next(
+            (f"{d['name']}/{d['sections'][0]}" for d in devices if d["kind"] == "qualisys"), ""
+        ),
         "network": {"listen": [settings.endpoint]},
         "control": {
             "model": settings.model,
@@ -96,6 +102,10 @@ def service_config(settings: RigSettings, devices: Sequence[Mapping[str, Any]]) 
     }
 
 
+def _base_body(device: Mapping[str, Any]) -> str:
+    return f"{device['name']}/{device['sections'][0]}"
+
+
 def _first_of_each(sensors: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Keep one sensor of each quantity on each section: the service takes no more."""
     chosen: dict[tuple[str, str], dict[str, Any]] = {}
@@ -105,15 +115,14 @@ def _first_of_each(sensors: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return list(chosen.values())
 
 
-def _device_table(device: Mapping[str, Any], patience: float) -> dict[str, Any]:
+def _device_table(device: Mapping[str, Any], patience: float, limit_pa: float) -> dict[str, Any]:
     table: dict[str, Any] = {"name": device["name"], "kind": device["kind"], "simulated": True}
     if device["kind"] in ("festo_mpa", "festo_vtem"):
-        valves = device.get("valve_map", [3, 2, 1, 0, 4, 5])
         return table | {
             "host": device["host"],
             "port": device["port"],
-            "chambers": valves,
-            "maximum_pa": 65e3,
+            "chambers": list(device["valve_map"]),
+            "maximum_pa": limit_pa,
             "watchdog_ms": round(patience * WATCHDOG_MS),
         }
     if device["kind"] == "qualisys":
@@ -121,7 +130,7 @@ def _device_table(device: Mapping[str, Any], patience: float) -> dict[str, Any]:
     return table | {"port": device["path"], **EXTRA.get(device["kind"], {})}
 
 
-def _sensor_tables(device: Mapping[str, Any], kinds: Sequence[str]) -> list[dict[str, Any]]:
+def _sensor_tables(device: Mapping[str, Any], kinds: Sequence[str], tip: str) -> list[dict[str, Any]]:
     name, kind = device["name"], device["kind"]
     if kind == "qualisys":
         chosen = "pose" if "pose" in kinds else "orientation"
@@ -129,7 +138,7 @@ def _sensor_tables(device: Mapping[str, Any], kinds: Sequence[str]) -> list[dict
             return []
         return [
             {"kind": chosen, "section": section, "device": name, "channel": section, "needed": True}
-            for section in ("intermediate", "tip")
+            for section in device["sections"][1:]
         ]
     if kind == "bendlabs" and "bend" in kinds:
         return [
@@ -138,9 +147,9 @@ def _sensor_tables(device: Mapping[str, Any], kinds: Sequence[str]) -> list[dict
             if section
         ]
     if kind in INERTIAL and "imu" in kinds:
-        return [{"kind": "orientation", "section": "tip", "device": name}]
+        return [{"kind": "orientation", "section": device["sections"][-1], "device": name}]
     if kind in ("lutron", "mark10", "sauter", "line_gauge"):
-        return [{"kind": "gauge", "section": "tip", "device": name}]
+        return [{"kind": "gauge", "section": tip, "device": name}]
     return []
 
 
@@ -211,7 +220,10 @@ class FakeRig:
         self.settings = settings
         self.folder = folder
         self.config_path = folder / "service.toml"
-        self.fakes = Process(("fakes", "--scenario", str(settings.scenario), "--json"), folder / "fakes.log")
+        arm = ("--specimen", settings.specimen)
+        self.fakes = Process(
+            ("fakes", "--scenario", str(settings.scenario), *arm, "--json"), folder / "fakes.log"
+        )
         self.service = Process(
             ("serve", "--config", str(self.config_path), "--verbose"), folder / "service.log"
         )

@@ -20,7 +20,16 @@ from softarm.fakes.devices import (
     seed_of,
 )
 from softarm.fakes.faults import FaultBoard, Value
-from softarm.fakes.parts import BendPart, DevicePart, QtmPart, SerialPart, ValvesPart
+from softarm.fakes.parts import (
+    BendPart,
+    DevicePart,
+    InertialPart,
+    QtmPart,
+    QuaternionLinePart,
+    SerialPart,
+    ValvesPart,
+)
+from softarm.fakes.placement import placed
 from softarm.fakes.plant.effects import INSTRUMENT_EFFECTS
 from softarm.fakes.plant.state import Cord, Plant, PlantState
 from softarm.fakes.plants import build_plant
@@ -45,7 +54,9 @@ class Endpoint:
         port: Its TCP port; 0 for a serial device.
         path: Link to its terminal; empty for a TCP device.
         discovery_port: UDP port of its discovery, if it has one.
-        sections: Section under each of its bend sensors, from the base; empty for one on the bench.
+        sections: Section of each body, of an inertial unit, and under each bend sensor from the base; empty
+            for a bend sensor on the bench.
+        valve_map: Valve of each chamber of a valve terminal.
     """
 
     name: str
@@ -56,6 +67,7 @@ class Endpoint:
     path: str = ""
     discovery_port: int | None = None
     sections: tuple[str, ...] = ()
+    valve_map: tuple[int, ...] = ()
 
 
 class Rig:
@@ -68,10 +80,10 @@ class Rig:
     """
 
     def __init__(self, scenario: Scenario, clock: Clock, runtime_dir: Path) -> None:
-        self.scenario = scenario
         self.clock = clock
+        self.plant: Plant = build_plant(scenario.plant, scenario.seed)
+        self.scenario = scenario = placed(scenario, self.plant)
         self.boards = {part.name: FaultBoard(part.name, catalogue(part)) for part in scenario.device}
-        self.plant: Plant = build_plant(scenario.plant)
         self.signals = ConcealedSignals()
         self.valve_ports: dict[str, ModbusPort] = {}
         self.qtm_servers: dict[str, QtmServer] = {}
@@ -153,16 +165,23 @@ class Rig:
         if isinstance(part, ValvesPart):
             valves = self.valve_ports[part.name]
             source = f"fake+modbus+tcp://{valves.host}:{valves.port}"
-            return Endpoint(part.name, part.kind, source, valves.host, valves.port)
+            return Endpoint(part.name, part.kind, source, valves.host, valves.port, valve_map=part.valve_map)
         if isinstance(part, QtmPart):
             server = self.qtm_servers[part.name]
             source = f"fake+qtm://{server.host}:{server.port}"
             discovery = self._discoveries.get(part.name)
             number = discovery.get_extra_info("sockname")[1] if discovery else None
-            return Endpoint(part.name, part.kind, source, server.host, server.port, discovery_port=number)
+            bodies = tuple(body.section for body in part.bodies)
+            return Endpoint(part.name, part.kind, source, server.host, server.port, "", number, bodies)
         assert isinstance(part, SerialPart)
         link = str(self.serial_ports[part.name].link)
-        sections = self._sections_under(part) if isinstance(part, BendPart) else ()
+        sections: tuple[str, ...] = ()
+        if isinstance(part, BendPart):
+            sections = self._sections_under(part)
+        elif isinstance(part, QuaternionLinePart):
+            sections = part.sections
+        elif isinstance(part, InertialPart):
+            sections = (part.section,)
         return Endpoint(part.name, part.kind, f"fake+serial://{link}", path=link, sections=sections)
 
     def _sections_under(self, part: BendPart) -> tuple[str, ...]:

@@ -31,10 +31,12 @@ class PlantPart(ConfigTable):
 
     Attributes:
         kind: ``arm`` for the dynamic one, ``still`` for the one without dynamics.
+        specimen: Specimen whose arm to play, a file or the name of a shipped one; SoPrA when left out.
         switches: Concealed effects that are on from the start, name to value.
     """
 
     kind: Literal["arm", "still"] = "arm"
+    specimen: str | None = None
     switches: Annotated[dict[str, Any], Field(default_factory=dict)]
 
 

@@ -14,6 +14,7 @@ from softarm.fakes.plant.instruments import InstrumentQuality, Streams
 from softarm.fakes.plant.manoeuvre import PlantManoeuvre, chain
 from softarm.fakes.plant.manoeuvres import (
     LIBRARY,
+    SOPRA,
     directions,
     each_alone,
     growing_cycles,
@@ -44,7 +45,7 @@ def holds(laboratory: Laboratory) -> Generated:
 
 @pytest.mark.parametrize("name", LIBRARY)
 def test_every_manoeuvre_stays_within_the_safe_pressures(name: str) -> None:
-    manoeuvre = LIBRARY[name](np.random.default_rng(2))
+    manoeuvre = LIBRARY[name](np.random.default_rng(2), SOPRA)
     assert manoeuvre.commands.shape[1] == 6
     assert 10.0 < manoeuvre.duration < 200.0
     assert manoeuvre.commands.min() >= 0.0

@@ -197,7 +197,19 @@ def _sizes(recording: Recording, kind: str) -> tuple[float, float] | None:
     steps = [np.median(np.abs(np.diff(column))) if len(column) > 2 else 0.0 for column in values]
     # By medians, since spikes are only removed once their unit is known.
     noise = MAD_TO_STD * float(max(steps))
-    return (low, high) if high > 0.0 and moved > 0.0 and noise < NOISY * moved else None
+    quiet = noise < NOISY * moved and not _white(
+        *max(zip(values, ranges, strict=True), key=lambda one: np.ptp(one[1]))
+    )
+    return (low, high) if high > 0.0 and moved > 0.0 and quiet else None
+
+
+def _white(column: Floats, within: Floats) -> bool:
+    """Return whether readings scatter without memory, as those of a vented chamber in steps of an instrument.
+
+    The mean square of successive differences is twice the variance of white noise (von Neumann 1941).
+    """
+    usual = np.clip(column, *within)
+    return len(usual) > 2 and float(np.mean(np.diff(usual) ** 2)) > float(usual.var()) > 0.0
 
 
 def _bend_per_pressure(recording: Recording, specimen: Specimen) -> float | None:

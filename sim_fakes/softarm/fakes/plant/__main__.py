@@ -10,10 +10,12 @@ import numpy as np
 import polars as pl
 
 from softarm.estimator.errors import InputError
+from softarm.estimator.specimen import load_specimen
 from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, Concealed, effect
+from softarm.fakes.plant.from_specimen import arm_of, layout_of
 from softarm.fakes.plant.generate import Laboratory, generate
 from softarm.fakes.plant.manoeuvre import PlantManoeuvre, chain
-from softarm.fakes.plant.manoeuvres import CHAMBERS, LIBRARY, path
+from softarm.fakes.plant.manoeuvres import LIBRARY, SOPRA, Layout, path
 from softarm.fakes.plant.mounts import MOUNTS
 from softarm.fakes.plant.trials import KINDS, draw
 from softarm.fakes.plant.variants import variant
@@ -32,9 +34,14 @@ def main() -> None:
 @click.option(
     "--manoeuvre", "names", multiple=True, default=("random_holds",), type=click.Choice(list(LIBRARY))
 )
-@click.option("--mount", default="hanging", type=click.Choice(list(MOUNTS)))
+@click.option(
+    "--mount",
+    help="As the specimen has it when left out.",
+    type=click.Choice(list(MOUNTS)),
+)
 @click.option("--effect", "effects", multiple=True, help="Such as 'tip_payload mass=0.02 section=tip'.")
 @click.option("--variant", "arm", type=int, help="Draw another arm of the same drawing.")
+@click.option("--specimen", help="Specimen whose arm to play; SoPrA when left out.")
 @click.option("--seed", default=0, show_default=True, help="Of the manoeuvre and of the noise.")
 @click.option("--truth", type=click.Path(path_type=Path), help="Folder for what is concealed.")
 @click.option(
@@ -45,9 +52,10 @@ def main() -> None:
 def record(
     out: Path,
     names: tuple[str, ...],
-    mount: str,
+    mount: str | None,
     effects: tuple[str, ...],
     arm: int | None,
+    specimen: str | None,
     seed: int,
     truth: Path | None,
     commands: Path | None,
@@ -57,9 +65,13 @@ def record(
     Example: python -m softarm.fakes.plant record runs/a --manoeuvre ramps --effect 'tip_payload mass=0.02'
     """
     rng = np.random.default_rng([seed, 30])
-    parts = [LIBRARY[name](rng) for name in names] if commands is None else [_followed(commands)]
-    laboratory = Laboratory() if arm is None else _drawn(arm)
-    laboratory = replace(laboratory.mounted(MOUNTS[mount]), concealed=tuple(map(parse_effect, effects)))
+    laboratory, layout = _played(specimen, arm)
+    parts = (
+        [LIBRARY[name](rng, layout) for name in names] if commands is None else [_followed(commands, layout)]
+    )
+    if mount is not None:
+        laboratory = laboratory.mounted(MOUNTS[mount])
+    laboratory = replace(laboratory, concealed=tuple(map(parse_effect, effects)))
     what = "+".join(names) if commands is None else "commands"
     write(generate(laboratory, chain(what, *parts), seed), out, truth)
 
@@ -119,13 +131,13 @@ def parse_effect(text: str) -> Concealed:
     return Concealed(name, where, numbers)
 
 
-def _followed(table: Path) -> PlantManoeuvre:
+def _followed(table: Path, layout: Layout) -> PlantManoeuvre:
     """Read a manoeuvre from a table of commanded pressures, linear in between.
 
     Raises:
         InputError: The table cannot be read or lacks a column.
     """
-    names = [f"pressure_cmd_{chamber}_pa" for chamber in range(CHAMBERS)]
+    names = [f"pressure_cmd_{chamber}_pa" for chamber in range(layout.chambers)]
     try:
         columns = pl.read_csv(table)
         time, points = columns["t_s"].to_numpy(), columns.select(names).to_numpy()
@@ -135,10 +147,17 @@ def _followed(table: Path) -> PlantManoeuvre:
     return path("commands", points, time - time[0])
 
 
-def _drawn(seed: int) -> Laboratory:
-    """Put another arm in its laboratory."""
+def _played(specimen: str | None, seed: int | None) -> tuple[Laboratory, Layout]:
+    """Put SoPrA, another arm of its drawing, or the arm of a specimen in its laboratory."""
+    if specimen is not None:
+        described = load_specimen(specimen)
+        drawn = arm_of(described, seed or 0)
+        name = str(Path(specimen).resolve()) if Path(specimen).suffix else specimen
+        return Laboratory(drawn.arm, instruments=drawn.instruments, specimen=name), layout_of(described)
+    if seed is None:
+        return Laboratory(), SOPRA
     drawn = variant(seed)
-    return Laboratory(arm=drawn.arm, instruments=drawn.instruments)
+    return Laboratory(drawn.arm, instruments=drawn.instruments), SOPRA
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from softarm.fakes.plant.chain import PlantChain, build
 from softarm.fakes.plant.effects import Concealed, apply
 from softarm.fakes.plant.loads import TautLine, contact, grasp, strength
 from softarm.fakes.plant.material import FibreMemory, fresh_memory, joint_forces, tabulate
-from softarm.fakes.plant.parameters import CHAMBERS_PER_SEGMENT, ArmParameters, sopra
+from softarm.fakes.plant.parameters import ArmParameters, sopra
 from softarm.fakes.plant.pneumatics import lines, muscles
 from softarm.fakes.plant.random_law import RandomLaw
 from softarm.fakes.plant.rotations import product, rotation_matrix, tilt
@@ -132,15 +132,17 @@ class FakeArm:
         self._table = tabulate(self._parameters, self._chain.joints)
         self._memory = fresh_memory(self._table)
         self._lines = lines(self._parameters.actuation, self._parameters.step)
-        self._muscles = muscles(self._parameters.actuation)
+        self._muscles = muscles(self._parameters)
         own = self._parameters.actuation
         strength, law = own.random_law
-        self._law = RandomLaw.draw(strength, law, self.chambers) if strength else None
+        self._law = RandomLaw.draw(strength, law, self._plain.groups) if strength else None
         self._area_law = np.array([*own.narrowing, own.twist])
         self._mount = np.array(self._parameters.mount.quaternion)
         self._into_base = rotation_matrix(np.array(self._parameters.mount.quaternion)).T
         self._origin = np.array(self._parameters.mount.position)
         self._places = np.array([joint.segment for joint in self._chain.joints])
+        self._chambers_at = _numbered(self._plain.groups)[self._places]
+        self._frames = np.array([frame.quaternion for frame in self._plain.frames])
         self._balls = self._chain.slides[:, None] + np.arange(4)
         self._quaternions = self._chain.slide_positions[:, None] + np.arange(1, 5)
         self._section_forces = np.zeros((len(self.sections), 3))
@@ -185,7 +187,7 @@ class FakeArm:
             worth = worth + self._law.push(self._pressures, self._bends(quaternions), self._parameters.step)
         forces = joint_forces(
             self._table, self._memory, (slides, quaternions),
-            worth.reshape(-1, CHAMBERS_PER_SEGMENT)[self._places],
+            np.append(worth, 0.0)[self._chambers_at],
             self._area_law, self._modulus_factor(), settling,
         )  # fmt: skip
         if not np.abs(forces).max() < FORCE_LIMIT:
@@ -311,13 +313,21 @@ class FakeArm:
             time=self._time,
             chamber_pressures=self._pressures.copy(),
             positions=self._origin + data.site_xpos[self._chain.sections] @ self._into_base,
-            quaternions=product(self._mount, data.xquat[self._chain.section_bodies]),
+            quaternions=product(self._mount, product(data.xquat[self._chain.section_bodies], self._frames)),
             angular_velocities=twists[:, :3],
             specific_forces=accelerations[:, 3:],
             bends=tilt(axes),
             cord_force=self._tension,
             external_forces=self._section_forces @ self._into_base,
         )
+
+
+def _numbered(groups: tuple[tuple[int, ...], ...]) -> NDArray[np.int64]:
+    """Lay out the chambers of each segment in rows; -1 where a segment has fewer than another."""
+    table = np.full((len(groups), max(map(len, groups))), -1)
+    for segment, group in enumerate(groups):
+        table[segment, : len(group)] = group
+    return table
 
 
 def _concealed(effect: str, value: object) -> Concealed | None:

@@ -105,12 +105,17 @@ def _joints(parameters: ArmParameters, index: int) -> list[Joint]:
     joints = []
     for number in range(segment.links):
         share = (number + 0.5) / segment.links
-        radius = float(np.interp(share, (0.0, 1.0), segment.radii))
-        section = lobed(
-            radius, parameters.wall, parameters.floor, parameters.fibre_depth, parameters.azimuths
-        )
+        section = _section(parameters, segment, number)
         joints.append(Joint(index, share, segment.start + share * segment.length, length, section))
     return joints
+
+
+def _section(parameters: ArmParameters, segment: PlantSegment, number: int) -> CrossSection:
+    """Return the cross-section at a link."""
+    if segment.cross_sections:
+        return segment.cross_sections[number]
+    radius = float(np.interp((number + 0.5) / segment.links, (0.0, 1.0), segment.radii))
+    return lobed(radius, parameters.wall, parameters.floor, parameters.fibre_depth, parameters.azimuths)
 
 
 def _masses(parameters: ArmParameters, joints: tuple[Joint, ...]) -> Floats:
@@ -139,7 +144,8 @@ def _support(spec: mujoco.MjSpec, parameters: ArmParameters) -> mujoco.MjsBody:
                 stiffness=1.0 / compliance,
                 damping=SUPPORT_DAMPING_TIME / compliance,
             )
-    plate.add_site(name="base", pos=[0.0, 0.0, parameters.frame_heights[0]])
+    base = parameters.frames[0]
+    plate.add_site(name=base.name, pos=base.origin, quat=base.quaternion)
     clamp: mujoco.MjsBody = plate.add_body(name="clamp")
     clamp.quat = vector_quaternion(np.array([*parameters.support.tilt, 0.0]))
     return clamp
@@ -192,9 +198,9 @@ def _attach_sections(
     joint = joints[index]
     if index + 1 < len(joints) and joints[index + 1].segment == joint.segment:
         return
-    name = parameters.sections[joint.segment + 1]
-    origin = np.array([0.0, 0.0, parameters.frame_heights[joint.segment + 1] - joint.height])
-    body.add_site(name=name, pos=origin)
+    frame = parameters.frames[joint.segment + 1]
+    name, origin = frame.name, np.array(frame.origin) - [0.0, 0.0, joint.height]
+    body.add_site(name=name, pos=origin, quat=frame.quaternion)
     for number, payload in enumerate(parameters.loads.payloads):
         if payload.section == name:
             weight = body.add_body(name=f"payload_{number}", pos=origin + np.array(payload.offset))

@@ -1,5 +1,6 @@
 """The cross-section of the arm: what is silicone, what is chamber, and how it resists."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -7,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 SECTORS_PER_LOBE = 4
+SECTORS = 12
 SPACING = 0.2e-3
 
 
@@ -76,6 +80,44 @@ def lobed(
     )
 
 
+def sampled(points: Floats, spacing: float, solid: Mask, chambers: Sequence[Mask]) -> CrossSection:
+    """Lump a cross-section of any shape that is sampled on a square grid.
+
+    Args:
+        points: Of the grid [m], shape (points, 2).
+        spacing: Of the grid [m].
+        solid: Which points are silicone, shape (points,).
+        chambers: Which points lie inside each chamber's winding; they push.
+    """
+    silicone = points[solid]
+    angle = np.arctan2(silicone[:, 1], silicone[:, 0])
+    sectors = np.minimum((angle / np.pi + 1.0) * (SECTORS // 2), SECTORS - 1).astype(int)
+    fibres, areas = _rings(silicone, sectors, SECTORS, spacing)
+    moments = (silicone**2).sum() * spacing**2
+    fibres *= np.sqrt(moments / float(areas @ (fibres**2).sum(axis=1)))
+    return CrossSection(
+        fibres=fibres,
+        areas=areas,
+        chambers=np.array([points[mask].mean(axis=0) for mask in chambers]).reshape(-1, 2),
+        chamber_areas=np.array([mask.sum() * spacing**2 for mask in chambers], dtype=float),
+        second_moment=0.5 * float(moments),
+        radius=float(np.hypot(*silicone.T).max()),
+    )
+
+
+def _rings(points: Floats, sectors: Integers, count: int, spacing: float) -> tuple[Floats, Floats]:
+    """Gather the points of each sector into two fibres, split at the median distance."""
+    centres, areas = [], []
+    for index in range(count):
+        inside = points[sectors == index]
+        far = np.hypot(inside[:, 0], inside[:, 1])
+        outer = far > np.median(far)
+        for ring in (~outer, outer):
+            centres.append(inside[ring].mean(axis=0))
+            areas.append(int(ring.sum()) * spacing**2)
+    return np.array(centres), np.array(areas)
+
+
 def _grid(reach: float) -> Floats:
     """Lay points over a square about the origin, symmetric about the x axis, shape (points, 2)."""
     half = (np.arange(int(reach / SPACING) + 1) + 0.5) * SPACING
@@ -93,12 +135,4 @@ def _gather(points: Floats) -> tuple[Floats, Floats]:
     """Gather the points of one third into fibres: two rings in each sector, split at the median distance."""
     angle = np.arctan2(points[:, 1], points[:, 0]) / (2.0 * np.pi / 3.0) + 0.5
     sector = np.minimum((angle * SECTORS_PER_LOBE).astype(int), SECTORS_PER_LOBE - 1)
-    centres, areas = [], []
-    for index in range(SECTORS_PER_LOBE):
-        inside = points[sector == index]
-        far = np.hypot(inside[:, 0], inside[:, 1])
-        outer = far > np.median(far)
-        for ring in (~outer, outer):
-            centres.append(inside[ring].mean(axis=0))
-            areas.append(int(ring.sum()) * SPACING**2)
-    return np.array(centres), np.array(areas)
+    return _rings(points, sector, SECTORS_PER_LOBE, SPACING)

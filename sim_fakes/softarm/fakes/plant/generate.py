@@ -29,6 +29,7 @@ class Laboratory:
         instruments: How well is measured.
         streams: What is recorded.
         valve: The valves; drawn from the seed when left out.
+        specimen: Name or path of the specimen, as the recording states it.
         session_start: Time since the laboratory was switched on at which the run begins [s]; warming and
             drifting go on from there.
     """
@@ -38,6 +39,7 @@ class Laboratory:
     instruments: InstrumentQuality = field(default_factory=InstrumentQuality)
     streams: Streams = field(default_factory=Streams)
     valve: ValveConstants | None = None
+    specimen: str = "sopra"
     session_start: float = 0.0
 
     def mounted(self, mount: Mount) -> "Laboratory":
@@ -94,7 +96,7 @@ def _info(laboratory: Laboratory, manoeuvre: PlantManoeuvre) -> dict[str, Any]:
     mount = laboratory.arm.mount
     pulled = sorted({pull.section for pull in manoeuvre.pulls})
     info: dict[str, Any] = {
-        "specimen": "sopra",
+        "specimen": laboratory.specimen,
         "rate_hz": 1.0 / SAMPLE,
         "pressure_source": "measured" if laboratory.streams.measured else "commanded",
         "manoeuvre": manoeuvre.name,

@@ -45,7 +45,8 @@ class InstrumentQuality:
         gauge_noise: [N].
         gauge_rate: Readings per second.
         strip_noise: Of a bend sensor [rad].
-        alignments: Rotation of each body's frame against its section [rad], shape (sections, 3).
+        alignments: Rotation of each body's frame against its section [rad], shape (sections, 3); none when
+            empty.
         pressure_tap: Where the measured pressure is taken: ``valve`` or ``chamber``.
     """
 
@@ -61,7 +62,7 @@ class InstrumentQuality:
     gauge_noise: float = 4e-3
     gauge_rate: float = 20.0
     strip_noise: float = np.radians(0.12)
-    alignments: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+    alignments: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     pressure_tap: str = "valve"
 
 
@@ -72,7 +73,7 @@ class Streams:
     Args:
         commanded: Commanded pressures.
         measured: Measured pressures.
-        frames: Sections whose pose is recorded.
+        frames: Sections whose pose is recorded; all when left out.
         bends: Source of the bends: ``mocap``, ``strips`` or ``none``.
         gauge: The force gauge, and its hook as a marker.
         markers: Markers of the sections.
@@ -80,7 +81,7 @@ class Streams:
 
     commanded: bool = True
     measured: bool = True
-    frames: tuple[str, ...] = ("base", "intermediate", "tip")
+    frames: tuple[str, ...] | None = None
     bends: str = "mocap"
     gauge: bool = True
     markers: bool = False
@@ -103,7 +104,7 @@ def observe(
         columns |= _pressures("pressure_{}_pa", _measured(truth, concealed, instruments, rng))
     seen = _seen_poses(truth, sections, concealed, instruments, rng)
     for number, section in enumerate(sections):
-        if section in streams.frames:
+        if streams.frames is None or section in streams.frames:
             columns |= _frame(section, seen[:, number])
         if streams.markers and section in MARKERS:
             columns |= _markers(section, seen[:, number], instruments, rng)
@@ -153,7 +154,8 @@ def _seen_poses(
     seen = _delayed(truth.poses, instruments.offset)
     for number, section in enumerate(sections):
         body = seen[:, number]
-        body[:, 3:] = product(body[:, 3:], vector_quaternion(instruments.alignments[number]))
+        if len(instruments.alignments):
+            body[:, 3:] = product(body[:, 3:], vector_quaternion(instruments.alignments[number]))
         body[:] = _filtered(truth.time, body, filters(concealed, "pose", f"frame_{section}"))
         count = len(body)
         body[:, :3] += rng.normal(0.0, instruments.position_noise, (count, 3))

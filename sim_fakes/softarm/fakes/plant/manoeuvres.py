@@ -4,24 +4,57 @@ Each takes a generator of random numbers where it has a choice; pressures are ga
 """
 
 from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.errors import InputError
 from softarm.fakes.plant.manoeuvre import SAMPLE, CordPull, Grip, PlantManoeuvre, chain, samples
 
 Floats = NDArray[np.float64]
 Random = np.random.Generator
 
-CHAMBERS = 6
-HIGHEST = 50e3
 STAGE_SPEED = 0.02
 
 
-def rest(seconds: float = 20.0) -> PlantManoeuvre:
+@dataclass(frozen=True)
+class Layout:
+    """What a manoeuvre needs to know of an arm.
+
+    Args:
+        groups: Chambers of each segment.
+        azimuths: Of the chambers [rad], shape (chambers,).
+        highest: Pressure up to which it is driven [Pa].
+        sections: That move, the last one at the tip.
+    """
+
+    groups: tuple[tuple[int, ...], ...] = ((0, 1, 2), (3, 4, 5))
+    azimuths: tuple[float, ...] = (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0) * 2
+    highest: float = 50e3
+    sections: tuple[str, ...] = ("intermediate", "tip")
+
+    @property
+    def chambers(self) -> int:
+        """Number of chambers."""
+        return len(self.azimuths)
+
+    @property
+    def vented(self) -> Floats:
+        """No pressure in any chamber, shape (chambers,)."""
+        return np.zeros(self.chambers)
+
+    def only(self, *chambers: int) -> Floats:
+        """1 for some chambers and 0 for the others, shape (chambers,)."""
+        return np.isin(np.arange(self.chambers), chambers).astype(float)
+
+
+SOPRA = Layout()
+
+
+def rest(seconds: float = 20.0, on: Layout = SOPRA) -> PlantManoeuvre:
     """Leave the arm vented."""
-    return PlantManoeuvre("rest", np.zeros((samples(seconds), CHAMBERS)))
+    return PlantManoeuvre("rest", np.zeros((samples(seconds), on.chambers)))
 
 
 def path(name: str, points: Floats, times: Floats) -> PlantManoeuvre:
@@ -30,11 +63,11 @@ def path(name: str, points: Floats, times: Floats) -> PlantManoeuvre:
     return PlantManoeuvre(name, np.column_stack([np.interp(clock, times, column) for column in points.T]))
 
 
-def random_pressures(rng: Random, highest: float = HIGHEST) -> Floats:
-    """Draw pressures as an allocation gives them: one or two chambers of each segment, the third vented."""
-    pressures = rng.uniform(0.0, highest, CHAMBERS)
-    for first in (0, 3):
-        pressures[first + rng.integers(3)] = 0.0
+def random_pressures(rng: Random, highest: float | None = None, on: Layout = SOPRA) -> Floats:
+    """Draw pressures as an allocation gives them: one chamber of each segment stays vented."""
+    pressures = rng.uniform(0.0, highest or on.highest, on.chambers)
+    for group in on.groups:
+        pressures[group[rng.integers(len(group))]] = 0.0
     return pressures
 
 
@@ -44,12 +77,17 @@ def one_of_each(rng: Random) -> tuple[int, int]:
 
 
 def random_holds(
-    rng: Random, seconds: float = 60.0, hold: float = 5.0, ramp: float = 0.4, highest: float = HIGHEST
+    rng: Random,
+    seconds: float = 60.0,
+    hold: float = 5.0,
+    ramp: float = 0.4,
+    highest: float | None = None,
+    on: Layout = SOPRA,
 ) -> PlantManoeuvre:
     """Go from one random pose to another and hold each."""
     count = max(1, round(seconds / hold))
-    levels = np.array([random_pressures(rng, highest) for _ in range(count)])
-    points, times = [np.zeros(CHAMBERS)], [0.0]
+    levels = np.array([random_pressures(rng, highest, on) for _ in range(count)])
+    points, times = [on.vented], [0.0]
     for number, level in enumerate(levels):
         points += [level, level]
         times += [number * hold + ramp, (number + 1) * hold]
@@ -57,23 +95,31 @@ def random_holds(
 
 
 def ramps(
-    rng: Random, durations: tuple[float, ...] = (4.0, 10.0, 30.0), highest: float = HIGHEST
+    rng: Random,
+    durations: tuple[float, ...] = (4.0, 10.0, 30.0),
+    highest: float | None = None,
+    on: Layout = SOPRA,
 ) -> PlantManoeuvre:
     """Go to one random pose and back, at several rates."""
-    level = random_pressures(rng, highest)
-    points, times = [np.zeros(CHAMBERS)], [0.0]
+    level = random_pressures(rng, highest, on)
+    points, times = [on.vented], [0.0]
     for duration in durations:
-        points += [level, level, np.zeros(CHAMBERS), np.zeros(CHAMBERS)]
+        points += [level, level, on.vented, on.vented]
         times += [times[-1] + step for step in np.cumsum([duration, 2.0, duration, 2.0])]
     return path("ramps", np.array(points), np.array(times))
 
 
 def triangles(
-    chambers: tuple[int, ...] = (0, 4), rates: tuple[float, ...] = (5e3, 20e3), highest: float = HIGHEST
+    chambers: tuple[int, ...] = (),
+    rates: tuple[float, ...] = (5e3, 20e3),
+    highest: float | None = None,
+    on: Layout = SOPRA,
 ) -> PlantManoeuvre:
     """Cycle chambers between zero and two amplitudes at two rates [Pa/s], with reversal curves inside."""
-    points, times = [np.zeros(CHAMBERS)], [0.0]
-    mask = np.isin(np.arange(CHAMBERS), chambers).astype(float)
+    chambers = chambers or (on.groups[0][0], on.groups[-1][1 % len(on.groups[-1])])
+    highest = highest or on.highest
+    points, times = [on.vented], [0.0]
+    mask = on.only(*chambers)
     for rate in rates:
         for level in (1.0, 0.3, 0.8, 0.0, 0.5, 0.0):
             points.append(level * highest * mask)
@@ -81,64 +127,77 @@ def triangles(
     return path("triangles", np.array(points), np.array(times))
 
 
-def long_holds(rng: Random, hold: float = 40.0, count: int = 2, highest: float = HIGHEST) -> PlantManoeuvre:
+def long_holds(
+    rng: Random, hold: float = 40.0, count: int = 2, highest: float | None = None, on: Layout = SOPRA
+) -> PlantManoeuvre:
     """Hold random poses for long, vented as long after each."""
-    points, times = [np.zeros(CHAMBERS)], [0.0]
+    points, times = [on.vented], [0.0]
     for _ in range(count):
-        level = random_pressures(rng, highest)
-        points += [level, level, np.zeros(CHAMBERS), np.zeros(CHAMBERS)]
+        level = random_pressures(rng, highest, on)
+        points += [level, level, on.vented, on.vented]
         times += [times[-1] + step for step in np.cumsum([0.4, hold, 0.4, hold])]
     return path("long_holds", np.array(points), np.array(times))
 
 
 def growing_cycles(
-    chambers: tuple[int, ...] = (0, 3), cycle: float = 8.0, levels: tuple[float, ...] = (0.25, 0.5, 0.75, 1.0)
+    chambers: tuple[int, ...] = (),
+    cycle: float = 8.0,
+    levels: tuple[float, ...] = (0.25, 0.5, 0.75, 1.0),
+    on: Layout = SOPRA,
 ) -> PlantManoeuvre:
     """Cycle a rested arm twice at each amplitude, growing; the first passage is seen once only."""
-    mask = np.isin(np.arange(CHAMBERS), chambers).astype(float) * HIGHEST
-    points, times = [np.zeros(CHAMBERS)], [0.0]
+    chambers = chambers or (on.groups[0][0], on.groups[-1][0])
+    mask = on.only(*chambers) * on.highest
+    points, times = [on.vented], [0.0]
     for level in np.repeat(levels, 2):
-        points += [level * mask, np.zeros(CHAMBERS)]
+        points += [level * mask, on.vented]
         times += [times[-1] + 0.5 * cycle, times[-1] + cycle]
     return path("growing_cycles", np.array(points), np.array(times))
 
 
-def each_alone(ramp: float = 4.0, hold: float = 2.0, highest: float = HIGHEST) -> PlantManoeuvre:
+def each_alone(
+    ramp: float = 4.0, hold: float = 2.0, highest: float | None = None, on: Layout = SOPRA
+) -> PlantManoeuvre:
     """Fill and vent each chamber alone."""
-    points, times = [np.zeros(CHAMBERS)], [0.0]
-    for chamber in range(CHAMBERS):
-        full = np.eye(CHAMBERS)[chamber] * highest
-        points += [full, full, np.zeros(CHAMBERS), np.zeros(CHAMBERS)]
+    points, times = [on.vented], [0.0]
+    for chamber in range(on.chambers):
+        full = on.only(chamber) * (highest or on.highest)
+        points += [full, full, on.vented, on.vented]
         times += [times[-1] + step for step in np.cumsum([ramp, hold, ramp, hold])]
     return path("each_alone", np.array(points), np.array(times))
 
 
-def co_contraction(ramp: float = 6.0, hold: float = 3.0, highest: float = 40e3) -> PlantManoeuvre:
-    """Fill all chambers of a segment together, then of both; then bend on top of a common level."""
-    upper, lower = np.repeat([1.0, 0.0], 3), np.repeat([0.0, 1.0], 3)
-    bent = 0.5 * (upper + lower) + 0.5 * np.eye(CHAMBERS)[1] + 0.5 * np.eye(CHAMBERS)[5]
-    points, times = [np.zeros(CHAMBERS)], [0.0]
-    for level in (upper, lower, upper + lower, bent):
-        points += [highest * level, highest * level, np.zeros(CHAMBERS), np.zeros(CHAMBERS)]
+def co_contraction(
+    ramp: float = 6.0, hold: float = 3.0, highest: float | None = None, on: Layout = SOPRA
+) -> PlantManoeuvre:
+    """Fill all chambers of a segment together, then of all; then bend on top of a common level."""
+    highest = highest or 0.8 * on.highest
+    each = [on.only(*group) for group in on.groups]
+    together = np.ones(on.chambers)
+    bent = 0.5 * together + 0.5 * on.only(on.groups[0][1 % len(on.groups[0])], on.groups[-1][-1])
+    points, times = [on.vented], [0.0]
+    for level in (*each, together, bent):
+        points += [highest * level, highest * level, on.vented, on.vented]
         times += [times[-1] + step for step in np.cumsum([ramp, hold, ramp, hold])]
     return path("co_contraction", np.array(points), np.array(times))
 
 
-def steps(rng: Random, count: int = 6, hold: float = 4.0, highest: float = HIGHEST) -> PlantManoeuvre:
+def steps(
+    rng: Random, count: int = 6, hold: float = 4.0, highest: float | None = None, on: Layout = SOPRA
+) -> PlantManoeuvre:
     """Jump to random poses and let go, so that the arm rings."""
     commands = []
     for _ in range(count):
-        commands += [np.tile(random_pressures(rng, highest), (samples(hold), 1))]
-        commands += [np.zeros((samples(hold), CHAMBERS))]
+        commands += [np.tile(random_pressures(rng, highest, on), (samples(hold), 1))]
+        commands += [np.zeros((samples(hold), on.chambers))]
     return PlantManoeuvre("steps", np.concatenate(commands))
 
 
-def staircase(rise: float = 1e3, hold: float = 1.5, top: float = 8e3) -> PlantManoeuvre:
+def staircase(rise: float = 1e3, hold: float = 1.5, top: float = 8e3, on: Layout = SOPRA) -> PlantManoeuvre:
     """Raise each chamber in small steps from zero: what a valve's dead band hides."""
     levels = np.arange(0.0, top + rise, rise)
     commands = [
-        np.repeat(np.outer(levels, np.eye(CHAMBERS)[chamber]), samples(hold), axis=0)
-        for chamber in range(CHAMBERS)
+        np.repeat(np.outer(levels, on.only(chamber)), samples(hold), axis=0) for chamber in range(on.chambers)
     ]
     return PlantManoeuvre("staircase", np.concatenate(commands))
 
@@ -150,37 +209,42 @@ def directions(count: int, rise: float = 0.0, turn: float = 0.0) -> tuple[tuple[
 
 
 def pulled_steps(
-    section: str = "tip",
+    section: str | None = None,
     count: int = 8,
     travel: float = 0.006,
     hold: float = 2.0,
     ways: tuple[tuple[float, float, float], ...] = directions(3),
     pressures: Floats | None = None,
+    on: Layout = SOPRA,
 ) -> PlantManoeuvre:
     """Draw a section away in small steps of the gauge's stage, through slack, in several directions."""
     points = travel * np.repeat([*range(count), 0], 2)
     moves = np.abs(np.diff(points[::2])) / STAGE_SPEED
     times = np.cumsum(np.column_stack([np.concatenate([[0.0], moves]), np.full(count + 1, hold)]).ravel())
     stage = np.interp(np.arange(samples(float(times[-1]))) * SAMPLE, times, points)
-    return _pulls("pulled_steps", section, stage, ways, pressures)
+    return _pulls("pulled_steps", section or on.sections[-1], stage, ways, pressures, on)
 
 
-def pulled_small_steps(rng: Random, section: str = "tip", travel: float = 0.0065) -> PlantManoeuvre:
+def pulled_small_steps(
+    rng: Random, section: str | None = None, travel: float = 0.0065, on: Layout = SOPRA
+) -> PlantManoeuvre:
     """Draw a section away in a dozen small steps, in three random directions."""
     ways = directions(3, turn=float(rng.uniform(0.0, 2.0 * np.pi)))
-    return pulled_steps(section, count=12, travel=travel, hold=1.5, ways=ways)
+    return pulled_steps(section, count=12, travel=travel, hold=1.5, ways=ways, on=on)
 
 
 def pulled_ramps(
-    section: str = "tip",
+    section: str | None = None,
     reach: float = 0.05,
     seconds: float = 10.0,
     ways: tuple[tuple[float, float, float], ...] = directions(3),
     pressures: Floats | None = None,
+    on: Layout = SOPRA,
 ) -> PlantManoeuvre:
     """Draw a section away and back evenly by the gauge's stage, in several directions."""
     there = np.linspace(0.0, reach, samples(seconds))
-    return _pulls("pulled_ramps", section, np.concatenate([there, there[::-1]]), ways, pressures)
+    travel = np.concatenate([there, there[::-1]])
+    return _pulls("pulled_ramps", section or on.sections[-1], travel, ways, pressures, on)
 
 
 def _pulls(
@@ -189,9 +253,10 @@ def _pulls(
     stage: Floats,
     ways: tuple[tuple[float, float, float], ...],
     pressures: Floats | None,
+    on: Layout,
 ) -> PlantManoeuvre:
     """Repeat one travel of the stage in several directions, two seconds free between."""
-    level = np.zeros(CHAMBERS) if pressures is None else np.asarray(pressures)
+    level = on.vented if pressures is None else np.asarray(pressures)
     lead, free = samples(4.0), samples(2.0)
     length = len(stage) + free
     pulls = tuple(
@@ -203,21 +268,30 @@ def _pulls(
 
 
 def against_the_cord(
-    rng: Random, section: str = "tip", count: int = 3, seconds: float = 8.0, highest: float = HIGHEST
+    rng: Random,
+    section: str | None = None,
+    count: int = 3,
+    seconds: float = 8.0,
+    highest: float | None = None,
+    on: Layout = SOPRA,
 ) -> PlantManoeuvre:
     """Ramp the pressures up and down while the cord holds the arm back on one side."""
     parts = []
     for direction in directions(count):
-        level = random_pressures(rng, highest)
+        level = random_pressures(rng, highest, on)
         there = np.linspace(0.0, 1.0, samples(seconds))
         ramp = np.concatenate([there, there[::-1], np.zeros(samples(2.0))])
-        pull = CordPull(section, 0, direction, np.zeros(2 * samples(seconds)), slack=0.01)
+        pull = CordPull(section or on.sections[-1], 0, direction, np.zeros(2 * samples(seconds)), slack=0.01)
         parts.append(PlantManoeuvre("", np.outer(ramp, level), (pull,)))
     return chain("against_the_cord", *parts)
 
 
 def pulled_taut(
-    rng: Random, section: str = "tip", seconds: float = 8.0, highest: float = 45e3
+    rng: Random,
+    section: str | None = None,
+    seconds: float = 8.0,
+    highest: float | None = None,
+    on: Layout = SOPRA,
 ) -> PlantManoeuvre:
     """Ramp up and down the chambers that bend the arm away from the gauge, from each chamber's side in turn.
 
@@ -226,33 +300,47 @@ def pulled_taut(
     parts = []
     there = np.linspace(0.0, 1.0, samples(seconds))
     ramp = np.concatenate([there, there[::-1], np.zeros(samples(2.0))])
-    for chamber in range(3):
-        level = np.zeros(CHAMBERS)
-        level[[chamber, 3 + chamber]] = highest * rng.uniform(0.8, 1.0, 2)
-        beside = (chamber + 1 + rng.integers(2)) % 3
-        level[[beside, 3 + beside]] = 0.35 * highest * rng.uniform(0.0, 1.0, 2)
-        side = -2.0 * np.pi * chamber / 3.0  # the hanging mount turns the base frame about x
+    highest = highest or 0.9 * on.highest
+    for place, chamber in enumerate(on.groups[0]):
+        level = on.vented
+        level[_in_line(on, place)] = highest * rng.uniform(0.8, 1.0, len(on.groups))
+        beside = place + 1 + int(rng.integers(2))
+        level[_in_line(on, beside)] = 0.35 * highest * rng.uniform(0.0, 1.0, len(on.groups))
+        side = -on.azimuths[chamber]  # the hanging mount turns the base frame about x
         direction = (float(np.cos(side)), float(np.sin(side)), 0.0)
-        pull = CordPull(section, 0, direction, np.zeros(2 * samples(seconds)), slack=0.002)
+        pull = CordPull(section or on.sections[-1], 0, direction, np.zeros(2 * samples(seconds)), slack=0.002)
         parts.append(PlantManoeuvre("", np.outer(ramp, level), (pull,)))
     return chain("pulled_taut", *parts)
 
 
 def pulled_taut_steps(
-    rng: Random, section: str = "tip", levels: int = 4, hold: float = 2.0, highest: float = 45e3
+    rng: Random,
+    section: str | None = None,
+    levels: int = 4,
+    hold: float = 2.0,
+    highest: float | None = None,
+    on: Layout = SOPRA,
 ) -> PlantManoeuvre:
     """Fill the chambers that bend the arm away from the gauge in steps, each held, from each side in turn."""
     parts = []
     stairs = np.repeat(np.linspace(0.0, 1.0, levels + 1)[1:], samples(hold))
     ramp = np.concatenate([np.zeros(samples(1.0)), stairs, np.zeros(samples(3.0))])
-    for chamber in range(3):
-        level = np.zeros(CHAMBERS)
-        level[[chamber, 3 + chamber]] = highest * rng.uniform(0.8, 1.0, 2)
-        side = -2.0 * np.pi * chamber / 3.0  # the hanging mount turns the base frame about x
+    highest = highest or 0.9 * on.highest
+    for place, chamber in enumerate(on.groups[0]):
+        level = on.vented
+        level[_in_line(on, place)] = highest * rng.uniform(0.8, 1.0, len(on.groups))
+        side = -on.azimuths[chamber]  # the hanging mount turns the base frame about x
         direction = (float(np.cos(side)), float(np.sin(side)), 0.0)
-        pull = CordPull(section, 0, direction, np.zeros(samples(1.0) + len(stairs)), slack=0.002)
+        pull = CordPull(
+            section or on.sections[-1], 0, direction, np.zeros(samples(1.0) + len(stairs)), slack=0.002
+        )
         parts.append(PlantManoeuvre("", np.outer(ramp, level), (pull,)))
     return chain("pulled_taut_steps", *parts)
+
+
+def _in_line(on: Layout, place: int) -> list[int]:
+    """Return the chamber at a place, counted around the axis, of each segment."""
+    return [group[place % len(group)] for group in on.groups]
 
 
 def taught(
@@ -260,8 +348,9 @@ def taught(
     count: int = 5,
     reach: float = 0.06,
     hold: float = 4.0,
-    section: str = "tip",
+    section: str | None = None,
     drawn: tuple[float, float] = (-0.018, 0.018),
+    on: Layout = SOPRA,
 ) -> PlantManoeuvre:
     """Lead a section by hand to random poses and hold each.
 
@@ -272,6 +361,7 @@ def taught(
         hold: How long it stays [s].
         section: What it holds.
         drawn: How far down it goes, least and most [m]: the hanging arm is drawn out.
+        on: The arm.
     """
     move, stay = samples(1.5), samples(hold)
     low, high = np.array([-reach, -reach, -drawn[1]]), np.array([reach, reach, -drawn[0]])
@@ -282,30 +372,41 @@ def taught(
         way += [last + blend * (point - last), np.tile(point, (stay, 1))]
         last = point
     trail = np.concatenate(way)
-    grip = Grip(section, samples(1.0), trail)
-    return PlantManoeuvre("taught", np.zeros((samples(2.0) + len(trail), CHAMBERS)), grips=(grip,))
+    grip = Grip(section or on.sections[-1], samples(1.0), trail)
+    return PlantManoeuvre("taught", np.zeros((samples(2.0) + len(trail), on.chambers)), grips=(grip,))
 
 
-LIBRARY: dict[str, Callable[[Random], PlantManoeuvre]] = {
-    "rest": lambda rng: rest(),  # noqa: ARG005
-    "random_holds": random_holds,
-    "ramps": ramps,
-    "triangles": lambda rng: triangles(),  # noqa: ARG005
-    "long_holds": long_holds,
-    "growing_cycles": lambda rng: growing_cycles(),  # noqa: ARG005
-    "each_alone": lambda rng: each_alone(),  # noqa: ARG005
-    "co_contraction": lambda rng: co_contraction(),  # noqa: ARG005
-    "steps": steps,
-    "staircase": lambda rng: staircase(),  # noqa: ARG005
-    "pulled_steps": lambda rng: pulled_steps(),  # noqa: ARG005
-    "pulled_ramps": lambda rng: pulled_ramps(),  # noqa: ARG005
-    "pulled_small_steps": pulled_small_steps,
-    "pulled_small_steps_intermediate": partial(pulled_small_steps, section="intermediate", travel=0.003),
-    "pulled_steps_intermediate": lambda rng: pulled_steps("intermediate"),  # noqa: ARG005
-    "against_the_cord": against_the_cord,
-    "pulled_taut": pulled_taut,
-    "pulled_taut_steps": pulled_taut_steps,
-    "taught": taught,
-    "taught_drawn": partial(taught, drawn=(0.015, 0.045)),
-    "taught_intermediate": partial(taught, section="intermediate"),
+def _first(on: Layout) -> str:
+    """Return the first section below the base.
+
+    Raises:
+        InputError: It is the tip.
+    """
+    if len(on.sections) < 2:
+        raise InputError("manoeuvre", "the arm has no section between base and tip", "choose another one")
+    return on.sections[0]
+
+
+LIBRARY: dict[str, Callable[[Random, Layout], PlantManoeuvre]] = {
+    "rest": lambda _, on: rest(on=on),
+    "random_holds": lambda rng, on: random_holds(rng, on=on),
+    "ramps": lambda rng, on: ramps(rng, on=on),
+    "triangles": lambda _, on: triangles(on=on),
+    "long_holds": lambda rng, on: long_holds(rng, on=on),
+    "growing_cycles": lambda _, on: growing_cycles(on=on),
+    "each_alone": lambda _, on: each_alone(on=on),
+    "co_contraction": lambda _, on: co_contraction(on=on),
+    "steps": lambda rng, on: steps(rng, on=on),
+    "staircase": lambda _, on: staircase(on=on),
+    "pulled_steps": lambda _, on: pulled_steps(on=on),
+    "pulled_ramps": lambda _, on: pulled_ramps(on=on),
+    "pulled_small_steps": lambda rng, on: pulled_small_steps(rng, on=on),
+    "pulled_small_steps_intermediate": lambda rng, on: pulled_small_steps(rng, _first(on), 0.003, on),
+    "pulled_steps_intermediate": lambda _, on: pulled_steps(_first(on), on=on),
+    "against_the_cord": lambda rng, on: against_the_cord(rng, on=on),
+    "pulled_taut": lambda rng, on: pulled_taut(rng, on=on),
+    "pulled_taut_steps": lambda rng, on: pulled_taut_steps(rng, on=on),
+    "taught": lambda rng, on: taught(rng, on=on),
+    "taught_drawn": lambda rng, on: taught(rng, drawn=(0.015, 0.045), on=on),
+    "taught_intermediate": lambda rng, on: taught(rng, section=_first(on), on=on),
 }

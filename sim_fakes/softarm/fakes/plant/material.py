@@ -92,7 +92,7 @@ def tabulate(parameters: ArmParameters, joints: tuple[Joint, ...]) -> FibreTable
         softening=np.array(
             [[s.memory.sharpness, s.memory.mullins, s.memory.mullins_strain] for s in segments]
         ),
-        chambers=np.array([np.column_stack([j.section.chambers, j.section.chamber_areas]) for j in joints]),
+        chambers=_padded_chambers(joints),
     )
 
 
@@ -136,6 +136,15 @@ def _padded(rows: list[tuple[float, ...]], fill: float) -> Floats:
     table = np.full((len(rows), max(1, *(len(row) for row in rows))), fill)
     for index, row in enumerate(rows):
         table[index, : len(row)] = row
+    return table
+
+
+def _padded_chambers(joints: tuple[Joint, ...]) -> Floats:
+    """Stack the chambers of each joint, those that it lacks without an area."""
+    table = np.zeros((len(joints), max(len(joint.section.chamber_areas) for joint in joints), 3))
+    for index, joint in enumerate(joints):
+        own = joint.section
+        table[index, : len(own.chamber_areas)] = np.column_stack([own.chambers, own.chamber_areas])
     return table
 
 

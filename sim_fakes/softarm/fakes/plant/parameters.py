@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from softarm.fakes.plant.cross_section import CrossSection
+
 GRAVITY = 9.81
-CHAMBERS_PER_SEGMENT = 3
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,8 @@ class PlantSegment:
         defects: Patches of other stiffness.
         locking_curvature: Curvature from which it locks [1/m]; 0 for never.
         locking: Bending stiffness gained beyond it over that at rest.
+        chambers: Its chambers, in the order of their azimuths.
+        cross_sections: Cross-section at each link; lobes of ``radii`` when left out.
     """
 
     name: str
@@ -96,6 +99,17 @@ class PlantSegment:
     defects: tuple[Defect, ...] = ()
     locking_curvature: float = 0.0
     locking: float = 0.0
+    chambers: tuple[int, ...] = (0, 1, 2)
+    cross_sections: tuple[CrossSection, ...] = ()
+
+
+@dataclass(frozen=True)
+class PlantFrame:
+    """A rigid section: its name, and its frame at rest in the base frame [m], quaternion (w, x, y, z)."""
+
+    name: str
+    origin: tuple[float, float, float]
+    quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -255,7 +269,7 @@ class ArmParameters:
 
     Args:
         segments: Soft segments from the base to the tip.
-        frame_heights: Rest heights of the sections' frames [m]: base, intermediate, tip.
+        frames: Frames of the rigid sections from the base to the tip, one more than segments.
         rigid_masses: Masses of the rigid parts below each segment [kg].
         rigid_lengths: Their lengths [m].
         azimuths: Of the chambers of a segment [rad].
@@ -277,7 +291,11 @@ class ArmParameters:
     """
 
     segments: tuple[PlantSegment, ...]
-    frame_heights: tuple[float, ...] = (0.0, 0.1405, 0.276)
+    frames: tuple[PlantFrame, ...] = (
+        PlantFrame("base", (0.0, 0.0, 0.0)),
+        PlantFrame("intermediate", (0.0, 0.0, 0.1405)),
+        PlantFrame("tip", (0.0, 0.0, 0.276)),
+    )
     rigid_masses: tuple[float, ...] = (0.020, 0.023)
     rigid_lengths: tuple[float, ...] = (0.021, 0.005)
     azimuths: tuple[float, ...] = (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)
@@ -299,12 +317,17 @@ class ArmParameters:
     @property
     def sections(self) -> tuple[str, ...]:
         """Names of the rigid sections from the base to the tip."""
-        return ("base", "intermediate", "tip")[: len(self.segments) + 1]
+        return tuple(frame.name for frame in self.frames)
+
+    @property
+    def groups(self) -> tuple[tuple[int, ...], ...]:
+        """Chambers of each segment."""
+        return tuple(segment.chambers for segment in self.segments)
 
     @property
     def chambers(self) -> int:
         """Number of chambers."""
-        return CHAMBERS_PER_SEGMENT * len(self.segments)
+        return sum(map(len, self.groups))
 
 
 def sopra() -> ArmParameters:
@@ -313,6 +336,12 @@ def sopra() -> ArmParameters:
         "upper", start=0.010, length=0.120, radii=(0.0175, 0.0140), mass=0.160, modulus=390e3
     )
     lower = PlantSegment(
-        "lower", start=0.151, length=0.120, radii=(0.0140, 0.0099), mass=0.082, modulus=490e3
+        "lower",
+        start=0.151,
+        length=0.120,
+        radii=(0.0140, 0.0099),
+        mass=0.082,
+        modulus=490e3,
+        chambers=(3, 4, 5),
     )
     return ArmParameters(segments=(upper, lower))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.fakes.plant.parameters import CHAMBERS_PER_SEGMENT, Actuation
+from softarm.fakes.plant.parameters import Actuation, ArmParameters
 
 Floats = NDArray[np.float64]
 
@@ -42,10 +42,12 @@ class Muscles:
 
     Args:
         mixing: Gains on the diagonal, cross-talk beside it, shape (chambers, chambers).
+        neighbours: 1 where two chambers lie in the same segment, 0 on the diagonal, of the same shape.
         actuation: The constants of the nonlinear terms.
     """
 
     mixing: Floats
+    neighbours: Floats
     actuation: Actuation
 
     def effective(self, pressures: Floats) -> Floats:
@@ -56,12 +58,16 @@ class Muscles:
             past = (pressures / own.buckling_pressure - 1.0) / BUCKLING_WIDTH
             worth = worth * (1.0 + 0.5 * own.buckling * (1.0 + np.tanh(past)))
         if own.product != 0.0:
-            groups = pressures.reshape(-1, CHAMBERS_PER_SEGMENT)
-            others = (groups.sum(axis=1, keepdims=True) - groups).reshape(-1)
+            others = self.neighbours @ pressures
             worth = worth * (1.0 + own.product * others / REFERENCE_PRESSURE)
         return self.mixing @ worth
 
 
-def muscles(actuation: Actuation) -> Muscles:
+def muscles(arm: ArmParameters) -> Muscles:
     """Make the map from chamber pressures to effective pressures."""
-    return Muscles(np.diag(actuation.gains) + np.array(actuation.crosstalk), actuation)
+    neighbours = np.zeros((arm.chambers, arm.chambers))
+    for group in arm.groups:
+        neighbours[np.ix_(group, group)] = 1.0
+    np.fill_diagonal(neighbours, 0.0)
+    mixing = np.diag(arm.actuation.gains) + np.array(arm.actuation.crosstalk)
+    return Muscles(mixing, neighbours, arm.actuation)

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.fakes.plant.parameters import CHAMBERS_PER_SEGMENT
-
 Floats = NDArray[np.float64]
 
 PRESSURE, BEND = 50e3, 0.6
@@ -49,24 +47,25 @@ class RandomLaw:
     past: Floats
 
     @classmethod
-    def draw(cls, strength: float, seed: int, chambers: int) -> "RandomLaw":
+    def draw(cls, strength: float, seed: int, groups: tuple[tuple[int, ...], ...]) -> "RandomLaw":
         """Draw a law.
 
         Args:
             strength: Of the push [Pa].
             seed: Which law.
-            chambers: Of the arm.
+            groups: Chambers of each segment.
         """
         rng = np.random.default_rng([seed, 2007])
-        segments = chambers // CHAMBERS_PER_SEGMENT
+        segments, chambers = len(groups), sum(map(len, groups))
         chosen = rng.choice(2 * chambers + 2 * segments, DEPENDS_ON, replace=False)
-        direction = np.zeros((segments, CHAMBERS_PER_SEGMENT))
-        pushed = rng.normal(size=CHAMBERS_PER_SEGMENT)
-        direction[int(rng.integers(segments))] = pushed / np.linalg.norm(pushed)
+        direction = np.zeros(chambers)
+        pushed = rng.normal(size=max(map(len, groups)))
+        group = groups[int(rng.integers(segments))]
+        direction[list(group)] = pushed[: len(group)] / np.linalg.norm(pushed[: len(group)])
         waves = rng.normal(size=(FEATURES, DEPENDS_ON)) / LENGTH
         phases = rng.uniform(0.0, 2.0 * np.pi, FEATURES)
         time = float(np.exp(rng.uniform(*np.log(TIMES))))
-        return cls(strength, chosen, waves, phases, direction.ravel(), time, np.zeros(chambers))
+        return cls(strength, chosen, waves, phases, direction, time, np.zeros(chambers))
 
     def push(self, pressures: Floats, bends: Floats, step: float) -> Floats:
         """Give the pressures that would push as much, and remember those of this step.

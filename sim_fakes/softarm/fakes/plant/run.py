@@ -26,6 +26,7 @@ class Truth:
         hook: Position of the gauge's hook in the laboratory frame [m], NaN while no cord is tied, shape
             (samples, 3).
         forces: External force on each section, laboratory frame [N], shape (samples, sections, 3).
+        sections: Names of the sections.
     """
 
     time: Floats
@@ -35,6 +36,7 @@ class Truth:
     cord_force: Floats
     hook: Floats
     forces: Floats
+    sections: tuple[str, ...]
 
 
 Event = TypeVar("Event", CordPull, Grip)
@@ -88,6 +90,7 @@ def perform(arm: FakeArm, manoeuvre: PlantManoeuvre, outlets: Floats) -> Truth:
         cord_force=np.array([state.cord_force for state in states]),
         hook=hooks,
         forces=np.array([state.external_forces for state in states]),
+        sections=arm.sections,
     )
 
 

@@ -23,16 +23,19 @@ class Variant:
     instruments: InstrumentQuality
 
 
-def variant(seed: int, spread: float = 1.0, background: float = 1.0) -> Variant:
+def variant(
+    seed: int, spread: float = 1.0, background: float = 1.0, plain: ArmParameters | None = None
+) -> Variant:
     """Draw an arm.
 
     Args:
         seed: Which one; the same seed gives the same arm.
         spread: Scale of the tolerances and of the misalignments; 0 for the drawing.
         background: Scale of what every arm has of creep, hysteresis and cross-talk.
+        plain: The arm as drawn; SoPrA when left out.
     """
     rng = np.random.default_rng([seed, 20])
-    plain = sopra()
+    plain = plain or sopra()
     segments = tuple(_segment(rng, segment, spread, background) for segment in plain.segments)
     arm = replace(
         plain,
@@ -46,7 +49,7 @@ def variant(seed: int, spread: float = 1.0, background: float = 1.0) -> Variant:
         damping_rise=spread * float(rng.choice([0.0, rng.uniform(0.5, 2.0)])),
     )
     instruments = InstrumentQuality(
-        alignments=spread * rng.normal(0.0, np.radians([0.6, 0.6, 1.5]), (3, 3)),
+        alignments=spread * rng.normal(0.0, np.radians([0.6, 0.6, 1.5]), (len(plain.frames), 3)),
         offset=spread * float(rng.uniform(-0.02, 0.02)),
     )
     return Variant(arm, instruments)
@@ -69,13 +72,19 @@ def _segment(rng: Random, segment: PlantSegment, spread: float, background: floa
         segment,
         radii=(radii[0], radii[1]),
         mass=segment.mass * _about(rng, 0.01, spread),
-        links=int(rng.integers(6, 10)) if spread > 0.0 else segment.links,
+        links=_links(rng, segment, spread),
         modulus=segment.modulus * _about(rng, 0.08, spread),
         exponent=segment.exponent + 0.6 * spread * float(rng.uniform(-1.0, 1.0)),
         torsion=segment.torsion * _about(rng, 0.1, spread),
         damping_time=segment.damping_time * _about(rng, 0.15, spread),
         memory=_memory(rng, segment.memory, spread, background),
     )
+
+
+def _links(rng: Random, segment: PlantSegment, spread: float) -> int:
+    """Draw the number of links; cross-sections that are given stand for one each."""
+    drawn = int(rng.integers(6, 10)) if spread > 0.0 else segment.links
+    return segment.links if segment.cross_sections else drawn
 
 
 def _memory(rng: Random, memory: Memory, spread: float, background: float) -> Memory:
@@ -94,7 +103,7 @@ def _memory(rng: Random, memory: Memory, spread: float, background: float) -> Me
 
 def _actuation(rng: Random, actuation: Actuation, spread: float, background: float) -> Actuation:
     """Draw the chambers: gains unequal by a few percent, a trace of cross-talk, lines of unlike length."""
-    mixing = background * spread * rng.normal(0.0, 0.008, (6, 6))
+    mixing = background * spread * rng.normal(0.0, 0.008, (len(actuation.gains),) * 2)
     np.fill_diagonal(mixing, 0.0)
     return replace(
         actuation,

@@ -42,7 +42,7 @@ def _true_columns(generated: Generated) -> dict[str, Any]:
     forces = generated.run.forces
     columns = {
         SECTION_FORCE.format(section, axis): forces[:, number, index]
-        for number, section in enumerate(("base", "intermediate", "tip")[: forces.shape[1]])
+        for number, section in enumerate(generated.run.sections)
         for index, axis in enumerate("xyz")
     }
     chambers = {f"pressure_{k}_pa": column for k, column in enumerate(generated.run.chambers.T)}

@@ -12,7 +12,7 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
     patch = Defect(
         azimuth(where), numbers["width"], numbers["start"], numbers["end"], 1.0 + numbers["change"]
     )
-    usual = where.get("segment", "upper")
+    usual = where.get("segment", arm.segments[0].name)
     return change_segments(
         arm, {"segment": usual}, lambda segment: replace(segment, defects=(*segment.defects, patch))
     )

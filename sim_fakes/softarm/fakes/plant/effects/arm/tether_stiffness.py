@@ -14,7 +14,7 @@ def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
     if numbers["stiffness"] == 0.0:
         return arm
     section, angle = chosen_section(arm, where), azimuth(where)
-    height = arm.frame_heights[arm.sections.index(section)]
+    height = arm.frames[arm.sections.index(section)].origin[2]
     anchor = (numbers["reach"] * float(np.cos(angle)), numbers["reach"] * float(np.sin(angle)), height)
     tether = Tether(section, anchor, numbers["reach"] + numbers["slack"], numbers["stiffness"])
     return replace(arm, loads=replace(arm.loads, tethers=(*arm.loads.tethers, tether)))

@@ -3,16 +3,16 @@
 from dataclasses import replace
 
 from softarm.fakes.plant.effects.effect import ArmEffect, EffectParameter, Numbers, Where
-from softarm.fakes.plant.parameters import CHAMBERS_PER_SEGMENT, ArmParameters
+from softarm.fakes.plant.parameters import ArmParameters
 
 
 def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:  # noqa: ARG001
     """Let a ``share`` of each pressure act at the next azimuth, and its negative at the one before."""
     matrix = [list(row) for row in arm.actuation.crosstalk]
-    for chamber in range(arm.chambers):
-        first = chamber - chamber % CHAMBERS_PER_SEGMENT
-        matrix[first + (chamber + 1) % CHAMBERS_PER_SEGMENT][chamber] += numbers["share"]
-        matrix[first + (chamber - 1) % CHAMBERS_PER_SEGMENT][chamber] -= numbers["share"]
+    for group in arm.groups:
+        for place, chamber in enumerate(group):
+            matrix[group[(place + 1) % len(group)]][chamber] += numbers["share"]
+            matrix[group[place - 1]][chamber] -= numbers["share"]
     crosstalk = tuple(tuple(row) for row in matrix)
     return replace(arm, actuation=replace(arm.actuation, crosstalk=crosstalk))
 
