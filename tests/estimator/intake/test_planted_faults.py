@@ -237,3 +237,23 @@ def _relation(recording: Recording, name: str) -> np.ndarray:
     values = recording.columns[name]
     seen = np.isfinite(values) & np.isfinite(design).all(axis=1)
     return np.linalg.lstsq(design[seen], values[seen], rcond=None)[0]
+
+
+def test_the_scatter_of_vented_valves_is_no_pressure_in_another_unit() -> None:
+    rng = np.random.default_rng(4)
+    readings = {f"pressure_{k}_pa": 100.0 * np.round(rng.normal(0.0, 0.3, 900)) for k in range(6)}
+    vented = arm.small_arm(seconds=45.0)
+    columns = {
+        name: np.zeros(900) if "cmd" in name else values[:900] for name, values in vented.columns.items()
+    }
+    bends = {name: rng.normal(0.0, 1e-3, 900) for name in columns if name.startswith("bend_")}
+    recording = Recording(vented.name, vented.time[:900], {**columns, **readings, **bends}, vented.info)
+    assert take_in(recording, SPECIMEN).mismatches == ()
+
+
+def test_a_recording_of_three_chambers_is_refused_for_an_arm_of_six_whatever_file_it_names() -> None:
+    whole = arm.small_arm(seconds=20.0)
+    columns = {k: v for k, v in whole.columns.items() if not re.match(r"pressure_(cmd_)?[345]_", k)}
+    recording = Recording("mine", whole.time, columns, {"specimen": "/somewhere/tri.toml"})
+    (refusal,) = take_in(recording, SPECIMEN).refusals
+    assert "it has chambers 0, 1, 2, the specimen 6" in str(refusal)

@@ -1,5 +1,7 @@
 """Whether a recording is one of the specimen: its chambers, sections and markers."""
 
+from pathlib import Path
+
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import SHIPPED, Specimen
@@ -24,7 +26,7 @@ def misfit(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, ..
     if bodies and not known & set(bodies) and not recording.bends and not recording.frames:
         words.append(f"its markers are {_listed(bodies)}, the specimen's {_listed(sorted(known)) or 'none'}")
     named = recording.info.get("specimen")
-    declared = isinstance(named, str) and (named == specimen.name or named.endswith(".toml"))
+    declared = isinstance(named, str) and specimen.name in (named, Path(named).stem)
     chambers = recording.chambers
     # One pressure alone may be all that was connected; several that end early look like another arm's.
     fewer = 1 < len(chambers) < count and chambers[-1] < count - 1
