@@ -4,13 +4,15 @@ import asyncio
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from random import Random
-from typing import Protocol
+from typing import Any, Protocol
 
 from softarm.drivers.alarms import Alarms
 from softarm.drivers.backoff import Backoff
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.errors import DeviceError, DeviceErrors
 from softarm.drivers.health import Health
+from softarm.drivers.reading import Sink
+from softarm.drivers.stream import ReadingStream
 from softarm.drivers.supervisor import ALIVE, ConnectionState, DeviceSession, Supervisor, Timing
 
 
@@ -78,6 +80,7 @@ class SupervisedDevice(ABC):
         self.name = name
         self.source = source
         self.clock = clock
+        self.timing = timing
         self.health = Health(Alarms(clock))
         self.supervisor = Supervisor(
             name,
@@ -88,6 +91,18 @@ class SupervisedDevice(ABC):
             random=random,
             clock=clock,
             observer=self.on_state,
+        )
+
+    def reading_stream(self, sink: Sink) -> ReadingStream[Any]:
+        """Return a stream of the readings that keeps the health and reports to the supervisor."""
+        return ReadingStream(
+            self.name,
+            self.source,
+            self.timing.stale_after_s,
+            health=self.health,
+            sink=sink,
+            heard=self.supervisor.heard,
+            clock=self.clock,
         )
 
     @abstractmethod

@@ -93,15 +93,7 @@ class SerialDevice(SupervisedDevice, Generic[FrameT, Value]):
         self.identify_s = config.identify_s
         self.joined = asyncio.Event()
         self.latency_ns = round(config.latency_s * NANOSECONDS)
-        self.stream: ReadingStream[Value] = ReadingStream(
-            config.name,
-            config.source,
-            config.stale_after_s,
-            health=self.health,
-            sink=sink,
-            heard=self.supervisor.heard,
-            clock=clock,
-        )
+        self.stream: ReadingStream[Value] = self.reading_stream(sink)
 
     async def open(self) -> "SerialSession":
         """Open the port."""

@@ -83,15 +83,7 @@ class MotionCapture(SupervisedDevice):
         super().__init__(config.name, config.source, timing=timing, clock=clock)
         self._address = (config.host, config.port)
         self._options = SessionOptions(config.component, config.divisor, config.answer_s, config.heartbeat_s)
-        self.stream: ReadingStream[MotionFrame] = ReadingStream(
-            config.name,
-            config.source,
-            config.stale_after_s,
-            health=self.health,
-            sink=sink,
-            heard=self.supervisor.heard,
-            clock=clock,
-        )
+        self.stream: ReadingStream[MotionFrame] = self.reading_stream(sink)
         self._publisher = MotionPublisher(
             self.stream,
             self.health,

@@ -63,15 +63,7 @@ class ValveBank(SupervisedDevice):
         super().__init__(name, source, timing=timing, clock=clock, random=random)
         self.limits = limits
         self.chambers = chambers
-        self.stream: ReadingStream[BankReading] = ReadingStream(
-            name,
-            source,
-            timing.stale_after_s,
-            health=self.health,
-            sink=sink,
-            heard=self.supervisor.heard,
-            clock=clock,
-        )
+        self.stream: ReadingStream[BankReading] = self.reading_stream(sink)
         self._outputs = Outputs(name, limits, chambers, clock)
         self._open_link = open_link
         self.layout = layout
