@@ -14,6 +14,7 @@ import tomli_w
 from softarm.cli.output import force_option, json_option, say, show
 from softarm.common.shipped import fake_specimen
 from softarm.common.tables import Table
+from softarm.estimator.specimen import load_specimen
 from softarm.experiments.rig import RigSettings, service_config
 from softarm.fakes.clock import LoopClock
 from softarm.fakes.control import ControlPort, status
@@ -123,7 +124,12 @@ def _write_config(rig: Rig, path: Path, specimen: str | None) -> None:
     named = specimen or rig.scenario.plant.specimen or str(fake_specimen())
     if Path(named).is_file():
         named = str(Path(named).resolve())
-    settings = RigSettings(rig.scenario.name, specimen=named, sensors=("orientation", "bend", "imu"))
+    settings = RigSettings(
+        rig.scenario.name,
+        specimen=named,
+        arm=load_specimen(named).name,
+        sensors=("orientation", "bend", "imu"),
+    )
     table = service_config(settings, status(rig)["devices"])
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(tomli_w.dumps(table))

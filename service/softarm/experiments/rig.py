@@ -127,6 +127,8 @@ def _device_table(device: Mapping[str, Any], patience: float, limit_pa: float) -
         }
     if device["kind"] == "qualisys":
         return table | {"host": device["host"], "port": device["port"]}
+    if device["kind"] == "bendlabs":
+        return table | {"port": device["path"], "sensors": len(device["sections"])}
     return table | {"port": device["path"], **EXTRA.get(device["kind"], {})}
 
 
