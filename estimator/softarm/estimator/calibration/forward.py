@@ -58,7 +58,7 @@ class Forward:
         model: Model of the arm.
         layout: The unknowns.
         nodes: Nodes of each run, whose gravity may differ from run to run.
-        segments: The segments between the model's sections, where their torsion is among the unknowns.
+        segments: The segments between the model's sections, where their compliances are among the unknowns.
     """
 
     model: BatchArmModel

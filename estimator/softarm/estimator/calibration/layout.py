@@ -9,10 +9,12 @@ from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.unknowns import (
     Alignment,
+    Area,
     BaseMount,
     Bias,
     CordAzimuth,
     Crosstalk,
+    Extension,
     Gain,
     GravityTilt,
     LinearGrowth,
@@ -42,6 +44,7 @@ SHIFT_SPREAD = 1e-3  # m
 GRAVITY_SPREAD = 0.01  # rad; a mount is levelled to half a degree
 CORD_SPREAD = 0.1  # rad
 TORSION_SPREAD = 0.5  # of the model's torsional compliance
+EXTENSION_SPREAD = 0.5  # of the model's axial compliance
 ALIGNMENT_SPREAD = {
     "in_plane": np.pi / 2,
     "bias_x": 0.15,
@@ -151,7 +154,8 @@ def build_layout(
     regions: Sequence[str],
     pulled: bool = False,
     sections: tuple[str, ...] = (),
-    twisting: Sequence[str] = (),
+    compliant: Sequence[str] = (),
+    drawn: bool = False,
 ) -> Layout:
     """Choose the unknowns for what was recorded.
 
@@ -166,19 +170,26 @@ def build_layout(
         sections: Sections of the model, for what needs them: with known forces on an arm that has several
             chambers a segment, cross-talk, the quadratic growth of the gains and what stretching a chamber is
             worth are among the unknowns. Left out, a stretch that was calibrated counts for nothing.
-        twisting: Segments whose torsional compliance is open, in the order of the response.
+        compliant: Segments whose torsional and axial compliance are open, in the order of the response.
+        drawn: Whether the specimen is no more than a drawing: the area that pressures push on is open too.
     """
     unknowns = _moduli(specimen, regions)
     unknowns += _chambers(specimen, pressure_sources, moved_chambers, pulled)
     unknowns += _growths(specimen, moved_chambers)
+    if drawn:
+        unknowns += [
+            Area(f"area.{segment}", "log factor", 0.0, AREA_SPREAD, chambers)
+            for segment, chambers in _members(specimen, moved_chambers).items()
+        ]
     if pulled and sections:
         unknowns += _finer(specimen, moved_chambers)
     unknowns += _alignment(suite)
     unknowns += _surroundings(suite, pulled)
-    unknowns += [
-        Torsion(f"torsion.{name}", "-", 0.0, TORSION_SPREAD, name, index)
-        for index, name in enumerate(twisting)
-    ]
+    for index, name in enumerate(compliant):
+        unknowns += [
+            Torsion(f"torsion.{name}", "-", 0.0, TORSION_SPREAD, name, index),
+            Extension(f"extension.{name}", "-", 0.0, EXTENSION_SPREAD, name, index),
+        ]
     wanted = sections and (pulled or specimen.calibration.stretch_gain.value)
     stretch = StretchLaw.of(specimen, sections) if wanted else None
     spread = AREA_SPREAD if pulled else MEAN_GAIN_SPREAD

@@ -38,6 +38,7 @@ class Setting:
         gravity_tilt: Rotation of gravity about them [rad], shape (2,).
         cord_azimuth: Rotation of all known pulls about the base frame's z [rad].
         torsion: Share of each segment's torsional compliance that the model lacks.
+        extension: Share of each segment's axial compliance that the model lacks.
         stretch: What stretching the chambers is worth; ``None`` for nothing.
     """
 
@@ -49,6 +50,7 @@ class Setting:
     gravity_tilt: Floats = field(default_factory=lambda: np.zeros(2))
     cord_azimuth: float = 0.0
     torsion: Mapping[str, float] = field(default_factory=dict)
+    extension: Mapping[str, float] = field(default_factory=dict)
     stretch: StretchLaw | None = None
 
     @classmethod
@@ -62,10 +64,11 @@ class Setting:
         )
 
     def model(self, model: BatchArmModel) -> BatchArmModel:
-        """Return a model with the stiffness, the torsion where it can change, and the stretch law."""
+        """Return a model with the stiffness, its compliances where they can change, and the stretch law."""
         scaled = model.with_scales({n: f for n, f in self.scales.items() if n in model.regions})
-        if any(self.torsion.values()) and hasattr(scaled, "with_torsion"):
-            scaled = cast(Any, scaled).with_torsion(self.torsion)
+        further = any(self.torsion.values()) or any(self.extension.values())
+        if further and hasattr(scaled, "with_compliances"):
+            scaled = cast(Any, scaled).with_compliances(self.torsion, self.extension)
         if self.stretch is None or not self.stretch.gain:
             return scaled
         return StretchedBatch(scaled, self.stretch)

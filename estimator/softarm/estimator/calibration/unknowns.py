@@ -18,7 +18,7 @@ from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import skew
 from softarm.estimator.sensing import ActuationMap, MarkerPosition, MeasuredPose, Scene, SensorSuite
 
-LOWEST_TORSION, HIGHEST_TORSION = -0.7, 4.0  # shares of the model's compliance that a segment may have more
+LOWEST_COMPLIANCE, HIGHEST_COMPLIANCE = -0.7, 4.0  # shares of the model's that a segment may have more
 SINGLE_STEPS = "raise single chambers in steps over their whole range, each held for 5 s"
 
 
@@ -147,8 +147,8 @@ class Modulus(Unknown):
 
 
 @dataclass(frozen=True)
-class Torsion(Unknown):
-    """Share of a segment's torsional compliance that the model lacks.
+class SegmentCompliance(Unknown):
+    """Share of one of a segment's compliances that the model lacks.
 
     Args:
         segment: Name of the segment.
@@ -158,17 +158,37 @@ class Torsion(Unknown):
     segment: str = ""
     index: int = 0
 
-    manoeuvre = "record the poses of sections, yaw included, at pressures of single chambers"
+    strain: ClassVar[int]
+    """Generalised strain of the segment that grows with it; see ``ArmResponse``."""
+    kind: ClassVar[str]
+    """Name of the compliance in ``Setting``."""
 
     def apply(self, setting: Setting, value: float) -> Setting:
-        """Return a setting with the segment's torsional compliance."""
-        bounded = float(np.clip(value, LOWEST_TORSION, HIGHEST_TORSION))
-        return replace(setting, torsion={**setting.torsion, self.segment: bounded})
+        """Return a setting with the segment's compliance."""
+        bounded = float(np.clip(value, LOWEST_COMPLIANCE, HIGHEST_COMPLIANCE))
+        changed: dict[str, Any] = {self.kind: {**getattr(setting, self.kind), self.segment: bounded}}
+        return replace(setting, **changed)
 
     def derivative(self, at: Prediction) -> Floats:
-        """Differentiate the predicted readings: a softer segment twists further by its share."""
-        twist = at.response.strains[:, self.index, 2]
-        return at.eigenstrain_jacobian[..., 4 * self.index + 2] * twist[:, None]
+        """Differentiate the predicted readings: a softer segment strains further by its share."""
+        strain = at.response.strains[:, self.index, self.strain]
+        return at.eigenstrain_jacobian[..., 4 * self.index + self.strain] * strain[:, None]
+
+
+@dataclass(frozen=True)
+class Torsion(SegmentCompliance):
+    """Share of a segment's torsional compliance that the model lacks."""
+
+    manoeuvre = "record the poses of sections, yaw included, at pressures of single chambers"
+    strain, kind = 2, "torsion"
+
+
+@dataclass(frozen=True)
+class Extension(SegmentCompliance):
+    """Share of a segment's axial compliance that the model lacks."""
+
+    manoeuvre = "record the positions of sections while all chambers of a segment are raised together"
+    strain, kind = 3, "extension"
 
 
 @dataclass(frozen=True)
@@ -227,6 +247,25 @@ class Gain(ChamberUnknown):
     def slope(self, actuation: ActuationMap, measured: Floats) -> Floats:
         """Differentiate by the gain."""
         return np.asarray(measured * (1.0 + (actuation.curve + actuation.bow * measured) * measured))
+
+
+@dataclass(frozen=True)
+class Area(ChamberUnknown):
+    """Logarithm of a factor on the gains of a segment's chambers: the area that the pressures push on."""
+
+    manoeuvre = "turn the mount, or hang a known weight, and raise all chambers of the segment in turn"
+    coefficient = "gain"
+
+    def apply(self, setting: Setting, value: float) -> Setting:
+        """Return a setting in which the chambers' gains are multiplied."""
+        gain = np.array(np.broadcast_to(setting.actuation.gain, len(setting.actuation.gain)))
+        gain[list(self.chambers)] *= np.exp(value)
+        return replace(setting, actuation=_replaced(setting.actuation, self.coefficient, gain))
+
+    def slope(self, actuation: ActuationMap, measured: Floats) -> Floats:
+        """Differentiate by the logarithm."""
+        growth = 1.0 + (actuation.curve + actuation.bow * measured) * measured
+        return np.asarray(actuation.gain * measured * growth)
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,12 @@ from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.start import best_scaled, solvable
 from softarm.estimator.calibration.unknowns import (
     Alignment,
+    Area,
     BaseMount,
     Gain,
     LinearGrowth,
     Modulus,
-    Torsion,
+    SegmentCompliance,
     Unknown,
 )
 from softarm.estimator.diagnosis.session import Session
@@ -41,7 +42,7 @@ STIFFER = (1.0, 2.0, 2.8, 4.0, 5.6)
 LEAST_PRESSURE_SPREAD = 1.0e3
 BEYOND = 3.0
 """Deviations of the prior from which a calibrated value is reported."""
-KINDS = (Modulus, Gain, LinearGrowth, Alignment, BaseMount, Torsion)
+KINDS = (Modulus, Area, Gain, LinearGrowth, Alignment, BaseMount, SegmentCompliance)
 """What may be calibrated before an effect is looked for; biases of pressures are effects of valves."""
 SCATTER = Scatter({"m": 1.5e-3, "rad": 1.5e-2}, correlated=10.0)
 """Size [m, rad] of an error that a calibrated model is expected to leave, and number of samples alike: a
@@ -98,6 +99,7 @@ def layout_of(model: Model, sessions: Sequence[Session]) -> Layout:
     suite = SensorSuite(tuple(measurements.values()))
     # A known weight in several mounts tells the moduli, so that the chambers' mean gain may be anything.
     weighed = mount_turned(np.concatenate([session.gravity for session in sessions]))
+    nominal = any(session.nominal for session in sessions)
     layout = build_layout(
         model.specimen,
         suite,
@@ -107,11 +109,11 @@ def layout_of(model: Model, sessions: Sequence[Session]) -> Layout:
         weighed,
         model.sections,
         model.segments.names,
+        drawn=not nominal,
     )
     by_markers = any(
         m.registration is not None and m.registration.covariance.any() for m in measurements.values()
     )
-    nominal = any(session.nominal for session in sessions)
     # Markers on the base register the laboratory; a recorded frame may be mounted askew.
     closed = {
         u.name
@@ -130,18 +132,18 @@ def _open(unknown: Unknown) -> bool:
 
 
 def calibrate_sessions(model: Model, sessions: Sequence[Session]) -> Nuisances:
-    """Fit moduli, gains, torsion and alignments to what sessions show outside their held-out parts.
+    """Fit moduli, gains, compliances and alignments to what sessions show outside their held-out parts.
 
     Args:
         model: The model.
         sessions: The sessions.
     """
     layout = layout_of(model, sessions)
-    # A model that cannot twist further keeps its torsion, which stays open to first order.
-    fixed = set() if hasattr(model.model, "with_torsion") else {n.name for n in _torsions(layout)}
+    # A model that cannot twist or lengthen further keeps its compliances, which stay open to first order.
+    fixed = set() if hasattr(model.model, "with_compliances") else {n.name for n in _compliances(layout)}
     inside = np.array([name not in fixed for name in layout.names], dtype=bool)
     seen = [session.thin(~session.heldout) for session in sessions if not session.heldout.all()]
-    segments = model.segments if inside[layout.of(Torsion)].any() else None
+    segments = model.segments if inside[layout.of(SegmentCompliance)].any() else None
     forward = Forward(model.model, layout.without(fixed), _nodes(seen, NODES), segments)
     few = replace(forward, nodes=_nodes(seen, COARSE))
     start = forward.layout.means
@@ -152,8 +154,8 @@ def calibrate_sessions(model: Model, sessions: Sequence[Session]) -> Nuisances:
     return Nuisances(layout, values)
 
 
-def _torsions(layout: Layout) -> list[Unknown]:
-    return [unknown for unknown in layout.unknowns if isinstance(unknown, Torsion)]
+def _compliances(layout: Layout) -> list[Unknown]:
+    return [unknown for unknown in layout.unknowns if isinstance(unknown, SegmentCompliance)]
 
 
 def _nodes(sessions: Sequence[Session], count: int) -> tuple[Nodes, ...]:

@@ -53,7 +53,7 @@ class Model:
         return self.model.sections
 
     def arm(self, setting: Setting) -> RespondingArm:
-        """Return the calibrated arm: stiffness, torsion and the worth of pressures under stretch."""
+        """Return the calibrated arm: stiffness, compliances and the worth of pressures under stretch."""
         return SimulatedArm(setting.model(self.model), self.segments)
 
 

@@ -118,14 +118,20 @@ class CalibratedRod:
             factors[[region == name for region in self.chain.regions]] = factor
         return replace(self, laws=self.laws._replace(stiffness=factors))
 
-    def with_torsion(self, compliances: Mapping[str, float]) -> "CalibratedRod":
-        """Return a rod whose regions twist by a further share under a moment about the arm's axis."""
-        term = np.flatnonzero((self.laws.table == TWIST_TERM).all(axis=1))
-        if not len(term):
-            return self
+    def with_compliances(
+        self, torsion: Mapping[str, float], extension: Mapping[str, float]
+    ) -> "CalibratedRod":
+        """Return a rod whose regions twist and lengthen by a further share.
+
+        Args:
+            torsion: Share by which a region twists further under a moment about the arm's axis.
+            extension: Share by which a region lengthens further, under forces and pressures.
+        """
         coefficients = self.laws.coefficients.copy()
+        twist = (self.laws.table == TWIST_TERM).all(axis=1)
         for link, region in enumerate(self.chain.regions):
-            coefficients[link, term[0], 2] *= 1.0 + compliances.get(region, 0.0)
+            coefficients[link, twist, 2] *= 1.0 + torsion.get(region, 0.0)
+            coefficients[link, :, 5] *= 1.0 + extension.get(region, 0.0)
         return replace(self, laws=self.laws._replace(coefficients=coefficients))
 
     def rest(self) -> Floats:
