@@ -30,6 +30,7 @@ from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import StretchLaw
 
 MODULUS_SPREAD = np.log(2.0)  # fitted shear moduli of such arms range from 35 to 152 kPa
+DRAWN_SPREAD = np.log(5.0)  # of a drawing that nobody ever calibrated
 GAIN_SPREAD = 0.15
 MEAN_GAIN_SPREAD = 0.02  # a set of pressure sensors is right on average; divides gains from moduli
 AREA_SPREAD = 0.3  # of the area that the pressures push on, where known pulls tell the moduli
@@ -173,7 +174,7 @@ def build_layout(
         compliant: Segments whose torsional and axial compliance are open, in the order of the response.
         drawn: Whether the specimen is no more than a drawing: the area that pressures push on is open too.
     """
-    unknowns = _moduli(specimen, regions)
+    unknowns = _moduli(specimen, regions, DRAWN_SPREAD if drawn else MODULUS_SPREAD)
     unknowns += _chambers(specimen, pressure_sources, moved_chambers, pulled)
     unknowns += _growths(specimen, moved_chambers)
     if drawn:
@@ -196,10 +197,10 @@ def build_layout(
     return _with_mean_gains(specimen, tuple(unknowns), spread, stretch)
 
 
-def _moduli(specimen: Specimen, regions: Sequence[str]) -> list[Unknown]:
+def _moduli(specimen: Specimen, regions: Sequence[str], spread: float) -> list[Unknown]:
     means = {s.name: float(np.log(specimen.calibration.scale(s.name))) for s in specimen.segments}
     return [
-        Modulus(f"modulus.{name}", "log factor", mean, float(MODULUS_SPREAD), name, regions.index(name))
+        Modulus(f"modulus.{name}", "log factor", mean, float(spread), name, regions.index(name))
         for name, mean in means.items()
         if name in regions
     ]

@@ -11,7 +11,7 @@ from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import Layout
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.search import AxesFit
-from softarm.estimator.calibration.unknowns import Modulus
+from softarm.estimator.calibration.unknowns import Area, Modulus
 from softarm.estimator.specimen import Specimen
 
 STIFFER = (1.0, 1.4, 2.0, 2.8)
@@ -37,8 +37,12 @@ def solvable(forward: Forward, known: Floats, factors: Sequence[float] = STIFFER
 
 
 def best_scaled(forward: Forward, factors: Sequence[float], scatter: Scatter) -> Floats:
-    """Begin with that common factor of all moduli which loses the fewest equilibria, then fits best."""
-    modulus = forward.layout.of(Modulus)
+    """Begin with that common factor of all moduli which loses the fewest equilibria, then fits best.
+
+    Where the areas that the pressures push on are open they have the same factor, so that bends keep their
+    size.
+    """
+    modulus = forward.layout.of(Modulus) | forward.layout.of(Area)
     tried = []
     for number, factor in enumerate(factors):
         values = forward.layout.means + np.log(factor) * modulus

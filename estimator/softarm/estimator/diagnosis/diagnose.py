@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.calibration.unknowns import Area
 from softarm.estimator.diagnosis.candidates import ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.conclude import (
@@ -25,7 +26,7 @@ from softarm.estimator.diagnosis.judge import HETEROGENEITY
 from softarm.estimator.diagnosis.library import Library, build_library, library_columns
 from softarm.estimator.diagnosis.locate import locate
 from softarm.estimator.diagnosis.nominal import belief_before, evidence_of_change
-from softarm.estimator.diagnosis.nuisances import Nuisances, calibrate_sessions
+from softarm.estimator.diagnosis.nuisances import Nuisances, calibrate_sessions, only_drawn
 from softarm.estimator.diagnosis.result import (
     Baseline,
     Diagnosis,
@@ -182,7 +183,10 @@ def assemble(
     if swing is not None:
         stages = tuple(swinging(stage, swing, masses) for stage in stages)
     library = build_library(
-        _common_world(stages).world, np.concatenate([s.pressures for s in split]), effects
+        _common_world(stages).world,
+        np.concatenate([s.pressures for s in split]),
+        effects,
+        drawn=only_drawn(model.specimen, split),
     )
     advance("trying effects")
     changes = list(executor.map(_columns, [(stage, library) for stage in stages]))
@@ -298,6 +302,11 @@ def _notes(search: Search) -> list[str]:
         return [
             f"The reference is {', '.join(known)}: what these recordings also show is not reported. Changes "
             f"of up to {search.width:.0%} of an effect's typical size occur from run to run and do not count."
+        ]
+    if search.evidence.fitted.layout.of(Area).any():
+        return [
+            "No nominal recording was given and the specimen was never calibrated: moduli, and the areas "
+            "that pressures push on, were calibrated on these very recordings; changes of them cannot be told."
         ]
     return ["No nominal recording was given, so the reference is the specimen itself."]
 

@@ -88,7 +88,9 @@ class Library:
         return [(hypothesis, shape, columns) for (hypothesis, shape), columns in found.items()]
 
 
-def build_library(world: World, pressures: Floats, names: Sequence[EffectName] | None = None) -> Library:
+def build_library(
+    world: World, pressures: Floats, names: Sequence[EffectName] | None = None, *, drawn: bool = False
+) -> Library:
     """List the hypotheses for an arm.
 
     Args:
@@ -96,6 +98,7 @@ def build_library(world: World, pressures: Floats, names: Sequence[EffectName] |
         pressures: All recorded pressures [Pa], shape (samples, chambers); chambers that were never driven are
             left out.
         names: Effects to try; all when left out.
+        drawn: Whether nothing but a drawing is the reference: what its calibration has to find is left out.
     """
     highest = np.nanmax(pressures, axis=0, initial=0.0)
     hypotheses: list[Hypothesis] = []
@@ -104,12 +107,17 @@ def build_library(world: World, pressures: Floats, names: Sequence[EffectName] |
         if not effect.by_fit or (names is not None and name not in names):
             continue
         for place in effect.places(world):
-            if not _driven(effect, place, world, highest):
+            if not _driven(effect, place, world, highest) or (drawn and _calibrated(effect, place)):
                 continue
             number = len(hypotheses)
             hypotheses.append(Hypothesis(effect, place))
             directions += _directions(number, effect, place, world, highest)
     return Library(tuple(hypotheses), tuple(directions))
+
+
+def _calibrated(effect: Effect, place: Place) -> bool:
+    """Return whether an effect changes a segment's modulus or area, which a drawing does not tell."""
+    return "uniform_gain" in effect.equivalence and place.chamber is None
 
 
 def library_columns(stage: Stage, library: Library) -> Floats:

@@ -27,6 +27,7 @@ from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Model, Stage, build_stage, thinned
 from softarm.estimator.effects.excitation import mount_turned
 from softarm.estimator.sensing import SensorSuite
+from softarm.estimator.specimen import Specimen
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ SLOW_ITERATIONS = 3
 NODES = 90
 """Samples of each session that a calibration looks at."""
 COARSE = 25
-FACTORS = (0.7, 1.0, 1.4, 2.0)
+FACTORS = (0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
 """Factors on all moduli at which a fit may begin, and the samples of each session that decide which."""
 STIFFER = (1.0, 2.0, 2.8, 4.0, 5.6)
 """The same of a slow model."""
@@ -91,6 +92,12 @@ class Nuisances:
         return build_stage(model, session, self.setting)
 
 
+def only_drawn(specimen: Specimen, sessions: Sequence[Session]) -> bool:
+    """Return whether nothing tells an arm's moduli but its drawing and the recordings in question."""
+    before = set(specimen.calibration.recordings) - {session.name for session in sessions}
+    return not before and not any(session.nominal for session in sessions)
+
+
 def layout_of(model: Model, sessions: Sequence[Session]) -> Layout:
     """Choose the unknowns for what a set of sessions shows."""
     measurements = {m.name: m for session in sessions for m in session.suite.measurements}
@@ -109,7 +116,7 @@ def layout_of(model: Model, sessions: Sequence[Session]) -> Layout:
         weighed,
         model.sections,
         model.segments.names,
-        drawn=not nominal,
+        drawn=only_drawn(model.specimen, sessions),
     )
     by_markers = any(
         m.registration is not None and m.registration.covariance.any() for m in measurements.values()
