@@ -41,6 +41,13 @@ def test_a_chamber_that_was_never_driven_is_no_suspect() -> None:
     assert [h.place.chamber for h in library.hypotheses] == [None, 0, 1, 3, 4, 5]
 
 
+def test_what_only_a_drawing_tells_is_calibrated_and_not_looked_for() -> None:
+    names = ("chamber_gain", "segment_stiffness", "local_stiffness_defect")
+    library = build_library(world(SENSORS), np.full((10, 6), 20e3), names, drawn=True)
+    assert {h.name for h in library.hypotheses} == {"chamber_gain", "local_stiffness_defect"}
+    assert [h.place.chamber for h in library.hypotheses if h.name == "chamber_gain"] == list(range(6))
+
+
 def test_an_effect_that_is_there_or_not_has_a_direction_for_each_way_of_being_there() -> None:
     pressures = np.full((10, 6), 20e3)
     library = build_library(world(SENSORS), pressures, ("pressure_saturation",))

@@ -57,3 +57,8 @@ def test_lost_samples_and_short_stretches_are_left_out():
     assert len(learnt.innovations(np.array([]))) == 0
     assert Autoregression.fitted([]).deviation == 0.0
     assert ljung_box([np.zeros(3)]) == (0.0, 1.0)
+
+
+def test_what_never_changed_tells_nothing_of_what_does():
+    still = Autoregression.fitted([np.zeros(100)])
+    assert np.isnan(still.innovations(np.arange(10.0))).all()

@@ -42,6 +42,16 @@ def test_placing_links_and_taking_them_apart_are_inverse() -> None:
     assert np.allclose(found, strain, atol=1e-12)
 
 
+def test_a_share_more_of_a_compliance_is_a_share_more_of_its_strain() -> None:
+    force, moment = 0.5, 0.01
+    rod = linear_rod(8).with_loads([load("force", (0.0, 0.0, 1.0)), load("moment", (0.0, 0.0, 1.0))])
+    rod = rod.with_compliances({"upper": 0.2, "lower": 0.2}, {"upper": 0.5})
+    end, turn, _ = tip(rod, Inputs(np.zeros(6), np.array([force, moment]), STILL))
+    longer = end[2] - rod.chain.section_offset[-1, 2] - known.LENGTH
+    assert longer == pytest.approx(force * known.LENGTH / known.STRETCH * (1.5 + 1.0) / 2.0, rel=1e-2)
+    assert turn[2] == pytest.approx(1.2 * moment * known.LENGTH / known.TORSION, rel=1e-4)
+
+
 def test_a_moment_bends_the_rod_to_an_arc() -> None:
     moment = 0.2
     rod = linear_rod(32).with_loads([load("moment", (0.0, 1.0, 0.0))])

@@ -54,10 +54,15 @@ class Autoregression:
         return cls(best[1], float(np.sqrt(best[2])))
 
     def innovations(self, stretch: Floats) -> Floats:
-        """Standardise what the past of a stretch does not predict, NaN where that is lost."""
+        """Standardise what the past of a stretch does not predict, NaN where that is lost.
+
+        A process that was fitted to what never changed has no deviation to compare with: all is NaN.
+        """
+        if self.deviation <= 0.0:
+            return np.full(len(stretch), np.nan)
         order = len(self.coefficients)
         rows = sliding_window_view(stretch, order + 1) if len(stretch) > order else np.zeros((0, order + 1))
-        found: Floats = (rows[:, -1] - rows[:, :-1] @ self.coefficients[::-1]) / max(self.deviation, 1e-300)
+        found: Floats = (rows[:, -1] - rows[:, :-1] @ self.coefficients[::-1]) / self.deviation
         return found
 
 
