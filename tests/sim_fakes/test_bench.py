@@ -13,6 +13,7 @@ from softarm.fakes.control import ControlPort, serve
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import Cord, Hand
 from softarm.fakes.rig import running
+from softarm.fakes.rotation import matrix, multiply, turn
 from softarm.fakes.scenario import check_scenario, read_scenario
 from softarm.fakes.still import StillArm
 from softarm.fakes.warp import WarpLoop
@@ -27,6 +28,9 @@ TABLE = {
         {"name": "gauge", "kind": "lutron"},
     ],
 }
+
+
+EXACT = {"angle_noise_rad": 0.0}
 
 
 def warp(main):
@@ -88,6 +92,23 @@ class TestScenario:
         with pytest.raises(InputError, match="is not TOML"):
             read_scenario(broken)
 
+    def test_a_variant_is_the_arm_that_recordings_of_its_seed_are_of(self):
+        pytest.importorskip("mujoco")
+        from softarm.fakes.plant.variants import variant
+
+        table = {"plant": {"variant": 2}, "device": [{"name": "qtm", "kind": "qualisys"} | EXACT]}
+
+        async def main():
+            async with running(check_scenario(table)) as rig:
+                return rig.plant.parameters, rig.qtm_servers["qtm"], rig.state
+
+        parameters, server, state = warp(main)
+        drawn = variant(2)
+        assert parameters == drawn.arm
+        seen = server.measurement._pose(server.measurement.bodies[2], state)
+        wanted = matrix(multiply(tuple(state.quaternions[2]), turn(tuple(drawn.instruments.alignments[2]))))
+        np.testing.assert_allclose(np.reshape(seen.rotation, (3, 3)).T, wanted, atol=1e-9)
+
     @pytest.mark.parametrize(
         ("change", "told"),
         [
@@ -103,6 +124,7 @@ class TestScenario:
             ),
             ({"cord": {"section": "nose", "hook_m": [0, 0, 0], "length_m": 1}}, "no section 'nose'"),
             ({"fault": [{"at_s": 1, "device": "qtm", "fault": "bodylost"}]}, "did you mean 'body_lost'"),
+            ({"plant": {"kind": "still", "variant": 1}}, "'still' takes no variant"),
             ({"plant": {"kind": "still", "switches": {"gian": 1}}}, "did you mean 'gain'"),
             ({"plant": {"kind": "still", "switches": {"sensor_bias": {"size": 1}}}}, "no parameter 'size'"),
         ],

@@ -1,8 +1,11 @@
 """From the tables of a scenario to fakes: each with its board of faults."""
 
 import zlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
 
 from softarm.estimator.errors import InputError
 from softarm.fakes.faults import Fault, FaultBoard, nearest
@@ -56,11 +59,13 @@ class DeviceSurroundings:
         plant: The arm.
         seed: Seed of the scenario.
         see: What is concealed in signals.
+        misalignments: Rotation vector of the motion-capture body of each named section [rad].
     """
 
     plant: Plant
     seed: int
     see: See = plainly
+    misalignments: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 def seed_of(seed: int, name: str) -> int:
@@ -122,7 +127,8 @@ def build_measurement(part: QtmPart, around: DeviceSurroundings, faults: FaultBo
     sections, bodies = around.plant.sections, []
     for body in part.bodies:
         _index(part, body.section, sections)
-        bodies.append(MarkerBody(body.name, body.section, body.offset_m, body.rotation_rad))
+        x, y, z = around.misalignments.get(body.section, np.zeros(3)).tolist()
+        bodies.append(MarkerBody(body.name, body.section, body.offset_m, body.rotation_rad, (x, y, z)))
     cameras = Cameras(part.rate_hz, part.position_noise_m, part.angle_noise_rad, part.clock_ppm)
     return MotionMeasurement(bodies, sections, cameras, faults, seed_of(around.seed, part.name), around.see)
 

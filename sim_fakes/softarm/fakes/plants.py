@@ -1,5 +1,11 @@
 """The arms that a scenario can name."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import load_specimen
 from softarm.fakes.plant.state import Plant
@@ -7,29 +13,52 @@ from softarm.fakes.scenario import PlantPart
 from softarm.fakes.still import StillArm
 
 
-def build_plant(part: PlantPart, seed: int) -> Plant:
+@dataclass(frozen=True)
+class MountedArm:
+    """An arm and how it was marked.
+
+    Args:
+        plant: The arm.
+        misalignments: Rotation vector of each section's motion-capture body against the section [rad]; not
+            rotated where it is not named.
+    """
+
+    plant: Plant
+    misalignments: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+
+
+def build_plant(part: PlantPart, seed: int) -> MountedArm:
     """Build the arm of a scenario, without its concealed effects.
 
     Args:
         part: What the scenario says of it.
-        seed: Draws the tolerances of an arm that plays a specimen.
+        seed: Draws the tolerances of an arm that plays a specimen, where ``variant`` does not.
 
     Raises:
         InputError: The physics engine is not installed, or no fake arm can have the specimen's shape.
     """
     if part.kind == "arm":
-        return _dynamic_arm(part.specimen, seed)
-    if part.specimen is not None:
-        raise InputError("scenario, plant.kind", "'still' plays no specimen", "take kind = 'arm'")
-    return StillArm()
+        return _dynamic_arm(part, seed)
+    for name, value in (("specimen", part.specimen), ("variant", part.variant)):
+        if value is not None:
+            raise InputError("scenario, plant.kind", f"'still' takes no {name}", "take kind = 'arm'")
+    return MountedArm(StillArm())
 
 
-def _dynamic_arm(specimen: str | None, seed: int) -> Plant:
+def _dynamic_arm(part: PlantPart, seed: int) -> MountedArm:
     """Load the physics engine, which the still arm does without."""
     try:
         from softarm.fakes.plant.arm import FakeArm
         from softarm.fakes.plant.from_specimen import arm_of
+        from softarm.fakes.plant.shape import has_shape_of_sopra
+        from softarm.fakes.plant.variants import variant
     except ModuleNotFoundError as error:
         cure = "install softarm[fakes], or take kind = 'still'"
         raise InputError("scenario, plant.kind", f"{error.name} is not installed", cure) from None
-    return FakeArm(arm_of(None if specimen is None else load_specimen(specimen), seed).arm)
+    specimen = None if part.specimen is None else load_specimen(part.specimen)
+    if part.variant is None:
+        return MountedArm(FakeArm(arm_of(specimen, seed).arm))
+    of_sopra = specimen is None or has_shape_of_sopra(specimen)
+    drawn = variant(part.variant) if of_sopra else arm_of(specimen, part.variant)
+    arm = FakeArm(drawn.arm)
+    return MountedArm(arm, dict(zip(arm.sections, drawn.instruments.alignments, strict=True)))

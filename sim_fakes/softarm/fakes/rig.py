@@ -81,7 +81,8 @@ class Rig:
 
     def __init__(self, scenario: Scenario, clock: Clock, runtime_dir: Path) -> None:
         self.clock = clock
-        self.plant: Plant = build_plant(scenario.plant, scenario.seed)
+        mounted = build_plant(scenario.plant, scenario.seed)
+        self.plant: Plant = mounted.plant
         self.scenario = scenario = placed(scenario, self.plant)
         self.boards = {part.name: FaultBoard(part.name, catalogue(part)) for part in scenario.device}
         self.signals = ConcealedSignals()
@@ -93,7 +94,7 @@ class Rig:
         self._tasks: asyncio.TaskGroup | None = None
         self._ends: dict[tuple[str, str], float] = {}
         self.world = FakeArmWorld(self.plant, None, (), scenario.step_s)
-        around = DeviceSurroundings(self.plant, scenario.seed, self.signals.see)
+        around = DeviceSurroundings(self.plant, scenario.seed, self.signals.see, mounted.misalignments)
         for part in scenario.device:
             self._build(part, around)
         for effect, value in scenario.plant.switches.items():

@@ -24,12 +24,19 @@ class MarkerBody:
         section: Rigid section of the arm that carries it.
         offset: Its origin in the section's frame [m].
         rotation: Its axes in the section's frame, as a rotation vector [rad].
+        misalignment: Rotation vector by which its mount differs from the section's frame [rad].
     """
 
     name: str
     section: str
     offset: Vector = (0.0, 0.0, 0.0)
     rotation: Vector = (0.0, 0.0, 0.0)
+    misalignment: Vector = (0.0, 0.0, 0.0)
+
+    @property
+    def axes(self) -> Quaternion:
+        """Rotation from the body's axes to the section's."""
+        return multiply(turn(self.misalignment), turn(self.rotation))
 
 
 @dataclass(frozen=True)
@@ -175,7 +182,7 @@ class MotionMeasurement:
         noise = self._random.standard_normal(7)
         origin = (origin + self.cameras.position_noise * noise[:3]) * MILLIMETRES
         wobble = turn(tuple(self.cameras.angle_noise * noise[3:6]))
-        rows = matrix(multiply(multiply(section, turn(body.rotation)), wobble))
+        rows = matrix(multiply(multiply(section, body.axes), wobble))
         by_columns = tuple(rows[row][column] for column in range(3) for row in range(3))
         residual = abs(float(noise[6])) * self.cameras.position_noise * MILLIMETRES
         return PacketBody((float(origin[0]), float(origin[1]), float(origin[2])), by_columns, residual)
