@@ -113,6 +113,19 @@ def test_a_count_never_exceeds_the_maximum(most, below):
     assert count * 100.0 <= most
 
 
+def test_echo_lag_begins_when_a_write_is_answered():
+    """A terminal on a busy machine takes a request late; its echo then still shows the write before."""
+    monitor = EchoMonitor(lag_ns=100)
+    monitor.attempted((1,), 0)
+    monitor.answered(5)
+    monitor.attempted((2,), 10)
+    monitor.answered(310)
+    assert monitor.judge((1,), 310) is Verdict.OURS
+    monitor.attempted((2,), 350)
+    monitor.answered(400)
+    assert monitor.judge((1,), 411) is Verdict.FOREIGN
+
+
 def test_an_echo_is_ours_zeroed_or_foreign():
     monitor = EchoMonitor(lag_ns=100)
     monitor.attempted((0, 0), 0)

@@ -20,6 +20,8 @@ from softarm.estimator.specimen import load_specimen
 END_TIMEOUT_S = 25.0
 WATCHDOG_MS = 180
 """The terminal vents by itself when its host has been silent for so long."""
+ECHO_LAG_S = 0.1
+"""A write shows in the terminal's echo within so long."""
 WAITS = ("valve_deadline_s", "sensor_deadline_s", "setpoint_lifetime_s")
 """Settings of the service that state how long a device may be silent."""
 EXTRA: Mapping[str, Mapping[str, Any]] = {
@@ -124,6 +126,7 @@ def _device_table(device: Mapping[str, Any], patience: float, limit_pa: float) -
             "chambers": list(device["valve_map"]),
             "maximum_pa": limit_pa,
             "watchdog_ms": round(patience * WATCHDOG_MS),
+            "echo_lag_s": patience * ECHO_LAG_S,
         }
     if device["kind"] == "qualisys":
         return table | {"host": device["host"], "port": device["port"]}

@@ -22,18 +22,26 @@ class EchoMonitor:
     outputs, by watchdog or restart; anything else was written by another master.
 
     Args:
-        lag_ns: How long a write may take to show [ns].
+        lag_ns: How long a write may take to show once it was answered, or sent where no answer came [ns].
     """
 
     def __init__(self, lag_ns: int) -> None:
         self._lag_ns = lag_ns
         self._writes: deque[tuple[int, Counts]] = deque()
+        self._answered = True
 
     def attempted(self, counts: Counts, now_ns: int) -> None:
         """Take a write that was sent, whether or not it was confirmed."""
         if self._writes and self._writes[-1][1] == counts:
             return
         self._writes.append((now_ns, counts))
+        self._answered = False
+
+    def answered(self, now_ns: int) -> None:
+        """Take the answer to the last write: a request may have waited before the terminal took it."""
+        if not self._answered:
+            self._writes[-1] = now_ns, self._writes[-1][1]
+            self._answered = True
 
     def judge(self, echo: Counts, now_ns: int) -> Verdict:
         """Judge an echo that was just read."""

@@ -180,6 +180,7 @@ class BankSession:
             self._unknown = False
             raise
         self._unknown = False
+        self._echo.answered(self._clock() if sample is None else sample.arrival_ns)
         self._applied, self._setpoint = plan.applied, plan.setpoint
         self._outputs.confirm(plan)
         if sample is not None:
