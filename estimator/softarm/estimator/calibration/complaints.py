@@ -44,7 +44,7 @@ def complaints(recording: Recording, run: CalibrationRun) -> tuple[str, ...]:
 
 
 def silent_at_most(time: Floats, tension: Floats) -> float:
-    """Return how long a gauge told nothing between readings near to its largest [s], 0 where it never did.
+    """Return the time in gaps between a gauge's readings near to its largest [s], 0 where there is none.
 
     Args:
         time: [s], shape (samples,).

@@ -130,7 +130,7 @@ class Layout:
         )
 
     def prior_rows(self, values: Floats) -> tuple[Floats, Floats]:
-        """Return what is known beforehand as whitened residuals and their derivative.
+        """Return the prior as whitened residuals and their derivative.
 
         Returns:
             (known - value) / spread, shape (rows,), and the derivative of value / spread, (rows, unknowns).
@@ -141,7 +141,7 @@ class Layout:
         return np.concatenate([own, sums]), rows
 
     def prior_covariance(self) -> Floats:
-        """Return the covariance of what is known beforehand, shape (unknowns, unknowns)."""
+        """Return the covariance of the prior, shape (unknowns, unknowns)."""
         _, rows = self.prior_rows(self.means)
         covariance: Floats = np.asarray(np.linalg.inv(rows.T @ rows), dtype=np.float64)
         return covariance

@@ -246,7 +246,7 @@ class Gain(ChamberUnknown):
 
     def slope(self, actuation: ActuationMap, measured: Floats) -> Floats:
         """Differentiate by the gain."""
-        return np.asarray(measured * (1.0 + (actuation.curve + actuation.bow * measured) * measured))
+        return _at_unit_gain(actuation, measured)
 
 
 @dataclass(frozen=True)
@@ -264,8 +264,7 @@ class Area(ChamberUnknown):
 
     def slope(self, actuation: ActuationMap, measured: Floats) -> Floats:
         """Differentiate by the logarithm."""
-        growth = 1.0 + (actuation.curve + actuation.bow * measured) * measured
-        return np.asarray(actuation.gain * measured * growth)
+        return np.asarray(actuation.gain * _at_unit_gain(actuation, measured))
 
 
 @dataclass(frozen=True)
@@ -475,6 +474,11 @@ def rigid_motion(frames: Frames) -> Floats:
     motion[...] = np.eye(6)
     motion[..., :3, 3:] = -skew(frames.positions)
     return motion.reshape(*frames.positions.shape[:-2], 6 * sections, 6)
+
+
+def _at_unit_gain(actuation: ActuationMap, measured: Floats) -> Floats:
+    """Return what recorded pressures would be worth at a gain of one [Pa], shape (nodes, chambers)."""
+    return np.asarray(measured * (1.0 + (actuation.curve + actuation.bow * measured) * measured))
 
 
 def _replaced(actuation: ActuationMap, coefficient: str, value: Floats) -> ActuationMap:

@@ -174,8 +174,9 @@ def _force_errors(
         pair = slice(first, first + 2)
         top = float(np.abs(samples.loads[:, pair]).max())
         largest.append(top)
-        # A pair of loads that acts in no sample has no range to compare an error with.
-        for k in range(len(samples) if top > 0.0 else 0):
+        if top == 0.0:  # a pair that acts in no sample has no range to compare an error with
+            continue
+        for k in range(len(samples)):
             turned = Frames(truth.positions[k], truth.rotations[k])
             inputs = Inputs(samples.pressures[k], samples.loads[k].copy(), samples.gravity[k])
             value = find_forces(rod, inputs, turned, range(first, first + 2), scale)

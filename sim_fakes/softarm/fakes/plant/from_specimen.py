@@ -4,6 +4,8 @@ Taken from the specimen: shape, parts, masses, chambers and which way gravity ac
 calibration or a diagnosis wrote into it, so that a specimen and its calibrated copy name the same arm.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,12 +73,10 @@ def _plain(specimen: Specimen) -> ArmParameters:
     outline, reach = outline_of(specimen)
     axis = np.linspace(-reach, reach, GRID) * 1.02
     points = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-    segments = tuple(
-        _segment(specimen, segment, outline, points, float(axis[1] - axis[0]))
-        for segment in specimen.segments
-    )
+    spacing = float(axis[1] - axis[0])
+    segments = tuple(_segment(specimen, segment, outline, points, spacing) for segment in specimen.segments)
     count = len(specimen.chambers)
-    solid = {s.name: _mass(specimen, s, outline, points, float(axis[1] - axis[0])) for s in sections[1:]}
+    solid = {s.name: _mass(specimen, s, outline, points, spacing) for s in sections[1:]}
     return ArmParameters(
         segments=segments,
         frames=tuple(PlantFrame(s.name, s.frame_origin_m, s.frame_quaternion) for s in sections),
@@ -157,7 +157,7 @@ def _lumped(
         return section
     rims = np.sqrt(section.chamber_areas / np.pi)
     grown = section.chamber_areas * (1.0 + FIBRE_DEPTH / rims) ** 2
-    return CrossSection(**{**vars(section), "chamber_areas": grown})
+    return replace(section, chamber_areas=grown)
 
 
 def _mass(specimen: Specimen, section: Section, outline: Outline, points: Floats, spacing: float) -> float:
