@@ -62,6 +62,8 @@ def test_a_weak_chamber_is_named_and_placed(weak: DiagnosisOutcome) -> None:
     gain = finding.parameters["gain"]
     assert gain.value == pytest.approx(-0.15, abs=max(3.0 * gain.std, 0.015))
     assert finding.evidence.heldout_gain_ci95[0] > 0.0
+    assert finding.probability is not None
+    assert finding.probability > 0.5
     assert weak.diagnosis.heldout.after < weak.diagnosis.heldout.before
 
 

@@ -25,7 +25,7 @@ from softarm.estimator.diagnosis.conclude import unproven
 from softarm.estimator.diagnosis.diagnose import Decision, disagreement
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gram import Products, products_of
-from softarm.estimator.diagnosis.judge import CERTAIN, HETEROGENEITY, Judgement, bootstrap, judge
+from softarm.estimator.diagnosis.judge import CERTAIN, HETEROGENEITY, Judgement, bootstrap, fold_costs, judge
 from softarm.estimator.diagnosis.library import Direction, Hypothesis, Library
 from softarm.estimator.diagnosis.nominal import MATERIAL, belief_before, evidence_of_change
 from softarm.estimator.diagnosis.screen import null_scores, screen
@@ -91,9 +91,13 @@ def recordings(sizes: list[float], noise: float = 1.0) -> list[Products]:
     return found
 
 
+def judged_on(parts: list[Products]) -> Judgement:
+    costs = fold_costs(parts, Belief(np.zeros(1), 1e-4 * np.eye(1)), 1.0, 1)
+    return judge(parts, costs, np.random.default_rng(0), 0.0, 50.0)
+
+
 def judged(sizes: list[float]) -> Judgement:
-    belief = Belief(np.zeros(1), 1e-4 * np.eye(1))
-    return judge(recordings(sizes), belief, 1.0, 1, np.random.default_rng(0), 0.0, 50.0)
+    return judged_on(recordings(sizes))
 
 
 def test_a_size_that_every_recording_shows_predicts_the_others():
@@ -366,11 +370,7 @@ def test_two_recordings_are_judged_by_spans_of_time():
         parts = recordings(sizes)
         return [replace(part, session=number // 3, block=number) for number, part in enumerate(parts)]
 
-    belief = Belief(np.zeros(1), 1e-4 * np.eye(1))
-    steady, once = (
-        judge(spans(sizes), belief, 1.0, 1, np.random.default_rng(0), 0.0, 50.0)
-        for sizes in ([2.0] * 5, [2.0, 0.0, 0.0, 0.0, 0.0])
-    )
+    steady, once = (judged_on(spans(sizes)) for sizes in ([2.0] * 5, [2.0, 0.0, 0.0, 0.0, 0.0]))
     assert steady.accepted
     assert not once.accepted
 
@@ -379,8 +379,7 @@ def test_a_candidate_that_changes_nothing_is_not_accepted():
     parts = recordings([0.0] * RUNS)
     for part in parts:
         part.matrix[-1], part.matrix[:, -1], part.vector[-1] = 0.0, 0.0, 0.0
-    belief = Belief(np.zeros(1), 1e-4 * np.eye(1))
-    found = judge(parts, belief, 1.0, 1, np.random.default_rng(0), 0.0, 50.0)
+    found = judged_on(parts)
     assert found.spread == 0.0
     assert found.after == pytest.approx(found.before)
     assert not found.accepted

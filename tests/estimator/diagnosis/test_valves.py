@@ -54,6 +54,8 @@ def test_what_nominal_recordings_show_as_well_is_not_new() -> None:
     (finding,) = valve_findings(splits_of([_recording("slow", 0.05, 0.2, law)]), known)
     assert finding.effect == "line_lag"
     assert finding.parameters["lag"].value == pytest.approx(0.14, abs=0.05)
+    assert finding.probability is not None
+    assert 0.99 < finding.probability <= 1.0
 
 
 def test_a_ceiling_and_a_dead_band_are_told() -> None:

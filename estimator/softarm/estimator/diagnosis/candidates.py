@@ -12,8 +12,6 @@ MOST_SURPRISE = 12.0
 """Largest cost of a size that nobody expects."""
 TOLD = 3.0
 """Size of an amplitude over its standard deviation from which it is told from none."""
-TIED = 0.97
-"""Share of the gain from which a rival is as good."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from softarm.estimator.diagnosis.candidates import (
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.fit import Fit, Ground, View, fit_effects, gain_of
 from softarm.estimator.diagnosis.gram import Products, total
-from softarm.estimator.diagnosis.judge import CERTAIN, Judgement, judge
+from softarm.estimator.diagnosis.judge import CERTAIN, FoldCosts, Judgement, fold_costs, judge
 from softarm.estimator.diagnosis.nominal import UNKNOWN
 from softarm.estimator.diagnosis.ring import Ring
 from softarm.estimator.diagnosis.screen import null_scores, screen
@@ -288,8 +288,15 @@ class Search:
         """Judge a candidate by what it predicts where it was not fitted."""
         parts = _searched(self.extended(candidate, fit))
         search_p = float((null >= candidate.delta_bic).mean())
-        unseen = (self.belief, self.weights.share, self.evidence.size)
-        return judge(parts, *unseen, self.rng, search_p, candidate.delta_bic)
+        return judge(parts, self.fold_costs(parts), self.rng, search_p, candidate.delta_bic)
+
+    def predicted(self, candidate: Candidate, fit: Fit | None) -> FoldCosts:
+        """Return how well folds of the searched stretches are predicted with a candidate and without."""
+        return self.fold_costs(_searched(self.extended(candidate, fit)))
+
+    def fold_costs(self, parts: Sequence[Products]) -> FoldCosts:
+        """Return what folds cost; the change of a candidate is the last column of their products."""
+        return fold_costs(parts, self.belief, self.weights.share, self.evidence.size)
 
     def extended(self, candidate: Candidate, fit: Fit | None) -> list[Products]:
         """Give the products with the candidate's change as one more column."""

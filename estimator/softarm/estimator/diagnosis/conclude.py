@@ -1,13 +1,13 @@
 """From a search to findings in words: evidence on held-out data, rivals, what is left and where."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.diagnosis.belief import Marginal
-from softarm.estimator.diagnosis.candidates import TIED, Accepted, Candidate, ChosenEffects
+from softarm.estimator.diagnosis.candidates import Accepted, ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gram import Products, total
@@ -18,6 +18,7 @@ from softarm.estimator.diagnosis.innovations import (
     residuals_of,
 )
 from softarm.estimator.diagnosis.judge import bootstrap
+from softarm.estimator.diagnosis.probability import Explanation, credible_set, probabilities
 from softarm.estimator.diagnosis.result import (
     ChannelErrors,
     Evidence,
@@ -269,7 +270,8 @@ def _finding(
     low, high = accepted.judgement.gain_ci95
     if len(predictions.before) > 1:
         low, high = bootstrap(search.rng, predictions.before, predictions.after)
-    rivals, rejected = _rivals(search, accepted)
+    probable = probabilities(search, choice, index)
+    rivals, rejected = _rivals(search, accepted, probable)
     when = effect.when
     statement = f"{effect.tell(theta, hypothesis.place)} {sentence_on(when)}"
     return Finding(
@@ -292,33 +294,30 @@ def _finding(
         confusable_with=rivals,
         rejected=rejected,
         exposure=_exposure(search, choice, index),
+        probability=probable[hypothesis.name, hypothesis.place],
     )
 
 
-def _rivals(search: Search, accepted: Accepted) -> tuple[tuple[Rival, ...], tuple[Rejected, ...]]:
+def _rivals(
+    search: Search, accepted: Accepted, probable: Mapping[Explanation, float]
+) -> tuple[tuple[Rival, ...], tuple[Rejected, ...]]:
     winner = accepted.candidate
     own = search.evidence.library.hypotheses[winner.number]
     pneumatic = len(search.evidence.stages[0].world.pressure_limits) > 0
+    credible = credible_set(probable)
     rivals: dict[str, Rival] = {}
     rejected: list[Rejected] = []
     for candidate in accepted.field:
         other = search.evidence.library.hypotheses[candidate.number]
         if candidate.number == winner.number:
             continue
-        lost = winner.delta_bic - candidate.delta_bic
-        if _tied(winner, candidate, own.name, other.name) and other.name != own.name:
+        lost = (winner.delta_bic - candidate.delta_bic) / 2.0
+        if (other.name, other.place) in credible and other.name != own.name:
             words = manoeuvre(own.name, other.name, pneumatic=pneumatic)
-            rivals.setdefault(other.name, Rival(other.name, other.place, words, lost / 2.0))
+            rivals.setdefault(other.name, Rival(other.name, other.place, words, lost))
         else:
-            rejected.append(Rejected(other.name, other.place, lost / 2.0))
+            rejected.append(Rejected(other.name, other.place, lost))
     return tuple(rivals.values()), tuple(sorted(rejected, key=lambda entry: entry.log_bayes_factor))
-
-
-def _tied(winner: Candidate, other: Candidate, own: EffectName, rival: EffectName) -> bool:
-    """Return whether a rival is as good: nearly the same gain, or a class that looks alike by nature."""
-    share = other.gain / max(winner.gain, 1e-9)
-    alike = set(EFFECTS[own].equivalence) & set(EFFECTS[rival].equivalence)
-    return share >= TIED or (bool(alike) and share >= 0.9)
 
 
 def _exposure(search: Search, choice: ChosenEffects, index: int) -> Exposure | None:

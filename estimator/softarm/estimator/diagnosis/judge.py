@@ -63,15 +63,26 @@ class Judgement:
         )
 
 
-def judge(
-    parts: Sequence[Products],
-    belief: Belief,
-    share: float,
-    size: int,
-    rng: np.random.Generator,
-    search_p: float,
-    delta_bic: float,
-) -> Judgement:
+@dataclass(frozen=True)
+class FoldCosts:
+    """How well folds are predicted without a candidate, and with the size of it that the other folds show.
+
+    Args:
+        before: Cost of each fold without it, shape (folds,).
+        after: With it.
+        counts: Effective number of samples of each.
+        sizes: Size that each fold shows by itself.
+        precisions: Of these sizes.
+    """
+
+    before: Floats
+    after: Floats
+    counts: Floats
+    sizes: Floats
+    precisions: Floats
+
+
+def fold_costs(parts: Sequence[Products], belief: Belief, share: float, size: int) -> FoldCosts:
     """Predict each recording, or stretch, with the size of a candidate that the others show, and without.
 
     What is common to all recordings is believed as before any of those in question was seen: calibration
@@ -82,33 +93,44 @@ def judge(
         belief: Belief about the other columns.
         share: Share of independent samples.
         size: Number of the other columns.
-        rng: Of the bootstrap.
-        search_p: Chance of as much in the whole search where nothing is missing.
-        delta_bic: Of the candidate.
     """
     extended = belief.beside(0.0, ANY_SIZE)
-    before, after, counts, sizes, precisions = [], [], [], [], []
+    rows = []
     for fold in _folds(parts):
         rest = [part for part in parts if part not in fold]
         learnt = extended.updated(total(rest, size + 1), share)
         known = belief.beside(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
         seen = total(fold, size + 1)
-        before.append(Marginal.cost_of(belief, seen.first(size), share))
-        after.append(Marginal.cost_of(known, seen, share))
-        counts.append(share * seen.count)
         own = Marginal.of(extended, seen, share)
-        sizes.append(own.vector[-1] / max(own.matrix[-1, -1], 1e-12))
-        precisions.append(own.matrix[-1, -1])
-    low, high = bootstrap(rng, np.array(before), np.array(after))
-    explainable = max(float(np.sum(before) - np.sum(counts)), EXPLAINABLE * float(np.sum(counts)))
+        precision = own.matrix[-1, -1]
+        before = Marginal.cost_of(belief, seen.first(size), share)
+        after = Marginal.cost_of(known, seen, share)
+        rows.append((before, after, share * seen.count, own.vector[-1] / max(precision, 1e-12), precision))
+    return FoldCosts(*np.array(rows, dtype=np.float64).T)
+
+
+def judge(
+    parts: Sequence[Products], costs: FoldCosts, rng: np.random.Generator, search_p: float, delta_bic: float
+) -> Judgement:
+    """Judge a candidate by what it predicts where it was not fitted.
+
+    Args:
+        parts: Products of the searched stretches, the candidate's change their last column.
+        costs: Of these stretches without and with it.
+        rng: Of the bootstrap.
+        search_p: Chance of as much in the whole search where nothing is missing.
+        delta_bic: Of the candidate.
+    """
+    before, after, count = costs.before.sum(), costs.after.sum(), costs.counts.sum()
+    explainable = max(float(before - count), EXPLAINABLE * float(count))
     changed = sum(part.matrix[-1, -1] for part in parts) / max(sum(part.count for part in parts), 1)
     return Judgement(
-        float(np.sqrt(np.sum(before) / np.sum(counts))),
-        float(np.sqrt(np.sum(after) / np.sum(counts))),
-        (low, high),
-        float(np.sum(before) - np.sum(after)) / explainable,
+        float(np.sqrt(before / count)),
+        float(np.sqrt(after / count)),
+        bootstrap(rng, costs.before, costs.after),
+        float(before - after) / explainable,
         float(np.sqrt(changed)),
-        _heterogeneity(np.array(sizes), np.array(precisions)),
+        _heterogeneity(costs.sizes, costs.precisions),
         search_p,
         delta_bic,
     )

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from softarm.estimator.diagnosis.result import Evidence, Finding, Quantity
 from softarm.estimator.diagnosis.stage import Stage
@@ -172,6 +173,7 @@ def stuck_findings(stuck: Sequence[Stuck]) -> tuple[Finding, ...]:
                 f"{words} It stands still while {moving} moves: {where}.",
                 {"share": Quantity(1.0, 0.01, "1"), "since": Quantity(first, 0.1, "s")},
                 Evidence(float(gain), before, after, (share, share), float("nan")),
+                probability=float(expit(gain)),
             )
         )
     return tuple(found)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t
 
 from softarm.estimator.diagnosis.admit import Admitted
 from softarm.estimator.diagnosis.result import (
@@ -34,6 +35,8 @@ LEAST_BAND = 300.0
 LEAST_LOSS = 3000.0
 LEAST_GAIN = 0.03
 SIGMAS = 4.0
+CEILING_STD = 100.0
+"""Standard deviation of a pressure that is not passed [Pa]."""
 RESOLUTION = 30.0
 """Noise below which no pressure is believed [Pa]."""
 LEFT_OVER = 5.0
@@ -242,11 +245,13 @@ def _ceiling(chamber: int, own: Sequence[Split], known: Sequence[Split], evidenc
     if not ceilings or any(np.isfinite(split.valve.ceiling) for split in known):
         return []
     ceiling = float(np.median(ceilings))
-    if max(float(split.asked.max()) for split in own) - ceiling <= LEAST_LOSS:
+    lost = max(float(split.asked.max()) for split in own) - ceiling
+    if lost <= LEAST_LOSS:
         return []
     words = f"The pressure in chamber {chamber} stops at {1e-3 * ceiling:.1f} kPa, below its set-point."
-    quantity = {"ceiling": Quantity(ceiling, 100.0, "Pa")}
-    return [_finding("pressure_saturation", chamber, words, quantity, evidence, "pressure level")]
+    quantity = {"ceiling": Quantity(ceiling, CEILING_STD, "Pa")}
+    sure = _probability(lost, CEILING_STD, len(ceilings))
+    return [_finding("pressure_saturation", chamber, words, quantity, sure, evidence, "pressure level")]
 
 
 def _steady(
@@ -262,16 +267,17 @@ def _steady(
     spread = max(float(np.hypot(within, between)), 20.0)
     if abs(change) <= max(LEAST_BIAS, SIGMAS * spread):
         return []
+    sure = _probability(abs(change), spread, len(ours) + len(theirs))
     shut = any(split.valve.deadband > LEAST_BAND - (change - float(np.median(ours))) for split in own)
     if shut and change < 0.0:
         words = f"The first {-1e-3 * change:.2f} kPa of the set-point of chamber {chamber} have no effect."
         quantity = {"band": Quantity(-change, spread, "Pa")}
-        return [_finding("valve_deadband", chamber, words, quantity, evidence, "pressure level")]
+        return [_finding("valve_deadband", chamber, words, quantity, sure, evidence, "pressure level")]
     words = f"While it is open, the valve of chamber {chamber} is off by {1e-3 * change:+.2f} kPa."
     deadband = Rival("valve_deadband", Place(chamber=chamber), "a staircase of small pressures", 0.0)
     quantity = {"bias": Quantity(change, spread, "Pa")}
     rivals = (deadband,) if change < 0.0 else ()
-    return [_finding("pressure_bias", chamber, words, quantity, evidence, "pressure level", rivals)]
+    return [_finding("pressure_bias", chamber, words, quantity, sure, evidence, "pressure level", rivals)]
 
 
 def _delays(
@@ -296,7 +302,19 @@ def _delays(
         "lag": Quantity(slower, deviation, "s"),
         "dead_time": Quantity(late, deviation, "s"),
     }
-    return [_finding("line_lag", chamber, words, quantities, evidence, "time since a change")]
+    sure = _probability(late + slower, spread, len(own) + len(known))
+    return [_finding("line_lag", chamber, words, quantities, sure, evidence, "time since a change")]
+
+
+def _probability(size: float, spread: float, recordings: int) -> float:
+    """Return how probable a size has its sign (Student, no opinion beforehand).
+
+    Args:
+        size: What was found, positive.
+        spread: Its standard deviation.
+        recordings: Number of recordings that tell the deviation, beside what was known of it.
+    """
+    return float(t.cdf(size / max(spread, 1e-300), WORTH + recordings))
 
 
 def _timed(splits: Sequence[Split]) -> list[Valve]:
@@ -346,9 +364,11 @@ def _finding(
     chamber: int,
     words: str,
     quantities: dict[str, Quantity],
+    probability: float,
     evidence: Evidence,
     when: str,
     rivals: tuple[Rival, ...] = (),
 ) -> Finding:
     statement = f"{words} Set-point and measured pressure show it, so it is in the valve and not in the arm."
-    return Finding(effect, Place(chamber=chamber), when, statement, quantities, evidence, rivals)
+    place = Place(chamber=chamber)
+    return Finding(effect, place, when, statement, quantities, evidence, rivals, probability=probability)
