@@ -2,8 +2,8 @@
 
 import pytest
 
-from softarm.bench import driver_decoding
-from softarm.bench.driver_decoding import DecodingCase, against_qtm_rt, cases, load, zero_size_header
+from acceptance import driver_decoding, driver_wire
+from acceptance.driver_decoding import DecodingCase, against_qtm_rt, cases, load, zero_size_header
 
 
 @pytest.mark.parametrize("case", cases(), ids=lambda case: case.device)
@@ -34,3 +34,10 @@ def test_a_header_of_size_zero_costs_nothing(monkeypatch):
     (ours,) = zero_size_header()
     assert ours["outcome"].startswith("refused")
     assert ours["seconds"] < 0.1
+
+
+async def test_a_driver_is_connected_to_fakes_in_a_process_of_their_own(tmp_path):
+    gauge = [subject for subject in driver_wire.subjects() if subject.name == "gauge"]
+    async with driver_wire.connected(tmp_path, gauge) as bench:
+        await driver_wire.until_alive(bench.devices["gauge"], "gauge")
+    assert bench.watches["gauge"].readings > 0

@@ -14,7 +14,6 @@ ACCEPTANCE = "acceptance"
 LABORATORY_BENCHMARKS = {
     "step": "Time a step of the estimator, part by part.",
     "latency": "Time estimates from the packet to a subscriber in another process.",
-    "drivers": "Time and load the device drivers against the fakes.",
     "diagnosis": "Diagnose blind trials, and score them if answers are given.",
 }
 ACCEPTANCE_BENCHMARKS = {
@@ -22,12 +21,14 @@ ACCEPTANCE_BENCHMARKS = {
     "sofa": "Compare with SOFA's equilibria and inverse trajectories.",
     "rod": "Compare the calibrated rod with its finite-element model, and time both.",
     "mesh": "Compare the shipped meshes with their refinements.",
+    "drivers": "Time and load the device drivers against the fakes.",
     "faults": "Inject random faults into every kind of device, and compare each reading with the truth.",
     "safety": "Inject every fault into every device in every mode, and check that the arm is left safe.",
     "soak": "Run a service for a long time under faults, with clients that connect, disconnect and stall.",
     "plant": "Time the fake arm against real time.",
     "real-data": "Calibrate on real recordings and predict what was held out.",
     "proof": "Prove the diagnosis on the fake arm and against its alternatives.",
+    "reference": "Write the reference pages of docs/ from the definitions they describe.",
     "measured": "Run benchmarks, keep their output, and write their figures into the documents.",
 }
 

@@ -23,9 +23,9 @@ from softarm.daemon.estimation.messages import EstimationRequest, EstimationResu
 from softarm.daemon.estimation.solver import SolverSettings
 from softarm.daemon.estimation.worker import NICER, Worker
 from softarm.daemon.loop import ControlLoop
-from softarm.daemon.network.api_page import schemas
 from softarm.daemon.network.bus import Bus
 from softarm.daemon.network.inbox import serve_each
+from softarm.daemon.network.schemas import schemas
 from softarm.daemon.notify import Notifier
 from softarm.estimator.recording import Recording
 from softarm_client.messages import Surface

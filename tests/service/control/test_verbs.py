@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acceptance.reference.api_examples import EXAMPLES
 from softarm.daemon.config import ControlSettings, SafetySettings
 from softarm.daemon.control.command_handler import ANSWER_S, CommandContext, CommandHandler
 from softarm.daemon.control.controller import Controller
@@ -16,7 +17,6 @@ from softarm.daemon.control.estimator_state import RECENT_S, EstimatorState
 from softarm.daemon.control.poses import PoseStore
 from softarm.daemon.control.recorder import Recorder
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
-from softarm.daemon.network.api_examples import EXAMPLES
 from softarm.daemon.safety.diagnostics import Diagnostic
 from softarm.daemon.safety.modes import PRESSURISED, Mode, Trigger
 from softarm.drivers.errors import ConnectionLost, DeviceErrors, InterlockError, LimitError

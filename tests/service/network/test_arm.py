@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from softarm.daemon.network.api_examples import EXAMPLES
+from acceptance.reference.api_examples import EXAMPLES
 from softarm_client import Arm, CommandRefusedError, Mode, ServiceSilentError
 from softarm_client.commands import VERBS
 from softarm_client.messages import Mismatch, Stamp, State

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from acceptance.plant import real_time_factor
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.__main__ import main, parse_effect
 from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, Concealed
@@ -25,7 +26,6 @@ from softarm.fakes.plant.manoeuvres import (
 )
 from softarm.fakes.plant.mounts import MOUNTS, turned
 from softarm.fakes.plant.parameters import ArmParameters
-from softarm.fakes.plant.speed import real_time_factor
 from softarm.fakes.plant.trials import KINDS, draw
 from softarm.fakes.plant.variants import variant
 from softarm.fakes.plant.write import write

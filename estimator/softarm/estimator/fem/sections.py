@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.interpolation import PointMap, cross_section, node_map, points_inside
@@ -72,7 +71,7 @@ class SectionFit:
     weights: Floats
     offsets: Floats
     rotations: Floats
-    single: NDArray[np.bool_]
+    single: Flags
 
     @classmethod
     def of(cls, frames: Sequence[SectionFrame], nodes: int) -> "SectionFit":
@@ -95,9 +94,8 @@ class SectionFit:
         With M = R U (polar), R is the rotation since rest.
         """
         count = len(self.offsets)
-        stacked = np.ascontiguousarray(moments).reshape(count, MOMENTS, 3)
-        since_rest, spins = np.empty((count, 3, 3)), np.empty((count, 3, 3))
-        fit_sections(stacked, self.single, since_rest, spins)
+        stacked = moments.reshape(count, MOMENTS, 3)
+        since_rest, spins = _fit_rotations(stacked[:, 1:], self.single)
         levers = (since_rest @ self.offsets[:, :, None])[:, :, 0]
         frames = Frames(stacked[:, 0] + levers, since_rest @ self.rotations)
         return SectionPoses(self.weights, frames, since_rest, spins, levers)
@@ -216,25 +214,17 @@ def build_slice(mesh: Mesh, height: float) -> SectionFrame:
     return _frame(cross_section(mesh, height), mesh, None, np.eye(3), f"height {height} m")
 
 
-@compiled
-def fit_sections(
-    moments: Floats,
-    single: NDArray[np.bool_],
-    since_rest: Floats,
-    spins: Floats,
-) -> None:
-    """Fill R and R (tr U - U)^-1 from the moments of the nodes, shape (sections, 4, 3)."""
-    for s in range(moments.shape[0]):
-        if single[s]:
-            since_rest[s], spins[s] = np.eye(3), np.zeros((3, 3))
-            continue
-        left, values, right = np.linalg.svd(np.ascontiguousarray(moments[s, 1:].T))
-        if np.linalg.det(left) * np.linalg.det(right) < 0.0:
-            left[:, 2] *= -1.0
-            values[2] *= -1.0
-        since_rest[s] = left @ right
-        # (tr U - U)^-1 in the eigenbasis of U, whose eigenvalues are the (signed) singular values.
-        spins[s] = left @ (right / (values.sum() - values).reshape(3, 1))
+def _fit_rotations(columns: Floats, single: Flags) -> tuple[Floats, Floats]:
+    """Compute R and R (tr U - U)^-1 from the columns of M = R U, shape (sections, 3, 3), by column."""
+    left, values, right = np.linalg.svd(columns.swapaxes(1, 2))
+    mirrored = np.linalg.det(left @ right) < 0.0
+    left[mirrored, :, 2] *= -1.0
+    values[mirrored, 2] *= -1.0
+    # (tr U - U)^-1 in the eigenbasis of U, whose eigenvalues are the (signed) singular values.
+    spread = values.sum(axis=1, keepdims=True) - values
+    spread[single] = np.inf
+    since_rest = np.where(single[:, None, None], np.eye(3), left @ right)
+    return since_rest, left @ (right / spread[:, :, None])
 
 
 @compiled

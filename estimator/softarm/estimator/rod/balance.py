@@ -5,6 +5,7 @@ from numba import njit
 
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.rod.arrays import Actions, ChainInputs, Laws, Work
+from softarm.estimator.rod.elimination import eliminate
 from softarm.estimator.rod.laws import evaluate_laws
 from softarm.estimator.rod.statics import action_points, place, wrenches
 from softarm.estimator.rod.tangent import (
@@ -14,7 +15,7 @@ from softarm.estimator.rod.tangent import (
     unit_wrenches,
     wrench_jacobian,
 )
-from softarm.estimator.rod.vectors import rotate
+from softarm.estimator.rod.vectors import add_rotated
 
 
 @njit(cache=True, nogil=True)
@@ -41,7 +42,8 @@ def linearise_chain(
     wrenches(positions, middles, actions, work.points, drive, wrench, beyond)
     evaluate_laws(laws, wrench, drive.pressures, value, work.slopes)
     for i in range(links):
-        chord[:] = positions[i + 1] - positions[i]
+        for k in range(3):
+            chord[k] = positions[i + 1, k] - positions[i, k]
         link_motion(strain[i], work.rotations[i], middles[i], chord, positions[i + 1], work.motions[i])
         for k in range(6):
             gap[6 * i + k] = value[i, k] + drive.free[i, k] - strain[i, k]
@@ -58,7 +60,7 @@ def _through_laws(laws: Laws, slopes: Floats, by_strain: Floats, tangent: Floats
     for i in range(links):
         for k in range(6):
             row = tangent[6 * i + k]
-            row[:] = 0.0
+            row.fill(0.0)
             for m in range(6):
                 by_wrench = slopes[i, 1 + m, k] / (laws.scale[i, m] * laws.stiffness[i])
                 for column in range(columns):
@@ -93,7 +95,7 @@ def settle(
         Number of linearisations, negative when it failed, and the last gap.
     """
     links = len(length)
-    size = np.inf
+    size, move = np.inf, np.empty((6 * links, 1))
     for count in range(1, iterations + 1):
         linearise_chain(length, actions, laws, drive, work, gap)
         size = 0.0
@@ -104,12 +106,17 @@ def settle(
             return -count, size
         if size < tolerance:
             return count, size
-        move = np.linalg.solve(work.tangent, gap)
+        for row in range(6 * links):
+            move[row, 0] = gap[row]
+        eliminate(work.tangent, move)
         # Half a radian per link and step is as far as the linearisation can be trusted.
-        factor = min(1.0, 0.5 / np.abs(move).max())
+        largest = 0.0
+        for m in range(len(move)):
+            largest = max(largest, abs(move[m, 0]))
+        factor = min(1.0, 0.5 / largest)
         for i in range(links):
             for k in range(6):
-                work.strain[i, k] += factor * move[6 * i + k]
+                work.strain[i, k] += factor * move[6 * i + k, 0]
     return -iterations, size
 
 
@@ -125,11 +132,10 @@ def input_gaps(
         work: A linearised configuration.
         units: Force and couple of an action per unit of an input, shape (units, 6).
         owner: Action and input (column) of each, shape (units, 2).
-        right: Filled, shape (6 links, columns); the pressures are the first columns.
+        right: Zeros that are filled, shape (6 links, columns or more); pressures are the first columns.
     """
     links, slopes, chambers = len(work.strain), work.slopes, laws.chambers
     wrench = np.empty((links, 6))
-    right[:] = 0.0
     for i in range(links):
         for n in range(chambers.shape[1]):
             if chambers[i, n] >= 0:
@@ -137,7 +143,7 @@ def input_gaps(
                 for k in range(6):
                     right[6 * i + k, chambers[i, n]] = slopes[i, 7 + n, k] / unit
     for u in range(len(owner)):
-        wrench[:] = 0.0
+        wrench.fill(0.0)
         unit_wrenches(work.positions, work.middles, actions, owner[u, 0], work.points, units[u], wrench)
         for i in range(links):
             for m in range(6):
@@ -148,12 +154,13 @@ def input_gaps(
 
 @njit(cache=True, nogil=True)
 def stiffness_gaps(laws: Laws, wrench: Floats, pressures: Floats, slopes: Floats, right: Floats) -> None:
-    """Fill the change of each link's own strains per unit of its stiffness factor, shape (6 links, links).
+    """Fill the change of each link's own strains per unit of its stiffness factor.
 
     A strain depends on x, the wrench / E and pressures / E, and on 1 / E - 1: its derivative by E is
     -(law' x + law' by the last) / E^2 with x before it is over E.
+
+    ``right`` holds zeros, with a column per link or more.
     """
-    right[:] = 0.0
     last = 7 + laws.chambers.shape[1]
     for i in range(len(wrench)):
         factor = laws.stiffness[i]
@@ -179,7 +186,7 @@ def station_twists(motions: Floats, change: Floats, links: Indices, places: Floa
         twists: Filled with (translation, rotation) of each point, shape (6 points, columns).
     """
     columns = change.shape[1]
-    twists[:] = 0.0
+    twists.fill(0.0)
     rigid = np.zeros((6, columns))
     for j in range(len(motions)):
         for c in range(6):
@@ -252,26 +259,31 @@ def respond(
     gap, every = np.empty(6 * links), change.shape[1]
     count, size = settle(length, actions, laws, drive, work, gap, tolerance, iterations)
     right = np.zeros((6 * links, every + 1))
-    right[:, every] = gap
+    for row in range(6 * links):
+        right[row, every] = gap[row]
     if every > 0:
-        input_gaps(actions, laws, work, units, owner, right[:, :columns])
+        input_gaps(actions, laws, work, units, owner, right)
     if every > columns:
         wrench, beyond = np.empty((links, 6)), np.empty((links, 15))
         wrenches(work.positions, work.middles, actions, work.points, drive, wrench, beyond)
-        stiffness_gaps(laws, wrench, drive.pressures, work.slopes, right[:, columns : columns + links])
-        right[:, columns + links : every] = shapes
+        stiffness_gaps(laws, wrench, drive.pressures, work.slopes, right[:, columns:])
+        for row in range(6 * links):
+            for f in range(shapes.shape[1]):
+                right[row, columns + links + f] = shapes[row, f]
     if count > 0:
         # The last Newton step, so small that the linearisation holds at its end as well.
-        moves = np.linalg.solve(work.tangent, right)
-        change[:] = moves[:, :every]
-        for i in range(links):
-            work.strain[i] += moves[6 * i : 6 * i + 6, every]
+        eliminate(work.tangent, right)
+        for row in range(6 * links):
+            for column in range(every):
+                change[row, column] = right[row, column]
+            work.strain[row // 6, row % 6] += right[row, every]
         place(work.strain, length, work.rotations, work.positions, work.middles)
-    before, moved = np.empty(len(stations), np.int64), np.empty(3)
+    before = np.empty(len(stations), np.int64)
     for n in range(len(stations)):
         before[n] = stations[n] - 1
-        rotate(work.rotations[stations[n]], offsets[n], moved)
-        places[n] = work.positions[stations[n]] + moved
+        for k in range(3):
+            places[n, k] = work.positions[stations[n], k]
+        add_rotated(work.rotations[stations[n]], offsets[n], places[n])
     if count > 0:
         station_twists(work.motions, change, before, places, twists)
     return count, size
@@ -331,8 +343,8 @@ def respond_all(
     force, couple = np.zeros((len(actions.link), 3)), np.zeros((len(actions.link), 3))
     change, strain = np.zeros((6 * len(length), twists.shape[2])), np.empty((len(length), 6))
     for s in range(len(pressures)):
-        force[:] = 0.0
-        couple[:] = 0.0
+        force.fill(0.0)
+        couple.fill(0.0)
         for u in range(len(owner)):
             column = owner[u, 1] - chambers
             loads = amplitudes.shape[1]
@@ -347,21 +359,23 @@ def respond_all(
                     strain[i, k] += shapes[6 * i + k, f] * free[s, f]
         drive = ChainInputs(pressures[s], force, couple, strain)
         if not np.isnan(strains[s, 0, 0]):
-            work.strain[:] = strains[s]
-        count, _ = respond(
-            length, actions, laws, drive, units, owner, columns, shapes, stations, offsets,
-            tolerance, iterations, work, places[s], change, twists[s],
-        )  # fmt: skip
-        if count < 0:
-            # From rest once more, before it is given up.
-            work.strain[:] = 0.0
-            count, _ = respond(
+            _copy(strains[s], work.strain)
+        for _ in range(2):
+            counts[s], _ = respond(
                 length, actions, laws, drive, units, owner, columns, shapes, stations, offsets,
                 tolerance, iterations, work, places[s], change, twists[s],
             )  # fmt: skip
-        counts[s] = count
-        strains[s] = work.strain
+            if counts[s] > 0:
+                break
+            # From rest once more, before it is given up.
+            work.strain.fill(0.0)
+        _copy(work.strain, strains[s])
         for n in range(len(stations)):
-            rotations[s, n] = work.rotations[stations[n]]
-        if count < 0:
-            work.strain[:] = 0.0
+            _copy(work.rotations[stations[n]], rotations[s, n])
+
+
+@njit(cache=True, nogil=True)
+def _copy(source: Floats, target: Floats) -> None:
+    for row in range(source.shape[0]):
+        for column in range(source.shape[1]):
+            target[row, column] = source[row, column]

@@ -82,8 +82,8 @@ def law_slopes(
     table: Indices, coefficients: Floats, variables: Floats, value: Floats, slopes: Floats
 ) -> None:
     """Evaluate a law and its derivative: slopes (1 + variables, 8), of which row 0 is of no use."""
-    value[:] = 0.0
-    slopes[:] = 0.0
+    value.fill(0.0)
+    slopes.fill(0.0)
     for k in range(table.shape[0]):
         a, b, c, d = table[k, 0], table[k, 1], table[k, 2], table[k, 3]
         first, second = variables[a] * variables[b], variables[c] * variables[d]

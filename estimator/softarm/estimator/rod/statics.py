@@ -16,7 +16,7 @@ from numba import njit
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.rod.arrays import Actions, ChainInputs
-from softarm.estimator.rod.vectors import cross, multiply, rotate, rotate_back
+from softarm.estimator.rod.vectors import add_rotated, add_rotated_back, cross, multiply, rotate, rotate_back
 from softarm.estimator.rotations import exp_kernel, quaternion_kernel, rotation_vector_kernel
 
 
@@ -33,18 +33,17 @@ def place(strain: Floats, length: Floats, rotations: Floats, positions: Floats, 
     """
     links = len(length)
     half, turn = np.empty((1, 3)), np.empty((1, 3, 3))
-    chord, moved = np.empty(3), np.empty(3)
+    chord = np.empty(3)
     for i in range(links):
         for k in range(3):
             half[0, k] = 0.5 * strain[i, k]
             chord[k] = strain[i, 3 + k]
+            positions[i + 1, k] = positions[i, k]
         chord[2] += length[i]
         exp_kernel(half, turn)
         multiply(rotations[i], turn[0], middles[i])
         multiply(middles[i], turn[0], rotations[i + 1])
-        rotate(middles[i], chord, moved)
-        for k in range(3):
-            positions[i + 1, k] = positions[i, k] + moved[k]
+        add_rotated(middles[i], chord, positions[i + 1])
 
 
 @njit(cache=True, nogil=True)
@@ -64,9 +63,9 @@ def strain_between(
             half[0, k] = 0.5 * vector[0, k]
         exp_kernel(half, turn)
         multiply(rotations[i], turn[0], middles[i])
-        rotate_back(middles[i], positions[i + 1] - positions[i], chord)
         for k in range(3):
-            strain[i, 3 + k] = chord[k]
+            chord[k] = positions[i + 1, k] - positions[i, k]
+        rotate_back(middles[i], chord, strain[i, 3:6])
         strain[i, 5] -= length[i]
 
 
@@ -85,12 +84,14 @@ def action_points(
     a smaller share s on the link's arc, x_i + R_i exp(s theta / 2) s (l e_z + t).
     """
     part, turn = np.empty((1, 3)), np.empty((1, 3, 3))
-    chord, moved, base = np.empty(3), np.empty(3), np.empty(3)
+    chord, moved = np.empty(3), np.empty(3)
     for a in range(len(actions.link)):
         i, s = actions.link[a], actions.share[a]
+        station = i + 1 if s >= 1.0 else i
+        for k in range(3):
+            points[a, k] = positions[station, k]
         if s >= 1.0:
-            rotate(rotations[i + 1], actions.offset[a], moved)
-            points[a] = positions[i + 1] + moved
+            add_rotated(rotations[station], actions.offset[a], points[a])
             continue
         for k in range(3):
             part[0, k] = 0.5 * s * strain[i, k]
@@ -98,8 +99,7 @@ def action_points(
         chord[2] += s * length[i]
         exp_kernel(part, turn)
         rotate(turn[0], chord, moved)
-        rotate(rotations[i], moved, base)
-        points[a] = positions[i] + base
+        add_rotated(rotations[i], moved, points[a])
 
 
 @njit(cache=True, nogil=True)
@@ -148,9 +148,9 @@ def wrenches(
             frame's origin (3), and sum x F^T (9), shape (links, 15).
     """
     links = len(middles)
-    wrench[:] = 0.0
-    beyond[:] = 0.0
-    arm, moment, local = np.empty(3), np.empty(3), np.empty(3)
+    wrench.fill(0.0)
+    beyond.fill(0.0)
+    arm, moment = np.empty(3), np.empty(3)
     for a in range(len(actions.link)):
         i = actions.link[a]
         if actions.share[a] < 1.0:
@@ -159,17 +159,16 @@ def wrenches(
         if i >= 0:
             _add_beyond(points[a], drive.force[a], drive.couple[a], beyond[i])
     for i in range(links - 2, -1, -1):
-        beyond[i] += beyond[i + 1]
+        for k in range(15):
+            beyond[i, k] += beyond[i + 1, k]
     for i in range(links):
         for k in range(3):
             arm[k] = 0.5 * (positions[i, k] + positions[i + 1, k])
         cross(arm, beyond[i, 0:3], moment)
         for k in range(3):
             moment[k] = beyond[i, 3 + k] - moment[k]
-        rotate_back(middles[i], beyond[i, 0:3], local)
-        wrench[i, 0:3] += local
-        rotate_back(middles[i], moment, local)
-        wrench[i, 3:6] += local
+        add_rotated_back(middles[i], beyond[i, 0:3], wrench[i, 0:3])
+        add_rotated_back(middles[i], moment, wrench[i, 3:6])
 
 
 @njit(cache=True, nogil=True)

@@ -6,7 +6,7 @@ from numba import njit
 from softarm.estimator.arrays import Floats
 from softarm.estimator.rod.arrays import Actions, ChainInputs
 from softarm.estimator.rod.statics import add_part
-from softarm.estimator.rod.vectors import cross, rotate, rotate_back
+from softarm.estimator.rod.vectors import add_rotated_back, cross, rotate, rotate_back
 from softarm.estimator.rotations import exp_kernel, jacobian_kernel
 
 
@@ -32,28 +32,23 @@ def link_motion(
     """
     whole, half = np.empty((1, 3)), np.empty((1, 3))
     jacobian, half_jacobian = np.empty((1, 3, 3)), np.empty((1, 3, 3))
-    column, spin, lever = np.empty(3), np.empty(3), np.empty(3)
+    lever = np.empty(3)
     for k in range(3):
         whole[0, k] = strain[k]
         half[0, k] = 0.5 * strain[k]
     jacobian_kernel(whole, jacobian)
     jacobian_kernel(half, half_jacobian)
     for c in range(3):
-        column[:] = jacobian[0, :, c]
-        rotate(rotation, column, spin)
-        motion[c, 0:3] = spin
-        cross(spin, far, lever)
-        column[:] = 0.5 * half_jacobian[0, :, c]
-        rotate(rotation, column, spin)
-        motion[c, 6:9] = spin
-        cross(spin, chord, column)
-        motion[c, 9:12] = column
+        rotate(rotation, jacobian[0, :, c], motion[c, 0:3])
+        cross(motion[c, 0:3], far, lever)
+        rotate(rotation, half_jacobian[0, :, c], motion[c, 6:9])
         for k in range(3):
-            motion[c, 3 + k] = column[k] - lever[k]
-        motion[3 + c, 0:3] = 0.0
-        motion[3 + c, 3:6] = middle[:, c]
-        motion[3 + c, 6:9] = 0.0
-        motion[3 + c, 9:12] = middle[:, c]
+            motion[c, 6 + k] *= 0.5
+        cross(motion[c, 6:9], chord, motion[c, 9:12])
+        for k in range(3):
+            motion[c, 3 + k] = motion[c, 9 + k] - lever[k]
+            motion[3 + c, k] = motion[3 + c, 6 + k] = 0.0
+            motion[3 + c, 3 + k] = motion[3 + c, 9 + k] = middle[k, c]
 
 
 @njit(cache=True, nogil=True)
@@ -68,19 +63,18 @@ def point_motion(strain: Floats, rotation: Floats, share: float, arm: Floats, mo
         motion: Filled, shape (6, 3).
     """
     part, turn, jacobian = np.empty((1, 3)), np.empty((1, 3, 3)), np.empty((1, 3, 3))
-    column, spin = np.empty(3), np.empty(3)
+    spin = np.empty(3)
     for k in range(3):
         part[0, k] = 0.5 * share * strain[k]
     exp_kernel(part, turn)
     jacobian_kernel(part, jacobian)
     for c in range(3):
-        column[:] = 0.5 * share * jacobian[0, :, c]
-        rotate(rotation, column, spin)
-        cross(spin, arm, column)
-        motion[c] = column
-        column[:] = share * turn[0, :, c]
-        rotate(rotation, column, spin)
-        motion[3 + c] = spin
+        rotate(rotation, jacobian[0, :, c], spin)
+        cross(spin, arm, motion[c])
+        rotate(rotation, turn[0, :, c], motion[3 + c])
+        for k in range(3):
+            motion[c, k] *= 0.5 * share
+            motion[3 + c, k] *= share
 
 
 @njit(cache=True, nogil=True)
@@ -95,16 +89,18 @@ def inner_moments(
 ) -> None:
     """Fill the change of moment by the actions inside each link for each of its strains, (links, 6, 3)."""
     arm, change, motion = np.empty(3), np.empty(3), np.empty((6, 3))
-    moments[:] = 0.0
+    moments.fill(0.0)
     for a in range(len(actions.link)):
         if actions.share[a] >= 1.0:
             continue
         i = actions.link[a]
-        arm[:] = points[a] - positions[i]
+        for k in range(3):
+            arm[k] = points[a, k] - positions[i, k]
         point_motion(strain[i], rotations[i], actions.share[a], arm, motion)
         for c in range(6):
             cross(motion[c], force[a], change)
-            moments[i, c] += change
+            for k in range(3):
+                moments[i, c, k] += change[k]
 
 
 @njit(cache=True, nogil=True)
@@ -149,12 +145,14 @@ def wrench_jacobian(
         jacobian: Filled, shape (6 links, 6 links).
     """
     links = len(middles)
-    change, local = np.empty(3), np.empty(3)
+    change = np.empty(3)
     turned = np.empty((links, 6, 3))
-    jacobian[:] = 0.0
+    jacobian.fill(0.0)
     for i in range(1, links):
         _turned_whole(positions, middles, beyond, i, turned[i])
-        turned[i] += parts[i]
+        for r in range(6):
+            for k in range(3):
+                turned[i, r, k] += parts[i, r, k]
     for j in range(links):
         for c in range(6):
             column = 6 * j + c
@@ -166,8 +164,7 @@ def wrench_jacobian(
             for k in range(3):
                 change[k] += inner[j, c, k]
             for i in range(j):
-                rotate_back(middles[i], change, local)
-                jacobian[6 * i + 3 : 6 * i + 6, column] = local
+                rotate_back(middles[i], change, jacobian[6 * i + 3 : 6 * i + 6, column])
 
 
 @njit(cache=True, nogil=True)
@@ -195,15 +192,13 @@ def _own_link(
     arm, moment, local, turned = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     total, spin = beyond[j, 0:3], motion[6:9]
     cross(total, spin, turned)
-    rotate_back(middles[j], turned, local)
-    jacobian[6 * j : 6 * j + 3, column] = local
+    rotate_back(middles[j], turned, jacobian[6 * j : 6 * j + 3, column])
     _moment_about_middle(positions, beyond, j, arm, moment)
     cross(moment, spin, turned)
     cross(total, motion[9:12], local)
     for k in range(3):
         turned[k] += change[k] + 0.5 * local[k]
-    rotate_back(middles[j], turned, local)
-    jacobian[6 * j + 3 : 6 * j + 6, column] = local
+    rotate_back(middles[j], turned, jacobian[6 * j + 3 : 6 * j + 6, column])
 
 
 @njit(cache=True, nogil=True)
@@ -217,42 +212,39 @@ def _add_turn(turned: Floats, spin: Floats, i: int, column: int, jacobian: Float
 @njit(cache=True, nogil=True)
 def _turned_whole(positions: Floats, middles: Floats, beyond: Floats, i: int, turned: Floats) -> None:
     """Fill the change of a link's wrench per unit turn w of it and all beyond: sum (w x r) x F - w x M."""
-    arm, moment, local = np.empty(3), np.empty(3), np.empty(3)
-    spin, change = np.empty(3), np.empty(3)
+    arm, moment, spin, change = np.empty(3), np.empty(3), np.zeros(3), np.empty(3)
     total = beyond[i, 0:3]
     _moment_about_middle(positions, beyond, i, arm, moment)
     trace = 0.0
     for k in range(3):
         trace += beyond[i, 6 + 4 * k] - arm[k] * total[k]
     for axis in range(3):
-        spin[:] = 0.0
         spin[axis] = 1.0
         cross(total, spin, change)
-        rotate_back(middles[i], change, local)
-        turned[0:3, axis] = local
+        rotate_back(middles[i], change, turned[0:3, axis])
         cross(moment, spin, change)
         change[axis] -= trace
         for k in range(3):
             change[k] += beyond[i, 6 + 3 * k + axis] - arm[k] * total[axis]
-        rotate_back(middles[i], change, local)
-        turned[3:6, axis] = local
+        rotate_back(middles[i], change, turned[3:6, axis])
+        spin[axis] = 0.0
 
 
 @njit(cache=True, nogil=True)
 def turned_parts(middles: Floats, actions: Actions, drive: ChainInputs, parts: Floats) -> None:
     """Fill what a unit turn changes of the wrench that actions inside each link add, shape (links, 6, 3)."""
-    force, couple, column, spin = np.empty(3), np.empty(3), np.empty(6), np.empty(3)
-    parts[:] = 0.0
+    force, couple, column, spin = np.empty(3), np.empty(3), np.empty(6), np.zeros(3)
+    parts.fill(0.0)
     for a in range(len(actions.link)):
         i = actions.link[a]
         if actions.share[a] >= 1.0:
             continue
         for axis in range(3):
-            spin[:] = 0.0
             spin[axis] = 1.0
             cross(drive.force[a], spin, force)
             cross(drive.couple[a], spin, couple)
-            column[:] = 0.0
+            spin[axis] = 0.0
+            column.fill(0.0)
             add_part(actions.beta[a], middles[i], force, couple, column)
             for k in range(6):
                 parts[i, k, axis] += column[k]
@@ -269,7 +261,7 @@ def unit_wrenches(
     wrench: Floats,
 ) -> None:
     """Add a force and couple, shape (6,), at an action's place to all links' wrenches, shape (links, 6)."""
-    arm, moment, local = np.empty(3), np.empty(3), np.empty(3)
+    arm, moment = np.empty(3), np.empty(3)
     last = actions.link[action]
     if actions.share[action] < 1.0:
         add_part(actions.beta[action], middles[last], unit[:3], unit[3:], wrench[last])
@@ -280,7 +272,5 @@ def unit_wrenches(
         cross(arm, unit[:3], moment)
         for k in range(3):
             moment[k] += unit[3 + k]
-        rotate_back(middles[i], unit[:3], local)
-        wrench[i, 0:3] += local
-        rotate_back(middles[i], moment, local)
-        wrench[i, 3:6] += local
+        add_rotated_back(middles[i], unit[:3], wrench[i, 0:3])
+        add_rotated_back(middles[i], moment, wrench[i, 3:6])

@@ -1,4 +1,8 @@
-"""Products of three-vectors and matrices, compiled and without memory of their own."""
+"""Products of three-vectors and matrices, compiled and without memory of their own.
+
+Loops over numbers, here and wherever the rod is compiled: a sum or an assignment of slices takes numba a
+second to compile, each time it is inlined anew.
+"""
 
 from numba import njit
 
@@ -21,10 +25,24 @@ def rotate(matrix: Floats, vector: Floats, out: Floats) -> None:
 
 
 @njit(cache=True, nogil=True)
+def add_rotated(matrix: Floats, vector: Floats, out: Floats) -> None:
+    """Add matrix vector to out, shape (3,)."""
+    for r in range(3):
+        out[r] += matrix[r, 0] * vector[0] + matrix[r, 1] * vector[1] + matrix[r, 2] * vector[2]
+
+
+@njit(cache=True, nogil=True)
 def rotate_back(matrix: Floats, vector: Floats, out: Floats) -> None:
     """Fill out, shape (3,), with matrix^T vector."""
     for r in range(3):
         out[r] = matrix[0, r] * vector[0] + matrix[1, r] * vector[1] + matrix[2, r] * vector[2]
+
+
+@njit(cache=True, nogil=True)
+def add_rotated_back(matrix: Floats, vector: Floats, out: Floats) -> None:
+    """Add matrix^T vector to out, shape (3,)."""
+    for r in range(3):
+        out[r] += matrix[0, r] * vector[0] + matrix[1, r] * vector[1] + matrix[2, r] * vector[2]
 
 
 @njit(cache=True, nogil=True)

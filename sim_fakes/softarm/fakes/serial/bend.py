@@ -7,8 +7,7 @@ import numpy as np
 
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import Floats, PlantState
-from softarm.fakes.serial.beat import Beat
-from softarm.fakes.serial.instrument import PORT_FAULTS
+from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
 from softarm.fakes.signals import See, plainly
 
 DEAD_ZONE_DEGREES = 0.5
@@ -61,7 +60,7 @@ def biquad(cutoff: float, rate: float) -> tuple[Floats, Floats]:
     return numerator, np.array([2.0 * (k * k - 1.0), 1.0 - math.sqrt(2.0) * k + k * k]) * norm
 
 
-class BendBoard:
+class BendBoard(Instrument):
     """Prints ``x1,y1,x2,y2,...``; sensor 1 is the most distal one.
 
     Each angle passes the library's low-pass and then its dead zone, which repeats the last output until the
@@ -88,8 +87,7 @@ class BendBoard:
         noise: float = 2e-3, boot_time: float = 1.5, baud: int = 115200, seed: int = 0,
         *, resets_on_open: bool = False, see: See = plainly, sections: Sequence[str] = (),
     ) -> None:  # fmt: skip
-        self.faults = faults
-        self.baud = baud
+        super().__init__(faults, baud, rate)
         self.resets_on_open = resets_on_open
         self._see = see
         self._sensors = [f"bend_{section}" for section in sections[1:]] or list(segments)
@@ -97,7 +95,6 @@ class BendBoard:
         self._noise = noise
         self._boot_time = boot_time
         self._random = np.random.default_rng(seed)
-        self._beat = Beat(rate)
         self._filter = biquad(CUTOFF_HZ, FILTER_HZ)
         self._greeted: bool = False
         self._reboot: bool = False
@@ -107,12 +104,7 @@ class BendBoard:
     def power_on(self, time: float) -> bytes:
         """Boot: nothing for a while."""
         self._reset()
-        self._beat.start(time + self._boot_time)
-        return b""
-
-    def next_time(self) -> float:
-        """Give the time of the next line [s]."""
-        return self._beat.next
+        return super().power_on(time + self._boot_time)
 
     def update(self, time: float, state: PlantState) -> bytes:
         """Send the line that is due; after a boot its text first."""
@@ -126,10 +118,6 @@ class BendBoard:
         if malformed := self.faults.hit("malformed"):
             return text + MALFORMED[str(malformed["kind"])] + b"\r\n"
         return text + ",".join(f"{angle:.2f}" for angle in angles).encode() + b"\r\n"
-
-    def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
-        """Ignore the host."""
-        return b""
 
     def _reset(self) -> None:
         count = 2 * len(self._where)

@@ -7,8 +7,7 @@ from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.rotation import Vector, roll_pitch_yaw
 from softarm.fakes.serial.attitude import Attitude, Mounting
-from softarm.fakes.serial.beat import Beat
-from softarm.fakes.serial.instrument import PORT_FAULTS
+from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument, spoiled
 
 MILLI_G = 9.80665e-3
 LAYOUT = struct.Struct("<B6h3x")
@@ -43,7 +42,7 @@ def rvc_frame(index: int, degrees: Vector, acceleration: Vector) -> bytes:
     return b"\xaa\xaa" + body + bytes([sum(body) & 0xFF])
 
 
-class BnoRvc:
+class BnoRvc(Instrument):
     """The stream of a BNO08x.
 
     Args:
@@ -54,16 +53,11 @@ class BnoRvc:
         seed: Seed of the noise.
     """
 
-    checks_baud = True
-    resets_on_open = False
-
     def __init__(
         self, faults: FaultBoard, mounting: Mounting, rate: float = 100.0, baud: int = 115200, seed: int = 0
     ) -> None:
-        self.faults = faults
-        self.baud = baud
+        super().__init__(faults, baud, rate)
         self._attitude = Attitude(mounting, seed)
-        self._beat = Beat(rate)
         self._rate = rate
         self._index = 0
 
@@ -71,12 +65,7 @@ class BnoRvc:
         """Start with index and heading 0."""
         self._attitude.reset()
         self._index = 0
-        self._beat.start(time)
-        return b""
-
-    def next_time(self) -> float:
-        """Give the time of the next frame [s]."""
-        return self._beat.next
+        return super().power_on(time)
 
     def update(self, time: float, state: PlantState) -> bytes:
         """Send the frame that is due."""
@@ -90,15 +79,7 @@ class BnoRvc:
             self._index = (self._index + int(gap["frames"])) & 0xFF
         frame = self._frame(state)
         self._index = (self._index + 1) & 0xFF
-        if self.faults.hit("bad_checksum"):
-            frame = frame[:-1] + bytes([frame[-1] ^ 0x55])
-        if self.faults.hit("byte_slip"):
-            frame = frame[:2] + frame[3:]
-        return frame
-
-    def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
-        """Ignore the host: the mode has no commands."""
-        return b""
+        return spoiled(frame, self.faults)
 
     def _frame(self, state: PlantState) -> bytes:
         roll, pitch, yaw = map(math.degrees, roll_pitch_yaw(self._attitude.orientation(state)))

@@ -1,9 +1,8 @@
 """What a serial instrument is to the port it hangs on: bytes out at times, bytes in, power."""
 
-from typing import Protocol
-
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
+from softarm.fakes.serial.beat import Beat
 
 BITS_PER_BYTE = 10
 
@@ -18,34 +17,48 @@ PORT_FAULTS = (
 )
 
 
-class Instrument(Protocol):
+class Instrument:
     """A serial instrument, a function of time and the snapshot it sees, with its own memory.
 
-    It knows no clock, no file descriptor and no baud pacing.
+    It knows no clock, no file descriptor and no baud pacing. By default it speaks at a steady rate from
+    power-on and ignores the host.
+
+    Args:
+        faults: Its board.
+        baud: Speed of its line [bit/s].
+        rate: How often it speaks of its own accord [Hz].
     """
 
-    faults: FaultBoard
+    checks_baud = True
+    """Whether a host at another speed reads rubbish; native USB devices do not care."""
+    resets_on_open = False
+    """Whether a host that opens the port resets it, as DTR does an Arduino Uno."""
 
-    @property
-    def baud(self) -> int:
-        """Speed of its line [bit/s]."""
-
-    @property
-    def checks_baud(self) -> bool:
-        """Whether a host at another speed reads rubbish; native USB devices do not care."""
-
-    @property
-    def resets_on_open(self) -> bool:
-        """Whether a host that opens the port resets it, as DTR does an Arduino Uno."""
+    def __init__(self, faults: FaultBoard, baud: int, rate: float = 1.0) -> None:
+        self.faults = faults
+        self.baud = baud
+        self._beat = Beat(rate)
 
     def power_on(self, time: float) -> bytes:
         """Start at ``time`` [s]; return what it says at once."""
+        self._beat.start(time)
+        return b""
 
     def next_time(self) -> float | None:
         """Give the time of the next output of its own [s]; None while it only answers."""
+        return self._beat.next
 
-    def update(self, time: float, state: PlantState) -> bytes:
+    def update(self, time: float, state: PlantState) -> bytes:  # noqa: ARG002
         """Give what it sends at ``time`` [s] of its own accord."""
+        return b""
 
-    def receive(self, time: float, data: bytes, state: PlantState) -> bytes:
+    def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
         """Take bytes from the host at ``time`` [s] and give the answer."""
+        return b""
+
+
+def spoiled(frame: bytes, faults: FaultBoard) -> bytes:
+    """Give a frame as the faults ``bad_checksum`` and ``byte_slip`` leave it."""
+    if faults.hit("bad_checksum"):
+        frame = frame[:-1] + bytes([frame[-1] ^ 0x55])
+    return frame[:2] + frame[3:] if faults.hit("byte_slip") else frame

@@ -4,8 +4,7 @@ import math
 
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
-from softarm.fakes.serial.beat import Beat
-from softarm.fakes.serial.instrument import PORT_FAULTS
+from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
 from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, CellFigures, LoadCell
 
 MALFORMED = {"nan": b"nan", "inf": b"inf", "text": b"HX711 not found", "long": b"1" * 400, "empty": b""}
@@ -18,7 +17,7 @@ LINE_GAUGE_FAULTS = (
 )  # fmt: skip
 
 
-class LineGauge:
+class LineGauge(Instrument):
     """A stream of lines ``value[ unit]``; an overload reads ``S +``.
 
     Args:
@@ -33,26 +32,14 @@ class LineGauge:
     """
 
     checks_baud = False
-    resets_on_open = False
 
     def __init__(
         self, faults: FaultBoard, cell: CellFigures, rate: float = 80.0, unit: str = "g", decimals: int = 1,
         *, prints_unit: bool = True, baud: int = 115200, seed: int = 0,
     ) -> None:  # fmt: skip
-        self.faults = faults
-        self.baud = baud
+        super().__init__(faults, baud, rate)
         self._cell = LoadCell(faults, cell, seed)
         self._unit, self._decimals, self._prints_unit = unit, decimals, prints_unit
-        self._beat = Beat(rate)
-
-    def power_on(self, time: float) -> bytes:
-        """Start to measure."""
-        self._beat.start(time)
-        return b""
-
-    def next_time(self) -> float:
-        """Give the time of the next line [s]."""
-        return self._beat.next
 
     def update(self, time: float, state: PlantState) -> bytes:
         """Send the line that is due."""

@@ -4,8 +4,7 @@ import math
 
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
-from softarm.fakes.serial.beat import Beat
-from softarm.fakes.serial.instrument import PORT_FAULTS
+from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
 from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, CellFigures, LoadCell
 
 UNITS = {"kg": (b"55", 3), "lb": (b"56", 3), "g": (b"57", 0), "oz": (b"58", 2), "N": (b"59", 2)}
@@ -34,7 +33,7 @@ def lutron_frame(value: float, unit: str, display: int = 1) -> bytes:
     return b"\x024%d%b%b%d%08d\r" % (display, code, sign, decimals, min(digits, 99999999))
 
 
-class LutronGauge:
+class LutronGauge(Instrument):
     """The stream of a Lutron force gauge.
 
     Args:
@@ -46,9 +45,6 @@ class LutronGauge:
         seed: Seed of the noise.
     """
 
-    checks_baud = True
-    resets_on_open = False
-
     def __init__(
         self,
         faults: FaultBoard,
@@ -58,20 +54,9 @@ class LutronGauge:
         baud: int = 9600,
         seed: int = 0,
     ) -> None:
-        self.faults = faults
-        self.baud = baud
+        super().__init__(faults, baud, rate)
         self._cell = LoadCell(faults, cell, seed)
         self._unit = unit
-        self._beat = Beat(rate)
-
-    def power_on(self, time: float) -> bytes:
-        """Start to measure."""
-        self._beat.start(time)
-        return b""
-
-    def next_time(self) -> float:
-        """Give the time of the next reading [s]."""
-        return self._beat.next
 
     def update(self, time: float, state: PlantState) -> bytes:
         """Send the reading that is due."""
@@ -87,7 +72,3 @@ class LutronGauge:
         if self.faults.hit("stale_frame"):
             frame = frame[1:-1]
         return frame
-
-    def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
-        """Ignore the host: there is no command channel."""
-        return b""

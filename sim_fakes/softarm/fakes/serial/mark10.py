@@ -6,7 +6,7 @@ import re
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.beat import Beat
-from softarm.fakes.serial.instrument import PORT_FAULTS
+from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
 from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, CellFigures, LoadCell
 
 UNITS = {
@@ -28,7 +28,7 @@ MARK10_FAULTS = (
 )  # fmt: skip
 
 
-class FakeMark10:
+class FakeMark10(Instrument):
     """A gauge that answers commands and streams when asked to; tension reads negative.
 
     Args:
@@ -39,36 +39,31 @@ class FakeMark10:
         seed: Seed of the noise.
     """
 
-    checks_baud = True
-    resets_on_open = False
-
     def __init__(
         self, faults: FaultBoard, cell: CellFigures, unit: str = "N", baud: int = 115200, seed: int = 0
     ) -> None:
-        self.faults = faults
-        self.baud = baud
+        super().__init__(faults, baud)
         self._cell = LoadCell(faults, cell, seed)
         self._unit = unit
         self._peaks = {"T": 0.0, "C": 0.0}
         self._filters = {"C": 3, "P": 1}
         self._auto_off = 5
         self._buffer = bytearray()
-        self._beat: Beat | None = None
+        self._streams = False
 
     def power_on(self, time: float) -> bytes:  # noqa: ARG002
         """Start silent, waiting for commands."""
         self._buffer.clear()
-        self._beat = None
+        self._streams = False
         return b""
 
     def next_time(self) -> float | None:
         """Give the time of the next reading of the continuous output [s]."""
-        return self._beat.next if self._beat else None
+        return self._beat.next if self._streams else None
 
     def update(self, time: float, state: PlantState) -> bytes:
         """Send the reading that is due."""
-        if self._beat is not None:
-            self._beat.take(time)
+        self._beat.take(time)
         return b"" if self._cell.is_off() else self._reading(state)
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:
@@ -119,9 +114,9 @@ class FakeMark10:
         elif number not in AUTO_RATES:
             return INVALID
         else:
-            self._beat = Beat(number) if number else None
-            if self._beat:
-                self._beat.start(time)
+            self._streams = number > 0
+            self._beat = Beat(number or 1.0)
+            self._beat.start(time)
         return b""
 
     def _clear(self, command: str, state: PlantState) -> None:
@@ -133,7 +128,7 @@ class FakeMark10:
         unit = LIST_UNITS[self._chosen_unit()]
         output = "NUM" if self.faults.active("no_unit") else "FULL"
         polarity = "INV" if self.faults.active("inverted") else "POL"
-        auto = f"AOUT{int(self._beat.rate) if self._beat else 0:02d}"
+        auto = f"AOUT{int(self._beat.rate) if self._streams else 0:02d}"
         filters = f"FLTC{2 ** self._filters['C']};FLTP{2 ** self._filters['P']}"
         return f"V1.00;{unit};CUR;{filters};{auto};AOFF{self._auto_off};{output};MIT;{polarity};B0"
 

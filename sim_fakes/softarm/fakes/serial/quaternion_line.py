@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.attitude import Attitude, Mounting
-from softarm.fakes.serial.beat import Beat
-from softarm.fakes.serial.instrument import PORT_FAULTS
+from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
 
 MALFORMED = {
     "three": b"Quaternion of IMU 1:0.50,0.50,0.50",
@@ -25,7 +24,7 @@ QUATERNION_LINE_FAULTS = (
 )
 
 
-class QuaternionLine:
+class QuaternionLine(Instrument):
     """Prints one line per sensor and turn, with two decimals.
 
     Args:
@@ -36,9 +35,6 @@ class QuaternionLine:
         seed: Seed of the noise.
     """
 
-    checks_baud = True
-    resets_on_open = False
-
     def __init__(
         self,
         faults: FaultBoard,
@@ -47,21 +43,14 @@ class QuaternionLine:
         baud: int = 9600,
         seed: int = 0,
     ) -> None:
-        self.faults = faults
-        self.baud = baud
+        super().__init__(faults, baud, rate)
         self._attitudes = [Attitude(mounting, seed + k) for k, mounting in enumerate(mountings)]
-        self._beat = Beat(rate)
 
     def power_on(self, time: float) -> bytes:
         """Start with heading 0."""
         for attitude in self._attitudes:
             attitude.reset()
-        self._beat.start(time)
-        return b""
-
-    def next_time(self) -> float:
-        """Give the time of the next turn [s]."""
-        return self._beat.next
+        return super().power_on(time)
 
     def update(self, time: float, state: PlantState) -> bytes:
         """Send the lines that are due."""
@@ -76,7 +65,3 @@ class QuaternionLine:
             numbers = ",".join(f"{c:.2f}" for c in attitude.orientation(state))
             lines += f"Quaternion of IMU {number}:{numbers}\r\n".encode()
         return lines
-
-    def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
-        """Ignore the host."""
-        return b""

@@ -4,7 +4,7 @@ import math
 
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
-from softarm.fakes.serial.instrument import PORT_FAULTS
+from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
 from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, CellFigures, LoadCell
 
 SAUTER_FAULTS = (
@@ -22,7 +22,7 @@ def sauter_reply(value: float) -> bytes:
     return b"%b%b" % (b"0" if value < 0 else b"1", f"{magnitude:06.2f}".encode())
 
 
-class FakeSauter:
+class FakeSauter(Instrument):
     """A gauge that answers ``9`` with its reading and takes ``2`` for zero.
 
     Args:
@@ -32,25 +32,13 @@ class FakeSauter:
         seed: Seed of the noise.
     """
 
-    checks_baud = True
-    resets_on_open = False
-
     def __init__(self, faults: FaultBoard, cell: CellFigures, baud: int = 9600, seed: int = 0) -> None:
-        self.faults = faults
-        self.baud = baud
+        super().__init__(faults, baud)
         self._cell = LoadCell(faults, cell, seed)
-
-    def power_on(self, time: float) -> bytes:  # noqa: ARG002
-        """Start silent, waiting for requests."""
-        return b""
 
     def next_time(self) -> None:
         """Never speak unasked."""
         return
-
-    def update(self, time: float, state: PlantState) -> bytes:  # noqa: ARG002
-        """Never speak unasked."""
-        return b""
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
         """Answer each request among the bytes."""

@@ -10,7 +10,7 @@ from softarm.fakes.rotation import roll_pitch_yaw
 from softarm.fakes.serial.attitude import Attitude, Mounting
 from softarm.fakes.serial.beat import Beat
 from softarm.fakes.serial.bno import CHECKSUM_FAULT, SLIP_FAULT
-from softarm.fakes.serial.instrument import PORT_FAULTS
+from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument, spoiled
 
 RATES = {1: 0.2, 2: 0.5, 3: 1, 4: 2, 5: 5, 6: 10, 7: 20, 8: 50, 9: 100, 10: 125, 11: 200}
 BAUDS = {1: 4800, 2: 9600, 3: 19200, 4: 38400, 5: 57600, 6: 115200, 7: 230400, 8: 460800, 9: 921600}
@@ -38,7 +38,7 @@ def witmotion_frame(kind: int, values: Sequence[int]) -> bytes:
     return body + bytes([sum(body) & 0xFF])
 
 
-class WitMotion:
+class WitMotion(Instrument):
     """A module with its registers; commands are ``FF AA register low high``.
 
     Args:
@@ -51,9 +51,6 @@ class WitMotion:
         seed: Seed of the noise.
     """
 
-    checks_baud = True
-    resets_on_open = False
-
     def __init__(
         self,
         faults: FaultBoard,
@@ -65,15 +62,13 @@ class WitMotion:
         rate: int = DEFAULT_RATE,
         seed: int = 0,
     ) -> None:
-        self.faults = faults
-        self.baud = baud
+        super().__init__(faults, baud, RATES[rate])
         self._attitude = Attitude(mounting, seed, zero_heading=False)
         self._needs_unlock = needs_unlock
         self._saved = {CONTENT: content, RATE: rate}
         self._registers = dict(self._saved)
         self._unlocked_until = -1.0
         self._commands = bytearray()
-        self._beat = Beat(RATES[rate])
 
     def power_on(self, time: float) -> bytes:
         """Start with the saved configuration."""
@@ -93,12 +88,7 @@ class WitMotion:
             self._saved = {CONTENT: DEFAULT_CONTENT, RATE: DEFAULT_RATE}
             self.power_on(time)
         self._beat.take(time)
-        frames = self._frames(time, state)
-        if self.faults.hit("bad_checksum"):
-            frames = frames[:-1] + bytes([frames[-1] ^ 0x55])
-        if self.faults.hit("byte_slip"):
-            frames = frames[:2] + frames[3:]
-        return frames
+        return spoiled(self._frames(time, state), self.faults)
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
         """Take configuration commands."""

@@ -5,9 +5,8 @@ import struct
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.attitude import Attitude, Mounting
-from softarm.fakes.serial.beat import Beat
 from softarm.fakes.serial.bno import CHECKSUM_FAULT, GAP_FAULT, SLIP_FAULT
-from softarm.fakes.serial.instrument import PORT_FAULTS
+from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument, spoiled
 
 GO_TO_MEASUREMENT, GO_TO_CONFIG, DATA, WAKE_UP, ERROR, OUTPUT_CONFIGURATION = (
     0x10,
@@ -40,7 +39,7 @@ def xbus_message(kind: int, data: bytes = b"") -> bytes:
     return b"\xfa" + body + bytes([-sum(body) & 0xFF])
 
 
-class XbusModule:
+class XbusModule(Instrument):
     """A module that measures after ``GoToMeasurement``, or when nobody answers its ``WakeUp``.
 
     Args:
@@ -52,18 +51,13 @@ class XbusModule:
         seed: Seed of the noise.
     """
 
-    checks_baud = True
-    resets_on_open = False
-
     def __init__(
         self, faults: FaultBoard, mounting: Mounting, rate: float = 100.0, clock_ppm: float = 20.0,
         baud: int = 115200, seed: int = 0,
     ) -> None:  # fmt: skip
-        self.faults = faults
-        self.baud = baud
+        super().__init__(faults, baud, rate)
         self._attitude = Attitude(mounting, seed, zero_heading=False)
         self._clock = 1.0 + 1e-6 * clock_ppm
-        self._beat = Beat(rate)
         self._measuring = True
         self._counter = 0
         self._start = 0.0
@@ -95,10 +89,7 @@ class XbusModule:
         quaternion = struct.pack(">HB4f", 0x2010, 16, *self._attitude.orientation(state))
         message = xbus_message(DATA, groups + quaternion)
         self._counter += 1
-        if self.faults.hit("bad_checksum"):
-            message = message[:-1] + bytes([message[-1] ^ 0x55])
-        if self.faults.hit("byte_slip"):
-            message = message[:2] + message[3:]
+        message = spoiled(message, self.faults)
         if error := self.faults.hit("error"):
             message += xbus_message(ERROR, bytes([int(error["code"])]))
         return message

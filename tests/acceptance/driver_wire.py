@@ -111,7 +111,7 @@ class FakesProcess:
         self._process = await asyncio.create_subprocess_exec(
             sys.executable,
             "-m",
-            "service",
+            "softarm",
             "fakes",
             "--scenario",
             str(self._scenario),

@@ -1,14 +1,13 @@
-"""The reference of the configuration: ``python -m softarm.daemon.config_page > docs/configuration.md``."""
+"""The reference of the configuration, from its models."""
 
 import json
 import re
-import sys
 from pathlib import Path
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from softarm.daemon.network.api_page import limits, type_name
+from acceptance.reference.api import limits, type_name
 from softarm.daemon.settings import (
     ControlSettings,
     PageSettings,
@@ -30,7 +29,7 @@ ARGUMENT = re.compile(r"^        (\w+): (.*?)(?=^        \w+: |\Z)", re.M | re.S
 """An entry of the section ``Args:`` of a docstring."""
 INTRODUCTION = """# Configuration of the service
 
-Generated from the models by `python -m softarm.daemon.config_page`.
+Generated from the models by `softarm bench reference`.
 
 One TOML file describes one arm and its service: `softarm serve --config FILE`. Relative paths start at the
 folder of the file. Names of keys carry the unit.
@@ -84,7 +83,3 @@ def _default(name: str, field: FieldInfo) -> str:
         return "required"
     value = str(field.default) if isinstance(field.default, Path) else field.default
     return "none" if value is None else f"`{json.dumps(value)}`"
-
-
-if __name__ == "__main__":
-    sys.stdout.write(render())

@@ -1,4 +1,4 @@
-"""The page that explains every key of a specimen: ``python -m softarm.estimator.specimen.page`` prints it."""
+"""The page that explains every key of a specimen, from its models."""
 
 import types
 from importlib import resources
@@ -71,11 +71,11 @@ When the file is loaded, softarm reports all errors together: unknown keys, miss
 their limits and parts that do not fit together, each with its field, its value and what to do. Calibration
 and diagnosis write their results into the same file, and the live estimator uses them.
 
-This page is generated from the classes that read the file: `python -m softarm.estimator.specimen.page`.
+This page is generated from the classes that read the file by `softarm bench reference`.
 """
 
 
-def specimen_page() -> str:
+def render() -> str:
     """Write the page."""
     example = (resources.files("softarm.estimator.specimen") / "shipped" / "single_segment.toml").read_text(
         "utf-8"
@@ -147,7 +147,3 @@ def _words(annotation: Any) -> str:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return "table"
     return {float: "number", int: "whole number", str: "text", bool: "true or false"}[annotation]
-
-
-if __name__ == "__main__":
-    print(specimen_page(), end="")

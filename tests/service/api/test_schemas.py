@@ -1,16 +1,9 @@
-from pathlib import Path
-
 from jsonschema import Draft202012Validator
 
-from softarm.daemon.network.api_examples import EXAMPLES
-from softarm.daemon.network.api_page import example_request, render, schemas
+from acceptance.reference.api import example_request
+from acceptance.reference.api_examples import EXAMPLES
+from softarm.daemon.network.schemas import schemas
 from softarm_client.commands import VERBS
-
-PAGE = Path(__file__).parents[3] / "docs" / "api.md"
-
-
-def test_page_is_that_of_the_messages():
-    assert PAGE.read_text() == render(), "run: python -m softarm.daemon.network.api_page > docs/api.md"
 
 
 def test_every_verb_has_a_schema():

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
-from softarm.bench import driver_decoding, driver_wire
-from softarm.bench.driver_wire import DeviceUnderTest
+from acceptance import driver_decoding, driver_wire
+from acceptance.driver_wire import DeviceUnderTest
 from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.common.tables import Cell, Table
 

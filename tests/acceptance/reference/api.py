@@ -1,7 +1,6 @@
-"""The API page, generated from the messages: ``python -m softarm.daemon.network.api_page > docs/api.md``."""
+"""The API page, from the messages."""
 
 import json
-import sys
 from enum import Enum
 from pathlib import Path
 from types import NoneType
@@ -10,7 +9,7 @@ from typing import Annotated, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from softarm.daemon.network.api_examples import EXAMPLES, TOKEN
+from acceptance.reference.api_examples import EXAMPLES, TOKEN
 from softarm.daemon.safety.modes import PRESSURISED, TRANSITIONS
 from softarm_client.commands import VERBS, Applied, GuardedRequest, MovingRequest, Refused, Request
 from softarm_client.keys import PREFIX
@@ -39,14 +38,6 @@ SHARED: tuple[type[BaseModel], ...] = (
     Contact,
     Surface,
 )
-
-
-def schemas() -> dict[str, object]:
-    """Collect the JSON schemas of every stream, request and reply, by name."""
-    streams = {name: model.model_json_schema() for name, model in STREAMS.items()}
-    requests = {f"command/{verb}": model.model_json_schema() for verb, model in VERBS.items()}
-    replies = {model.__name__: model.model_json_schema() for model in (Applied, Refused)}
-    return {"schema": "softarm.schema/1", "streams": streams, "requests": requests, "replies": replies}
 
 
 def type_name(annotation: object) -> str:
@@ -152,7 +143,7 @@ def render() -> str:
     lines = [
         "# API",
         "",
-        "Generated from the message definitions by `python -m softarm.daemon.network.api_page`.",
+        "Generated from the message definitions by `softarm bench reference`.",
         "",
         f"Keys begin with `{PREFIX}/<arm>/`. Payloads are JSON. Field names carry their unit.",
         "",
@@ -211,7 +202,3 @@ def render() -> str:
         *_transition_table(),
     ]
     return "\n".join(lines).rstrip() + "\n"
-
-
-if __name__ == "__main__":
-    sys.stdout.write(render())
