@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.effects import INSTRUMENT_EFFECTS, Concealed, Filter, filters
-from softarm.fakes.plant.state import Floats
 
 See = Callable[[str, str | None, float, Floats], Floats]
 """Passes a value of a signal of a sensor at a time through what is concealed in it."""

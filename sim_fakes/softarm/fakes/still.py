@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.fakes.faults import nearest
-from softarm.fakes.plant.state import Floats, PlantInputs, PlantState
+from softarm.fakes.plant.state import PlantInputs, PlantState
 from softarm.fakes.rotation import Quaternion, Vector, conjugate, multiply, rotate
 
 GRAVITY = 9.80665

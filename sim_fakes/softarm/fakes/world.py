@@ -6,10 +6,11 @@ from typing import Protocol
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.fakes.clock import Clock
 from softarm.fakes.faults import nearest
-from softarm.fakes.plant.state import Cord, Floats, Hand, Plant, PlantInputs, PlantState
+from softarm.fakes.plant.state import Cord, Hand, Plant, PlantInputs, PlantState
 
 
 class Actuator(Protocol):

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -53,20 +54,24 @@ class StraightModel:
     ) -> ArmResponse:
         drive = Drive.of(np.arange(len(pressures), dtype=float), pressures, gravity, 2, 2)
         drive = replace(drive, wrenches=loads.reshape(drive.wrenches.shape))
-        plain = straight_arm(drive.time)
-        arm = LinearisedArm(SEGMENTS, plain.drive, plain.baseline)
+        arm = _unloaded(len(pressures))
         # A stiffer segment strains less by pressures, loads and gravity, but as much by eigenstrains.
         size = np.array(self.scales)[:, None]
         elastic = arm.respond(drive).strains / size
         free = np.zeros_like(elastic) if eigenstrains is None else eigenstrains
-        response = arm.respond(replace(plain.drive, eigenstrains=elastic + free))
-        by_strain = plain.baseline.eigenstrain_jacobian
-        softened = np.linalg.lstsq(by_strain[0], plain.baseline.input_jacobian[0], rcond=None)[0]
+        response = arm.respond(replace(arm.drive, eigenstrains=elastic + free))
+        by_strain = arm.baseline.eigenstrain_jacobian
+        softened = np.linalg.lstsq(by_strain[0], arm.baseline.input_jacobian[0], rcond=None)[0]
         by_input = by_strain[0] @ (softened / np.repeat(size, 4)[:, None])
         by_factor = -np.einsum("trgk,tgk->trg", by_strain.reshape(len(pressures), -1, 2, 4), elastic)
         return replace(
             response, input_jacobian=np.tile(by_input, (len(pressures), 1, 1)), factor_jacobian=by_factor
         )
+
+
+@cache
+def _unloaded(samples: int) -> LinearisedArm:
+    return straight_arm(np.arange(samples, dtype=float))
 
 
 def model(specimen: Specimen | None = None) -> Model:
@@ -132,5 +137,9 @@ def session(
 
 def trial(effects: Concealed) -> list[Session]:
     """Two nominal recordings and four in question."""
-    known = [session(f"nominal_{k}", k, nominal=True) for k in range(2)]
-    return [*known, *(session(f"run_{k}", 10 + k, effects) for k in range(4))]
+    return [_nominal(0), _nominal(1), *(session(f"run_{k}", 10 + k, effects) for k in range(4))]
+
+
+@cache
+def _nominal(number: int) -> Session:
+    return session(f"nominal_{number}", number, nominal=True)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -83,17 +84,18 @@ class ToyStep:
     def residual(self) -> np.ndarray:
         return self.model.applied(self.strain, self.inputs) - self.model.internal(self.strain)
 
+    @cached_property
     def moves(self) -> tuple[np.ndarray, np.ndarray]:
         def out_of_balance(strain: np.ndarray) -> np.ndarray:
             return self.model.internal(strain) - self.model.applied(strain, self.inputs)
 
         tangent = difference(out_of_balance, self.strain)
-        vectors = np.column_stack([FORCES, *self.model.load_vectors(self.strain)])
+        vectors = np.column_stack([FORCES, self.model.load_vectors(self.strain).T])
         return np.linalg.solve(tangent, self.residual), np.linalg.solve(tangent, vectors)
 
     def response(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         twists = self.model.twist_jacobian(self.strain)
-        drift, motion = self.moves()
+        drift, motion = self.moves
         return rows @ twists @ drift, rows @ twists @ motion
 
 
@@ -119,22 +121,29 @@ class ToyArm:
     def twist_jacobian(self, strain: np.ndarray) -> np.ndarray:
         return np.concatenate([chain(strain, LENGTH)[2], chain(strain, 2 * LENGTH)[2]])
 
-    def load_vectors(self, strain: np.ndarray) -> list[np.ndarray]:
+    @cached_property
+    def heights(self) -> list[float]:
         places = {"intermediate": LENGTH, "tip": 2 * LENGTH}
-        heights = [places.get(load.section or "", load.height) for load in self.loads]
-        twists = {height: chain(strain, height)[2] for height in set(heights)}
-        return [
-            np.array(load.direction) @ twists[height][:3]
-            for load, height in zip(self.loads, heights, strict=True)
-        ]
+        return [places.get(load.section or "", load.height) for load in self.loads]
+
+    @cached_property
+    def directions(self) -> np.ndarray:
+        """Force, then couple of each load per unit, shape (loads, 6)."""
+        directions = np.zeros((len(self.loads), 6))
+        for row, load in zip(directions, self.loads, strict=True):
+            row[slice(0, 3) if load.kind == "force" else slice(3, 6)] = load.direction
+        return directions
+
+    def load_vectors(self, strain: np.ndarray) -> np.ndarray:
+        """Generalised force per unit of each load, shape (loads, 8)."""
+        twists = {height: chain(strain, height)[2] for height in set(self.heights)}
+        vectors = [d @ twists[h] for d, h in zip(self.directions, self.heights, strict=True)]
+        return np.array(vectors).reshape(-1, 8)
 
     def applied(self, strain: np.ndarray, inputs: Inputs) -> np.ndarray:
-        force = FORCES @ inputs.pressures
-        for amplitude, vector in zip(inputs.loads, self.load_vectors(strain), strict=True):
-            force = force + amplitude * vector
-        for height in (LENGTH, 2 * LENGTH):
-            force = force + self.mass * inputs.gravity @ chain(strain, height)[2][:3]
-        return force
+        middle, tip = chain(strain, LENGTH)[2], chain(strain, 2 * LENGTH)[2]
+        weight = self.mass * inputs.gravity @ (middle[:3] + tip[:3])
+        return FORCES @ inputs.pressures + inputs.loads @ self.load_vectors(strain) + weight
 
     def internal(self, strain: np.ndarray) -> np.ndarray:
         return STIFFNESS * strain * (1.0 + 0.3 * strain @ strain)
@@ -143,7 +152,7 @@ class ToyArm:
         return ToyStep(self, state, inputs)
 
     def advance(self, step: ToyStep, change: np.ndarray) -> np.ndarray:
-        drift, motion = step.moves()
+        drift, motion = step.moves
         return step.strain + drift + motion @ change
 
     def solve(self, inputs: Inputs, start: np.ndarray) -> tuple[np.ndarray, bool]:

@@ -1,4 +1,4 @@
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,26 +7,13 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames, Inputs
 from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.simulation import Drive, LinearisedArm, Segments, SimulatedArm, section_loads
-from tests.estimator.inverse.toy_arm import LENGTH, STIFFNESS, ToyArm, chain
+from tests.estimator.inverse.toy_arm import LENGTH, STIFFNESS, ToyArm
 
 SECTIONS = ("intermediate", "tip")
 
 
-@dataclass(frozen=True)
-class MomentArm(ToyArm):
-    """The toy arm with moments on its sections as well as forces."""
-
-    def load_vectors(self, strain: np.ndarray) -> list[np.ndarray]:
-        twists = {name: chain(strain, (k + 1) * LENGTH)[2] for k, name in enumerate(SECTIONS)}
-        return [
-            np.array(load.direction)
-            @ twists[load.section or ""][slice(0, 3) if load.kind == "force" else slice(3, 6)]
-            for load in self.loads
-        ]
-
-
 def toy() -> SimulatedArm:
-    model = MomentArm(section_loads(SECTIONS))
+    model = ToyArm(section_loads(SECTIONS))
     rest = Frames(np.array([[0, 0, LENGTH], [0, 0, 2 * LENGTH]], dtype=float), np.tile(np.eye(3), (2, 1, 1)))
     return SimulatedArm(NodeByNode(model), Segments(("upper", "lower"), (-1, 0), (0, 1), rest))
 

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.gram import Total
-
-Floats = NDArray[np.float64]
 
 JITTER = 1e-9
 RIDGES = (0.0, 1e-9, 1e-7, 1e-5, 1e-3)

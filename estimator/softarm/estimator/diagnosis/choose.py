@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.belief import Belief, Marginal
 from softarm.estimator.diagnosis.candidates import (
     ALIKE,
@@ -27,8 +27,6 @@ from softarm.estimator.diagnosis.screen import null_scores, screen
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.effects import Effect
-
-Floats = NDArray[np.float64]
 
 MOST = 4
 """Largest number of effects."""

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.belief import Marginal
 from softarm.estimator.diagnosis.candidates import Accepted, ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
@@ -36,8 +36,6 @@ from softarm.estimator.diagnosis.unnamed import FreeLaw
 from softarm.estimator.diagnosis.words import dependence, manoeuvre, sentence_on
 from softarm.estimator.effects import EFFECTS, describe
 from softarm.estimator.specimen.physics import EffectName, Place
-
-Floats = NDArray[np.float64]
 
 MOST_UNPROVEN = 3
 """Effects that may fail on held-out data before the search ends."""

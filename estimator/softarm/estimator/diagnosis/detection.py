@@ -14,7 +14,6 @@ is found in nine of ten recordings. All is to first order in the effect.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.estimator.diagnosis.belief import Marginal
 from softarm.estimator.diagnosis.candidates import MOST_SURPRISE
@@ -23,8 +22,6 @@ from softarm.estimator.diagnosis.gram import total
 from softarm.estimator.diagnosis.judge import CERTAIN, EXPLAINABLE, FALSE_ALARM, MATERIAL
 from softarm.estimator.diagnosis.result import DetectionLimit
 from softarm.estimator.diagnosis.screen import INVISIBLE, null_scores
-
-Floats = NDArray[np.float64]
 
 POWER = 1.2816
 """Quantile of a standard normal below which nine of ten lie."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.unknowns import Area
 from softarm.estimator.diagnosis.candidates import ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
@@ -52,8 +53,6 @@ from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.errors import InputError
 from softarm.estimator.simulation.inertia import Masses
 from softarm.estimator.specimen.physics import EffectName, Place
-
-Floats = NDArray[np.float64]
 
 DETECTABLE = 25.0
 """Gain in cost of a typical effect below which the recordings cannot show it."""

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.belief import Belief
 from softarm.estimator.diagnosis.gram import Products, products_of, renewed, total, with_columns
 from softarm.estimator.diagnosis.library import Library
@@ -15,7 +16,6 @@ from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights, weights_of
 
-Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
 FULLEST = 5.0

@@ -5,16 +5,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.effects import World
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.simulation import Drive, RespondingArm
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 APART = 0.8
 """Time [s] between samples at which the model itself is solved."""

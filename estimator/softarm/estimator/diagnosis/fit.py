@@ -7,13 +7,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.belief import Belief, Factor
 from softarm.estimator.diagnosis.gram import Total
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import ParameterSpec
-
-Floats = NDArray[np.float64]
 
 ITERATIONS = 10
 STEP = 1e-3

@@ -9,11 +9,9 @@ clock and no other chamber in it, and it is common to all recordings, so that no
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.stage import Stage
-
-Floats = NDArray[np.float64]
 
 DEGREE = 3
 PRESSURE = 50e3

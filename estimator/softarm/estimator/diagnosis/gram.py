@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from softarm.estimator.arrays import Flags, Floats
 
 
 @dataclass(frozen=True)

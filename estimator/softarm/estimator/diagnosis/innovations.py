@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.discrepancy import Autoregression, ljung_box
 from softarm.estimator.diagnosis.fit import Fit
@@ -14,7 +14,6 @@ from softarm.estimator.diagnosis.result import ChannelError, InnovationTest, Str
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
 
-Floats = NDArray[np.float64]
 Residuals = Sequence[Floats]
 
 

@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.belief import Belief, Marginal
 from softarm.estimator.diagnosis.gram import Products, total
-
-Floats = NDArray[np.float64]
 
 CERTAIN = 40.0
 """Gain in the criterion that decides even where the gain on single folds scatters: four times the least."""

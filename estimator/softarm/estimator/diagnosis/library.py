@@ -10,14 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS, Effect, Spot, World
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.specimen.physics import EffectName, Place
-
-Floats = NDArray[np.float64]
 
 RUNAWAY = 10.0
 """Change of a prediction [rad, m] by a typical effect that cannot be meant."""

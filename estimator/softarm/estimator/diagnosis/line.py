@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.session import Session, channels
-
-Floats = NDArray[np.float64]
 
 ANGLES_OR_PLACES = (2, 3)
 """Sizes of readings that a line can predict: bends and markers; orientations are no vectors."""

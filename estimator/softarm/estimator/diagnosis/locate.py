@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.belief import Belief, Marginal
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.gram import Total, total
@@ -20,8 +21,6 @@ from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.simulation import Drive
-
-Floats = NDArray[np.float64]
 
 COUPLES = ("x", "y", "z", "axial")
 COUPLE_UNITS = ("N m", "N m", "N m", "N")

@@ -3,14 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.belief import Belief, Marginal
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.gram import Products, total
 from softarm.estimator.diagnosis.weights import Weights
-
-Floats = NDArray[np.float64]
 
 WIDTHS = (0.01, 0.03, 0.06, 0.12, 0.25)
 """Standard deviations tried for what changes of each effect from run to run, in typical sizes."""

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.fit import Scatter, fit
 from softarm.estimator.calibration.forward import Forward
@@ -28,8 +28,6 @@ from softarm.estimator.diagnosis.stage import Model, Stage, build_stage, thinned
 from softarm.estimator.effects.excitation import mount_turned
 from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.specimen import Specimen
-
-Floats = NDArray[np.float64]
 
 ITERATIONS = 6
 SLOW_ITERATIONS = 3

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Floats, Indices
+from softarm.estimator.arrays import Flags, Floats, Indices
 from softarm.estimator.calibration import CalibrationRun, arrange, section_forces
 from softarm.estimator.calibration.pulls import HOOK, LEAST_PULL, gauged_section
 from softarm.estimator.diagnosis.session import Session
@@ -16,8 +16,6 @@ from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.specimen import Specimen
-
-Flags = NDArray[np.bool_]
 
 BLOCK = 10.0
 """Length of the stretches that are held out or judged as a whole [s]; shorter in short recordings."""

@@ -7,11 +7,9 @@ means over a few periods are not yet the rest pose.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.session import Session
-
-Floats = NDArray[np.float64]
 
 RINGS = 8.0
 """Periods after which a swing counts as died away."""

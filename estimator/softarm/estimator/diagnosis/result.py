@@ -8,13 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.specimen.physics import EffectName, Place
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 Verdict = Literal["consistent", "explained", "partly_explained", "unexplained"]
 CellKind = Literal["segment", "chamber", "section", "sensor", "base"]

@@ -9,14 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.stage import Stage
-
-Floats = NDArray[np.float64]
 
 SIGMA = 0.015
 """Standard deviation of the logarithm of a ratio of frequencies."""

@@ -3,14 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.belief import Marginal
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.library import Direction
 from softarm.estimator.effects import ParameterSpec
-
-Floats = NDArray[np.float64]
 
 DRAWS = 400
 INVISIBLE = 1e-3

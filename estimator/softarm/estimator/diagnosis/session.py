@@ -3,14 +3,10 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Flags, Floats, Indices
 from softarm.estimator.sensing import ActuationMap, SensorSuite
 from softarm.estimator.simulation import Drive
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

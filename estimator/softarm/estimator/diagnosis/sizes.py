@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.belief import Belief
 from softarm.estimator.diagnosis.candidates import ChosenEffects, is_told
 from softarm.estimator.diagnosis.choose import EXACT_STEPS, SECOND, Search
@@ -30,7 +31,6 @@ from softarm.estimator.diagnosis.fit import Chart, Fit, Ground, View, fit_effect
 from softarm.estimator.diagnosis.gram import Total
 from softarm.estimator.specimen.physics import EffectName
 
-Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
 SPANS = 5

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.unknowns import Prediction
 from softarm.estimator.diagnosis.exact_model import ExactModel
@@ -21,9 +21,6 @@ from softarm.estimator.sensing import Scene, SensorSuite
 from softarm.estimator.simulation import Drive, LinearisedArm, RespondingArm, Segments, SimulatedArm
 from softarm.estimator.simulation.compliance import stiffness_along
 from softarm.estimator.specimen import Specimen
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 SUDDEN, RINGDOWN = 0.2, 0.7
 RINGING = 0.2

@@ -4,17 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.result import Evidence, Finding, Quantity
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen.physics import Place
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LEAST = 3.0
 """Shortest time [s] for which a sensor must stand still."""

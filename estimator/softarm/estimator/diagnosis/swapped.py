@@ -4,14 +4,12 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
-
-Floats = NDArray[np.float64]
 
 CLEARLY = 0.35
 """Share of the squares that an exchange must leave at most."""

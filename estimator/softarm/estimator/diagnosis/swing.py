@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.stage import Stage, fading
 from softarm.estimator.simulation import LinearisedArm
 from softarm.estimator.simulation.inertia import Masses, Swaying
-
-Floats = NDArray[np.float64]
 
 LONGEST_STEP = 0.11
 """Samples that are further apart [s] do not show a swing."""

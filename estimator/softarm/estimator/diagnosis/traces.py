@@ -1,15 +1,13 @@
 """Channels before and after, of the recordings and channels in which the findings change most."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.innovations import learnt_coefficients, residuals_of
 from softarm.estimator.diagnosis.result import Trace
 from softarm.estimator.diagnosis.session import channels
-
-Floats = NDArray[np.float64]
 
 MOST = 4
 POINTS = 2000

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.belief import Marginal
 from softarm.estimator.diagnosis.candidates import ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
@@ -19,8 +19,6 @@ from softarm.estimator.diagnosis.gram import total
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import describe
 from softarm.estimator.specimen.physics import EffectName, Place
-
-Floats = NDArray[np.float64]
 
 KNOTS = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75])
 """Where a law may bend, as shares of the largest bend or pressure."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.admit import Admitted
 from softarm.estimator.diagnosis.result import (
     Baseline,
@@ -25,8 +26,6 @@ from softarm.estimator.diagnosis.result import (
 from softarm.estimator.diagnosis.valves import LAGS, OPEN, Valve, ceilings_of, predict, valves_of
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen.physics import EffectName, Place
-
-Floats = NDArray[np.float64]
 
 LEAST_BIAS = 300.0
 """Steady error [Pa], and change of it, from which it is told."""

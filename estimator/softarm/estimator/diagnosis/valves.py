@@ -10,15 +10,12 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.recording import Recording
 from softarm.estimator.simulation.filters import first_order
 from softarm.estimator.statistics import MAD_TO_STD
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 OPEN = 500.0
 """Set-points above it [Pa] open a valve."""

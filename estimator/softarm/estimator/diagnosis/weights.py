@@ -4,11 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.statistics import correlation_length
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.grid import Grid, grid_of
 from softarm.estimator.intake.hypotheses import UNAMBIGUOUS
 from softarm.estimator.intake.law import first_order
@@ -21,8 +22,6 @@ from softarm.estimator.intake.streams import streams_of
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.statistics import correlation_length
-
-Floats = NDArray[np.float64]
 
 ALLOWED = (-0.3, 0.7)
 """Lag of motion behind pressures [s] that is none of the clocks': as far as the calibration searches,
@@ -228,6 +227,8 @@ def _unexplained(grid: Grid, lags: Floats) -> tuple[Floats, Floats]:
 def _regressed(design: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Sum up what a regression mispredicts of each part from the others, and what one on all leaves.
 
+    With A = D^T D, B = D^T V and a law L, the sum of squares of V - D L is V^T V - 2 L B + L A L.
+
     Returns:
         Both sums of squares, of shape (values,).
     """
@@ -235,14 +236,14 @@ def _regressed(design: Floats, values: Floats) -> tuple[Floats, Floats]:
     rows = [slice(begin, end) for begin, end in pairwise(parts)]
     inner = np.array([design[one].T @ design[one] for one in rows])
     outer = np.array([design[one].T @ values[one] for one in rows])
+    power = np.array([(values[one] ** 2).sum(axis=0) for one in rows])
     ridge = 1e-4 * len(values) * np.eye(design.shape[1])
     whole, right = inner.sum(axis=0), outer.sum(axis=0)
     laws = np.linalg.solve(whole - inner + ridge, right - outer)
-    wrong = [
-        ((values[one] - design[one] @ law) ** 2).sum(axis=0) for one, law in zip(rows, laws, strict=True)
-    ]
-    fit = values - design @ np.linalg.solve(whole + ridge, right)
-    return np.asarray(np.sum(wrong, axis=0)), np.asarray((fit**2).sum(axis=0))
+    law = np.linalg.solve(whole + ridge, right)
+    wrong: Floats = (power + (laws * (inner @ laws - 2.0 * outer)).sum(axis=1)).sum(axis=0)
+    left: Floats = power.sum(axis=0) + (law * (whole @ law - 2.0 * right)).sum(axis=0)
+    return wrong, left
 
 
 def moved_pressures(recording: Recording, lag: float) -> Recording:

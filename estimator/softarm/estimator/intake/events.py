@@ -10,21 +10,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaln, logsumexp
 
+from softarm.estimator.arrays import Flags, Floats, Indices
 from softarm.estimator.intake.grid import Grid, grid_of
-from softarm.estimator.intake.law import START, Predictors, fit_variances, left_out, own_noise
+from softarm.estimator.intake.law import START, Predictors, fit_variances, left_out, own_noise, precision
 from softarm.estimator.intake.provoked import slopes_of, unprovoked_motion
 from softarm.estimator.intake.relocated import losses, relocation
 from softarm.estimator.intake.result import Disturbance
 from softarm.estimator.intake.streams import SampledStream, streams_of
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Indices = NDArray[np.int64]
 
 SHORTEST = 20.0
 """Shorter recordings [s] hold too little of any law to tell an event from it."""
@@ -212,9 +208,9 @@ def _robust(inputs: Predictors, values: Floats, seconds: Indices, trusted: Float
     weights, theta = trusted, START
     for _ in range(PASSES):
         theta = fit_variances(inputs, values, weights, theta)
-        clock = inputs.time - inputs.time[0]
-        first = left_out(inputs, values, weights, theta, (clock // BLOCK).astype(np.int64))
-        second = left_out(inputs, values, weights, theta, ((clock + BLOCK / 2) // BLOCK).astype(np.int64))
+        inverse, clock = precision(inputs, weights, theta), inputs.time - inputs.time[0]
+        first = left_out(inverse, values, (clock // BLOCK).astype(np.int64))
+        second = left_out(inverse, values, ((clock + BLOCK / 2) // BLOCK).astype(np.int64))
         inner = np.abs(clock % BLOCK - BLOCK / 2) < BLOCK / 4
         errors = np.where(inner[:, None], first[0], second[0])
         own = own_noise(inputs, theta)

@@ -5,20 +5,21 @@ where it puts the sections in the base frame: near to their rest.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations, permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.hypotheses import Explanation, choose
 from softarm.estimator.intake.result import Kind, RecordingFault
 from softarm.estimator.recording import MARKER_SUFFIXES, Recording
 from softarm.estimator.rotations import from_quaternions, log
 from softarm.estimator.specimen import Specimen
 
-Floats = NDArray[np.float64]
 Labels = tuple[int, ...]
+Fit = tuple[Floats, Floats, Floats]
+"""Rotations and origins of a section, and distances of its markers from their places."""
 
 PLACED = 3e-3
 """Standard deviation of a marker's place in its section [m]: nominal places are 2 to 5 mm off."""
@@ -58,6 +59,21 @@ class Known:
 
 
 @dataclass(frozen=True)
+class Points:
+    """Recorded points, in which sections are looked for.
+
+    Args:
+        places: Places of the recorded markers [m], shape (samples, markers, 3).
+        known: Markers of the specimen.
+        fits: Fits so far, by section, its markers' labels, and whether an axis is mirrored.
+    """
+
+    places: Floats
+    known: Known
+    fits: dict[tuple[str, Labels, bool], Fit] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Labelling:
     """One explanation: the recorded name of each marker, and whether an axis is mirrored."""
 
@@ -79,24 +95,24 @@ def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
     )
     if not any(len(known.of(section)) >= 3 for section in set(known.sections)):
         return recording, ()
-    points = _samples(recording, known)
-    if not len(points):
+    points = Points(_samples(recording, known), known)
+    if not len(points.places):
         return recording, ()
     sensible = Labelling(tuple(range(len(chosen))), False)
     tried = [
-        Explanation(Labelling(labels, mirrored), _likelihood(points, specimen, known, labels, mirrored))
+        Explanation(Labelling(labels, mirrored), _likelihood(points, specimen, labels, mirrored))
         for labels, mirrored in product(_labellings(known), (False, True))
     ]
     choice = choose(tried)
     best = choice.best.what
-    worst = _worst(points, known, best.labels, best.mirrored)
+    worst = _worst(points, best.labels, best.mirrored)
     if worst > MISFIT * PLACED:
         what = f"the markers lie up to {1e3 * worst:.0f} mm off their places in the specimen under any names"
         cure = "give the specimen whose markers these are, or correct their offset_m"
         return recording, (RecordingFault(recording.name, "labels", known.names, what, cure, mended=False),)
     if best == sensible:
         return recording, ()
-    before = _worst(points, known, sensible.labels, False)
+    before = _worst(points, sensible.labels, False)
     return _renamed(
         recording, known, best, choice.unambiguous, choice.odds, choice.second.what, before, worst
     )
@@ -203,11 +219,11 @@ def _within_sections(known: Known) -> Iterator[Labels]:
             yield tuple(labels)
 
 
-def _likelihood(points: Floats, specimen: Specimen, known: Known, labels: Labels, mirrored: bool) -> float:
-    fitted = _fits(points, known, labels, mirrored)
+def _likelihood(points: Points, specimen: Specimen, labels: Labels, mirrored: bool) -> float:
+    fitted = _fits(points, labels, mirrored)
     value = MOVED * sum(label != k for k, label in enumerate(labels)) + MIRRORED * mirrored
     for name, (_, _, errors) in fitted.items():
-        count = 3 * len(known.of(name)) - 6
+        count = 3 * len(points.known.of(name)) - 6
         value -= 0.5 * max(float(np.median(errors**2, axis=0).sum()) / PLACED**2 - count, 0.0)
     base = specimen.sections[0]
     if base.name not in fitted:
@@ -228,24 +244,28 @@ def _likelihood(points: Floats, specimen: Specimen, known: Known, labels: Labels
     return value
 
 
-def _fits(
-    points: Floats, known: Known, labels: Labels, mirrored: bool
-) -> dict[str, tuple[Floats, Floats, Floats]]:
-    """Fit each section with three markers or more: rotations, origins, and errors of its markers."""
-    seen = points[:, list(labels)] * (np.array([-1.0, 1.0, 1.0]) if mirrored else 1.0)
-    found = {}
+def _fits(points: Points, labels: Labels, mirrored: bool) -> dict[str, Fit]:
+    """Fit each section with three markers or more; most labellings share most sections' fits."""
+    known, found = points.known, {}
     for section in dict.fromkeys(known.sections):
         own = known.of(section)
-        if len(own) < 3:
-            continue
-        offsets, part = known.offsets[own], seen[:, own]
-        middle, centre = offsets.mean(axis=0), part.mean(axis=1)
-        products = np.einsum("nmi,mj->nij", part - centre[:, None], offsets - middle)
-        rotations = _nearest_rotations(products)
-        origins = centre - rotations @ middle
-        errors = part - origins[:, None] - np.einsum("nij,mj->nmi", rotations, offsets)
-        found[section] = (rotations, origins, np.linalg.norm(errors, axis=2))
+        if len(own) >= 3:
+            key = section, tuple(labels[k] for k in own), mirrored
+            if key not in points.fits:
+                seen = points.places[:, list(key[1])] * (np.array([-1.0, 1.0, 1.0]) if mirrored else 1.0)
+                points.fits[key] = _fit(seen, known.offsets[own])
+            found[section] = points.fits[key]
     return found
+
+
+def _fit(seen: Floats, offsets: Floats) -> Fit:
+    """Fit a section to its markers, shape (samples, markers, 3)."""
+    middle, centre = offsets.mean(axis=0), seen.mean(axis=1)
+    products = np.einsum("nmi,mj->nij", seen - centre[:, None], offsets - middle)
+    rotations = _nearest_rotations(products)
+    origins = centre - rotations @ middle
+    errors = seen - origins[:, None] - np.einsum("nij,mj->nmi", rotations, offsets)
+    return rotations, origins, np.linalg.norm(errors, axis=2)
 
 
 def _nearest_rotations(matrices: Floats) -> Floats:
@@ -256,7 +276,7 @@ def _nearest_rotations(matrices: Floats) -> Floats:
     return rotations
 
 
-def _worst(points: Floats, known: Known, labels: Labels, mirrored: bool) -> float:
+def _worst(points: Points, labels: Labels, mirrored: bool) -> float:
     """Compute the largest of the markers' median distances from their places [m]."""
-    errors = [np.median(part, axis=0).max() for _, _, part in _fits(points, known, labels, mirrored).values()]
+    errors = [np.median(part, axis=0).max() for _, _, part in _fits(points, labels, mirrored).values()]
     return float(max(errors, default=0.0))

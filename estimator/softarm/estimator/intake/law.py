@@ -21,11 +21,11 @@ which divides the variance of d, s and e: a scale mixture, so that a few strange
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dpotri
 from scipy.optimize import minimize
+from scipy.signal import lfilter
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats, Indices
 
 FILTERS = (0.15, 0.6, 3.0, 15.0)
 """Time constants of the memory [s]: lines and inertia, slow lines, creep, slow creep."""
@@ -70,7 +70,7 @@ class Predictors:
         rate = first_order(ways, step / RECENT) * RECENT / step
         return Predictors(time, scaled, np.column_stack(memory), np.minimum(rate[:, 0], 1.0))
 
-    def take(self, index: NDArray[np.int64]) -> "Predictors":
+    def take(self, index: Indices) -> "Predictors":
         """Keep some samples."""
         return Predictors(self.time[index], self.pressures[index], self.memory[index], self.rate[index])
 
@@ -78,11 +78,7 @@ class Predictors:
 def first_order(values: Floats, ratio: float) -> Floats:
     """Filter columns by y' = (x - y) / T, T = step / ratio, beginning at rest at the first value."""
     keep = np.exp(-ratio)
-    out = np.empty_like(values)
-    state = values[0]
-    for row, value in enumerate(values):
-        state = keep * state + (1.0 - keep) * value
-        out[row] = state
+    out: Floats = lfilter([1.0 - keep], [1.0, -keep], values, axis=0, zi=keep * values[:1])[0]
     return out
 
 
@@ -117,48 +113,53 @@ def fit_variances(inputs: Predictors, values: Floats, weights: Floats, start: Fl
         start: Where the search begins.
     """
     index = np.unique(np.linspace(0, len(values) - 1, HYPER).astype(np.int64))
-    parts = covariances(inputs.take(index), weights[index])
+    parts = np.array(covariances(inputs.take(index), weights[index]))
     y = values[index]
 
     def negative(theta: Floats) -> tuple[float, Floats]:
         scales = np.exp(theta)
-        total = LEVEL + sum(s * part for s, part in zip(scales, parts, strict=True))
+        total = LEVEL + np.tensordot(scales, parts, 1)
         total[np.diag_indices_from(total)] += 1e-8
         inverse, half_log_determinant = _inverted(total)
         solved = inverse @ y
         columns = y.shape[1]
         value = 0.5 * float((y * solved).sum()) + columns * half_log_determinant
         inner = solved @ solved.T - columns * inverse
-        slopes = [-0.5 * s * float((inner * part).sum()) for s, part in zip(scales, parts, strict=True)]
-        return value / columns, np.array(slopes) / columns
+        return value / columns, -0.5 * scales * np.tensordot(parts, inner, 2) / columns
 
     bounds = [(LOWEST, HIGHEST)] * len(PARTS)
     found = minimize(negative, start, jac=True, bounds=bounds, method="L-BFGS-B", options={"maxiter": 30})
     return np.asarray(found.x, dtype=np.float64)
 
 
-def left_out(
-    inputs: Predictors, values: Floats, weights: Floats, variances: Floats, blocks: NDArray[np.int64]
-) -> tuple[Floats, Floats]:
+def precision(inputs: Predictors, weights: Floats, variances: Floats) -> Floats:
+    """Compute the inverse of the samples' covariance.
+
+    Args:
+        inputs: What the law may depend on.
+        weights: Of each sample, shape (samples,).
+        variances: Logarithms, as ``fit_variances`` gives them.
+    """
+    parts = covariances(inputs, weights)
+    total = LEVEL + sum(np.exp(v) * part for v, part in zip(variances, parts, strict=True))
+    total[np.diag_indices_from(total)] += 1e-8
+    return _inverted(total)[0]
+
+
+def left_out(inverse: Floats, values: Floats, blocks: Indices) -> tuple[Floats, Floats]:
     """Predict each block of time from all others.
 
     With C the covariance, e_B = (C^-1_BB)^-1 (C^-1 y)_B, of covariance (C^-1_BB)^-1 (Sundararajan and
     Keerthi, Neural Computation 13 (2001) 1103, for blocks).
 
     Args:
-        inputs: What the law may depend on.
+        inverse: As ``precision`` gives it, shape (samples, samples).
         values: Columns, shape (samples, columns).
-        weights: Of each sample, shape (samples,).
-        variances: Logarithms, as ``fit_variances`` gives them.
         blocks: Number of the block of each sample, shape (samples,).
 
     Returns:
         Measured minus predicted, shape (samples, columns), and the variance of it, shape (samples,).
     """
-    parts = covariances(inputs, weights)
-    total = LEVEL + sum(np.exp(v) * part for v, part in zip(variances, parts, strict=True))
-    total[np.diag_indices_from(total)] += 1e-8
-    inverse, _ = _inverted(total)
     solved = inverse @ values
     errors, spreads = np.empty_like(values), np.empty(len(values))
     for block in np.unique(blocks):
@@ -175,7 +176,9 @@ def _inverted(covariance: Floats) -> tuple[Floats, float]:
         raise np.linalg.LinAlgError(f"the leading minor {failed} is not positive")
     half_log_determinant = float(np.log(np.diag(factor)).sum())
     lower, _ = dpotri(factor, lower=1, overwrite_c=1)
-    return lower + np.tril(lower, -1).T, half_log_determinant
+    whole = lower + lower.T
+    whole[np.diag_indices_from(whole)] *= 0.5
+    return whole, half_log_determinant
 
 
 def own_noise(inputs: Predictors, variances: Floats) -> Floats:

@@ -3,17 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.intake.limits import OVERSHOOT
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.intake.streams import SampledStream, streams_of
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.statistics import MAD_TO_STD
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 LONGEST = 2
 """Samples of a spike at most; what lasts longer is an event."""

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Chamber, Specimen
-
-Floats = NDArray[np.float64]
 
 LOWEST = 10.0
 """Percentile of the summed pressures up to which the arm counts as at rest."""

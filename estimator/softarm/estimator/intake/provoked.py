@@ -16,12 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.grid import Grid
 from softarm.estimator.intake.law import first_order
 from softarm.estimator.statistics import MAD_TO_STD
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 SPANS = (0.3, 0.5)
 """Over which motion is compared [s]: two, since a swing repeats itself over its own period."""

@@ -7,10 +7,9 @@ end of a loss, y = D a + s c + e. The part of s that D does not explain shows c 
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.grid import Grid
 from softarm.estimator.intake.law import first_order
-
-Floats = NDArray[np.float64]
 
 FILTERS = (0.6, 3.0)
 """Time constants of the filtered pressures [s]."""

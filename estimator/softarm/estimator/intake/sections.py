@@ -11,15 +11,13 @@ from dataclasses import dataclass, replace
 from itertools import pairwise, permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.hypotheses import Explanation, choose
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.recording import BEND_SUFFIXES, POSE_SUFFIXES, Recording
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Specimen
-
-Floats = NDArray[np.float64]
 
 CHORD, VARYING = 0.1, 0.03
 """Error of a chord over the arm's length, constant and varying: bodies sit off the axis, and no section

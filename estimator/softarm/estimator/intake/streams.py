@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.recording import BEND_SUFFIXES, MARKER_SUFFIXES, POSE_SUFFIXES, Recording
 from softarm.estimator.rotations import from_quaternions, log, mean_rotation
 from softarm.estimator.specimen import Specimen
-
-Floats = NDArray[np.float64]
 
 QUATERNION = 4
 QUIET = {"m": 1e-3, "rad": np.radians(0.5)}

@@ -14,16 +14,14 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.hypotheses import BestExplanation, Explanation, choose
 from softarm.estimator.intake.result import Kind, RecordingFault
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.statistics import MAD_TO_STD
-
-Floats = NDArray[np.float64]
 
 PRESSURES = {
     "pascals": (1.0, 0.0),

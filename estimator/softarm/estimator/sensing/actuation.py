@@ -8,6 +8,8 @@ from softarm.estimator.arrays import Floats
 
 PASSES = 20
 """Each pass of the inverse leaves a tenth or less: cross-talk is small, and the curves are gentle."""
+INVERTED_PA = 1e-9
+"""Error of the inverse [Pa] at which the passes end."""
 LEAST_SLOPE = 0.1
 """Of a gain; beyond the turning point of a falling curve the inverse goes on along a line."""
 
@@ -52,6 +54,8 @@ class ActuationMap:
         measured: Floats = (pressure - self.bias) / self.gain
         for _ in range(PASSES):
             left = pressure - self.bias - self._from_others(measured) - self._own(measured)
+            if not np.any(np.abs(left) > INVERTED_PA):
+                break
             slope = 1.0 + (2.0 * self.curve + 3.0 * self.bow * measured) * measured
             measured = measured + left / (self.gain * np.maximum(slope, LEAST_SLOPE))
         return measured

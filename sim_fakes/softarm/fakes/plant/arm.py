@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.chain import PlantChain, build
 from softarm.fakes.plant.effects import Concealed, apply
@@ -16,8 +17,6 @@ from softarm.fakes.plant.pneumatics import lines, muscles
 from softarm.fakes.plant.random_law import RandomLaw
 from softarm.fakes.plant.rotations import product, rotation_matrix, tilt
 from softarm.fakes.plant.state import PlantInputs, PlantState
-
-Floats = NDArray[np.float64]
 
 SETTLING_TIME = 2.0
 SETTLING_DAMPING = 6.0

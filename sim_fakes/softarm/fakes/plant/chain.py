@@ -11,12 +11,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.cross_section import CrossSection, lobed
 from softarm.fakes.plant.parameters import GRAVITY, ArmParameters, PlantSegment
 from softarm.fakes.plant.rotations import rotation_matrix, vector_quaternion
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 SUPPORT_DAMPING_TIME = 0.006

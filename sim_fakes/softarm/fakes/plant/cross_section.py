@@ -7,7 +7,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
+
 Integers = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 

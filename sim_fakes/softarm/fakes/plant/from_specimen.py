@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import Section, Segment, Specimen
 from softarm.fakes.plant.cross_section import CrossSection, sampled
@@ -20,8 +21,6 @@ from softarm.fakes.plant.parameters import Actuation, ArmParameters, Mount, Plan
 from softarm.fakes.plant.rotations import product, vector_quaternion
 from softarm.fakes.plant.shape import has_shape_of_sopra
 from softarm.fakes.plant.variants import Variant, variant
-
-Floats = NDArray[np.float64]
 
 LINKS = 6
 GRID = 120

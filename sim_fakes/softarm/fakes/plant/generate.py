@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.plant.arm import FakeArm
 from softarm.fakes.plant.chain import gravity_in_base
 from softarm.fakes.plant.effects import Concealed, arm_effects, effect, filters
@@ -15,8 +15,6 @@ from softarm.fakes.plant.manoeuvre import SAMPLE, PlantManoeuvre
 from softarm.fakes.plant.parameters import ArmParameters, Mount, sopra
 from softarm.fakes.plant.run import Truth, perform
 from softarm.fakes.plant.valve import ValveConstants, draw_valve, outlet
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.plant.effects import Concealed, Filter, filters
 from softarm.fakes.plant.manoeuvre import SAMPLE
-from softarm.fakes.plant.rotations import product, tilt, vector_quaternion
+from softarm.fakes.plant.rotations import product, rotation_matrix, tilt, vector_quaternion
 from softarm.fakes.plant.run import Truth
 
-Floats = NDArray[np.float64]
 Random = np.random.Generator
 
 GRAM = 9.81e-3
@@ -115,20 +116,9 @@ def observe(
     return columns
 
 
-def quaternion_matrices(quaternions: Floats) -> Floats:
-    """Turn unit quaternions into rotation matrices, shape (..., 3, 3)."""
-    w, x, y, z = np.moveaxis(quaternions, -1, 0)
-    rows = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
 def bends_of(quaternions: Floats) -> Floats:
     """Give the tilt of each section in the one above [rad], shape (samples, segments, 2)."""
-    matrices = quaternion_matrices(quaternions)
+    matrices = rotation_matrix(quaternions)
     return tilt(np.einsum("tsji,tsj->tsi", matrices[:, :-1], matrices[:, 1:, :, 2]))
 
 
@@ -195,11 +185,8 @@ def _wander(rng: Random, count: int, width: int, size: float, time: float) -> Fl
     """Draw a slow error of standard deviation ``size``, a first-order process, shape (count, width)."""
     keep = float(np.exp(-SAMPLE / time))
     kicks = rng.normal(0.0, size * np.sqrt(1.0 - keep * keep), (count, width))
-    now, out = rng.normal(0.0, size, width), np.empty((count, width))
-    for index, kick in enumerate(kicks):
-        now = keep * now + kick
-        out[index] = now
-    return out
+    start = keep * rng.normal(0.0, size, (1, width))
+    return np.asarray(lfilter([1.0], [1.0, -keep], kicks, axis=0, zi=start)[0])
 
 
 def _lost(rng: Random, count: int, instruments: InstrumentQuality) -> NDArray[np.bool_]:
@@ -228,7 +215,7 @@ def _frame(section: str, poses: Floats) -> dict[str, Floats]:
 
 def _markers(section: str, poses: Floats, instruments: InstrumentQuality, rng: Random) -> dict[str, Floats]:
     """Place the markers of a section in the laboratory."""
-    matrices = quaternion_matrices(poses[:, 3:])
+    matrices = rotation_matrix(poses[:, 3:])
     columns: dict[str, Floats] = {}
     for number, place in enumerate(MARKERS[section], start=1):
         points = poses[:, :3] + matrices @ np.array(place)

@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.plant.parameters import ForceLoad, Obstacle
-
-Floats = NDArray[np.float64]
 
 HAND_MASS = 0.05
 SLIP_SPEED = 0.005

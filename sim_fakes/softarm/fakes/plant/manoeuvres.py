@@ -7,12 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.manoeuvre import SAMPLE, CordPull, Grip, PlantManoeuvre, chain, samples
 
-Floats = NDArray[np.float64]
 Random = np.random.Generator
 
 STAGE_SPEED = 0.02

@@ -16,12 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.plant.chain import Joint, rest_stiffness
 from softarm.fakes.plant.parameters import ArmParameters, PlantSegment
-
-Floats = NDArray[np.float64]
 
 REFERENCE_STRAIN = 0.2
 EXACT_STOP = 20.0

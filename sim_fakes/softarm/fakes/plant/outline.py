@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.specimen import Block, Chamber, Cylinder, QuadrantCylinder, Specimen, SweptLobes
 from softarm.fakes.plant.slices import MeshSlices
 
-Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Outline = Callable[[float, Floats, tuple[Chamber, ...]], tuple[Mask, list[Mask]]]
 """From a height [m], points [m], shape (points, 2), and the chambers there: inside the outer boundary, and

@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.plant.parameters import Actuation, ArmParameters
-
-Floats = NDArray[np.float64]
 
 REFERENCE_PRESSURE = 50e3
 BUCKLING_WIDTH = 0.03

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
 
 PRESSURE, BEND = 50e3, 0.6
 """Pressure [Pa] and bend [rad] that count as one."""

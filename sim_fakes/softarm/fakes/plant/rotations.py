@@ -1,21 +1,20 @@
 """Rotations as quaternions (w, x, y, z), vectors and matrices."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
 
 
 def rotation_matrix(quaternion: Floats) -> Floats:
-    """Turn a unit quaternion into a rotation matrix, shape (3, 3)."""
-    w, x, y, z = quaternion / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
+    """Turn quaternions, shape (..., 4), into rotation matrices, shape (..., 3, 3)."""
+    w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)).T
+    # Column by column: the transpose turns all axes round again, those of the matrix as well.
+    columns = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + z * w), 2.0 * (x * z - y * w)],
+        [2.0 * (x * y - z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + x * w)],
+        [2.0 * (x * z + y * w), 2.0 * (y * z - x * w), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    return np.array(columns).T
 
 
 def vector_quaternion(vector: Floats) -> Floats:

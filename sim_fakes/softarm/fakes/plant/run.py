@@ -4,13 +4,11 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.plant.arm import FakeArm
 from softarm.fakes.plant.manoeuvre import SAMPLE, CordPull, Grip, PlantManoeuvre
 from softarm.fakes.plant.state import Cord, Hand, PlantInputs, PlantState
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import Chamber, MeshFile, Specimen
 from softarm.fakes.plant.rotations import rotation_matrix
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 

@@ -4,9 +4,8 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from softarm.estimator.arrays import Floats
 
 
 @dataclass(frozen=True)

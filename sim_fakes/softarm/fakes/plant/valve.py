@@ -7,12 +7,10 @@ reached in half a second, vented in 0.15 s, -0.5 to -0.9 kPa steady error.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.plant.effects import Filter
 from softarm.fakes.plant.manoeuvre import SAMPLE
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

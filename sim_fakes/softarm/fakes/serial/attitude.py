@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softarm.fakes.plant.state import Floats, PlantState
+from softarm.estimator.arrays import Floats
+from softarm.fakes.plant.state import PlantState
 from softarm.fakes.rotation import Quaternion, Vector, multiply, roll_pitch_yaw, rotate, turn
 
 

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.faults import Fault, FaultBoard
-from softarm.fakes.plant.state import Floats, PlantState
+from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
 from softarm.fakes.signals import See, plainly
 

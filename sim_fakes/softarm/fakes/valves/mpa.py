@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.faults import Fault, FaultBoard
-from softarm.fakes.plant.state import Floats
 from softarm.fakes.signals import See, plainly
 from softarm.fakes.valves.pneumatics import MBAR, Pneumatics, Regulators
 

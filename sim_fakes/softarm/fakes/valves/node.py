@@ -7,8 +7,8 @@ is on the real MPA module is not documented; here it is the CPX error number.
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.faults import Fault, FaultBoard
-from softarm.fakes.plant.state import Floats
 
 OUTPUTS = 40001
 PROCESS_WORDS = 256

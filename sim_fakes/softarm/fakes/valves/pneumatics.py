@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.fakes.plant.state import Floats
+from softarm.estimator.arrays import Floats
 from softarm.fakes.signals import See, plainly
 
 MBAR = 100.0

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.faults import Fault, FaultBoard
-from softarm.fakes.plant.state import Floats
 from softarm.fakes.signals import See, plainly
 from softarm.fakes.valves.mpa import bank_faults, signed
 from softarm.fakes.valves.pneumatics import MBAR, Pneumatics, Regulators

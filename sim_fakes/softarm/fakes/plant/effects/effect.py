@@ -5,13 +5,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.parameters import ArmParameters
 
-Floats = NDArray[np.float64]
 Where = Mapping[str, str | int]
 Numbers = Mapping[str, float]
 

@@ -1,104 +1,30 @@
 """All effects by name, and how they are put into an arm or in front of a signal."""
 
+from importlib import import_module
+from pkgutil import iter_modules
+from types import ModuleType
+
 from softarm.estimator.errors import InputError
-from softarm.fakes.plant.effects.arm import (
-    base_compliance,
-    base_tilt,
-    chamber_crosstalk,
-    chamber_gain,
-    contact_obstacle,
-    distributed_mass,
-    external_force,
-    fibre_twist,
-    hysteresis,
-    inertia_damping,
-    line_lag,
-    line_leak,
-    local_stiffness_defect,
-    material_softening,
-    material_stiffening,
-    mullins_softening,
-    segment_stiffness,
-    tether_stiffness,
-    thermal_drift,
-    tip_payload,
-    viscoelastic_creep,
-)
+from softarm.fakes.plant.effects import arm as of_arm
+from softarm.fakes.plant.effects import foreign, instrument
 from softarm.fakes.plant.effects.effect import ArmEffect, Concealed, ConcealedEffect, Filter, InstrumentEffect
-from softarm.fakes.plant.effects.foreign import (
-    curvature_area,
-    curvature_locking,
-    periodic_disturbance,
-    product_coupling,
-    random_law,
-    swirl,
-    wall_buckling,
-)
-from softarm.fakes.plant.effects.instrument import (
-    frame_misalignment,
-    pressure_bias,
-    pressure_saturation,
-    sensor_bias,
-    sensor_drift,
-    sensor_latency,
-    sensor_scale,
-    sensor_stuck,
-    valve_deadband,
-)
 from softarm.fakes.plant.parameters import ArmParameters
 
-ARM_EFFECTS: dict[str, ArmEffect] = {
-    module.EFFECT.name: module.EFFECT
-    for module in (
-        base_compliance,
-        base_tilt,
-        chamber_crosstalk,
-        chamber_gain,
-        contact_obstacle,
-        distributed_mass,
-        external_force,
-        fibre_twist,
-        hysteresis,
-        inertia_damping,
-        line_lag,
-        line_leak,
-        local_stiffness_defect,
-        material_softening,
-        material_stiffening,
-        mullins_softening,
-        segment_stiffness,
-        tether_stiffness,
-        thermal_drift,
-        tip_payload,
-        viscoelastic_creep,
-    )
-}
-FOREIGN_EFFECTS: dict[str, ArmEffect] = {
-    module.EFFECT.name: module.EFFECT
-    for module in (
-        curvature_area,
-        curvature_locking,
-        periodic_disturbance,
-        product_coupling,
-        random_law,
-        swirl,
-        wall_buckling,
-    )
-}
-INSTRUMENT_EFFECTS: dict[str, InstrumentEffect] = {
-    module.EFFECT.name: module.EFFECT
-    for module in (
-        frame_misalignment,
-        pressure_bias,
-        pressure_saturation,
-        sensor_bias,
-        sensor_drift,
-        sensor_latency,
-        sensor_scale,
-        sensor_stuck,
-        valve_deadband,
-    )
-}
+
+def _effects_in(package: ModuleType) -> list[ConcealedEffect]:
+    """Collect the effects of a package: an effect is one file with an ``EFFECT``."""
+    names = sorted(module.name for module in iter_modules(package.__path__))
+    modules = [import_module(f"{package.__name__}.{name}") for name in names]
+    return [module.EFFECT for module in modules if hasattr(module, "EFFECT")]
+
+
+def _arm_effects_in(package: ModuleType) -> dict[str, ArmEffect]:
+    return {one.name: one for one in _effects_in(package) if isinstance(one, ArmEffect)}
+
+
+ARM_EFFECTS = _arm_effects_in(of_arm)
+FOREIGN_EFFECTS = _arm_effects_in(foreign)
+INSTRUMENT_EFFECTS = {one.name: one for one in _effects_in(instrument) if isinstance(one, InstrumentEffect)}
 
 
 def effect(name: str) -> ConcealedEffect:

@@ -1,11 +1,9 @@
 """Turning what a sensor of orientation says, whether it gives a pose or a bend."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.plant.rotations import product, vector_quaternion
-
-Floats = NDArray[np.float64]
 
 
 def turned(signal: str, value: Floats, vector: Floats) -> Floats:

@@ -4,11 +4,9 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.plant.effects.effect import EffectParameter, Filter, InstrumentEffect, Numbers, Where
-
-Floats = NDArray[np.float64]
 
 
 @dataclass

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.plant.effects.effect import EffectParameter, Filter, InstrumentEffect, Numbers, Where
 from softarm.fakes.plant.rotations import inverse, product, quaternion_vector, vector_quaternion
-
-Floats = NDArray[np.float64]
 
 
 @dataclass

@@ -2,12 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from softarm.estimator.arrays import Floats
 from softarm.fakes.plant.effects.effect import EffectParameter, Filter, InstrumentEffect, Numbers, Where
-
-Floats = NDArray[np.float64]
 
 
 @dataclass

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.plant.effects.effect import EffectParameter, Filter, InstrumentEffect, Numbers, Where
 from softarm.fakes.plant.effects.instrument.masks import chamber_mask
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
