@@ -35,10 +35,18 @@ def test_creep_grows_after_a_step_by_its_law():
 
 
 def test_creep_of_one_segment_leaves_the_other():
-    drive = drive_of(np.arange(100.0), np.full((100, 6), [2e4, 0, 0, 2e4, 0, 0]), WEIGHTLESS)
+    pressures = np.where(np.arange(100)[:, None] > 0, [2e4, 0, 0, 2e4, 0, 0], 0.0)
+    drive = drive_of(np.arange(100.0), pressures, WEIGHTLESS)
     gain = bends(drive, placed("viscoelastic_creep", [0.2, 10.0, 0.0], segment="lower")) - bends(drive)
     assert np.abs(gain[:, 0]).max() < 1e-12
     assert gain[-1, 1, 1] > 0.01
+
+
+def test_an_arm_that_has_hung_under_its_weight_has_crept():
+    drive = drive_of(np.arange(50.0), np.zeros((50, 6)), (4.0, 0.0, -9.0))
+    crept = bends(drive, placed("viscoelastic_creep", [0.2, 10.0, 0.0]))
+    assert np.abs(crept[0] - bends(drive)[0]).max() > 0.01
+    assert np.allclose(crept, crept[0])
 
 
 @pytest.mark.parametrize("name", ["hysteresis", "mullins_softening", "material_stiffening"])

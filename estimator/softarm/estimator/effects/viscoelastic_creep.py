@@ -6,8 +6,6 @@ The stiffness that a model was calibrated to is that of no single rate, so the p
 there at once may change too, by i.
 """
 
-import numpy as np
-
 from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import Spot, whole_and_segments
@@ -15,10 +13,9 @@ from softarm.estimator.simulation.filters import first_order
 
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
-    """Add the delayed strain; a rested arm starts without."""
+    """Add the delayed strain; an arm that has hung at rest has crept under what it bears at the start."""
     strength, lag, instant = theta
-    start = memory or (signals.time[:1], signals.strains[0], np.zeros_like(signals.strains[0]))
-    late, memory = first_order(signals.time, signals.strains, lag, start)
+    late, memory = first_order(signals.time, signals.strains, lag, memory)
     return signals.strains + spot.segments[:, None] * (instant * signals.strains + strength * late), memory
 
 
