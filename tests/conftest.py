@@ -10,14 +10,14 @@ from threadpoolctl import threadpool_limits
 LOADED = np.linalg, scipy.linalg
 """Only libraries that are loaded can be limited."""
 
-REALTIME = tuple(
-    Path(__file__).parent / part for part in ("service/live", "service/page", "service/bench/test_soak.py")
-)
+SERVICE = Path(__file__).parent / "service"
+REALTIME = SERVICE / "live", SERVICE / "bench" / "test_soak.py"
 
 
 def pytest_collection_modifyitems(items):
     for item in items:
-        if any(path == item.path or path in item.path.parents for path in REALTIME):
+        paths = {item.path, *item.path.parents}
+        if paths & set(REALTIME) or (SERVICE / "page" in paths and "service" in item.fixturenames):
             item.add_marker("realtime")
 
 

@@ -76,44 +76,23 @@ def _common(command: Command) -> Command:
     return command
 
 
-@command.command("calibrate")
-@_common
-def calibrate(**options: Any) -> int:
-    """Calibrate jointly on sweeps, random poses and pulls, and compare with the paper's two calibrations.
-
-    Example: softarm experiment calibrate --fake --recorded
-    """
-    return _run("calibrate", **options)
+def _experiment(name: str, line: str) -> None:
+    @command.command(name, help=f"{line}\n\nExample: softarm experiment {name} --fake")
+    @_common
+    def run(**options: Any) -> int:
+        return _run(name, **options)
 
 
-@command.command("validate")
-@_common
-def validate(**options: Any) -> int:
-    """Predict poses at random pressures from the pressures alone.
-
-    Example: softarm experiment validate --fake
-    """
-    return _run("validate", **options)
-
-
-@command.command("teach")
-@_common
-def teach(**options: Any) -> int:
-    """Teach fifteen poses by hand, hold them by pressures, and measure the pose error.
-
-    Example: softarm experiment teach --fake
-    """
-    return _run("teach", **options)
-
-
-@command.command("force")
-@_common
-def force(**options: Any) -> int:
-    """Pull with the gauge, vented and pressurised, and compare the estimated force with it.
-
-    Example: softarm experiment force --fake
-    """
-    return _run("force", **options)
+for _name, _line in (
+    (
+        "calibrate",
+        "Calibrate jointly on sweeps, random poses and pulls, and compare with the paper's two calibrations.",
+    ),
+    ("validate", "Predict poses at random pressures from the pressures alone."),
+    ("teach", "Teach fifteen poses by hand, hold them by pressures, and measure the pose error."),
+    ("force", "Pull with the gauge, vented and pressurised, and compare the estimated force with it."),
+):
+    _experiment(_name, _line)
 
 
 @command.command("all")

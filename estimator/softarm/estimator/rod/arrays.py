@@ -3,8 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats, Indices
+from softarm.estimator.fem.linalg.blas import Letters, load_blas
 
 
 class Actions(NamedTuple):
@@ -70,6 +72,9 @@ class Work(NamedTuple):
         motions: Motion by each strain, as of ``link_motion``, shape (links, 6, 12).
         slopes: Derivatives of the laws by their variables, shape (links, 8 + width, 8).
         tangent: Derivative of strain - law by the strains, shape (6 links, 6 links).
+        lapack: Addresses of its routines.
+        letters: Their option letters.
+        integers: Their memory, shape (3 + 6 links,).
     """
 
     strain: Floats
@@ -80,6 +85,9 @@ class Work(NamedTuple):
     motions: Floats
     slopes: Floats
     tangent: Floats
+    lapack: Indices
+    letters: Letters
+    integers: NDArray[np.int32]
 
 
 def new_work(links: int, actions: int, width: int) -> Work:
@@ -95,4 +103,7 @@ def new_work(links: int, actions: int, width: int) -> Work:
         motions=np.zeros((links, 6, 12)),
         slopes=np.zeros((links, 8 + width, 8)),
         tangent=np.zeros((6 * links, 6 * links)),
+        lapack=load_blas().addresses,
+        letters=load_blas().letters,
+        integers=np.zeros(3 + 6 * links, dtype=np.int32),
     )

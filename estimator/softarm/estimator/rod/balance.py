@@ -4,8 +4,8 @@ import numpy as np
 from numba import njit
 
 from softarm.estimator.arrays import Floats, Indices
+from softarm.estimator.fem.linalg.blas import solve_rows
 from softarm.estimator.rod.arrays import Actions, ChainInputs, Laws, Work
-from softarm.estimator.rod.elimination import eliminate
 from softarm.estimator.rod.laws import evaluate_laws
 from softarm.estimator.rod.statics import action_points, place, wrenches
 from softarm.estimator.rod.tangent import (
@@ -95,7 +95,7 @@ def settle(
         Number of linearisations, negative when it failed, and the last gap.
     """
     links = len(length)
-    size, move = np.inf, np.empty((6 * links, 1))
+    size, move = np.inf, np.empty((1, 6 * links))
     for count in range(1, iterations + 1):
         linearise_chain(length, actions, laws, drive, work, gap)
         size = 0.0
@@ -107,16 +107,16 @@ def settle(
         if size < tolerance:
             return count, size
         for row in range(6 * links):
-            move[row, 0] = gap[row]
-        eliminate(work.tangent, move)
+            move[0, row] = gap[row]
+        solve_rows(work.lapack, work.letters, work.tangent, move, work.integers)
         # Half a radian per link and step is as far as the linearisation can be trusted.
         largest = 0.0
-        for m in range(len(move)):
-            largest = max(largest, abs(move[m, 0]))
+        for m in range(6 * links):
+            largest = max(largest, abs(move[0, m]))
         factor = min(1.0, 0.5 / largest)
         for i in range(links):
             for k in range(6):
-                work.strain[i, k] += factor * move[6 * i + k, 0]
+                work.strain[i, k] += factor * move[0, 6 * i + k]
     return -iterations, size
 
 
@@ -132,7 +132,7 @@ def input_gaps(
         work: A linearised configuration.
         units: Force and couple of an action per unit of an input, shape (units, 6).
         owner: Action and input (column) of each, shape (units, 2).
-        right: Zeros that are filled, shape (6 links, columns or more); pressures are the first columns.
+        right: Zeros that are filled, shape (columns or more, 6 links); the pressures come first.
     """
     links, slopes, chambers = len(work.strain), work.slopes, laws.chambers
     wrench = np.empty((links, 6))
@@ -141,7 +141,7 @@ def input_gaps(
             if chambers[i, n] >= 0:
                 unit = laws.scale[i, 6 + n] * laws.stiffness[i]
                 for k in range(6):
-                    right[6 * i + k, chambers[i, n]] = slopes[i, 7 + n, k] / unit
+                    right[chambers[i, n], 6 * i + k] = slopes[i, 7 + n, k] / unit
     for u in range(len(owner)):
         wrench.fill(0.0)
         unit_wrenches(work.positions, work.middles, actions, owner[u, 0], work.points, units[u], wrench)
@@ -149,7 +149,7 @@ def input_gaps(
             for m in range(6):
                 unit = laws.scale[i, m] * laws.stiffness[i]
                 for k in range(6):
-                    right[6 * i + k, owner[u, 1]] += slopes[i, 1 + m, k] / unit * wrench[i, m]
+                    right[owner[u, 1], 6 * i + k] += slopes[i, 1 + m, k] / unit * wrench[i, m]
 
 
 @njit(cache=True, nogil=True)
@@ -159,7 +159,7 @@ def stiffness_gaps(laws: Laws, wrench: Floats, pressures: Floats, slopes: Floats
     A strain depends on x, the wrench / E and pressures / E, and on 1 / E - 1: its derivative by E is
     -(law' x + law' by the last) / E^2 with x before it is over E.
 
-    ``right`` holds zeros, with a column per link or more.
+    ``right`` holds zeros, with a row per link or more.
     """
     last = 7 + laws.chambers.shape[1]
     for i in range(len(wrench)):
@@ -171,7 +171,7 @@ def stiffness_gaps(laws: Laws, wrench: Floats, pressures: Floats, slopes: Floats
             for n in range(laws.chambers.shape[1]):
                 if laws.chambers[i, n] >= 0:
                     total += slopes[i, 7 + n, k] * pressures[laws.chambers[i, n]] / laws.scale[i, 6 + n]
-            right[6 * i + k, i] = -total / (factor * factor)
+            right[i, 6 * i + k] = -total / (factor * factor)
 
 
 @njit(cache=True, nogil=True)
@@ -258,25 +258,25 @@ def respond(
     links = len(length)
     gap, every = np.empty(6 * links), change.shape[1]
     count, size = settle(length, actions, laws, drive, work, gap, tolerance, iterations)
-    right = np.zeros((6 * links, every + 1))
+    right = np.zeros((every + 1, 6 * links))
     for row in range(6 * links):
-        right[row, every] = gap[row]
+        right[every, row] = gap[row]
     if every > 0:
         input_gaps(actions, laws, work, units, owner, right)
     if every > columns:
         wrench, beyond = np.empty((links, 6)), np.empty((links, 15))
         wrenches(work.positions, work.middles, actions, work.points, drive, wrench, beyond)
-        stiffness_gaps(laws, wrench, drive.pressures, work.slopes, right[:, columns:])
+        stiffness_gaps(laws, wrench, drive.pressures, work.slopes, right[columns:])
         for row in range(6 * links):
             for f in range(shapes.shape[1]):
-                right[row, columns + links + f] = shapes[row, f]
+                right[columns + links + f, row] = shapes[row, f]
     if count > 0:
         # The last Newton step, so small that the linearisation holds at its end as well.
-        eliminate(work.tangent, right)
+        solve_rows(work.lapack, work.letters, work.tangent, right, work.integers)
         for row in range(6 * links):
             for column in range(every):
-                change[row, column] = right[row, column]
-            work.strain[row // 6, row % 6] += right[row, every]
+                change[row, column] = right[column, row]
+            work.strain[row // 6, row % 6] += right[every, row]
         place(work.strain, length, work.rotations, work.positions, work.middles)
     before = np.empty(len(stations), np.int64)
     for n in range(len(stations)):

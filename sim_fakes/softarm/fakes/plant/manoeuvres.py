@@ -3,7 +3,7 @@
 Each takes a generator of random numbers where it has a choice; pressures are gauge [Pa], times [s].
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,11 +101,7 @@ def ramps(
 ) -> PlantManoeuvre:
     """Go to one random pose and back, at several rates."""
     level = random_pressures(rng, highest, on)
-    points, times = [on.vented], [0.0]
-    for duration in durations:
-        points += [level, level, on.vented, on.vented]
-        times += [times[-1] + step for step in np.cumsum([duration, 2.0, duration, 2.0])]
-    return path("ramps", np.array(points), np.array(times))
+    return _filled("ramps", [level] * len(durations), durations, 2.0, on)
 
 
 def triangles(
@@ -130,12 +126,8 @@ def long_holds(
     rng: Random, hold: float = 40.0, count: int = 2, highest: float | None = None, on: Layout = SOPRA
 ) -> PlantManoeuvre:
     """Hold random poses for long, vented as long after each."""
-    points, times = [on.vented], [0.0]
-    for _ in range(count):
-        level = random_pressures(rng, highest, on)
-        points += [level, level, on.vented, on.vented]
-        times += [times[-1] + step for step in np.cumsum([0.4, hold, 0.4, hold])]
-    return path("long_holds", np.array(points), np.array(times))
+    levels = [random_pressures(rng, highest, on) for _ in range(count)]
+    return _filled("long_holds", levels, [0.4] * count, hold, on)
 
 
 def growing_cycles(
@@ -158,12 +150,8 @@ def each_alone(
     ramp: float = 4.0, hold: float = 2.0, highest: float | None = None, on: Layout = SOPRA
 ) -> PlantManoeuvre:
     """Fill and vent each chamber alone."""
-    points, times = [on.vented], [0.0]
-    for chamber in range(on.chambers):
-        full = on.only(chamber) * (highest or on.highest)
-        points += [full, full, on.vented, on.vented]
-        times += [times[-1] + step for step in np.cumsum([ramp, hold, ramp, hold])]
-    return path("each_alone", np.array(points), np.array(times))
+    levels = [on.only(chamber) * (highest or on.highest) for chamber in range(on.chambers)]
+    return _filled("each_alone", levels, [ramp] * len(levels), hold, on)
 
 
 def co_contraction(
@@ -174,11 +162,19 @@ def co_contraction(
     each = [on.only(*group) for group in on.groups]
     together = np.ones(on.chambers)
     bent = 0.5 * together + 0.5 * on.only(on.groups[0][1 % len(on.groups[0])], on.groups[-1][-1])
+    levels = [highest * level for level in (*each, together, bent)]
+    return _filled("co_contraction", levels, [ramp] * len(levels), hold, on)
+
+
+def _filled(
+    name: str, levels: Sequence[Floats], ramps: Sequence[float], hold: float, on: Layout
+) -> PlantManoeuvre:
+    """Go to each level evenly, hold it, come back as fast, and stay vented as long."""
     points, times = [on.vented], [0.0]
-    for level in (*each, together, bent):
-        points += [highest * level, highest * level, on.vented, on.vented]
+    for level, ramp in zip(levels, ramps, strict=True):
+        points += [level, level, on.vented, on.vented]
         times += [times[-1] + step for step in np.cumsum([ramp, hold, ramp, hold])]
-    return path("co_contraction", np.array(points), np.array(times))
+    return path(name, np.array(points), np.array(times))
 
 
 def steps(
@@ -296,20 +292,9 @@ def pulled_taut(
 
     A second chamber of each segment is filled a little, so that the arm also moves across the cord.
     """
-    parts = []
     there = np.linspace(0.0, 1.0, samples(seconds))
     ramp = np.concatenate([there, there[::-1], np.zeros(samples(2.0))])
-    highest = highest or 0.9 * on.highest
-    for place, chamber in enumerate(on.groups[0]):
-        level = on.vented
-        level[_in_line(on, place)] = highest * rng.uniform(0.8, 1.0, len(on.groups))
-        beside = place + 1 + int(rng.integers(2))
-        level[_in_line(on, beside)] = 0.35 * highest * rng.uniform(0.0, 1.0, len(on.groups))
-        side = -on.azimuths[chamber]  # the hanging mount turns the base frame about x
-        direction = (float(np.cos(side)), float(np.sin(side)), 0.0)
-        pull = CordPull(section or on.sections[-1], 0, direction, np.zeros(2 * samples(seconds)), slack=0.002)
-        parts.append(PlantManoeuvre("", np.outer(ramp, level), (pull,)))
-    return chain("pulled_taut", *parts)
+    return _away("pulled_taut", rng, ramp, 2 * samples(seconds), 0.35, section, highest, on)
 
 
 def pulled_taut_steps(
@@ -321,20 +306,38 @@ def pulled_taut_steps(
     on: Layout = SOPRA,
 ) -> PlantManoeuvre:
     """Fill the chambers that bend the arm away from the gauge in steps, each held, from each side in turn."""
-    parts = []
     stairs = np.repeat(np.linspace(0.0, 1.0, levels + 1)[1:], samples(hold))
     ramp = np.concatenate([np.zeros(samples(1.0)), stairs, np.zeros(samples(3.0))])
-    highest = highest or 0.9 * on.highest
+    tied = samples(1.0) + len(stairs)
+    return _away("pulled_taut_steps", rng, ramp, tied, 0.0, section, highest, on)
+
+
+def _away(
+    name: str,
+    rng: Random,
+    ramp: Floats,
+    tied: int,
+    across: float,
+    section: str | None,
+    highest: float | None,
+    on: Layout,
+) -> PlantManoeuvre:
+    """Pull away from the gauge from each chamber's side in turn, with a cord that is tied for some samples.
+
+    Chambers beside those in line are filled by up to a share ``across``.
+    """
+    parts, highest = [], highest or 0.9 * on.highest
     for place, chamber in enumerate(on.groups[0]):
         level = on.vented
         level[_in_line(on, place)] = highest * rng.uniform(0.8, 1.0, len(on.groups))
+        if across:
+            beside = place + 1 + int(rng.integers(2))
+            level[_in_line(on, beside)] = across * highest * rng.uniform(0.0, 1.0, len(on.groups))
         side = -on.azimuths[chamber]  # the hanging mount turns the base frame about x
         direction = (float(np.cos(side)), float(np.sin(side)), 0.0)
-        pull = CordPull(
-            section or on.sections[-1], 0, direction, np.zeros(samples(1.0) + len(stairs)), slack=0.002
-        )
+        pull = CordPull(section or on.sections[-1], 0, direction, np.zeros(tied), slack=0.002)
         parts.append(PlantManoeuvre("", np.outer(ramp, level), (pull,)))
-    return chain("pulled_taut_steps", *parts)
+    return chain(name, *parts)
 
 
 def _in_line(on: Layout, place: int) -> list[int]:

@@ -6,6 +6,7 @@ on disk.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, cast
 
 import numpy as np
@@ -25,7 +26,7 @@ class Blas:
     """What a kernel needs to call BLAS.
 
     Args:
-        addresses: Addresses of dpotrf, dtrsm, dsyrk, dgemm, dtrsv, dgemv.
+        addresses: Addresses of dpotrf, dtrsm, dsyrk, dgemm, dtrsv, dgemv, dgetrf, dgetrs.
         letters: The option letters ``L``, ``N``, ``T``, ``R``, ``L``.
     """
 
@@ -33,10 +34,11 @@ class Blas:
     letters: Letters
 
 
+@cache
 def load_blas() -> Blas:
     """Look up the routines in scipy."""
-    names = ["dpotrf", "dtrsm", "dsyrk", "dgemm", "dtrsv", "dgemv"]
-    modules = ["lapack", *["blas"] * 5]
+    names = ["dpotrf", "dtrsm", "dsyrk", "dgemm", "dtrsv", "dgemv", "dgetrf", "dgetrs"]
+    modules = ["lapack", *["blas"] * 5, *["lapack"] * 2]
     addresses = [
         get_cython_function_address(f"scipy.linalg.cython_{module}", name)
         for module, name in zip(modules, names, strict=True)
@@ -177,3 +179,27 @@ def gemv(
     reals[0], reals[1] = -1.0, 1.0
     i, t, r = ints.ctypes.data, letters.ctypes.data, reals.ctypes.data
     call_address(blas[5], (t + transposed, i, i + 4, r, a, i + 8, x, i + 12, r + 8, y, i + 12))
+
+
+@compiled
+def solve_rows(
+    blas: Addresses,
+    letters: Letters,
+    matrix: NDArray[np.float64],
+    right: NDArray[np.float64],
+    ints: NDArray[np.int32],
+) -> None:
+    """Solve A x = b by LU factors; ``numpy.linalg.solve`` would take ten seconds to compile.
+
+    Args:
+        blas: Addresses.
+        letters: Option letters.
+        matrix: A, overwritten, shape (n, n).
+        right: One b per row, overwritten by the x, shape (columns, n). Not finite where A is singular.
+        ints: Memory, shape (3 + n,).
+    """
+    ints[0], ints[1] = matrix.shape[0], right.shape[0]
+    i, a, b = ints.ctypes.data, matrix.ctypes.data, right.ctypes.data
+    call_address(blas[6], (i, i, a, i, i + 12, i + 8))
+    # Row by row is the transposed matrix to LAPACK.
+    call_address(blas[7], (letters.ctypes.data + 2, i, i + 4, a, i, i + 12, b, i, i + 8))

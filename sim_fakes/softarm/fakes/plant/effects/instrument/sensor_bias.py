@@ -12,24 +12,31 @@ from softarm.fakes.plant.effects.places import azimuth
 
 @dataclass(frozen=True)
 class ReadingOffset:
-    """Add a constant: a rotation to an orientation, newtons to a gauge, pascals to a pressure."""
+    """Add a constant, or what grows from time 0: a rotation to an orientation, newtons to a gauge."""
 
     signal: str
     vector: Floats
     offset: float
+    grows: bool
 
-    def update(self, time: float, value: Floats) -> Floats:  # noqa: ARG002
+    def update(self, time: float, value: Floats) -> Floats:
         """Pass a reading through."""
+        share = time if self.grows else 1.0
         if self.signal in ("pose", "bend"):
-            return turned(self.signal, value, self.vector)
-        return value + self.offset
+            return turned(self.signal, value, share * self.vector)
+        return value + share * self.offset
+
+
+def offset_filter(signal: str, where: Where, angle: float, offset: float, *, grows: bool = False) -> Filter:
+    """Make a filter: an orientation is off by an angle about the axis of a place, a gauge by an offset."""
+    direction = azimuth(where)
+    vector = angle * np.array([np.cos(direction), np.sin(direction), 0.0])
+    return ReadingOffset(signal, vector, offset if angle != 0.0 else 0.0, grows)
 
 
 def make(signal: str, where: Where, numbers: Numbers) -> Filter:
     """Make the filter: an orientation is off by ``angle`` about ``axis``, a gauge by ``offset``."""
-    direction = azimuth(where)
-    vector = numbers["angle"] * np.array([np.cos(direction), np.sin(direction), 0.0])
-    return ReadingOffset(signal, vector, numbers["offset"] if numbers["angle"] != 0.0 else 0.0)
+    return offset_filter(signal, where, numbers["angle"], numbers["offset"])
 
 
 EFFECT = InstrumentEffect(
