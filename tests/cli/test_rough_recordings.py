@@ -59,7 +59,7 @@ REFUSED: dict[str, tuple[arm.Fault, Text, str]] = {
     "three chambers": (arm.three_chambers, unchanged, "chambers 0, 1, 2, the specimen 6"),
     "suction": (arm.scaled("pressure_", "_pa", -1.0), unchanged, "below that of the air"),
     "burst": (arm.scaled("pressure_", "_pa", 3.0), unchanged, "over its limit of 65"),
-    "no unit of time": (arm.in_milliseconds, unchanged, "say rate_hz"),
+    "no unit of time": (arm.in_milliseconds, unchanged, "set rate_hz"),
     "one row": (rows(1), unchanged, "1 samples"),
     "order": (reordered, unchanged, "goes back"),
     "repeated": (doubled, unchanged, "repeats"),

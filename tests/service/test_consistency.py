@@ -64,7 +64,11 @@ def test_what_fits_is_accepted(tmp_path):
 @pytest.mark.parametrize(
     ("parts", "place", "advice"),
     [
-        ({"valves": "maximum_pa = 200e3"}, "devices[0] (valves).maximum_pa", "the specimen bears 65000 Pa"),
+        (
+            {"valves": "maximum_pa = 200e3"},
+            "devices[0] (valves).maximum_pa",
+            "the specimen withstands 65000 Pa",
+        ),
         (
             {"valves": "chambers = [0, 1, 2, 3]"},
             "devices[0] (valves).chambers",

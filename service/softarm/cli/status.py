@@ -12,7 +12,7 @@ from softarm_client import Arm, Estimate, ServiceSilentError, State
 from softarm_client.messages import HealthFinding, LoadEstimate
 
 Row = dict[str, Cell]
-NO_ESTIMATE = "No estimate is published; the findings say why."
+NO_ESTIMATE = "No estimate is published; see the findings."
 
 
 @click.command()

@@ -85,7 +85,7 @@ def _valves(place: str, valves: ValveConfig, config: ServiceConfig, specimen: Sp
     for chamber, (most, limit) in enumerate(zip(valves.maximum, limits, strict=False)):
         if most > limit:
             yield (
-                f"{place}.maximum_pa: {most:g} Pa for chamber {chamber}, but the specimen bears "
+                f"{place}.maximum_pa: {most:g} Pa for chamber {chamber}, but the specimen withstands "
                 f"{limit:g} Pa; write at most that"
             )
     lifetime_s, deadline_s = config.safety.setpoint_lifetime_s, config.safety.valve_deadline_s

@@ -60,7 +60,7 @@ def status(state: State) -> str:
 
 def lost_service(age_s: float, state: State | None) -> str:
     """Write for how long the service has not been heard."""
-    since = "has not been heard yet" if np.isinf(age_s) else f"was not heard for {age_s:.1f} s"
+    since = "has sent nothing yet" if np.isinf(age_s) else f"has sent nothing for {age_s:.1f} s"
     last = "" if state is None else f" Its last mode was {plain(state.mode)}. What is grey is old."
     words = f'<div class="mode fault">NO SERVICE</div>The service {since}.{last} Only STOP can be pressed.'
     return reading("status", words)

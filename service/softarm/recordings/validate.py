@@ -134,7 +134,7 @@ def _check_pressure_unit(source: str, recording: Recording) -> None:
             raise InputError(
                 f"{source}, column {name}",
                 f"the pressures reach only {largest:.4g}, which cannot be Pa of an actuated arm",
-                "multiply by 1000 if kPa, by 100 if mbar; if Pa, say pressure_unit = 'Pa' in recording.toml",
+                "multiply by 1000 if kPa, by 100 if mbar; if Pa, set pressure_unit = 'Pa' in recording.toml",
             )
 
 

@@ -68,10 +68,12 @@ class Diagnostics:
         """Report every part; all of them as stale when the service is not heard."""
         state, age_s = self._state, self._clock() - self._heard_s
         if state is None:
-            return self._message([Status("service", STALE, "nothing heard from the service")], time.time_ns())
+            return self._message(
+                [Status("service", STALE, "nothing received from the service")], time.time_ns()
+            )
         now_ns = state.stamp.unix_ns + round(age_s * 1e9)
         if age_s > STALE_S:
-            what = f"nothing heard from the service for {age_s:.1f} s"
+            what = f"nothing received from the service for {age_s:.1f} s"
             return self._message([Status(part, STALE, what) for part in self._parts or ("service",)], now_ns)
         found = {status.part: status for status in self._statuses(state)}
         self._parts |= dict.fromkeys(found)

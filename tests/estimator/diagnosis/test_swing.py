@@ -34,7 +34,7 @@ def with_compliance(stage: Stage, factor: float, samples: slice) -> Stage:
 def test_an_unstable_stretch_does_not_unsettle_the_swing(stage: Stage) -> None:
     unstable = with_compliance(stage, -1.0, slice(60, 120))
     _, notes = fit_swing([unstable], MASSES)
-    assert not any("no swing was fitted" in note for note in notes)
+    assert not any("no vibration was fitted" in note for note in notes)
     swing = Swing(1.0, (2.0, 0.002), 0.03, 0.1, 2.0)
     usual = np.abs(swinging(stage, swing, MASSES).drive.couples).max()
     assert np.abs(swinging(unstable, swing, MASSES).drive.couples).max() < 10.0 * usual
@@ -43,7 +43,7 @@ def test_an_unstable_stretch_does_not_unsettle_the_swing(stage: Stage) -> None:
 def test_no_swing_is_fitted_without_a_stiffness(stage: Stage) -> None:
     swing, notes = fit_swing([with_compliance(stage, np.nan, slice(None))], MASSES)
     assert swing is None
-    assert notes == ("run: no swing was fitted, since the model's stiffness is not known along it.",)
+    assert notes == ("run: no vibration was fitted, since the model's stiffness is not known along it.",)
 
 
 def test_a_swing_is_found_with_its_mass_and_its_delay(stage: Stage) -> None:

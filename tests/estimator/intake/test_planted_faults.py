@@ -60,7 +60,7 @@ REFUSED = {
     "no base, mirrored": (arm.both(arm.scaled("", "_y_m", -1.0), arm.without_base), "mirrored frame"),
     "suction": (arm.scaled("pressure_", "_pa", -1.0), "below that of the air; turn its sign"),
     "three of six chambers": (arm.three_chambers, "has chambers 0, 1, 2, the specimen 6"),
-    "time without a unit": (arm.in_milliseconds, "t_s rises by 50 .* say rate_hz"),
+    "time without a unit": (arm.in_milliseconds, "t_s rises by 50 .* set rate_hz"),
 }
 EVENTS = {
     "hand": (arm.touched(40.0), 40.0, 43.0),

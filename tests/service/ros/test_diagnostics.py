@@ -109,6 +109,6 @@ def test_a_silent_service_makes_every_part_stale_on_the_arm_s_clock(diagnostics,
     clock.now_s += STALE_S + 1.5
     stale = report(diagnostics)
     assert set(stale) == set(healthy)
-    assert {part[:2] for part in stale.values()} == {("STALE", "nothing heard from the service for 2.0 s")}
+    assert {part[:2] for part in stale.values()} == {("STALE", "nothing received from the service for 2.0 s")}
     stamp = diagnostics.report().message.header.stamp
     assert stamp.sec * 10**9 + stamp.nanosec == BEGIN_NS + MILLISECOND_NS + 2 * 10**9

@@ -305,7 +305,7 @@ def _notes(search: Search) -> list[str]:
     if search.evidence.fitted.layout.of(Area).any():
         return [
             "No nominal recording was given and the specimen was never calibrated: moduli, and the areas "
-            "that pressures push on, were calibrated on these recordings, so changes of them cannot be told."
+            "that pressures push on, were calibrated on these recordings, so no change of them is sought."
         ]
     return ["No nominal recording was given, so the reference is the specimen itself."]
 

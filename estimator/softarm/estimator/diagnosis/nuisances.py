@@ -81,7 +81,7 @@ class Nuisances:
                     size = f"{np.exp(value - unknown.mean):.3g} times what the specimen says"
                 found.append(
                     f"The calibration found {unknown.name} at {size}, {abs(deviations):.1f} standard "
-                    "deviations off what was known: specimen or recording is not what it is said to be."
+                    "deviations off the prior: the specimen or the recording is not the one that was named."
                 )
         return tuple(found)
 

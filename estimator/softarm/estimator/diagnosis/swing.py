@@ -55,7 +55,7 @@ class Swing:
     def tell(self) -> str:
         """Describe it in one plain sentence."""
         return (
-            f"The arm swings in these recordings; the model swings too, at a lowest frequency of "
+            f"The arm vibrates in these recordings; so does the model, at a lowest frequency of "
             f"{self.frequency:.1f} Hz, with {self.mass:.2f} times the weighed masses."
         )
 
@@ -69,7 +69,7 @@ def fit_swing(stages: Sequence[Stage], masses: Masses) -> tuple[Swing | None, tu
     driven = [stage for stage in stages if stage.session.step <= LONGEST_STEP and _driven(stage)]
     quick = [stage for stage in driven if _bounded(stage, masses)]
     notes = tuple(
-        f"{stage.session.name}: no swing was fitted, since the model's stiffness is not known along it."
+        f"{stage.session.name}: no vibration was fitted, since the model's stiffness is not known along it."
         for stage in driven
         if not any(stage is one for one in quick)
     )

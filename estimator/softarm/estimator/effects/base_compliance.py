@@ -22,7 +22,7 @@ EFFECT = Effect(
     parameters=(ParameterSpec("compliance", "rad/(N m)", 0.05, 0.0, 5.0, spread=0.2),),
     places=everywhere,
     act=act,
-    statement="The mount yields: it turns by {compliance} of moment on it.",
+    statement="The mount is compliant: it rotates by {compliance} of moment on it.",
     source="Linear elasticity",
     equivalence=("weight",),
     needs=frozenset({"mount_turned"}),

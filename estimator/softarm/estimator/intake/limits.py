@@ -39,7 +39,7 @@ def over_limit(
     stretches = _stretches(recording, above)
     what = f"{'; '.join(words)} for {above.mean():.0%} of the time"
     if above.mean() > MOST:
-        cure = "raise pressure_limit_pa in the specimen if the arm bears it, or give another specimen"
+        cure = "raise pressure_limit_pa in the specimen if the arm withstands it, or give another specimen"
         return stretches, (RecordingFault(recording.name, "limit", ("pressures",), what, cure, mended=False),)
     listed = ", ".join(f"{begin:.1f} to {end:.1f} s" for begin, end in stretches[:5])
     more = f" and {len(stretches) - 5} more" if len(stretches) > 5 else ""

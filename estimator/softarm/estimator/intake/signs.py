@@ -54,8 +54,8 @@ def _pull_signs(recording: Recording) -> tuple[Recording, tuple[RecordingFault, 
         push, pull = -float(np.percentile(seen, 0.5)), float(np.percentile(seen, 99.5))
         if push > PULL and push > SIGN * max(pull, 0.0):
             columns[f"gauge_{name}_n"] = -force
-            what = f"gauge {name} reads {-push:.3g} N at most, as if its cord pushed: its sign is turned"
+            what = f"gauge {name} reads {-push:.3g} N at most, as if its cord pushed: its sign is reversed"
             found.append(
-                RecordingFault(recording.name, "sign", (f"gauge_{name}_n",), what, "turned for this run")
+                RecordingFault(recording.name, "sign", (f"gauge_{name}_n",), what, "reversed for this run")
             )
     return (replace(recording, columns=columns), tuple(found)) if found else (recording, ())

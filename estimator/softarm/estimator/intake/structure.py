@@ -39,7 +39,7 @@ def misfit(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, ..
     cure = (
         f"give --specimen {named}"
         if isinstance(named, str) and named != specimen.name
-        else f"say specimen = {specimen.name!r} in recording.toml if the others stayed vented, or give the "
+        else f"set specimen = {specimen.name!r} in recording.toml if the others stayed vented, or give the "
         "specimen that was recorded"
         if not declared and fewer
         else "give the specimen that was recorded, or remove the columns"

@@ -30,6 +30,6 @@ def mend_time(recording: Recording, specimen: Specimen) -> tuple[Recording, tupl
                 return replace(recording, time=time), (mended,)
     elif step > LONGEST_STEP:
         what = f"t_s rises by {step:.4g} from sample to sample, too slow for seconds"
-        cure = "convert it to seconds, or say rate_hz in recording.toml"
+        cure = "convert it to seconds, or set rate_hz in recording.toml"
         return recording, (RecordingFault(recording.name, "unit", ("t_s",), what, cure, mended=False),)
     return recording, ()

@@ -110,7 +110,7 @@ def _pressures_and_bends(
     columns, words = _named(recording, found)
     if not choice.unambiguous:
         other = "; ".join(_named(recording, choice.second.what)[1]) or "pascals and radians as named"
-        cure = f"convert the columns, or say pressure_unit = 'Pa' (odds only {choice.odds:.0f})"
+        cure = f"convert the columns, or set pressure_unit = 'Pa' (odds only {choice.odds:.0f})"
         return recording, (
             RecordingFault(
                 recording.name, "unit", columns, f"{'; '.join(words)}, or {other}", cure, False, choice.odds

@@ -218,8 +218,8 @@ def sessions_of(
         release = find_release(prepared.session, ring)
         if release is not None:
             notes.append(
-                f"{recording.name}: let go at {release.time:.2f} s and swings at {ring:.2f} Hz; judged "
-                "after the swing has died away."
+                f"{recording.name}: released at {release.time:.2f} s and vibrates at {ring:.2f} Hz; "
+                "only what follows the vibration is used."
             )
         session = release.session if release else prepared.session
         native.append(session)

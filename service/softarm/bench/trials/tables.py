@@ -51,7 +51,7 @@ def summary(scores: Sequence[Score]) -> Table:
         "Sealed trials",
         rows,
         (
-            "Named: a finding bears the concealed name. In the set: it bears it or lists it among what "
+            "Named: a finding has the concealed name. In the set: it has it or lists it among what "
             "the data cannot distinguish from it. Interval: Wilson, 95 %.",
             "Motion: as the answers say; designed runs are manoeuvres that distinguish effects. A trial that "
             "ended without a report named nothing. Identifiable: all but leaks, which in short lines are "
