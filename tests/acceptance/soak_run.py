@@ -27,9 +27,6 @@ from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError
 from softarm_client.messages import Message, State
 
-FAULT_EVERY_S = 5.0
-VISITOR_EVERY_S = 4.0
-RECORDING_S = 8.0
 READER_NICER = 19
 """Recordings are read while the next one is written, by a process that gives way to all others."""
 SETTLE_SHARE = 0.2
@@ -64,12 +61,18 @@ class SoakSettings:
         seconds: How long.
         model: What the estimator runs on.
         seed: Of faults and clients.
+        fault_every_s: Time from one fault to the next [s].
+        visitor_every_s: Time from one short-lived client to the next [s].
+        recording_s: Length of a recording [s].
     """
 
     folder: Path
     seconds: float
     model: str
     seed: int
+    fault_every_s: float = 5.0
+    visitor_every_s: float = 4.0
+    recording_s: float = 8.0
 
 
 @dataclass(frozen=True)
@@ -179,7 +182,7 @@ class Soak:
             self._advance(time.monotonic() - now)
 
     def _strike(self, fakes: FakeControl, dice: random.Random) -> None:
-        while not self._stop.wait(FAULT_EVERY_S):
+        while not self._stop.wait(self._settings.fault_every_s):
             device, fault = dice.choice(FAULTS)
             fakes.ask("fault", device=device, fault=fault, for_s=dice.uniform(0.5, 2.0))
             self._tally.faults += 1
@@ -187,7 +190,7 @@ class Soak:
     def _visit(self, rig: FakeRig, dice: random.Random) -> None:
         visitors: list[subprocess.Popen[bytes]] = []
         with contextlib.ExitStack() as stack:
-            while not self._stop.wait(VISITOR_EVERY_S):
+            while not self._stop.wait(self._settings.visitor_every_s):
                 visitors = [visitor for visitor in visitors if visitor.poll() is None]  # leaves no dead one
                 stay_s = dice.uniform(3.0, 8.0)
                 words = [sys.executable, "-c", VISITOR, rig.settings.arm, rig.settings.endpoint, f"{stay_s}"]
@@ -212,7 +215,7 @@ class Soak:
             verb, fields = _next(self._last, dice)
             self._ask(client, verb, **fields)
             if time.monotonic() > record_at:
-                record_at = time.monotonic() + RECORDING_S
+                record_at = time.monotonic() + self._settings.recording_s
                 self._ask(client, "record/stop", timeout_s=10.0)
                 self._ask(client, "record/start", name="soak")
         self._ask(client, "record/stop", timeout_s=20.0)

@@ -1,16 +1,17 @@
-"""Twenty seconds of faults, stalled clients and recordings beside a running service."""
+"""Twelve seconds of faults, stalled clients and recordings beside a running service."""
 
 import pytest
 
 from acceptance.soak_run import Soak, SoakSettings
 
 pytestmark = pytest.mark.timeout(240)
-SECONDS = 20.0
+SECONDS = 12.0
 GROWTH_PERCENT = 10.0
 
 
-def test_twenty_seconds_lose_no_reply_and_leaves_every_recording_readable(tmp_path):
-    figures = Soak(SoakSettings(tmp_path, SECONDS, "fem", 1), lambda _: None).run().figures
+def test_twelve_seconds_lose_no_reply_and_leave_every_recording_readable(tmp_path):
+    often = {"fault_every_s": 3.0, "visitor_every_s": 2.5, "recording_s": 5.0}
+    figures = Soak(SoakSettings(tmp_path, SECONDS, "fem", 1, **often), lambda _: None).run().figures
     assert (figures["replies_lost"], figures["recordings_unreadable"]) == (0, 0), figures
     assert figures["service_ended"] == "no"
     assert figures["recordings"] >= 2

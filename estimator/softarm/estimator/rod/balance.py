@@ -79,20 +79,9 @@ def settle(
     tolerance: float,
     iterations: int,
 ) -> tuple[int, float]:
-    """Bring the strains so near to equilibrium that one more Newton step ends there.
+    """Bring the strains so near to equilibrium that one more Newton step ends there; see ``respond``.
 
-    Args:
-        length: Rest lengths of the links [m], shape (links,).
-        actions: Where loads act.
-        laws: Link laws.
-        drive: Pressures and loads.
-        work: Strains to begin with and clamp are given; all is brought to the last iterate.
-        gap: Filled with law + free - strain at the last iterate, shape (6 links,).
-        tolerance: Largest gap of a strain [rad, or share of its link's length] to stop at.
-        iterations: Largest number of linearisations.
-
-    Returns:
-        Number of linearisations, negative when it failed, and the last gap.
+    ``gap``, shape (6 links,), is filled with law + free - strain at the last iterate.
     """
     links = len(length)
     size, move = np.inf, np.empty((1, 6 * links))
@@ -245,7 +234,7 @@ def respond(
         shapes: Free strains of the links whose effect is wanted, shape (6 links, shapes).
         stations: Station of each point, 0 for the clamp, shape (points,).
         offsets: Offset of each point in its station's frame [m], shape (points, 3).
-        tolerance: Largest gap of a strain to stop at.
+        tolerance: Largest gap of a strain [rad, or share of its link's length] to stop at.
         iterations: Largest number of linearisations.
         work: Strains to begin with and clamp are given; all is brought to equilibrium.
         places: Filled with the points [m], shape (points, 3).
