@@ -9,7 +9,7 @@ import click
 from softarm.cli.output import json_option, progress, say, show
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.common.tables import Table
-from softarm.experiments.rig import FakeRig, Process, RigSettings
+from softarm.experiments.rig import PATIENCE, FakeRig, Process, RigSettings
 
 TOLERANCE_PERCENT = 2.0
 
@@ -35,7 +35,8 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
     from softarm.experiments.force import ForceSettings, summary
     from softarm.experiments.session import connect, force_on_fakes, plot_force
 
-    settings = RigSettings(DEMO_SCENARIO, specimen=str(fake_specimen()), forces_on=("tip",))
+    specimen = str(fake_specimen())
+    settings = RigSettings(DEMO_SCENARIO, specimen=specimen, forces_on=("tip",), patience=PATIENCE)
     force = ForceSettings()
     # Not blocked: the children would inherit that, and could not be asked to end.
     signal.signal(signal.SIGTERM, signal.default_int_handler)

@@ -113,13 +113,14 @@ def _connect(
     specimen: str | None,
 ) -> "Arm":
     """Connect to the arm's service; without an arm, to one on fakes that ends with the command."""
-    from softarm.experiments.rig import FakeRig, RigSettings
+    from softarm.experiments.rig import PATIENCE, FakeRig, RigSettings
     from softarm.experiments.session import connect, wait_ready
     from softarm_client import Arm
 
     if arm is not None:
         return stack.enter_context(Arm(arm, endpoint, "softarm excite", zenoh_config))
-    settings = RigSettings(DEMO_SCENARIO, specimen=specimen or str(fake_specimen()), endpoint=endpoint)
+    chosen = specimen or str(fake_specimen())
+    settings = RigSettings(DEMO_SCENARIO, specimen=chosen, endpoint=endpoint, patience=PATIENCE)
     say("starting the simulated instruments and the service; the estimator needs half a minute or more")
     client = stack.enter_context(connect(stack.enter_context(FakeRig(settings, out))))
     wait_ready(client)

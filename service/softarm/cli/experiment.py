@@ -49,9 +49,8 @@ def _common(command: Command) -> Command:
         click.option(
             "--seeds",
             type=click.IntRange(1, 20),
-            default=1,
-            show_default=True,
-            help="Number of simulated arms.",
+            help="With --fake: number of simulated arms, each with tolerances of its own, and calibrated "
+            "first unless --specimen is given. By default the demo's arm alone.",
         ),
         click.option(
             "--jobs", type=click.IntRange(1), help="Number of processes; by default one per processor."
@@ -112,7 +111,7 @@ def everything(write: Path | None, force: bool, **options: Any) -> int:
         raise click.UsageError(
             "`all` runs on simulated arms only: give --fake; with --arm, run each experiment on its own"
         )
-    options["recorded"] = True
+    options |= {"recorded": True, "seeds": options["seeds"] or 1}
     return _run("all", write=write, **options)
 
 
@@ -125,7 +124,7 @@ def _run(
     zenoh_config: Path | None,
     recorded: bool,
     scenario: Path | None,
-    seeds: int,
+    seeds: int | None,
     jobs: int | None,
     specimen: str | None,
     out: Path,
@@ -142,8 +141,10 @@ def _run(
     if not recorded:
         from softarm.experiments.live import LiveRigSettings
 
-        bench = LiveRigSettings(out, arm, endpoint, specimen, scenario, zenoh_config)
-        return _live(name, bench, as_json=as_json)
+        if seeds is not None and not fake:
+            raise click.UsageError("--seeds needs --fake")
+        bench = LiveRigSettings(out, arm, endpoint, specimen, scenario, zenoh_config=zenoh_config)
+        return _live(name, bench, seeds, as_json=as_json)
     return _recorded(
         name,
         seeds=seeds,
@@ -159,7 +160,7 @@ def _run(
 def _recorded(
     name: str,
     *,
-    seeds: int,
+    seeds: int | None,
     jobs: int | None,
     specimen: str | None,
     out: Path,
@@ -180,12 +181,13 @@ def _recorded(
     from softarm.experiments.seed import SeedPlan
 
     chosen = EXPERIMENTS if name == "all" else (name,)
+    numbers = range(1) if seeds is None else range(1, seeds + 1)
     plans = [
         SeedPlan(number, out / f"seed{number}", chosen, calibrated=specimen, resume=resume)
-        for number in range(1, seeds + 1)
+        for number in numbers
     ]
-    with progress(f"experiment {name}", float(seeds)) as advance:
-        results = run_campaign(plans, jobs or default_jobs(seeds), lambda: advance(1))
+    with progress(f"experiment {name}", float(len(plans))) as advance:
+        results = run_campaign(plans, jobs or default_jobs(len(plans)), lambda: advance(1))
     tables = (summary(results), *tables_of(results))
     show(*(table for table in tables if table.rows), as_json=as_json)
     write_json(results, out / f"{name}.json")
@@ -193,7 +195,7 @@ def _recorded(
     for path in plot_results(results, out / "plots"):
         say(f"wrote {path}")
     if write is not None:
-        write.write_text(experiments_page(tables, seeds))
+        write.write_text(experiments_page(tables, len(plans)))
         say(f"wrote {write}")
     failed = sorted({f"{failure} of seed {r.number}" for r in results for failure in r.failed})
     if failed:
@@ -201,9 +203,9 @@ def _recorded(
     return int(bool(failed))
 
 
-def _live(name: str, settings: "LiveRigSettings", *, as_json: bool) -> int:
+def _live(name: str, settings: "LiveRigSettings", seeds: int | None, *, as_json: bool) -> int:
     from softarm.estimator.calibration import CalibrationRefusedError
-    from softarm.experiments.live_tables import run_live
+    from softarm.experiments.live_tables import Talk, run_live, run_live_arms
 
     def ask(sentence: str) -> None:
         click.prompt(f"{sentence} Press Enter", default="", show_default=False, err=True)
@@ -212,14 +214,18 @@ def _live(name: str, settings: "LiveRigSettings", *, as_json: bool) -> int:
         say("starting the simulated instruments and the service; the estimator needs half a minute or more")
     try:
         with progress(f"experiment {name}") as advance:
-            tables = run_live(name, settings, seed=1, ask=ask, tell=say, advance=lambda: advance(1))
+            talk = Talk(ask, say, lambda: advance(1))
+            if seeds is None:
+                tables, _ = run_live(name, settings, 1, talk)
+            else:
+                tables = run_live_arms(name, settings, seeds, talk)
     except CalibrationRefusedError as refusal:
         say(f"softarm: {refusal}")
         return 1
     out = settings.out
     show(*tables, as_json=as_json)
     (out / f"{name}.md").write_text(as_markdown(*tables) + "\n")
-    if name == "calibrate":
+    if name == "calibrate" and seeds is None:
         say(f"wrote {out / 'specimen.toml'}")
     say(f"wrote {out / f'{name}.json'}, {name}.md and plots in the same folder")
     return 0

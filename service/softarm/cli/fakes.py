@@ -39,11 +39,20 @@ from softarm.recordings.files import refuse_existing
     help="Write a service's configuration that fits these instruments, once they are ready.",
 )
 @click.option("--specimen", metavar="S", help="Specimen whose arm to simulate; SoPrA when left out.")
+@click.option(
+    "--variant", type=click.IntRange(0), metavar="N", help="Simulate arm N of its drawing, with tolerances."
+)
 @force_option
 @click.option("--faults", "list_faults", is_flag=True, help="List the faults of each device and exit.")
 @json_option
 def command(
-    scenario: str, config: Path | None, specimen: str | None, force: bool, list_faults: bool, as_json: bool
+    scenario: str,
+    config: Path | None,
+    specimen: str | None,
+    variant: int | None,
+    force: bool,
+    list_faults: bool,
+    as_json: bool,
 ) -> None:
     """Start simulated instruments, each on a real TCP port or pty, until Ctrl-C.
 
@@ -58,6 +67,8 @@ def command(
     checked = read_scenario(scenario)
     if specimen is not None:
         checked = playing(checked, specimen)
+    if variant is not None:
+        checked = checked.model_copy(update={"plant": checked.plant.model_copy(update={"variant": variant})})
     if list_faults:
         show(_faults_table(checked), as_json=as_json)
         return

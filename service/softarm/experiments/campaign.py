@@ -111,7 +111,7 @@ def tables_of(results: Iterable[SeedResult]) -> tuple[Table, ...]:
     return tuple(tables)
 
 
-def summary(results: Iterable[SeedResult]) -> Table:
+def summary(results: Iterable[SeedResult], way: str = WAY) -> Table:
     """Say for each aim what came out over all seeds, and whether it is met."""
     results, rows = tuple(results), list[Cells]()
     joined = [row for result in results for rows in result.tables.values() for row in rows]
@@ -138,7 +138,7 @@ def summary(results: Iterable[SeedResult]) -> Table:
             }
         )
     failures = [f"Seed {r.number}: {note}" for r in results for note in r.notes if FAILED in note]
-    return Table("Aims", rows, ("Mean error over each run, then over the seeds.", WAY, *failures))
+    return Table("Aims", rows, ("Mean error over each run, then over the seeds.", way, *failures))
 
 
 def _share(rows: Sequence[Cells]) -> float | None:

@@ -11,11 +11,11 @@ from softarm.analysis.offline.track import Track, Waypoints, track
 from softarm.estimator.arm import default_loads
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration import CalibrationRun, arrange, section_forces
-from softarm.estimator.calibration.scatter import scatter_in
 from softarm.estimator.fem import FiniteElementState
 from softarm.estimator.inverse import ContactProfile
 from softarm.estimator.model import Load
 from softarm.estimator.recording import Recording
+from softarm.estimator.sensing import ModelError, widened
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
 from softarm.experiments.figures import Cells, beside, error_figures, inside
@@ -103,7 +103,7 @@ def follow_pull(
     """
     run = case.run
     sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, rate)
-    slow = subset(sampled, sensors, scatter_in(case.specimen, sampled))
+    slow = subset(sampled, sensors)
     pull = pull_of(case.recording, case.specimen, slow)
     model = tracking_model(
         case.specimen, default_loads(case.specimen, (pull.section,)) if loads is None else loads
@@ -153,7 +153,7 @@ def axial_rows(case: PullCase, *, at_rest: bool = False, advance: Advance = lamb
     """Estimate force along the arm's axis and torque about it from poses; the cord gives no torque."""
     run = case.run
     sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, RATE_HZ)
-    slow = subset(sampled, "poses", scatter_in(case.specimen, sampled))
+    slow = subset(sampled, "poses")
     pull = pull_of(case.recording, case.specimen, slow)
     model = tracking_model(case.specimen, wrench_loads(case.specimen, pull.section))
     found = track(model, case.specimen, slow, advance, waypoints=case.waypoints)
@@ -187,7 +187,7 @@ def location_rows(case: PullCase, looks: int = 6, advance: Advance = lambda _: N
     """Find where along the arm the cord pulls, from poses, at the strongest steady pulls."""
     run = case.run
     sampled = at_looks(run, look_windows(case.recording))
-    slow = subset(sampled, "fused", scatter_in(case.specimen, sampled))
+    slow = subset(sampled, "fused")
     pull = pull_of(case.recording, case.specimen, slow)
     strength = np.linalg.norm(pull.force, axis=1) * pull.tied
     strength[~np.isfinite(slow.readings).all(axis=1)] = 0.0
@@ -198,6 +198,7 @@ def location_rows(case: PullCase, looks: int = 6, advance: Advance = lambda _: N
     top = case.specimen.sections[-1].frame_origin_m[2]
     heights = np.linspace(low + 0.02, top, CANDIDATES)
     profile = ContactProfile(heights)
+    suite = widened(slow.suite, ModelError.of(case.specimen.calibration.scatter).vented.scatter)
     model, pushed = (tracking_model(case.specimen, (*loads, *more)) for more in ((), profile.loads))
     moments = slow.time[sorted({0, *chosen})]
     errors: list[float] = []
@@ -209,7 +210,7 @@ def location_rows(case: PullCase, looks: int = 6, advance: Advance = lambda _: N
         found = profile.place(
             stretched(pushed, case.specimen),
             FiniteElementState(estimate.state.displacement, inputs),
-            slow.suite,
+            suite,
             slow.readings[sorted(chosen)[index]],
             estimate,
             np.zeros(len(loads)),

@@ -1,7 +1,7 @@
 """The experiments live over zenoh: manoeuvres through the client, a recording through the service."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,7 +16,7 @@ from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Specimen, load_specimen
 from softarm.experiments.excitation import specimen_of_arm
 from softarm.experiments.operator import ExperimentOperator, FakeOperator, Person
-from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
+from softarm.experiments.rig import PATIENCE, FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl, laboratory_of, ramp_pressures
 from softarm.experiments.session import connect, recorded, wait_ready
 from softarm.recordings import load_recording
@@ -24,10 +24,23 @@ from softarm_client import Arm
 from softarm_client.session import DEFAULT_ENDPOINT
 
 LIFETIME_S = 5.0
-PATIENCE = 5.0
-"""With devices that share the machine with everything else."""
 GAUGE_S = 5.0
 """How long a gauge may take to send its first reading."""
+
+
+@dataclass(frozen=True)
+class HookPlace:
+    """Where the gauge's hook was from a time on.
+
+    Args:
+        since_s: Time since the recording began [s].
+        told_m: Where whoever moved it was told to put it, in the base frame [m], NaN while the cord is off.
+        measured_m: Where it was measured to be in the laboratory [m].
+    """
+
+    since_s: float
+    told_m: Floats
+    measured_m: Floats | None = None
 
 
 @dataclass
@@ -39,15 +52,14 @@ class LiveRig:
         operator: Moves gauge and hand.
         specimen: What the service runs on.
         advance: Called after each step.
-        hooks: Where the gauge's hook was: time since the recording began [s], and place in the base frame,
-            NaN while the cord is off.
+        hooks: Where the gauge's hook was, from when on.
     """
 
     client: Arm
     operator: ExperimentOperator
     specimen: Specimen
     advance: Callable[[], None] = lambda: None
-    hooks: list[tuple[float, Floats]] = field(default_factory=list)
+    hooks: list[HookPlace] = field(default_factory=list)
     _began: float = 0.0
     _pressures: Floats = field(default_factory=lambda: np.zeros(0))
 
@@ -110,13 +122,13 @@ class LiveRig:
 
     def tie(self, section: str, hook: Floats, length: float) -> None:
         """Tie the cord, or move the gauge."""
-        self.operator.tie(section, hook, length)
-        self.hooks.append((self.now, hook.copy()))
+        measured = self.operator.tie(section, hook, length)
+        self.hooks.append(HookPlace(self.now, hook.copy(), measured))
 
     def untie(self) -> None:
         """Take the cord off."""
         self.operator.untie()
-        self.hooks.append((self.now, np.full(3, np.nan)))
+        self.hooks.append(HookPlace(self.now, np.full(3, np.nan)))
 
     @contextmanager
     def recording(self, name: str) -> Iterator[list[str]]:
@@ -137,21 +149,21 @@ class LiveRig:
         return with_hooks(load_recording(Path(path)), self.hooks, section)
 
 
-def with_hooks(recording: Recording, hooks: list[tuple[float, Floats]], section: str) -> Recording:
+def with_hooks(recording: Recording, hooks: Sequence[HookPlace], section: str) -> Recording:
     """Add the hook of the gauge to a recording, as a marker in the laboratory frame.
 
     Args:
         recording: What the service recorded.
-        hooks: Times [s] and places in the base frame [m], NaN while the cord is off.
+        hooks: Where it was.
         section: Section that the cord was tied to.
     """
     if not hooks:
         return recording
-    times = np.array([moment for moment, _ in hooks])
-    places = np.array([place for _, place in hooks])
+    to_laboratory = base_to_laboratory(recording)
+    times = np.array([hook.since_s for hook in hooks])
+    places = np.array([to_laboratory(h.told_m) if h.measured_m is None else h.measured_m for h in hooks])
     last = np.searchsorted(times, recording.time, side="right") - 1
     path = np.where(last[:, None] >= 0, places[np.maximum(last, 0)], np.nan)
-    path = base_to_laboratory(recording)(path)
     columns = {f"marker_hook_{axis}_m": path[:, index] for index, axis in enumerate("xyz")}
     return replace(
         recording,
@@ -181,6 +193,7 @@ class LiveRigSettings:
         specimen: Specimen of the fakes' service, and what a served arm's figures rest on; that of the service
             when left out.
         scenario: Scenario of the fakes; that of the demo when left out.
+        variant: Which arm the fakes draw; that of the scenario when left out.
         zenoh_config: JSON5 file with credentials for the service.
     """
 
@@ -189,6 +202,7 @@ class LiveRigSettings:
     endpoint: str | None = None
     specimen: str | None = None
     scenario: Path | None = None
+    variant: int | None = None
     zenoh_config: Path | None = None
 
 
@@ -217,6 +231,7 @@ def live_rig(
                 specimen=chosen,
                 endpoint=endpoint or free_endpoint(),
                 sensors=sensors,
+                variant=settings.variant,
                 patience=PATIENCE,
             )
             rig = stack.enter_context(FakeRig(started, settings.out / "rig"))

@@ -1,7 +1,7 @@
 """Live experiments and their tables: run through the service, recorded by it, judged as recorded runs are."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from softarm.estimator.calibration.complaints import complaints
 from softarm.estimator.recording import Recording
 from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.specimen import Specimen, save_specimen
-from softarm.experiments.campaign import tables_of, write_json
+from softarm.experiments.campaign import summary, tables_of, write_json
 from softarm.experiments.force_rows import PullCase, along_cord_row, follow_pull
 from softarm.experiments.holds import hold_windows, means
 from softarm.experiments.live import LiveRig, LiveRigSettings, live_rig
@@ -36,45 +36,81 @@ from softarm.recordings import save_recording
 
 LOOK_S = 0.5
 NODES = 90
+DRAWING = "sopra"
+SPECIMEN = "specimen.toml"
 PULLED = ("calibrate", "force")
 SAME = ("seed", "sensors", "unknown_loads", "paper_mean_n", "paper_max_n")
 WAY = "Live over zenoh; figures are of the service's recording, by the service's own estimator."
 
 
-def run_live(
-    name: str,
-    settings: LiveRigSettings,
-    *,
-    seed: int,
-    ask: Callable[[str], None],
-    tell: Callable[[str], None],
-    advance: Callable[[], None],
-) -> tuple[Table, ...]:
-    """Run one experiment live and give its tables; recordings, plots and JSON go to a folder.
+@dataclass(frozen=True)
+class Talk:
+    """How a live experiment talks to whoever started it.
 
     Args:
-        name: ``calibrate``, ``validate``, ``teach`` or ``force``.
-        settings: Where it runs.
-        seed: Of the random poses.
         ask: Tells a person what to do and returns when it is done.
         tell: Takes what was written before the rest is done.
         advance: Called after each step.
     """
+
+    ask: Callable[[str], None]
+    tell: Callable[[str], None]
+    advance: Callable[[], None]
+
+
+def run_live_arms(name: str, settings: LiveRigSettings, count: int, talk: Talk) -> tuple[Table, ...]:
+    """Run one experiment on several fake arms, each calibrated first as in a laboratory; join the tables.
+
+    Args:
+        name: ``validate``, ``teach`` or ``force``; or ``calibrate``, which is then all that is done.
+        settings: Where; each arm has a folder of its own in that of ``settings``.
+        count: Number of arms; they are drawn with tolerances of their own.
+        talk: Whom to tell.
+    """
+    results, tables = list[SeedResult](), list[Table]()
+    for number in range(1, count + 1):
+        own = replace(settings, out=settings.out / f"seed{number}", variant=number)
+        if settings.specimen is None and name != "calibrate":
+            run_live("calibrate", own, number, talk)
+            own = replace(own, specimen=str(own.out / SPECIMEN))
+        found, result = run_live(name, own, number, talk)
+        results.append(result)
+        tables += found
+    if name == "calibrate":
+        return tuple(tables)
+    write_json(results, settings.out / f"{name}.json", WAY)
+    plot_results(results, settings.out / "plots")
+    return summary(results, WAY), *tables_of(results)
+
+
+def run_live(
+    name: str, settings: LiveRigSettings, seed: int, talk: Talk
+) -> tuple[tuple[Table, ...], SeedResult]:
+    """Run one experiment live and give its tables; recordings, plots and JSON go to a folder.
+
+    Args:
+        name: ``calibrate``, ``validate``, ``teach`` or ``force``.
+        settings: Where it runs; a fake arm is calibrated from its drawing where no specimen is named.
+        seed: Of the random poses.
+        talk: Whom to tell.
+    """
     sensors = ("pose",) if name == "teach" else ("orientation",)
     out = settings.out
-    with live_rig(settings, ask, sensors) as bench:
-        bench.advance = advance
+    if name == "calibrate" and settings.arm is None and settings.specimen is None:
+        settings = replace(settings, specimen=DRAWING)
+    with live_rig(settings, talk.ask, sensors) as bench:
+        bench.advance = talk.advance
         for lost in bench.lost():
-            tell(lost)
+            talk.tell(lost)
         if name in PULLED:
             bench.require_gauge()
         done = _RUNS[name](bench, seed)
         known = bench.specimen
     kept = [str(save_recording(r, out / "recordings" / r.name, force=True)[0].parent) for r in done]
-    tell(f"recorded: {', '.join(kept)}")
+    talk.tell(f"recorded: {', '.join(kept)}")
     result, plots = SeedResult(seed), out / "plots"
     if name == "calibrate":
-        tables = _calibrated(known, done, out, advance)
+        tables = _calibrated(known, done, out, talk.advance)
         result.tables = {table.title: list(map(dict, table.rows)) for table in tables}
         plot_prediction(tables[-1].rows, plots / "calibration.png")
     else:
@@ -83,7 +119,7 @@ def run_live(
         plot_results((result,), plots)
     write_json((result,), out / f"{name}.json", WAY)
     notes = (*complaints_of(known, done), WAY)
-    return (*tables[:-1], replace(tables[-1], notes=(*tables[-1].notes, *notes)))
+    return (*tables[:-1], replace(tables[-1], notes=(*tables[-1].notes, *notes))), result
 
 
 def _alone(table: Table, seed: int) -> Table:
@@ -107,7 +143,7 @@ def _calibrated(
     solver = known_force_model(specimen, lambda _: advance())
     found = calibrate(solver, specimen, runs, Options(nodes=NODES, iterations=8))
     told = f"softarm experiment calibrate, {', '.join(run.name for run in runs)}"
-    save_specimen(calibrated_specimen(specimen, found, told), out / "specimen.toml")
+    save_specimen(calibrated_specimen(specimen, found, told), out / SPECIMEN)
     return calibration_tables(found)
 
 

@@ -11,8 +11,17 @@ from softarm.experiments.rig_control import FakeControl
 class ExperimentOperator(Protocol):
     """Moves what the service cannot move."""
 
-    def tie(self, section: str, hook: Floats, length: float) -> None:
-        """Tie the gauge's cord to a section, or move the gauge: hook in the base frame and length [m]."""
+    def tie(self, section: str, hook: Floats, length: float) -> Floats | None:
+        """Tie the gauge's cord to a section, or move the gauge.
+
+        Args:
+            section: Name of the section.
+            hook: Where its hook shall be, in the base frame [m], shape (3,).
+            length: Of the cord [m].
+
+        Returns:
+            Where the hook is in the laboratory [m], shape (3,); ``None`` where nobody has measured it there.
+        """
 
     def untie(self) -> None:
         """Take the cord off."""
@@ -38,9 +47,11 @@ class FakeOperator:
     to_laboratory: Callable[[Floats], Floats]
     stiffness: float = 150.0
 
-    def tie(self, section: str, hook: Floats, length: float) -> None:
+    def tie(self, section: str, hook: Floats, length: float) -> Floats:
         """See ``ExperimentOperator.tie``."""
-        self.control.ask("cord", section=section, hook_m=self.to_laboratory(hook).tolist(), length_m=length)
+        place = self.to_laboratory(hook)
+        self.control.ask("cord", section=section, hook_m=place.tolist(), length_m=length)
+        return place
 
     def untie(self) -> None:
         """See ``ExperimentOperator.untie``."""

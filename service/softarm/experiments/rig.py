@@ -14,16 +14,17 @@ import tomli_w
 
 from softarm.daemon.config import SafetySettings
 from softarm.daemon.consistency import PLACED
+from softarm.drivers.valves.config import ValveConfig
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import load_specimen
 
 END_TIMEOUT_S = 25.0
-WATCHDOG_MS = 180
-"""The terminal vents by itself when its host has been silent for so long."""
-ECHO_LAG_S = 0.1
-"""A write shows in the terminal's echo within so long."""
-WAITS = ("valve_deadline_s", "sensor_deadline_s", "setpoint_lifetime_s")
-"""Settings of the service that state how long a device may be silent."""
+PATIENCE = 10.0
+"""Of an experiment on fakes, which share the machine with the service and with everything else."""
+WAITS = ("valve_deadline_s", "sensor_deadline_s", "setpoint_lifetime_s", "lease_s", "estimator_deadline_s")
+"""Settings of the service that state how long another process may be silent."""
+VALVE_WAITS = ("watchdog_ms", "echo_lag_s", "lost_after_misses", "stale_after_s")
+"""Settings of a valve terminal that state how long it or its host may be silent."""
 EXTRA: Mapping[str, Mapping[str, Any]] = {
     "sauter": {"unit": "N"},
     "witmotion": {"rate_hz": 50},
@@ -47,8 +48,9 @@ class RigSettings:
         sensors: Kinds of sensors that the estimator may use: ``orientation`` or ``pose`` of motion capture,
             ``bend``, ``imu``.
         forces_on: Sections on which a force may act; all that move when empty.
-        patience: Factor on how long valves and sensors may be silent: more than 1 where fakes share a busy
-            machine with the service.
+        variant: Which arm is drawn, with tolerances of its own; that of the scenario when left out.
+        patience: Factor on how long devices, clients and the estimator may be silent: more than 1 where
+            fakes share a busy machine with the service.
     """
 
     scenario: str | Path
@@ -59,6 +61,7 @@ class RigSettings:
     rate_hz: float = 100.0
     sensors: tuple[str, ...] = ("orientation",)
     forces_on: tuple[str, ...] = ()
+    variant: int | None = None
     patience: float = 1.0
 
 
@@ -125,14 +128,17 @@ def _device_table(device: Mapping[str, Any], patience: float, limit_pa: float) -
             "port": device["port"],
             "chambers": list(device["valve_map"]),
             "maximum_pa": limit_pa,
-            "watchdog_ms": round(patience * WATCHDOG_MS),
-            "echo_lag_s": patience * ECHO_LAG_S,
+            **{name: type(usual)(patience * usual) for name, usual in _valve_waits().items()},
         }
     if device["kind"] == "qualisys":
         return table | {"host": device["host"], "port": device["port"]}
     if device["kind"] == "bendlabs":
         return table | {"port": device["path"], "sensors": len(device["sections"])}
     return table | {"port": device["path"], **EXTRA.get(device["kind"], {})}
+
+
+def _valve_waits() -> dict[str, Any]:
+    return {name: ValveConfig.model_fields[name].default for name in VALVE_WAITS}
 
 
 def _sensor_tables(device: Mapping[str, Any], kinds: Sequence[str], tip: str) -> list[dict[str, Any]]:
@@ -225,7 +231,9 @@ class FakeRig:
         self.settings = settings
         self.folder = folder
         self.config_path = folder / "service.toml"
-        arm = ("--specimen", settings.specimen)
+        arm = ["--specimen", settings.specimen]
+        if settings.variant is not None:
+            arm += ["--variant", str(settings.variant)]
         self.fakes = Process(
             ("fakes", "--scenario", str(settings.scenario), *arm, "--json"), folder / "fakes.log"
         )

@@ -75,7 +75,7 @@ class SeedPlan:
     """What is to be done on one arm.
 
     Args:
-        number: Number of the seed; arms are drawn by it.
+        number: Number of the seed; arms are drawn by it, 0 is the demo's, without tolerances.
         folder: Takes recordings and the calibrated specimen.
         experiments: ``calibrate``, ``validate``, ``force``, ``teach``.
         specimen: Nominal specimen.
@@ -130,6 +130,11 @@ class SeedBench:
         self.nominal = load_specimen(plan.specimen)
         self._responses = SharedSolutions()
 
+    @property
+    def arm(self) -> int | None:
+        """Which arm is drawn; ``None`` for the drawing itself, which is the demo's."""
+        return self.plan.number or None
+
     def model(self, specimen: Specimen) -> BatchArmModel:
         """Return a model of the arm that begins at what others have answered."""
         return WarmModel(known_force_model(specimen), self._responses)
@@ -137,7 +142,7 @@ class SeedBench:
     def recording(self, name: str) -> Recording:
         """Return a recording by the name of its run."""
         number = list(RUNS).index(name)
-        run = FakeRun(name, RUNS[name], seed=100 * self.plan.number + number, arm=self.plan.number)
+        run = FakeRun(name, RUNS[name], seed=100 * self.plan.number + number, arm=self.arm)
         return load_recording(perform(run, self.plan.folder))
 
     def run(self, name: str, specimen: Specimen) -> CalibrationRun:
@@ -251,7 +256,7 @@ def series_of(done: PullTrack) -> Series:
 def _teach(bench: SeedBench, result: SeedResult) -> None:
     plan, results = bench.plan, []
     for name, hand in HANDS.items():
-        done = teach_recorded(bench.recording(name), bench.specimen, plan.folder, plan.number)
+        done = teach_recorded(bench.recording(name), bench.specimen, plan.folder, bench.arm)
         results.append(done)
         result.add("teach", done.rows(hand))
         result.notes.append(done.note(hand))

@@ -1,8 +1,6 @@
 """The same recording as other sensors would have made it: bends only, orientations only, poses only, all."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -14,15 +12,13 @@ from softarm.estimator.sensing import Bend, MeasuredPose, Measurement, Orientati
 SUBSETS = ("bends", "orientations", "poses", "fused")
 
 
-def subset(run: CalibrationRun, kind: str, noise: dict[str, float] | None = None) -> CalibrationRun:
+def subset(run: CalibrationRun, kind: str) -> CalibrationRun:
     """Return a run whose suite holds one kind of sensor.
 
     Args:
         run: What was recorded.
         kind: ``bends``; ``orientations``, the rotations of the poses, as inertial units would give them;
             ``poses``; or ``fused``, everything.
-        noise: Scatter of the calibration by sensor and quantity [m or rad], which is added to the sensors'
-            own noise: a model is never exact.
 
     Raises:
         InputError: The recording has no such sensor.
@@ -33,7 +29,7 @@ def subset(run: CalibrationRun, kind: str, noise: dict[str, float] | None = None
         part = run.readings[:, run.suite.reading_slices[sensor.name]]
         taken = _taken(sensor, part, kind)
         if taken is not None:
-            chosen.append(_widened(taken[0], noise or {}))
+            chosen.append(taken[0])
             columns.append(taken[1])
     if not chosen:
         raise InputError(run.name, f"holds nothing for '{kind}'", f"choose one of {', '.join(SUBSETS)}")
@@ -57,20 +53,3 @@ def _taken(sensor: Measurement, readings: Floats, kind: str) -> tuple[Measuremen
         sensor.registration,
     )
     return turned, readings[:, 3:]
-
-
-def _widened(sensor: Measurement, noise: dict[str, float]) -> Measurement:
-    """Add the calibration's scatter to a sensor's own noise."""
-    widen: Callable[[Any, str], Any] = lambda own, name: np.hypot(own, noise.get(name, 0.0))  # noqa: E731
-    if isinstance(sensor, MeasuredPose):
-        return replace(
-            sensor,
-            position_sigma=widen(sensor.position_sigma, f"{sensor.name} position"),
-            rotation_sigma=widen(sensor.rotation_sigma, f"{sensor.name} rotation"),
-        )
-    if isinstance(sensor, Orientation):
-        name = sensor.name.replace("orientation_", "frame_")
-        return replace(sensor, sigma=widen(sensor.sigma, f"{name} rotation"))
-    if isinstance(sensor, Bend):
-        return replace(sensor, sigma=widen(sensor.sigma, sensor.name))
-    return sensor

@@ -10,7 +10,6 @@ from softarm.analysis.offline.track import actuation
 from softarm.common.errors import WorkFailedError
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration import CalibrationRun, arrange
-from softarm.estimator.calibration.scatter import scatter_in
 from softarm.estimator.errors import InputError
 from softarm.estimator.inverse import approach, replace_loads, settle
 from softarm.estimator.model import Frames
@@ -239,7 +238,7 @@ def out_of_reach(goal: Frames, nearest: Frames | None) -> tuple[float, float]:
 
 def _slow(recording: Recording, specimen: Specimen) -> CalibrationRun:
     run = arrange(recording, specimen)
-    return resample(subset(run, "poses", scatter_in(specimen, run)), RATE_HZ)
+    return resample(subset(run, "poses"), RATE_HZ)
 
 
 def _held(recording: Recording, specimen: Specimen, count: int) -> tuple[Floats, Floats]:

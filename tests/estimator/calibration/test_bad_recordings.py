@@ -18,7 +18,6 @@ from softarm.estimator.calibration import (
 )
 from softarm.estimator.calibration.complaints import complaints
 from softarm.estimator.calibration.nodes import choose_nodes
-from softarm.estimator.calibration.scatter import PRESSURISED_PULLS, VENTED_PULLS, scatter_in
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Load
 from softarm.estimator.node_by_node import NodeByNode
@@ -176,14 +175,3 @@ def test_nodes_of_a_pulled_run_are_chosen_where_it_rests(sopra: Specimen) -> Non
     nodes = choose_nodes(run, 5)
     assert (nodes.time % 4.0 < 3.0).all()
     np.testing.assert_allclose(nodes.loads[:, 0], 0.1 * (nodes.time // 4.0), atol=1e-9)
-
-
-def test_scatter_is_that_of_the_condition(sopra: Specimen) -> None:
-    known = {"bend_tip": 0.02, f"bend_tip{VENTED_PULLS}": 0.005, f"bend_tip{PRESSURISED_PULLS}": 0.01}
-    calibration = sopra.calibration.model_copy(update={"scatter": known})
-    specimen = sopra.model_copy(update={"calibration": calibration})
-    free = arrange(record(duration=4.0), sopra, SECTIONS)
-    pulled = arrange(gauged(np.full(400, 0.5)), sopra, SECTIONS, LOADS)
-    vented = pulled.window(np.zeros(len(pulled.time), dtype=bool))
-    found = [scatter_in(specimen, run)["bend_tip"] for run in (free, pulled, vented)]
-    assert found == [0.02, 0.01, 0.005]

@@ -12,7 +12,7 @@ from softarm.estimator.specimen import load_specimen
 from softarm.experiments.figures import beside, error_figures, inside, without_unit
 from softarm.experiments.holds import hold_windows, means
 from softarm.experiments.leave_one_out import without_each
-from softarm.experiments.live import with_hooks
+from softarm.experiments.live import HookPlace, with_hooks
 from softarm.experiments.paper import FORCE_N, TEACH_MM
 from softarm.experiments.pulls import at_looks, look_windows, pull_of, rested
 from softarm.experiments.recorded import holds_table
@@ -174,11 +174,9 @@ def test_looks_end_where_the_gauge_sets_off() -> None:
 )
 def test_subsets_keep_one_kind_of_sensor(kind: str, sensors: type) -> None:
     run = arrange(posed(), load_specimen("sopra"))
-    part = subset(run, kind, {"frame_tip rotation": 0.3})
+    part = subset(run, kind)
     assert all(isinstance(m, sensors) for m in part.suite.measurements)
     assert part.readings.shape[1] == sum(m.reading_size for m in part.suite.measurements)
-    tip = part.suite.measurements[-1]
-    assert np.sqrt(tip.covariance(np.zeros(tip.reading_size))[-1, -1]) > 0.3
     with pytest.raises(InputError, match="holds nothing for 'bends'"):
         subset(run, "bends")
 
@@ -217,12 +215,18 @@ def test_a_table_of_holds_begins_vented_and_holds_each_level() -> None:
 
 
 def test_hooks_of_a_live_run_hold_until_the_next_one() -> None:
-    hooks = [(2.0, np.array([0.3, 0.0, 0.2])), (5.0, np.full(3, np.nan))]
+    hooks = [HookPlace(2.0, np.array([0.3, 0.0, 0.2])), HookPlace(5.0, np.full(3, np.nan))]
     told = with_hooks(posed(), hooks, "tip")
     x = told.columns["marker_hook_x_m"]
     assert np.isnan(x[: int(1.9 * RATE)]).all()
     assert np.isnan(x[int(5.1 * RATE) :]).all()
     np.testing.assert_allclose(x[int(2.1 * RATE) : int(4.9 * RATE)], 0.3)
+
+
+def test_a_hook_is_where_it_was_measured_rather_than_where_it_was_told_to_be() -> None:
+    """A body on the base is never quite aligned with it: two degrees are 10 mm at a hook 0.3 m away."""
+    told = with_hooks(posed(), [HookPlace(0.0, np.zeros(3), np.array([0.3, 0.01, 0.2]))], "tip")
+    np.testing.assert_allclose(told.columns["marker_hook_y_m"], 0.01)
 
 
 def test_poses_out_of_reach_are_told_apart() -> None:

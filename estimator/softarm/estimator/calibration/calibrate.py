@@ -7,7 +7,8 @@ import numpy as np
 
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.arrange import CalibrationRun
-from softarm.estimator.calibration.fit import CalibrationFit, fit
+from softarm.estimator.calibration.fit import CalibrationFit, fit, left_out
+from softarm.estimator.calibration.force_ratio import force_ratios
 from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.identifiability import KEPT, fitted, identify, kept
 from softarm.estimator.calibration.layout import Layout, build_layout
@@ -116,6 +117,7 @@ def calibrate(
     final = fit(everything, trained.values, iterations=options.iterations, evaluations=near)
     _require_convergence(final, layout)
     covariance = told.widened(layout, final.covariance)
+    scatter = scatter_by_condition(*_judged(held_out, trained.evaluations, nodes, train))
     dropped = [p for p in forward.layout.unknowns if p.name not in layout.names]
     return Calibrated(
         identified=(
@@ -130,7 +132,8 @@ def calibrate(
         nodes=sum(len(own.time) for own in nodes),
         unsolved=sum(int((~evaluation.converged).sum()) for evaluation in final.evaluations),
         recordings=tuple(run.name for run in runs),
-        scatter=scatter_by_condition(*_judged(held_out, trained.evaluations, nodes, train)),
+        scatter=scatter,
+        force_ratio=force_ratios(layout.setting(final.values), left_out(everything, final), nodes, scatter),
     )
 
 

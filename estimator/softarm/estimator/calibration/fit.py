@@ -7,7 +7,7 @@ the same thing, from the residuals' correlation in time.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.nodes import Nodes
-from softarm.estimator.calibration.scatter import vented
 from softarm.estimator.sensing import Bend, MarkerPosition, MeasuredPose, Measurement, Orientation
+from softarm.estimator.sensing.model_error import vented
 from softarm.estimator.statistics import (
     MAD_TO_STD,
     correlation_length,
@@ -161,6 +161,32 @@ def fit(
     covariance += _registration_covariance(forward, rows, scatter, normal)
     status = "converged" if settled else "iterations_exhausted"
     return CalibrationFit(values, covariance, current, scatter, status, count, unsettled)
+
+
+def left_out(forward: Forward, found: CalibrationFit) -> tuple[NodePredictions, ...]:
+    """Return the predictions of each block of ten seconds by the fit to all others, per run.
+
+    To first order about the fit to all: without the normal equations N_b and the gradient g_b of a block, the
+    fit moves by (N - N_b)^-1 (g - g_b).
+    """
+    rows = collect(found.evaluations, forward.nodes)
+    normal, gradient, _ = _normal_equations(forward, rows, found.values, found.scatter)
+    scale, whitened, weight = _whitened(rows, found.scatter)
+    innovation = rows.innovation.copy()
+    for block in np.unique(rows.block):
+        own = rows.block == block
+        jacobian = rows.jacobian[own] / scale[own, None]
+        weighted = jacobian.T * weight[own]
+        step = np.linalg.solve(normal - weighted @ jacobian, gradient - weighted @ whitened[own])
+        innovation[own] -= rows.jacobian[own] @ step
+    predictions, first = [], 0
+    for evaluation in found.evaluations:
+        seen = np.isfinite(evaluation.innovation)
+        unseen = evaluation.innovation.copy()
+        unseen[seen] = innovation[first : first + int(seen.sum())]
+        first += int(seen.sum())
+        predictions.append(replace(evaluation, innovation=unseen))
+    return tuple(predictions)
 
 
 def robust_cost(

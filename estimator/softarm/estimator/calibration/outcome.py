@@ -58,6 +58,8 @@ class Calibrated:
         recordings: Names of the runs.
         scatter: Root mean square of measured minus predicted, by sensor and quantity [m or rad], where no fit
             had seen it.
+        force_ratio: Error over deviation of the forces that follow from the readings at known pulls, each
+            block of ten seconds by the fit to all others; by condition.
     """
 
     identified: tuple[Identified, ...]
@@ -70,6 +72,7 @@ class Calibrated:
     unsolved: int
     recordings: tuple[str, ...]
     scatter: Mapping[str, float]
+    force_ratio: Mapping[str, float]
 
     @property
     def fitted(self) -> int:
@@ -106,6 +109,7 @@ def calibrated_specimen(specimen: Specimen, found: Calibrated, provenance: str =
             "recordings": tuple(dict.fromkeys((*old.recordings, *found.recordings))),
             "provenance": provenance or old.provenance,
             "scatter": dict(found.scatter),
+            "force_ratio": dict(found.force_ratio),
             "modulus_scale": scales,
             "stretch_gain": found.value("stretch") or old.stretch_gain,
             "chambers": tuple(_chamber(specimen, c.index, found) for c in specimen.chambers),

@@ -16,8 +16,8 @@ from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.layout import Layout
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.pulls import LEAST_PULL
-from softarm.estimator.calibration.scatter import vented
 from softarm.estimator.calibration.unknowns import Modulus, PressureUnknown
+from softarm.estimator.sensing.model_error import vented
 
 FEWEST_PULLS = 5  # nodes at which a known force must act before it counts as telling the moduli
 HELD = 0.002  # of a modulus' logarithm that pressures may move it from what pulls told

@@ -4,16 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softarm.estimator.arrays import Flags, Floats
-from softarm.estimator.calibration.arrange import CalibrationRun
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.forward import NodePredictions
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.outcome import by_quantity
-from softarm.estimator.specimen import Specimen
-
-VENTED = 1.5e3  # Pa
-VENTED_PULLS = ", vented pulls"
-PRESSURISED_PULLS = ", pressurised pulls"
+from softarm.estimator.sensing.model_error import PRESSURISED_PULLS, VENTED_PULLS, vented
 
 
 def rms(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> dict[str, float]:
@@ -38,8 +33,8 @@ def scatter_by_condition(evaluations: Sequence[NodePredictions], nodes: Sequence
     """
     conditions = {
         "": [np.full(len(own.time), not own.run.pulled) for own in nodes],
-        VENTED_PULLS: [own.run.pulled & vented(own.pressures) for own in nodes],
-        PRESSURISED_PULLS: [own.run.pulled & ~vented(own.pressures) for own in nodes],
+        f", {VENTED_PULLS}": [own.run.pulled & vented(own.pressures) for own in nodes],
+        f", {PRESSURISED_PULLS}": [own.run.pulled & ~vented(own.pressures) for own in nodes],
     }
     found: dict[str, float] = {}
     for suffix, flags in conditions.items():
@@ -54,26 +49,3 @@ def scatter_by_condition(evaluations: Sequence[NodePredictions], nodes: Sequence
         elif not suffix:
             found = by_quantity(rms(evaluations, nodes))
     return found
-
-
-def scatter_in(specimen: Specimen, run: CalibrationRun) -> dict[str, float]:
-    """Return the scatter that a specimen's calibration left in the condition of a run [m or rad].
-
-    Args:
-        specimen: The calibrated robot.
-        run: What is to be estimated.
-    """
-    known = specimen.calibration.scatter
-    plain = {name: value for name, value in known.items() if ", " not in name}
-    if bool(vented(np.nan_to_num(run.pressures)).all()):
-        suffix = VENTED_PULLS
-    elif run.pulled:
-        suffix = PRESSURISED_PULLS
-    else:
-        return plain
-    return {name: known.get(f"{name}{suffix}", value) for name, value in plain.items()}
-
-
-def vented(pressures: Floats) -> Flags:
-    """Return which samples are vented, shape (samples,)."""
-    return np.asarray((pressures < VENTED).all(axis=1))

@@ -38,6 +38,7 @@ class ArmEstimate(Generic[State]):
         iterations: Number of new linearisations.
         residual_norm: Relative out-of-balance force of the last linearised state.
         last: That state with its linearisation, for the search that follows.
+        force_ratio: Factor on the deviation of the loads beside what the rows' noise makes of it.
     """
 
     unknowns: Unknowns
@@ -53,6 +54,7 @@ class ArmEstimate(Generic[State]):
     iterations: int
     residual_norm: float
     last: Linearised[State]
+    force_ratio: float = 1.0
 
     @property
     def vector(self) -> Floats:
@@ -77,7 +79,7 @@ class ArmEstimate(Generic[State]):
     def load_covariance(self) -> Floats:
         """Covariance of the load amplitudes, shape (loads, loads)."""
         chambers = self.unknowns.chambers
-        return self.covariance[chambers:, chambers:]
+        return self.force_ratio**2 * self.covariance[chambers:, chambers:]
 
     @cached_property
     def frame_covariance(self) -> Floats:

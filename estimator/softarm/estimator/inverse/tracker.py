@@ -1,6 +1,6 @@
 """The estimator that follows an arm through time, for the live service and for recordings alike."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -14,7 +14,7 @@ from softarm.estimator.inverse.problem import Problem
 from softarm.estimator.inverse.process import LoadProcess
 from softarm.estimator.inverse.unknowns import Unknowns
 from softarm.estimator.model import ArmModel, Inputs, Linearisation
-from softarm.estimator.sensing import ActuationMap, SensorSuite
+from softarm.estimator.sensing import ActuationMap, ModelError, SensorSuite, widened
 
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
@@ -30,6 +30,7 @@ class TrackerSettings:
         pressure_limits: Largest gauge pressure of each chamber [Pa], shape (chambers,); bounds a chamber
             whose pressure sensor is silent.
         pressure_drift: How fast the pressure of such a chamber may wander [Pa/sqrt(s)].
+        model_error: What the calibrated model leaves unexplained; it widens the sensors' noise.
         exact_pressures: Take measured pressures as exact (held) instead of as noisy readings.
         tolerances: When a search stops.
     """
@@ -38,6 +39,7 @@ class TrackerSettings:
     actuation: ActuationMap
     pressure_limits: Floats
     pressure_drift: float = 5e3
+    model_error: ModelError = field(default_factory=ModelError)
     exact_pressures: bool = False
     tolerances: Tolerances | None = None
 
@@ -76,6 +78,7 @@ class Estimator(Generic[State, Step]):
         self._guide = guide
         self._model = model
         self._suite = suite
+        self._conditions = {c: widened(suite, c.scatter) for c in settings.model_error.conditions}
         self._settings = settings
         self._unknowns = Unknowns.of(model.chambers, model.loads)
         self._memory: _Memory[State] | None = None
@@ -123,7 +126,8 @@ class Estimator(Generic[State, Step]):
         """
         acting = self._settings.actuation.to_chamber(pressures)
         prior, guess = self._predict(time, acting, gravity)
-        problem = self._problem(readings, acting, prior, gravity)
+        condition = self._settings.model_error.at(pressures)
+        problem = self._problem(self._conditions[condition], readings, acting, prior, gravity)
         begun = None if self._memory is None or self._fresh else self._memory.last
         start = self._start(problem, guess)
         estimate = problem.solve(self._model, start, self._settings.tolerances, begun)
@@ -131,7 +135,7 @@ class Estimator(Generic[State, Step]):
         if not self._fresh:
             covariance, last = estimate.covariance, estimate.last
             self._memory = _Memory(time, estimate.state, estimate.inputs, covariance, last)
-        return estimate
+        return replace(estimate, force_ratio=condition.force_ratio)
 
     def _predict(self, time: float, acting: Floats, gravity: Floats) -> tuple[Prior, Inputs]:
         """Carry the last estimate to this instant: the prior, and the inputs to begin the search with."""
@@ -163,19 +167,21 @@ class Estimator(Generic[State, Step]):
             np.where(seen, acting, mean[:chambers]), mean[chambers:], gravity
         )
 
-    def _problem(self, readings: Floats, acting: Floats, prior: Prior, gravity: Floats) -> Problem:
+    def _problem(
+        self, suite: SensorSuite, readings: Floats, acting: Floats, prior: Prior, gravity: Floats
+    ) -> Problem:
         seen = np.isfinite(acting)
         limits = InputBounds.free(self._unknowns.size)
         lower, upper = limits.lower.copy(), limits.upper.copy()
         members = np.arange(self._unknowns.chambers)
         lost = members[~seen]
         lower[lost], upper[lost] = 0.0, self._settings.pressure_limits[lost]
-        objectives: tuple[Objective, ...] = (SensorObjective(self._suite, readings), prior)
+        objectives: tuple[Objective, ...] = (SensorObjective(suite, readings), prior)
         if self._settings.exact_pressures:
             lower[members[seen]] = upper[members[seen]] = acting[seen]
         else:
             objectives = (*objectives, PressureReadings(acting, self._settings.actuation.chamber_sigma))
-        return Problem(self._unknowns, self._suite, objectives, InputBounds(lower, upper), gravity)
+        return Problem(self._unknowns, suite, objectives, InputBounds(lower, upper), gravity)
 
     def _start(self, problem: Problem, guess: Inputs) -> tuple[State, Inputs]:
         if self._memory is not None and not self._fresh:

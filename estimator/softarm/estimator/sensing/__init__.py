@@ -4,6 +4,7 @@ from softarm.estimator.sensing.actuation import ActuationMap
 from softarm.estimator.sensing.bend import Bend
 from softarm.estimator.sensing.marker import MarkerPosition
 from softarm.estimator.sensing.measurement import Measurement, Scene, Sensitivity
+from softarm.estimator.sensing.model_error import ModelError, widened
 from softarm.estimator.sensing.orientation import Orientation
 from softarm.estimator.sensing.registration import Registration, register
 from softarm.estimator.sensing.section_pose import MeasuredPose
@@ -15,6 +16,7 @@ __all__ = [
     "MarkerPosition",
     "MeasuredPose",
     "Measurement",
+    "ModelError",
     "Observation",
     "Orientation",
     "Registration",
@@ -22,4 +24,5 @@ __all__ = [
     "Sensitivity",
     "SensorSuite",
     "register",
+    "widened",
 ]

@@ -70,6 +70,8 @@ class Calibration(Entry):
     """When and how they were made."""
     scatter: dict[str, float] = Field(default_factory=dict)
     """Scatter of measured minus predicted where no fit had seen it, by sensor and quantity [m, rad]."""
+    force_ratio: dict[str, float] = Field(default_factory=dict)
+    """Error over deviation of forces estimated at known pulls that no fit had seen, by condition [-]."""
     modulus_scale: dict[Name, Value] = Field(default_factory=dict)
     """Factor on the stiffness of each segment or section, by its name [-]."""
     fibre_scale: Value = UNIT

@@ -201,6 +201,7 @@ def _calibrated(specimen: Specimen, outcome: DiagnosisOutcome) -> Specimen:
         unsolved=0,
         recordings=names,
         scatter={},
+        force_ratio={},
     )
     return calibrated_specimen(specimen, found, "by softarm diagnose, before any effect was looked for")
 

@@ -15,7 +15,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.fem import FiniteElementState
 from softarm.estimator.inverse import ArmEstimate, Estimator, LoadProcess, TrackerSettings
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
-from softarm.estimator.sensing import ActuationMap, Registration, SensorSuite
+from softarm.estimator.sensing import ActuationMap, ModelError, Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.simulation import section_loads
 from softarm.estimator.specimen import Specimen
@@ -195,6 +195,7 @@ def settings(loads: Sequence[Load], specimen: Specimen, run: CalibrationRun) -> 
         process=LoadProcess(np.array(sigma), time_constant=0.0),
         actuation=actuation(specimen, run),
         pressure_limits=np.array(specimen.pressure_limits),
+        model_error=ModelError.of(specimen.calibration.scatter, specimen.calibration.force_ratio),
     )
 
 

@@ -31,7 +31,7 @@ from softarm.estimator.inverse import (
 from softarm.estimator.model import Inputs
 from softarm.estimator.rod.skin import skin
 from softarm.estimator.rotations import to_quaternions
-from softarm.estimator.sensing import Measurement, Registration, SensorSuite
+from softarm.estimator.sensing import Measurement, ModelError, Registration, SensorSuite, widened
 from softarm.estimator.sensors import SpecimenSensors, mounted_base
 from softarm.estimator.simulation import section_loads
 from softarm.estimator.specimen import Specimen
@@ -104,7 +104,12 @@ class Solver:
         self._limits = np.array(specimen.pressure_limits)
         sigma = np.full(len(self._model.loads), settings.control.load_std_n)
         process = LoadProcess(sigma, settings.control.load_time_constant_s)
-        tracker = TrackerSettings(process, self._actuation, self._limits, tolerances=LIVE)
+        known = specimen.calibration
+        self._error = ModelError.of(known.scatter, known.force_ratio)
+        self._noisy = {c: widened(self._suite, c.scatter) for c in self._error.conditions}
+        tracker = TrackerSettings(
+            process, self._actuation, self._limits, model_error=self._error, tolerances=LIVE
+        )
         self._rod = trusted_rod(specimen) if settings.control.model == "rod" else None
         self._threads = ExitStack()
         self._check: RodCheck | None = None
@@ -186,7 +191,7 @@ class Solver:
 
     def _innovations(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> dict[str, float]:
         found = {}
-        for sensor in self._suite.measurements:
+        for sensor in self._noisy[self._error.at(request.pressures)].measurements:
             reading = request.readings[self._suite.reading_slices[sensor.name]]
             residual = estimate.residuals[sensor.name]
             if np.isfinite(residual).all():

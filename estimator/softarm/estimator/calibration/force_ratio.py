@@ -1,0 +1,76 @@
+"""How far forces err that are estimated at the nodes of known pulls, over the deviations told with them.
+
+A pull f on a section and the pressures p move the readings by J_f f + J_p p. About the prediction under the
+known pull, what is measured minus predicted, r, is taken for a force: the error of the estimate is e = A^-1 b
+with b = J_f' C^-1 r, A = J_f' C^-1 J_f and C the noise of the sensors with the model's scatter and, through
+J_p, of the pressures. A^-1 is the covariance told with it, so that e' A e = b' A^-1 b is 1 a component on
+average where r is as C says.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from softarm.estimator.calibration.forward import NodePredictions
+from softarm.estimator.calibration.nodes import Nodes
+from softarm.estimator.calibration.pulls import LEAST_PULL
+from softarm.estimator.calibration.setting import Setting
+from softarm.estimator.sensing import Scene, SensorSuite
+from softarm.estimator.sensing.model_error import (
+    PRESSURISED_PULLS,
+    VENTED_PULLS,
+    ModelError,
+    vented,
+    widened,
+)
+
+LATERAL = 2  # components of a pull that are estimated, along x and y
+
+
+def force_ratios(
+    setting: Setting,
+    evaluations: Sequence[NodePredictions],
+    nodes: Sequence[Nodes],
+    scatter: Mapping[str, float],
+) -> dict[str, float]:
+    """Return the root mean square of error over deviation of the lateral force at known pulls, by condition.
+
+    Args:
+        setting: The calibration.
+        evaluations: What it predicts, per run.
+        nodes: The nodes that it predicts, best such as it has not seen.
+        scatter: About its predictions, by sensor, quantity and condition [m or rad].
+    """
+    error = ModelError.of(scatter)
+    squares: dict[str, list[float]] = {}
+    for at, own in zip(evaluations, nodes, strict=True):
+        pulled = (np.abs(own.loads) > LEAST_PULL).any(axis=1) & at.converged
+        for name, condition in ((VENTED_PULLS, error.vented), (PRESSURISED_PULLS, error.pressurised)):
+            flags = pulled & (vented(own.pressures) == (name == VENTED_PULLS))
+            if flags.any():
+                suite = widened(setting.aligned(own.run.suite), condition.scatter)
+                squares.setdefault(name, []).extend(_squares(setting, suite, at.keep(flags), own.keep(flags)))
+    return {name: float(np.sqrt(np.mean(values))) for name, values in squares.items() if values}
+
+
+def _squares(setting: Setting, suite: SensorSuite, at: NodePredictions, own: Nodes) -> list[float]:
+    """Return the mean square of error over deviation at each node; an estimate knows no axial pull."""
+    scene = Scene(at.frames, np.zeros((len(own.time), 0)))
+    twists = np.nan_to_num(suite.sensitivity(scene, own.readings).twists)
+    to_pressures, to_loads = twists @ at.response.pressure_jacobian, twists @ at.response.load_jacobian
+    spread = np.diag(setting.actuation.chamber_sigma**2)
+    noise = suite.covariance(scene, own.readings, twists)
+    noise = noise + to_pressures @ spread @ np.swapaxes(to_pressures, 1, 2)
+    found = []
+    for node, pull in enumerate(setting.pulls(own.loads)):
+        first = int(np.argmax(np.abs(pull))) // 3 * 3
+        axial = first + LATERAL
+        missed = at.innovation[node] + to_loads[node, :, axial] * pull[axial]
+        seen = np.flatnonzero(np.isfinite(missed))
+        rows = to_loads[node][seen, first:axial]
+        weighed = np.linalg.solve(noise[node][np.ix_(seen, seen)], np.column_stack([rows, missed[seen]]))
+        matched = rows.T @ weighed
+        if np.linalg.matrix_rank(matched[:, :LATERAL]) == LATERAL:
+            b = matched[:, LATERAL]
+            found.append(float(b @ np.linalg.solve(matched[:, :LATERAL], b)) / LATERAL)
+    return found

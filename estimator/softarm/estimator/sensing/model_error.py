@@ -1,0 +1,108 @@
+"""What a calibrated model leaves unexplained, as noise of the sensors beside their own."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from softarm.estimator.arrays import Flags, Floats
+from softarm.estimator.sensing.bend import Bend
+from softarm.estimator.sensing.measurement import Measurement
+from softarm.estimator.sensing.orientation import Orientation
+from softarm.estimator.sensing.section_pose import MeasuredPose
+from softarm.estimator.sensing.suite import SensorSuite
+
+VENTED_PA = 1.5e3
+VENTED_PULLS = "vented pulls"
+PRESSURISED_PULLS = "pressurised pulls"
+"""Names of the conditions in the scatter of a calibration, as in ``frame_tip rotation, vented pulls``."""
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """What a calibrated model leaves unexplained in one condition of the arm.
+
+    Args:
+        scatter: Root mean square of measured minus predicted by sensor and quantity, such as ``frame_tip
+            rotation`` [m or rad].
+        force_ratio: Root mean square of the error of an estimated force over the deviation that follows from
+            the scatter: readings that err together, as a model's errors make them, do not err independently.
+    """
+
+    scatter: Mapping[str, float] = field(default_factory=dict)
+    force_ratio: float = 1.0
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """What a calibrated model leaves unexplained while a force acts, as the calibration measured it.
+
+    An arm that hangs vented stays near rest and scatters less than one under pressure.
+
+    Args:
+        vented: While every chamber is vented.
+        pressurised: While any chamber holds pressure.
+    """
+
+    vented: Condition = field(default_factory=Condition)
+    pressurised: Condition = field(default_factory=Condition)
+
+    @classmethod
+    def of(cls, scatter: Mapping[str, float], force_ratio: Mapping[str, float] | None = None) -> "ModelError":
+        """Sort what a calibration measured by condition; scatter without forces stands in for the rest.
+
+        Args:
+            scatter: By sensor, quantity and condition [m or rad].
+            force_ratio: By condition; 1 where it was not measured.
+        """
+        plain = {name: value for name, value in scatter.items() if ", " not in name}
+
+        def under(condition: str) -> Condition:
+            ending = f", {condition}"
+            pulled = {n.removesuffix(ending): value for n, value in scatter.items() if n.endswith(ending)}
+            return Condition(plain | pulled, (force_ratio or {}).get(condition, 1.0))
+
+        return cls(under(VENTED_PULLS), under(PRESSURISED_PULLS))
+
+    @property
+    def conditions(self) -> tuple[Condition, Condition]:
+        """Both conditions."""
+        return self.vented, self.pressurised
+
+    def at(self, pressures: Floats) -> Condition:
+        """Return the condition at measured pressures [Pa], lost ones taken as 0, shape (chambers,)."""
+        return self.vented if bool(vented(np.nan_to_num(pressures))) else self.pressurised
+
+
+def vented(pressures: Floats) -> Flags:
+    """Return which samples of pressures [Pa], shape (..., chambers), are vented, shape (...)."""
+    return np.asarray((pressures < VENTED_PA).all(axis=-1))
+
+
+def widened(suite: SensorSuite, scatter: Mapping[str, float]) -> SensorSuite:
+    """Return a suite whose sensors are as noisy as the model and they are together.
+
+    Args:
+        suite: The sensors.
+        scatter: Of the model by sensor and quantity [m or rad]; independent of the sensors' own noise.
+    """
+    return SensorSuite(tuple(_widened(sensor, scatter) for sensor in suite.measurements))
+
+
+def _widened(sensor: Measurement, scatter: Mapping[str, float]) -> Measurement:
+    def joined(own: float | Floats, name: str) -> Any:
+        return np.hypot(own, scatter.get(name, 0.0))
+
+    if isinstance(sensor, MeasuredPose):
+        return replace(
+            sensor,
+            position_sigma=joined(sensor.position_sigma, f"{sensor.name} position"),
+            rotation_sigma=joined(sensor.rotation_sigma, f"{sensor.name} rotation"),
+        )
+    if isinstance(sensor, Orientation):
+        as_pose = f"{sensor.name.replace('orientation_', 'frame_')} rotation"
+        return replace(sensor, sigma=joined(sensor.sigma, sensor.name if sensor.name in scatter else as_pose))
+    if isinstance(sensor, Bend):
+        return replace(sensor, sigma=joined(sensor.sigma, sensor.name))
+    return sensor

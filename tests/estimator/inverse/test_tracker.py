@@ -1,0 +1,46 @@
+import numpy as np
+
+from softarm.estimator.inverse import Estimator, LoadProcess, TrackerSettings
+from softarm.estimator.model import Inputs
+from softarm.estimator.sensing import ActuationMap, ModelError, Orientation, Scene, SensorSuite
+
+GRAVITY = np.array([0.0, 0.0, 9.81])
+SUITE = SensorSuite((Orientation("upper", 0, 2e-3), Orientation("lower", 1, 2e-3)))
+
+
+def test_pressures_that_are_lost_at_their_bound_leave_a_finite_estimate(arm):
+    actuation = ActuationMap.identity(6)
+    settings = TrackerSettings(LoadProcess(np.full(4, 1.0), 1.0), actuation, np.full(6, 65e3))
+    follower = Estimator(arm, SUITE, settings)
+    inputs = Inputs(np.zeros(6), np.zeros(4), GRAVITY)
+    readings = SUITE.predict(Scene(arm.frames(arm.solve(inputs, arm.rest())[0]), inputs.loads))
+    lost = np.full(6, np.nan)
+    for _ in range(4):  # at one time, so that nothing has wandered in between
+        estimate = follower.update(1.0, readings, lost, GRAVITY)
+        assert estimate.converged
+        assert np.isfinite(estimate.covariance).all()
+
+
+def test_the_condition_of_the_arm_widens_the_noise_and_scales_the_forces(arm):
+    """A force's deviation counts what the calibrated model leaves unexplained, and errors that come together."""
+    scatter = {"upper": 4e-3, "lower": 4e-3, "upper, pressurised pulls": 8e-3, "lower, pressurised pulls": 8e-3}
+
+    def estimate(error, pressure):
+        settings = TrackerSettings(
+            LoadProcess(np.full(4, 1.0), 0.0), ActuationMap.identity(6), np.full(6, 65e3), model_error=error
+        )
+        inputs = Inputs(np.full(6, pressure), np.zeros(4), GRAVITY)
+        readings = SUITE.predict(Scene(arm.frames(arm.solve(inputs, arm.rest())[0]), inputs.loads))
+        return Estimator(arm, SUITE, settings).update(0.0, readings, inputs.pressures, GRAVITY)
+
+    def deviations(ratios, pressure):
+        found = estimate(ModelError.of(scatter, ratios), pressure)
+        return np.sqrt(np.diag(found.load_covariance))
+
+    plain = np.sqrt(np.diag(estimate(ModelError(), 0.0).load_covariance))
+    vented, pressurised = deviations({}, 0.0), deviations({}, 1e4)
+    assert (1.05 * plain < vented).all()
+    assert (1.05 * vented < pressurised).all()
+    halved = {"vented pulls": 0.5}
+    np.testing.assert_allclose(deviations(halved, 0.0), 0.5 * vented)
+    np.testing.assert_allclose(deviations(halved, 1e4), pressurised)

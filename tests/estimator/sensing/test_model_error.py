@@ -1,0 +1,54 @@
+"""What a calibration leaves unexplained: sorted by condition, and added to the sensors' own noise."""
+
+import numpy as np
+import pytest
+
+from softarm.estimator.sensing import (
+    Bend,
+    MeasuredPose,
+    Measurement,
+    ModelError,
+    Orientation,
+    SensorSuite,
+    widened,
+)
+
+SCATTER = {
+    "bend_tip": 0.02,
+    "bend_tip, vented pulls": 0.005,
+    "bend_tip, pressurised pulls": 0.01,
+    "frame_tip position": 3e-3,
+    "frame_tip rotation": 0.04,
+}
+
+
+@pytest.mark.parametrize(
+    ("pressure", "bend", "ratio"), [(0.0, 0.005, 0.7), (np.nan, 0.005, 0.7), (5e3, 0.01, 1.0)]
+)
+def test_pressures_tell_the_condition(pressure: float, bend: float, ratio: float) -> None:
+    error = ModelError.of(SCATTER, {"vented pulls": 0.7})
+    condition = error.at(np.array([0.0, pressure]))
+    assert condition.scatter["bend_tip"] == bend
+    assert condition.scatter["frame_tip rotation"] == 0.04  # not measured while anybody pulled
+    assert condition.force_ratio == ratio
+
+
+@pytest.mark.parametrize(
+    ("sensor", "expected"),
+    [
+        (Bend("bend_tip", 0, 0.03), [np.hypot(0.03, 0.02)] * 2),
+        (MeasuredPose("frame_tip", 0, 4e-3, 0.03), [5e-3] * 3 + [0.05] * 3),
+        (Orientation("orientation_tip", 0, 0.03), [0.05] * 3),
+        (Orientation("frame_tip", 0, np.full(3, 0.03)), [0.05] * 3),
+        (Bend("bend_lower", 0, 0.03), [0.03] * 2),
+    ],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_noise_of_sensor_and_model_add_up(sensor: Measurement, expected: list[float]) -> None:
+    noise = widened(SensorSuite((sensor,)), ModelError.of(SCATTER).vented.scatter | {"bend_tip": 0.02}).noise
+    np.testing.assert_allclose(noise, expected)
+
+
+def test_an_orientation_that_the_calibration_saw_has_a_scatter_of_its_own() -> None:
+    suite = SensorSuite((Orientation("orientation_tip", 0, 0.03),))
+    np.testing.assert_allclose(widened(suite, SCATTER | {"orientation_tip": 0.4}).noise, np.hypot(0.03, 0.4))
