@@ -251,6 +251,20 @@ class TestWorld:
         world.advance(0.01)
         assert world.state.external_forces[2] == pytest.approx([1.0, 0.0, 0.0])
 
+    def test_a_stage_moves_the_hook_of_a_tied_cord(self):
+        world = FakeArmWorld(StillArm(), None, (), 0.002)
+        world.tie(Cord("tip", (0.3, 0.0, 0.3), 0.3))
+        assert world.cord.hook == (0.3, 0.0, 0.3)
+        goal = Cord("tip", (0.3, 0.004, 0.303), 0.3)
+        world.tie(goal)
+        world.advance(0.1)
+        moved = np.array(world.cord.hook) - (0.3, 0.0, 0.3)
+        assert moved == pytest.approx([0.0, 0.0016, 0.0012])
+        world.advance(0.26, most=100)
+        assert world.cord == goal
+        world.tie(None)
+        assert world.cord is None
+
 
 class TestControl:
     def test_requests(self):

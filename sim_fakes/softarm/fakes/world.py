@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -10,7 +11,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.fakes.clock import Clock
 from softarm.fakes.faults import nearest
-from softarm.fakes.plant.state import Cord, Hand, Plant, PlantInputs, PlantState
+from softarm.fakes.plant.state import STAGE_SPEED, Cord, Hand, Plant, PlantInputs, PlantState
 
 
 class Actuator(Protocol):
@@ -38,6 +39,7 @@ class FakeArmWorld:
     ) -> None:
         self.plant = plant
         self.cord: Cord | None = None
+        self._goal: Cord | None = None
         self.hand: Hand | None = None
         self._actuator = actuator
         self._valve_map = np.array(valve_map, dtype=np.int64)
@@ -63,10 +65,12 @@ class FakeArmWorld:
         return self.time + self.step > time + 1e-9
 
     def tie(self, cord: Cord | None) -> None:
-        """Tie the cord of the force gauge to a section, or take it off."""
+        """Tie the cord of the gauge to a section, or take it off; while it is on, its stage moves it."""
         if cord is not None:
             self._check("cord", cord.section, (*cord.hook, cord.length))
-        self.cord = cord
+        self._goal = cord
+        if cord is None or self.cord is None or cord.section != self.cord.section:
+            self.cord = cord
 
     def hold(self, hand: Hand | None) -> None:
         """Put a hand on a section, or take it away."""
@@ -81,8 +85,21 @@ class FakeArmWorld:
         if not all(math.isfinite(number) for number in numbers):
             raise InputError(f"fakes, {what}", "a number is not finite", "give finite SI values")
 
+    def _move_stage(self) -> None:
+        """Bring the hook nearer to where it shall be; jerked, the cord would set the arm swinging."""
+        if self.cord is None or self._goal is None or self.cord == self._goal:
+            return
+        here, there = np.array(self.cord.hook), np.array(self._goal.hook)
+        left, reach = float(np.linalg.norm(there - here)), STAGE_SPEED * self.step
+        if left <= reach:
+            self.cord = self._goal
+            return
+        x, y, z = (here + reach / left * (there - here)).tolist()
+        self.cord = replace(self._goal, hook=(x, y, z))
+
     def _advance_once(self) -> None:
         self._steps += 1
+        self._move_stage()
         pressures = np.zeros(self.plant.chambers)
         if self._actuator is not None:
             self._actuator.update(self.time)

@@ -22,8 +22,9 @@ def test_pressures_that_are_lost_at_their_bound_leave_a_finite_estimate(arm):
 
 
 def test_the_condition_of_the_arm_widens_the_noise_and_scales_the_forces(arm):
-    """A force's deviation counts what the calibrated model leaves unexplained, and errors that come together."""
-    scatter = {"upper": 4e-3, "lower": 4e-3, "upper, pressurised pulls": 8e-3, "lower, pressurised pulls": 8e-3}
+    """The deviation of a force counts what the calibrated model leaves unexplained."""
+    pulled = {f"{name}, pressurised pulls": 8e-3 for name in ("upper", "lower")}
+    scatter = {"upper": 4e-3, "lower": 4e-3, **pulled}
 
     def estimate(error, pressure):
         settings = TrackerSettings(

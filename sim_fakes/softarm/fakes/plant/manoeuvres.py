@@ -11,10 +11,9 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.manoeuvre import SAMPLE, CordPull, Grip, PlantManoeuvre, chain, samples
+from softarm.fakes.plant.state import STAGE_SPEED
 
 Random = np.random.Generator
-
-STAGE_SPEED = 0.02
 
 
 @dataclass(frozen=True)

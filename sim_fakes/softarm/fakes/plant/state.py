@@ -8,6 +8,10 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 
 
+STAGE_SPEED = 0.02
+"""How fast the stage of the gauge moves its hook [m/s]."""
+
+
 @dataclass(frozen=True)
 class Cord:
     """A cord of fixed length from a section's origin to the hook of the force gauge; slack when too long.
