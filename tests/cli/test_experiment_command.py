@@ -16,6 +16,7 @@ REFUSED = {
         "--scenario needs --fake",
     ),
     "a scenario, recorded": (["all", "--fake", "--scenario", "day.toml"], "--scenario needs --fake"),
+    "arms of one arm": (["force", "--arm", "sopra", "--seeds", "2"], "--seeds needs --fake"),
     "all on an arm": (["all", "--arm", "sopra"], "run each experiment on its own"),
 }
 

@@ -26,7 +26,7 @@ class ForceSettings:
         azimuth_rad: Direction in which the gauge stands from the arm, about the base frame's z.
         cord_m: Length of the cord.
         steps: Positions of the gauge, or pressures, at which the arm is looked at.
-        travel_m: How far the gauge moves away.
+        travel_m: How far the gauge moves away: to about 0.67 N, the paper's range, on SoPrA.
         chamber_pa: Largest pressure of the pressurised part.
         chambers: Chambers pressurised in it: they bend the arm away from the gauge.
         settle_s: Wait before each look.
@@ -37,7 +37,7 @@ class ForceSettings:
     azimuth_rad: float = 0.0
     cord_m: float = 0.30
     steps: int = 12
-    travel_m: float = 0.05
+    travel_m: float = 0.065
     chamber_pa: float = 40e3
     chambers: tuple[int, ...] = (0, 3)
     settle_s: float = 1.5

@@ -67,7 +67,7 @@ def calibrate_live(bench: LiveRig, seed: int, poses: int = 8) -> tuple[Recording
     moved = bench.load(paths[0])
     with bench.recording("pulls") as paths:
         bench.wait(2.0)
-        pull_steps(bench, "tip", turns=(0.0, 2.0, 4.0), steps=6, travel=0.045, rest_s=1.8)
+        pull_steps(bench, "tip", turns=(0.0, 2.0, 4.0), steps=8, travel=0.05, rest_s=2.0)
     pulled = bench.load(paths[0])
     with bench.recording("pulls_pressurised") as paths:
         bench.wait(2.0)

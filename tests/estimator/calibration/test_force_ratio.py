@@ -23,7 +23,9 @@ NAMES = tuple(f"{section}_{axis}" for section in ("upper", "tip") for axis in "x
 ROTATIONS = np.r_[3:6, 9:12]
 
 
-def ratios(innovation: Floats, pulls: Floats, pressure: float = 0.0) -> dict[str, float]:
+def ratios(
+    innovation: Floats, pulls: Floats, pressure: float = 0.0, weights: Floats | None = None
+) -> dict[str, float]:
     count = len(innovation)
     frames = Frames(np.zeros((count, 2, 3)), np.broadcast_to(np.eye(3), (count, 2, 3, 3)))
     jacobian = np.broadcast_to(np.hstack([TO_PRESSURES, TO_FORCES, np.zeros((12, 3))]), (count, 12, 11))
@@ -31,7 +33,8 @@ def ratios(innovation: Floats, pulls: Floats, pressure: float = 0.0) -> dict[str
     time, pressures = np.arange(float(count)), np.full((count, 2), pressure)
     readings = np.tile([1.0, 0.0, 0.0, 0.0], (count, 2))
     run = CalibrationRun("run", time, pressures, ("measured",) * 2, SUITE, readings, pulls, NAMES)
-    nodes = Nodes(run, time, pressures, readings, pulls, np.ones(count), np.zeros(count, dtype=np.int64))
+    weights = np.ones(count) if weights is None else weights
+    nodes = Nodes(run, time, pressures, readings, pulls, weights, np.zeros(count, dtype=np.int64))
     at = NodePredictions(innovation, np.zeros((count, 6, 0)), np.zeros((count, 6, 6)), response)
     setting = Setting({}, ActuationMap.identity(2, sigma=200.0))
     return force_ratios(setting, [at], [nodes], SCATTER)
@@ -64,6 +67,13 @@ def test_an_axial_pull_is_not_known_to_the_estimate() -> None:
 def test_readings_that_err_together_like_a_force_give_more() -> None:
     together = 0.1 * RNG.normal(size=(NODES, 1)) * TO_FORCES[ROTATIONS, 3]
     assert ratios(noise() + together, pulls_on(1, (0.3, 0.0, 0.0)))["vented pulls"] > 2.0
+
+
+def test_nodes_at_which_the_arm_moves_count_little() -> None:
+    moving = np.arange(NODES) % 4 == 0
+    shaken = noise() + 0.3 * moving[:, None] * RNG.normal(size=(NODES, 6))
+    found = ratios(shaken, pulls_on(1, (0.3, 0.0, 0.0)), weights=np.where(moving, 1e-6, 1.0))
+    assert found["vented pulls"] == pytest.approx(1.0, abs=0.1)
 
 
 def test_nothing_is_told_without_pulls_or_readings() -> None:

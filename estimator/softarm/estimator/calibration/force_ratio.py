@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.forward import NodePredictions
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.pulls import LEAST_PULL
@@ -35,6 +36,8 @@ def force_ratios(
 ) -> dict[str, float]:
     """Return the root mean square of error over deviation of the lateral force at known pulls, by condition.
 
+    Nodes count by their weight: a cord that moves does not pull as in an equilibrium.
+
     Args:
         setting: The calibration.
         evaluations: What it predicts, per run.
@@ -42,7 +45,7 @@ def force_ratios(
         scatter: About its predictions, by sensor, quantity and condition [m or rad].
     """
     error = ModelError.of(scatter)
-    squares: dict[str, list[float]] = {}
+    squares: dict[str, list[tuple[float, float]]] = {}
     for at, own in zip(evaluations, nodes, strict=True):
         pulled = (np.abs(own.loads) > LEAST_PULL).any(axis=1) & at.converged
         for name, condition in ((VENTED_PULLS, error.vented), (PRESSURISED_PULLS, error.pressurised)):
@@ -50,11 +53,20 @@ def force_ratios(
             if flags.any():
                 suite = widened(setting.aligned(own.run.suite), condition.scatter)
                 squares.setdefault(name, []).extend(_squares(setting, suite, at.keep(flags), own.keep(flags)))
-    return {name: float(np.sqrt(np.mean(values))) for name, values in squares.items() if values}
+    return {name: _root_mean(np.array(found)) for name, found in squares.items() if found}
 
 
-def _squares(setting: Setting, suite: SensorSuite, at: NodePredictions, own: Nodes) -> list[float]:
-    """Return the mean square of error over deviation at each node; an estimate knows no axial pull."""
+def _root_mean(found: Floats) -> float:
+    return float(np.sqrt(np.average(found[:, 0], weights=found[:, 1])))
+
+
+def _squares(
+    setting: Setting, suite: SensorSuite, at: NodePredictions, own: Nodes
+) -> list[tuple[float, float]]:
+    """Return the mean square of error over deviation at each node, and its weight.
+
+    The estimate knows no axial pull.
+    """
     scene = Scene(at.frames, np.zeros((len(own.time), 0)))
     twists = np.nan_to_num(suite.sensitivity(scene, own.readings).twists)
     to_pressures, to_loads = twists @ at.response.pressure_jacobian, twists @ at.response.load_jacobian
@@ -72,5 +84,6 @@ def _squares(setting: Setting, suite: SensorSuite, at: NodePredictions, own: Nod
         matched = rows.T @ weighed
         if np.linalg.matrix_rank(matched[:, :LATERAL]) == LATERAL:
             b = matched[:, LATERAL]
-            found.append(float(b @ np.linalg.solve(matched[:, :LATERAL], b)) / LATERAL)
+            square = float(b @ np.linalg.solve(matched[:, :LATERAL], b)) / LATERAL
+            found.append((square, float(own.weights[node])))
     return found
