@@ -7,7 +7,6 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 
-
 STAGE_SPEED = 0.02
 """How fast the stage of the gauge moves its hook [m/s]."""
 
