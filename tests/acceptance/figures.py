@@ -26,4 +26,15 @@ FIGURES = (
             "skipped": ("Soak", {"what": "ticks_skipped_percent"}, "value"),
         },
     ),
+    Figure(
+        "Force at the tip live, as the demo prints it on its simulated arm: {still} % of range without "
+        "pressure and {pressurised} % under pressure (aims: 0.5 and 0.6 %); {still_inside} and "
+        "{pressurised_inside} of the errors within two standard deviations (aim: 0.90 to 0.98).",
+        "demo",
+        {
+            name + suffix: ("External force", {"condition": condition}, column)
+            for name, condition in (("still", "not pressurised"), ("pressurised", "pressurised"))
+            for suffix, column in (("", "mean_percent"), ("_inside", "inside_2_std"))
+        },
+    ),
 )
