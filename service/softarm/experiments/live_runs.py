@@ -89,8 +89,8 @@ def pull_steps(
         travel: How far the gauge goes [m].
         rest_s: Wait after each step.
     """
+    rest = bench.position(section)  # once: after a strong pull the arm takes a while to come back to it
     for turn in turns:
-        rest = bench.position(section)
         way = np.array([np.cos(turn), np.sin(turn), 0.0])
         for distance in np.linspace(0.0, travel, steps):
             bench.tie(section, rest + (CORD_M + distance) * way, CORD_M)

@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from softarm.common.tables import Table
 from softarm.experiments import live_tables
 from softarm.experiments.live import LiveRigSettings
+from softarm.experiments.live_runs import CORD_M, pull_steps
 from softarm.experiments.live_tables import Talk, run_live_arms
 from softarm.experiments.seed import SeedResult
 
@@ -55,3 +57,28 @@ def test_calibrating_alone_gives_the_tables_of_every_arm(
     tables = run_live_arms("calibrate", LiveRigSettings(tmp_path), 3, QUIET)
     assert [run[0] for run in runs] == ["calibrate"] * 3
     assert len(tables) == 3
+
+
+class Pulled:
+    """An arm that stays drawn aside for a while once a cord was on it."""
+
+    def __init__(self) -> None:
+        self.place, self.hooks = np.zeros(3), []
+
+    def position(self, section: str) -> np.ndarray:
+        return self.place
+
+    def tie(self, section: str, hook: np.ndarray, length: float) -> None:
+        self.hooks.append(hook)
+        self.place = 0.1 * hook
+
+    def wait(self, seconds: float) -> None: ...
+
+    untie = advance = lambda self: None
+
+
+def test_every_pull_begins_at_the_rest_before_the_first() -> None:
+    arm = Pulled()
+    pull_steps(arm, "tip", turns=(0.0, 2.0), steps=2, travel=0.05, rest_s=0.0)  # type: ignore[arg-type]
+    reach = [np.linalg.norm(hook) for hook in arm.hooks]
+    np.testing.assert_allclose(reach, [CORD_M, CORD_M + 0.05] * 2)
