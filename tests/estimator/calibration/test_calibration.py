@@ -16,7 +16,7 @@ from softarm.estimator.calibration import (
     calibrated_specimen,
     check_drift,
 )
-from softarm.estimator.calibration.fit import fit
+from softarm.estimator.calibration.fit import fit, left_out
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import build_layout
 from softarm.estimator.calibration.nodes import choose_nodes
@@ -279,3 +279,17 @@ def test_known_pulls_and_gravity_turn_as_told() -> None:
     by_load = np.random.default_rng(0).normal(size=(1, 4, 6))
     slope = (by_load @ ((ends[1] - ends[0]) / (2 * small))[..., None])[..., 0]
     np.testing.assert_allclose(by_azimuth(by_load, pulls), slope, atol=1e-8)
+
+
+def test_a_block_that_is_left_out_is_predicted_as_by_the_fit_to_all_others() -> None:
+    known = true_specimen()
+    nodes = choose_nodes(arrange(record(noise=0.02), known, SECTIONS), 40)
+    regions, chambers = ("upper", "lower"), tuple(range(6))
+    layout = build_layout(known, nodes.run.suite, nodes.run.pressure_source, chambers, regions)
+    forward = Forward(NodeByNode(toy()), layout, (nodes,))
+    whole = fit(forward, layout.means)
+    others = nodes.blocks != 1
+    apart = fit(replace(forward, nodes=(nodes.keep(others),)), layout.means, scatter=whole.scatter)
+    exact = forward.evaluate(apart.values)[0].innovation[~others]
+    found, seen = (part[0].innovation[~others] for part in (left_out(forward, whole), whole.evaluations))
+    assert np.abs(found - exact).max() < 0.3 * np.abs(seen - exact).max()
