@@ -32,7 +32,7 @@ def fits(monkeypatch):
     """Count fits, each of which gives a rod that is known."""
     made: list[str] = []
 
-    def fit(described, progress=None) -> FittedRod:
+    def fit(described, progress=None, recipe=None) -> FittedRod:
         made.append(described.name)
         return fitted()
 
@@ -56,6 +56,15 @@ def test_a_calibrated_specimen_has_its_own_stiffness(fits) -> None:
     scales = [specimen().calibration.scale(region) for region in ("upper", "lower")]
     assert scales != [1.0, 1.0]
     assert rod.laws.stiffness.tolist() == [scales[0]] * 4 + [scales[1]] * 4
+
+
+def test_a_quick_rod_is_kept_beside_a_whole_one_and_never_taken_for_it(fits, cache) -> None:
+    for _ in range(2):
+        rods.fitted_rod(specimen(), recipe=rods.QUICK)
+    assert rods.known_rod(specimen()) is None
+    rods.fitted_rod(specimen())
+    assert fits == ["sopra"] * 2
+    assert len(list(cache.iterdir())) == 2
 
 
 def test_a_damaged_or_foreign_file_in_the_cache_is_fitted_over(fits, cache) -> None:

@@ -1,12 +1,13 @@
 """A model that solves one sample at a time, made to answer many."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self, TypeVar, cast
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp
@@ -14,6 +15,7 @@ from softarm.estimator.wrapper import ModelWrapper
 
 NEAR = 1e-3  # out-of-balance force over the applied one, at which a Newton step leaves about its square
 NEWTON_STEPS = 12
+PARTS = 2  # of the samples, solved side by side; always as many, so that every machine finds the same
 LARGEST_MOVE = 0.01  # rad or m; a Newton step that still moves a section by more is taken, not extrapolated
 GRAVITY_STEP = 0.5  # m/s2, of the difference that gives the derivative by gravity
 
@@ -56,7 +58,7 @@ class NodeByNode(ModelWrapper):
 
     Args:
         model: The model.
-        advance: Called with 1 after each sample.
+        advance: Called with 1 after each sample, from several threads.
     """
 
     model: ArmModel[Any, Any]
@@ -99,15 +101,24 @@ class NodeByNode(ModelWrapper):
             np.zeros((samples, rows, len(self.regions))),
             states=np.empty(samples, dtype=object),
         )
+        inputs = tuple(map(Inputs, pressures, loads, np.broadcast_to(gravity, (samples, 3))))
+        parts = np.array_split(np.arange(samples), PARTS)
+        with ThreadPoolExecutor(PARTS) as executor:
+            for _ in executor.map(lambda part: self._solve_part(found, part, inputs, start), parts):
+                pass
+        return found
+
+    def _solve_part(
+        self, found: ArmResponse, part: Indices, inputs: Sequence[Inputs], start: ArmResponse | None
+    ) -> None:
+        """Solve consecutive samples and enter them into the response."""
         state = self.model.rest()
-        every = np.broadcast_to(gravity, (samples, 3))
-        for index, inputs in enumerate(map(Inputs, pressures, loads, every)):
+        for index in part:
             if start is not None and start.converged[index]:
                 state = start.states[index]
-            state = self._solve(found, index, state, inputs)
+            state = self._solve(found, index, state, inputs[index])
             found.states[index] = state
             self.advance(1)
-        return found
 
     def _solve(self, found: ArmResponse, index: int, start: object, inputs: Inputs) -> object:
         """Solve a sample and enter it into the response."""

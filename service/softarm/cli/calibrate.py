@@ -91,7 +91,7 @@ def command(
         )
     loaded = tuple(taken_in(recording, robot, say).for_fits for recording in loaded)
     loads = section_forces(robot)
-    model = build_arm(robot, loads=loads)
+    model = build_arm(robot, loads=loads).without_snaps()
     runs = [arrange(recording, robot, model.sections, loads) for recording in loaded]
     for recording, run in zip(loaded, runs, strict=True):
         for complaint in complaints(recording, run):

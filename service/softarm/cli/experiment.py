@@ -179,6 +179,7 @@ def _recorded(
     from softarm.experiments.page import experiments_page
     from softarm.experiments.plots import plot_results
     from softarm.experiments.seed import SeedPlan
+    from softarm.recordings.files import write_whole
 
     chosen = EXPERIMENTS if name == "all" else (name,)
     numbers = range(1) if seeds is None else range(1, seeds + 1)
@@ -191,11 +192,11 @@ def _recorded(
     tables = (summary(results), *tables_of(results))
     show(*(table for table in tables if table.rows), as_json=as_json)
     write_json(results, out / f"{name}.json")
-    (out / f"{name}.md").write_text(as_markdown(*tables) + "\n")
+    write_whole({out / f"{name}.md": f"{as_markdown(*tables)}\n".encode()})
     for path in plot_results(results, out / "plots"):
         say(f"wrote {path}")
     if write is not None:
-        write.write_text(experiments_page(tables, len(plans)))
+        write_whole({write: experiments_page(tables, len(plans)).encode()})
         say(f"wrote {write}")
     failed = sorted({f"{failure} of seed {r.number}" for r in results for failure in r.failed})
     if failed:
@@ -206,6 +207,7 @@ def _recorded(
 def _live(name: str, settings: "LiveRigSettings", seeds: int | None, *, as_json: bool) -> int:
     from softarm.estimator.calibration import CalibrationRefusedError
     from softarm.experiments.live_tables import Talk, run_live, run_live_arms
+    from softarm.recordings.files import write_whole
 
     def ask(sentence: str) -> None:
         click.prompt(f"{sentence} Press Enter", default="", show_default=False, err=True)
@@ -224,7 +226,7 @@ def _live(name: str, settings: "LiveRigSettings", seeds: int | None, *, as_json:
         return 1
     out = settings.out
     show(*tables, as_json=as_json)
-    (out / f"{name}.md").write_text(as_markdown(*tables) + "\n")
+    write_whole({out / f"{name}.md": f"{as_markdown(*tables)}\n".encode()})
     if name == "calibrate" and seeds is None:
         say(f"wrote {out / 'specimen.toml'}")
     say(f"wrote {out / f'{name}.json'}, {name}.md and plots in the same folder")

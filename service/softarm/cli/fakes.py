@@ -24,7 +24,7 @@ from softarm.fakes.placement import playing
 from softarm.fakes.rig import Rig, running
 from softarm.fakes.scenario import Scenario, check_scenario, read_scenario
 from softarm.fakes.warp import WarpLoop
-from softarm.recordings.files import refuse_existing
+from softarm.recordings.files import refuse_existing, write_whole
 
 
 @click.command()
@@ -142,8 +142,7 @@ def _write_config(rig: Rig, path: Path, specimen: str | None) -> None:
         sensors=("orientation", "bend", "imu"),
     )
     table = service_config(settings, status(rig)["devices"])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(tomli_w.dumps(table))
+    write_whole({path: tomli_w.dumps(table).encode()})
     say(f"wrote {path}; next: softarm serve --config {path}")
 
 

@@ -8,12 +8,14 @@ from pathlib import Path
 
 from softarm.common.errors import WorkFailedError
 from softarm.estimator.rod.archive import from_bytes, shape_key, shipped_rod, to_bytes
-from softarm.estimator.rod.fit import FittedRod, adapted, fit_rod, sampled_model
+from softarm.estimator.rod.fit import FittedRod, Recipe, adapted, fit_rod, sampled_model
 from softarm.estimator.rod.model import CalibratedRod
-from softarm.estimator.rod.samples import Progress
+from softarm.estimator.rod.samples import Progress, SamplingPlan
 from softarm.estimator.specimen import Specimen
 
 THREADS = 2
+QUICK = Recipe(plan=SamplingPlan(rays=14), check=SamplingPlan(rays=1, seed=101, pressure=1.0))
+"""Fewer samples than usual, for a diagnosis of an arm whose rod nobody fitted: it must end."""
 LARGEST_FORCE_ERROR = 0.02
 """Held-out error of a force over its range up to which a rod may stand in for the finite elements."""
 
@@ -66,28 +68,30 @@ def known_trusted_rod(specimen: Specimen) -> CalibratedRod | None:
     return adapted(found.rod, specimen) if found is not None and trusted(found) else None
 
 
-def known_rod(specimen: Specimen) -> FittedRod | None:
+def known_rod(specimen: Specimen, recipe: Recipe | None = None) -> FittedRod | None:
     """Return the shipped or cached rod of a specimen's shape, None where it would have to be fitted."""
-    key = shape_key(specimen)
+    key = shape_key(specimen, recipe)
     return shipped_rod(key) or _cached(key)
 
 
-def fitted_rod(specimen: Specimen, progress: Progress | None = None) -> FittedRod:
+def fitted_rod(
+    specimen: Specimen, progress: Progress | None = None, recipe: Recipe | None = None
+) -> FittedRod:
     """Return the rod of a specimen's shape with its report; one that is fitted is kept in the cache."""
-    found = known_rod(specimen)
+    found = known_rod(specimen, recipe)
     if found is not None:
         return found
-    fitted = fit_now(specimen, progress)
-    key = shape_key(specimen)
+    fitted = fit_now(specimen, progress, recipe)
+    key = shape_key(specimen, recipe)
     with contextlib.suppress(OSError):
         _keep(to_bytes(fitted, key, specimen.name), _path(key))
     return fitted
 
 
-def fit_now(specimen: Specimen, progress: Progress | None = None) -> FittedRod:
+def fit_now(specimen: Specimen, progress: Progress | None = None, recipe: Recipe | None = None) -> FittedRod:
     """Fit the rod of a specimen's shape anew."""
     with ThreadPoolExecutor(min(THREADS, os.cpu_count() or 1)) as executor:
-        return fit_rod(specimen, sampled_model(specimen), progress, executor)
+        return fit_rod(specimen, sampled_model(specimen, recipe), progress, executor, recipe)
 
 
 def _path(key: str) -> Path:

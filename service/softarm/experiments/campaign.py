@@ -14,6 +14,7 @@ from softarm.common.tables import Table
 from softarm.experiments.figures import Cells
 from softarm.experiments.seed import FAILED, HANDS, IN_REACH, SeedPlan, SeedResult, run_seed
 from softarm.experiments.teaching import CORRECTIONS
+from softarm.recordings.files import write_whole
 
 EXPERIMENTS = ("calibrate", "validate", "force", "teach")
 
@@ -179,6 +180,5 @@ _AIMS: tuple[tuple[str, str, Callable[[Cells], bool]], ...] = (
 
 def write_json(results: Sequence[SeedResult], path: Path, way: str = WAY) -> None:
     """Write every row and every plotted series, and in which way they came about."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     document = {"schema": "softarm.experiments/1", "way": way, "seeds": [asdict(r) for r in results]}
-    path.write_text(json.dumps(document, indent=1, default=str))
+    write_whole({path: json.dumps(document, indent=1, default=str).encode()})

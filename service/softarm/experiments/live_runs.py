@@ -5,12 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.common.errors import WorkFailedError
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Specimen
 from softarm.experiments.live import LiveRig
 
 CORD_M = 0.30
 HIGHEST_PA = 45e3
+"""Up to which chambers are filled, where their own limit allows it."""
 DRAWN_M = 0.03
 """How far the hand draws the arm out at most: pressures bend no arm without lengthening it."""
 
@@ -32,17 +34,44 @@ class TaughtLive:
     reachable: tuple[bool, ...]
 
 
-def random_levels(rng: np.random.Generator, count: int, highest: float = HIGHEST_PA) -> Floats:
-    """Draw pressures on two of three chambers per segment [Pa], shape (count, 6)."""
-    levels = rng.uniform(0.0, highest, (count, 6))
+def highest_pressures(specimen: Specimen) -> Floats:
+    """Return up to which pressure each chamber is filled [Pa], shape (chambers,)."""
+    return np.minimum(HIGHEST_PA, specimen.pressure_limits)
+
+
+def random_levels(rng: np.random.Generator, specimen: Specimen, count: int) -> Floats:
+    """Draw pressures on all chambers but one of each segment [Pa], shape (count, chambers)."""
+    levels = rng.uniform(0.0, highest_pressures(specimen), (count, len(specimen.chambers)))
+    segments = [np.flatnonzero(flags) for flags in _by_segment(specimen) if flags.any()]
     for row in levels:
-        row[[rng.integers(3), 3 + rng.integers(3)]] = 0.0
+        row[[own[rng.integers(len(own))] for own in segments]] = 0.0
     return levels
+
+
+def one_side(specimen: Specimen, azimuth: float) -> Floats:
+    """Return the pressures that fill each segment's chamber nearest to an azimuth [Pa], shape (chambers,)."""
+    away = np.array([1.0 - np.cos(chamber.azimuth_rad - azimuth) for chamber in specimen.chambers])
+    filled = np.zeros(len(away))
+    for flags in _by_segment(specimen):
+        if flags.any():
+            filled[np.argmin(np.where(flags, away, np.inf))] = 1.0
+    return filled * highest_pressures(specimen)
+
+
+def _by_segment(specimen: Specimen) -> list[Flags]:
+    names = np.array([chamber.segment for chamber in specimen.chambers])
+    return [names == segment.name for segment in specimen.segments]
+
+
+def first_azimuths(specimen: Specimen, count: int) -> list[float]:
+    """List the azimuths of the first segment's first chambers [rad], ``count`` of them at most."""
+    first = specimen.chambers[0].segment
+    return [chamber.azimuth_rad for chamber in specimen.chambers if chamber.segment == first][:count]
 
 
 def validate_live(bench: LiveRig, seed: int, poses: int = 12) -> Recording:
     """Go to random poses and hold each."""
-    levels = random_levels(np.random.default_rng(seed), poses)
+    levels = random_levels(np.random.default_rng(seed), bench.specimen, poses)
     with bench.recording("validate") as paths:
         bench.arm()
         for level in levels:
@@ -56,11 +85,11 @@ def calibrate_live(bench: LiveRig, seed: int, poses: int = 8) -> tuple[Recording
     """Fill each chamber alone, go to random poses; pull in three directions, vented and under pressure."""
     with bench.recording("calibrate") as paths:
         bench.arm()
-        for chamber in range(6):
-            bench.go(HIGHEST_PA * np.eye(6)[chamber], ramp_s=4.0, hold_s=1.0)
-            bench.go(np.zeros(6), ramp_s=2.0, hold_s=1.0)
+        for filled in np.diag(highest_pressures(bench.specimen)):
+            bench.go(filled, ramp_s=4.0, hold_s=1.0)
+            bench.go(np.zeros_like(filled), ramp_s=2.0, hold_s=1.0)
             bench.advance()
-        for level in random_levels(np.random.default_rng(seed), poses):
+        for level in random_levels(np.random.default_rng(seed), bench.specimen, poses):
             bench.go(level, ramp_s=1.0, hold_s=2.5)
             bench.advance()
         bench.disarm()
@@ -71,8 +100,8 @@ def calibrate_live(bench: LiveRig, seed: int, poses: int = 8) -> tuple[Recording
     pulled = bench.load(paths[0])
     with bench.recording("pulls_pressurised") as paths:
         bench.wait(2.0)
-        for chamber in range(3):
-            against_the_cord(bench, chamber, levels=4, ramp_s=1.0, hold_s=2.0)
+        for azimuth in first_azimuths(bench.specimen, 3):
+            against_the_cord(bench, azimuth, levels=4, ramp_s=1.0, hold_s=2.0)
     return moved, pulled, bench.load(paths[0])
 
 
@@ -100,25 +129,23 @@ def pull_steps(
         bench.wait(1.5)
 
 
-def against_the_cord(bench: LiveRig, chamber: int, levels: int, ramp_s: float, hold_s: float) -> None:
-    """Tie the tip on a chamber's side, fill that chamber in steps, which bends the arm away, and vent it.
+def against_the_cord(bench: LiveRig, azimuth: float, levels: int, ramp_s: float, hold_s: float) -> None:
+    """Tie the tip on one side, fill the chambers there in steps, which bends the arm away, and vent them.
 
     Args:
         bench: The running arm.
-        chamber: Of the first segment; the one below it is filled likewise.
+        azimuth: Of the side [rad].
         levels: Number of steps.
         ramp_s: How long each takes; venting takes as long.
         hold_s: How long each is held.
     """
-    turn = 2.0 * np.pi * chamber / 3.0
-    way = np.array([np.cos(turn), np.sin(turn), 0.0])
+    way = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     bench.tie("tip", bench.position("tip") + (CORD_M - 2e-3) * way, CORD_M)
     bench.arm()
-    level = np.zeros(6)
-    level[[chamber, 3 + chamber]] = HIGHEST_PA
+    level = one_side(bench.specimen, azimuth)
     for share in np.linspace(0.0, 1.0, levels + 1)[1:]:
         bench.go(share * level, ramp_s, hold_s)
-    bench.go(np.zeros(6), ramp_s, hold_s=1.0)
+    bench.go(np.zeros_like(level), ramp_s, hold_s=1.0)
     bench.disarm()
     bench.untie()
     bench.wait(1.5)
@@ -133,8 +160,8 @@ def force_live(bench: LiveRig, steps: int = 10) -> tuple[Recording, Recording]:
     still = bench.load(paths[0])
     with bench.recording("force_pressurised") as paths:
         bench.wait(2.0)
-        for chamber in range(2):
-            against_the_cord(bench, chamber, levels=1, ramp_s=8.0, hold_s=0.5)
+        for azimuth in first_azimuths(bench.specimen, 2):
+            against_the_cord(bench, azimuth, levels=1, ramp_s=8.0, hold_s=0.5)
     return still, bench.load(paths[0])
 
 

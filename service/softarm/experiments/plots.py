@@ -8,10 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from softarm.analysis.plots.figures import save
 from softarm.common.tables import Cell
 from softarm.experiments.seed import SeedResult, Series
-
-DPI = 110
 
 
 def plot_results(results: Sequence[SeedResult], folder: Path) -> tuple[Path, ...]:
@@ -21,7 +20,6 @@ def plot_results(results: Sequence[SeedResult], folder: Path) -> tuple[Path, ...
         results: What came of the seeds.
         folder: Where the files go.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for result in results:
         forces = {name: s for name, s in result.series.items() if name.startswith("force")}
@@ -42,7 +40,6 @@ def plot_prediction(rows: Sequence[Mapping[str, Cell]], path: Path) -> Path:
         rows: Rows of the table of prediction errors.
         path: Where the picture goes.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
     units = list(dict.fromkeys(str(row["unit"]) for row in rows))
     figure = Figure(figsize=(4.8 * len(units), 3.2), layout="constrained")
     panels = figure.subplots(1, len(units), squeeze=False)[0]
@@ -61,8 +58,7 @@ def plot_prediction(rows: Sequence[Mapping[str, Cell]], path: Path) -> Path:
 
 def _save(figure: Figure, path: Path) -> Path:
     with mpl.rc_context({"font.size": 9}):
-        figure.savefig(path, dpi=DPI)
-    return path
+        return save(figure, path)
 
 
 def _forces(series: dict[str, Series]) -> Figure:

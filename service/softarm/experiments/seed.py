@@ -42,6 +42,7 @@ from softarm.experiments.subsets import SUBSETS
 from softarm.experiments.teaching import teach_recorded
 from softarm.experiments.validation import pose_errors, rows
 from softarm.recordings import load_recording
+from softarm.recordings.files import write_whole
 from softarm_client.errors import ClientError
 
 CALIBRATION_RUNS = {
@@ -195,7 +196,7 @@ def run_seed(plan: SeedPlan) -> SeedResult:
         except (ClientError, InputError, WorkFailedError) as error:  # one experiment fails, the others go on
             result.notes.append(f"{name}{FAILED}{error}")
             result.failed.append(name)
-        kept.write_text(json.dumps(asdict(result), indent=1, default=str))
+        write_whole({kept: json.dumps(asdict(result), indent=1, default=str).encode()})
     return result
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from softarm.analysis.plots.figures import save
 from softarm.estimator.errors import InputError
 from softarm.experiments.force import ForceSample, ForceSettings, run_fake
 from softarm.experiments.rig import FakeRig
@@ -154,4 +155,4 @@ def plot_force(samples: list[ForceSample], path: Path) -> None:
             )
             panel.set(title=condition, xlabel="step", ylabel="lateral force [N]")
             panel.legend()
-        figure.savefig(path, dpi=130)
+        save(figure, path)

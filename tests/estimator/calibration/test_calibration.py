@@ -211,6 +211,18 @@ def test_a_fit_reports_when_it_runs_out_of_iterations(sopra: Specimen) -> None:
     assert found.iterations == 1
 
 
+def test_a_fit_ends_when_its_steps_gain_nothing(sopra: Specimen, monkeypatch) -> None:
+    nodes = choose_nodes(arrange(record(), sopra, SECTIONS), 20)
+    layout = build_layout(sopra, nodes.run.suite, nodes.run.pressure_source, range(6), ("upper", "lower"))
+    forward = Forward(NodeByNode(toy()), layout, (nodes,))
+    ended = fit(forward, layout.means, iterations=40, tolerance=0.0)
+    assert ended.status == "converged"
+    monkeypatch.setattr("softarm.estimator.calibration.fit.LEAST_GAIN", 0.0)
+    longest = fit(forward, layout.means, iterations=40, tolerance=0.0)
+    assert ended.iterations < 12 < longest.iterations
+    assert (np.abs(ended.values - longest.values) < 0.4 * np.sqrt(np.diag(longest.covariance))).all()
+
+
 CASES = {
     "more chambers": ({"pressure_6_pa": 1e4}, "the specimen has 6 chambers"),
     "over the limit": ({"pressure_0_pa": 8e4}, "80000 Pa is above the specimen's limit of 65000 Pa"),

@@ -36,3 +36,13 @@ def test_pressures_and_stiffness_factors_move_the_sections_as_differences_say() 
 def test_a_region_of_another_model_is_left_out() -> None:
     model = NodeByNode(toy())
     assert model.with_scales({"foreign": 2.0}) is model
+
+
+def test_parts_solved_side_by_side_answer_as_one_after_another(monkeypatch) -> None:
+    pressures = np.random.default_rng(3).uniform(0.0, 3e4, (7, 6))
+    together = solved(pressures)
+    monkeypatch.setattr("softarm.estimator.node_by_node.PARTS", 1)
+    alone = solved(pressures)
+    np.testing.assert_array_equal(together.frames.rotations, alone.frames.rotations)
+    np.testing.assert_array_equal(together.pressure_jacobian, alone.pressure_jacobian)
+    assert together.converged.all()

@@ -36,6 +36,11 @@ PULL_TRUST = 1.0 / 3.0
 
 Where a model that is not exact must err, it shall err in the pressures, whose gains can make up for it.
 """
+LEAST_GAIN = 0.1
+"""Decrease of twice the log likelihood at which a fit ends: it moves the unknowns by a third of a deviation.
+
+Along directions that the data hardly determine, Gauss-Newton goes on for long with steps that gain nothing.
+"""
 SETTLING = 4  # evaluations after which scatter and correlation stay, so that one function is minimised
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e6
@@ -137,6 +142,7 @@ def fit(
         scatter: Scatter of the residuals; estimated along the way where it is left out.
     """
     values, damping, count, estimated = start, FIRST_DAMPING, 1, scatter is None
+    gain = np.inf
     current = forward.evaluate(values, evaluations)
     while True:
         rows = collect(current, forward.nodes)
@@ -144,13 +150,17 @@ def fit(
             scatter = Scatter.of(rows, current, forward.nodes)
         normal, gradient, cost = _normal_equations(forward, rows, values, scatter)
         step, unsettled = _step(normal, gradient, damping)
-        settled = bool(unsettled.max(initial=0.0) < tolerance)
+        settled = bool(unsettled.max(initial=0.0) < tolerance) or gain < LEAST_GAIN
         if settled or count >= iterations:
             break
         candidate = forward.evaluate(values + step, current)
         count += 1
         new_rows = collect(candidate, forward.nodes)
         _, _, new_cost = _normal_equations(forward, new_rows, values + step, scatter)
+        free = (
+            damping <= FIRST_DAMPING and count > SETTLING and len(new_rows.innovation) == len(rows.innovation)
+        )
+        gain = abs(cost - new_cost) if free else np.inf
         if len(new_rows.innovation) >= 0.9 * len(rows.innovation) and new_cost <= cost * (1 + 1e-9):
             values, current, damping = values + step, candidate, max(damping * 0.2, 1e-9)
         elif damping < LARGEST_DAMPING:

@@ -220,6 +220,13 @@ class FiniteElementModel:
             values[self.parameters.index(name)] = value
         return replace(self, scales=values)
 
+    def without_snaps(self) -> "FiniteElementModel":
+        """Copy the model so that a load path ends where the arm would snap through.
+
+        For a calibration: a state beyond is none that the arm was recorded in, and takes long to find.
+        """
+        return replace(self, settings=replace(self.settings, descent=0, smallest_step=0.02))
+
     def with_loads(self, loads: Sequence[Load]) -> "FiniteElementModel":
         """Copy the model with other loads; nothing is analysed anew."""
         return replace(self, load_set=build_loads(self.mesh, tuple(loads), dict(self.frames)))

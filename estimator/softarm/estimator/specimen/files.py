@@ -81,8 +81,9 @@ def save_specimen(specimen: Specimen, path: str | Path) -> None:
         Path(partial).chmod(0o644)
         Path(partial).replace(target)
     except OSError as error:
-        Path(partial).unlink(missing_ok=True)
         raise InputError(str(target), f"cannot write: {error.strerror}", "choose a writable file") from None
+    finally:
+        Path(partial).unlink(missing_ok=True)
 
 
 def specimen_table(specimen: Specimen, folder: Path) -> dict[str, object]:

@@ -1,7 +1,7 @@
 """The model that a diagnosis runs on: the calibrated rod where there is one, else finite elements."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,9 +13,7 @@ from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.geometry import Resolution
 from softarm.estimator.model import Frames, Inputs
 from softarm.estimator.response import ArmResponse
-from softarm.estimator.rod import FittedRod, Recipe, fit_rod, sampled_model
 from softarm.estimator.rod.model import CalibratedRod
-from softarm.estimator.rod.samples import SamplingPlan
 from softarm.estimator.simulation import Segments, section_loads
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.wrapper import ModelWrapper
@@ -29,19 +27,6 @@ COARSE = {kind: Resolution(layers=1) for kind in ("quadrant_cylinder", "cylinder
 """Meshes of bodies whose usual mesh takes seconds to solve; calibration takes up what they are stiffer by."""
 BUDGET = 150.0
 """Seconds for which finite elements are solved at all, so that a diagnosis ends."""
-QUICK_RAYS = 14
-"""Rays of samples of a rod that nobody fitted before: a diagnosis must end."""
-
-
-def quick_rod(specimen: Specimen, tell: Callable[[str], None]) -> FittedRod:
-    """Fit a rod to fewer samples than usual, on the spot."""
-    recipe = Recipe(plan=SamplingPlan(rays=QUICK_RAYS), check=SamplingPlan(rays=1, seed=101, pressure=1.0))
-    return fit_rod(
-        specimen,
-        sampled_model(specimen, recipe),
-        lambda done, whole: tell(f"fitting the rod, {done} of {whole}"),
-        recipe=recipe,
-    )
 
 
 def rod_model(specimen: Specimen, rod: CalibratedRod) -> Model:

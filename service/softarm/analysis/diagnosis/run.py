@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from softarm.analysis.diagnosis.intake import take_all_in, with_intakes
-from softarm.analysis.diagnosis.models import finite_element_model, quick_rod, rod_model
+from softarm.analysis.diagnosis.models import finite_element_model, rod_model
 from softarm.analysis.offline.inputs import load_recordings
-from softarm.common.rods import known_rod, trusted
+from softarm.common.rods import QUICK, fitted_rod, known_rod, trusted
 from softarm.estimator.calibration import (
     Calibrated,
     CalibrationRefusedError,
@@ -113,8 +113,12 @@ def run(
 
     @cache
     def rod() -> CalibratedRod:
-        """Return the rod that is known, else one that is fitted once."""
-        return adapted((known or quick_rod(request.specimen, tell)).rod, request.specimen)
+        """Return the rod that is known, else one that is fitted once, and kept, to few samples."""
+
+        def fitting(done: int, whole: int) -> None:
+            tell(f"fitting the rod, {done} of {whole}")
+
+        return adapted((known or fitted_rod(request.specimen, fitting, QUICK)).rod, request.specimen)
 
     if _on_mesh(request.specimen, admitted, known):
         model = finite_element_model(request.specimen)

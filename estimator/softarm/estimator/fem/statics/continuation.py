@@ -100,7 +100,7 @@ class EquilibriumPath:
         with the status of its last failure at the last equilibrium reached.
         """
         corrected = self._correct(start, 0.0)
-        if not corrected.solution.converged:
+        if not corrected.solution.converged and self._settings.descent:
             corrected = self._descend(start, 0.0)
         if not corrected.solution.converged:
             return self._end(start, corrected.solution.status)
@@ -126,6 +126,8 @@ class EquilibriumPath:
             if self._spent >= self._settings.total_iterations:
                 return self._end(self._here.displacement, SolveStatus.ITERATIONS)
             if step < self._settings.smallest_step:
+                if not self._settings.descent:
+                    return self._end(self._here.displacement, status)
                 aim = min(1.0, self._here.fraction + SNAP)
                 corrected = self._descend(self._here.displacement, aim)
                 if not corrected.solution.converged:

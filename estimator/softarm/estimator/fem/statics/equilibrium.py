@@ -34,7 +34,7 @@ class Settings:
         longest_move: Largest displacement of a node in one linear step, over the body's size.
         smallest_step: Fraction of the change of load at which halving ends.
         total_iterations: Linear solves allowed in one call, reckoned after each load step.
-        descent: Linear solves allowed to cross a snap-through.
+        descent: Linear solves allowed to cross a snap-through; with none, the load path ends there.
     """
 
     tolerance: float = 1e-9

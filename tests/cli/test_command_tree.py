@@ -1,0 +1,84 @@
+"""What all commands share: a JSON form of what they print, and the exit statuses of the documentation."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+
+from softarm import cli
+from softarm.estimator.specimen import load_specimen, save_specimen
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "command-line.md").read_text("utf-8")
+WITHOUT_TABLE = {"serve", "page", "ros", "vent", "bench measured"}
+
+
+def leaves(group: click.Group, names: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        assert command is not None
+        if isinstance(command, click.Group):
+            yield from leaves(command, (*names, name))
+        else:
+            yield " ".join((*names, name)), command
+
+
+def test_every_command_that_prints_a_table_prints_it_as_json() -> None:
+    without = {
+        name
+        for name, command in leaves(cli.softarm)
+        if not any("--json" in option.opts for option in command.params)
+    }
+    assert without == WITHOUT_TABLE
+
+
+def test_the_page_names_the_commands_without_json() -> None:
+    sentence = re.search(r"Without `--json`: (.*)\.", PAGE)
+    assert sentence is not None
+    assert set(re.findall(r"`(.+?)`", sentence[1])) == WITHOUT_TABLE
+
+
+def statuses() -> set[int]:
+    return {int(number) for number in re.findall(r"^\| (\d+) \|", PAGE, re.MULTILINE)}
+
+
+def test_the_exit_statuses_are_those_of_the_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    example = ROOT / "examples" / "recordings" / "sopra_pull"
+    found = {
+        cli.run(["check", "sopra"]),
+        cli.run(["status", "--arm", "nobody", "--endpoint", "tcp/127.0.0.1:1"]),
+        cli.run(["check", "missing.toml"]),
+        interrupted(monkeypatch, ["convert", str(example), "x.mcap"]),
+    }
+    assert found == statuses() == {0, 1, 2, 130}
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def interrupted(monkeypatch: pytest.MonkeyPatch, arguments: list[str]) -> int:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(cli.softarm, "main", interrupt)
+        return cli.run(arguments)
+
+
+def test_an_interrupted_specimen_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "arm.toml"
+    save_specimen(load_specimen("sopra"), path)
+    before = path.read_bytes()
+
+    def interrupt(_: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("os.fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        save_specimen(load_specimen("beam"), path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
