@@ -1,6 +1,9 @@
 """A live recording, read by the plain ``mcap`` library and by the published parsers of its schemas."""
 
 import json
+import shutil
+import subprocess
+from pathlib import Path
 
 import jsonschema
 import numpy as np
@@ -19,6 +22,7 @@ from softarm.recordings.scene import METRES_PER_NEWTON
 from softarm_client.messages import Estimate, LoadEstimate, SectionPose
 from tests.service.standins import channel_reading
 
+PARSER = Path(__file__).with_name("foxglove")
 MONOTONIC_NS, UNIX_NS = 10**12, 1_790_000_000_000_000_000
 STEP_NS = 10_000_000
 TICKS = 120
@@ -175,3 +179,37 @@ def test_a_recording_with_null_for_lost_readings_still_reads(tmp_path):
     columns = load_recording(path).columns
     assert np.isnan(columns["pressure_0_pa"]).tolist() == [False, False, True, False, False]
     assert columns["pressure_1_pa"].tolist() == [2e4] * 5
+
+
+@pytest.fixture(scope="module")
+def packages(tmp_path_factory):
+    """A folder with Foxglove's own packages for reading recordings, from npm's registry."""
+    if shutil.which("node") is None or shutil.which("npm") is None:
+        pytest.skip("node and npm are not installed: Foxglove's own parser is not tried")
+    folder = tmp_path_factory.mktemp("npm")
+    for name in ("package.json", "package-lock.json"):
+        shutil.copy(PARSER / name, folder)
+    options = ["--ignore-scripts", "--no-audit", "--no-fund", "--prefer-offline"]
+    done = subprocess.run(
+        ["npm", "ci", *options], cwd=folder, capture_output=True, text=True, timeout=100, check=False
+    )
+    if done.returncode != 0:
+        pytest.skip(f"npm cannot install Foxglove's parser: {done.stderr.strip().splitlines()[-1:]}")
+    return folder
+
+
+def test_foxgloves_own_parser_takes_every_channel(path, messages, packages):
+    done = subprocess.run(
+        ["node", PARSER / "read.mjs", path, packages],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    read = json.loads(done.stdout)
+    assert {topic: entry["messages"] for topic, entry in read.items()} == {
+        topic: len(rows) for topic, rows in messages.items()
+    }
+    assert read["/frames"]["fields"] == ["transforms"]
+    assert "entities" in read["/scene"]["fields"]
