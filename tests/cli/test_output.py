@@ -88,6 +88,14 @@ def test_a_pipe_gets_a_line_every_ten_seconds_with_the_time_left(capsys: pytest.
     assert len(told) == 4
 
 
+def test_the_first_steps_of_long_work_tell_no_time_left(capsys: pytest.CaptureFixture[str]) -> None:
+    now = [0.0]
+    lines = ProgressLines("calibrating arm", 1000.0, lambda: now[0])
+    now[0] = 28.0
+    lines.advance(1.0)
+    assert capsys.readouterr().err == "calibrating arm: 0 % after 28 s\n"
+
+
 def test_quick_work_on_a_pipe_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     with progress("work", 3) as advance:
         advance(1)

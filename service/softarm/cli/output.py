@@ -18,6 +18,8 @@ from softarm.common.tables import Cell, Table, text
 Command = TypeVar("Command", bound=Callable[..., Any])
 LINE_EVERY_S = 10.0
 """Time between two lines of progress where stderr is no terminal."""
+LEAST_SHARE = 0.02
+"""Share of the work from which the time left is told: what begins a task says little of the rest."""
 
 
 def show(*tables: Table, as_json: bool) -> None:
@@ -102,8 +104,10 @@ class ProgressLines:
         if not self._total:
             return f"{self._done:.0f} steps in {spent_s:.0f} s"
         share = min(self._done / self._total, 1.0)
-        left_s = spent_s * (1.0 - share) / share if share else float("inf")
-        return f"{100.0 * share:.0f} % after {spent_s:.0f} s, at most about {left_s:.0f} s left"
+        so_far = f"{100.0 * share:.0f} % after {spent_s:.0f} s"
+        if share < LEAST_SHARE:
+            return so_far
+        return f"{so_far}, at most about {spent_s * (1.0 - share) / share:.0f} s left"
 
 
 def say(message: str) -> None:

@@ -37,9 +37,10 @@ PULL_TRUST = 1.0 / 3.0
 Where a model that is not exact must err, it shall err in the pressures, whose gains can make up for it.
 """
 LEAST_GAIN = 0.1
-"""Decrease of twice the log likelihood at which a fit ends: it moves the unknowns by a third of a deviation.
+"""Decrease of twice the log likelihood in one step at which a fit ends.
 
-Along directions that the data hardly determine, Gauss-Newton goes on for long with steps that gain nothing.
+A step of a third of a deviation gains as much. Along directions that the data hardly determine, Gauss-Newton
+goes on for long with steps that gain less, each of which costs a solve of every node.
 """
 SETTLING = 4  # evaluations after which scatter and correlation stay, so that one function is minimised
 FIRST_DAMPING = 1e-3
