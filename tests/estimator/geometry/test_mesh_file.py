@@ -117,6 +117,9 @@ def test_gmsh_physical_groups(arm: Mesh, tmp_path: Path) -> None:
     mesh = build_mesh(from_file(path, **fields))
     np.testing.assert_array_equal(mesh.blocks[0].region, block.region)
     np.testing.assert_array_equal(np.sort(mesh.node_sets["clamp"]), np.sort(arm.node_sets["clamp"]))
+    with pytest.raises(InputError, match="no group 'held'.*part_base") as refused:
+        build_mesh(from_file(path, **fields, clamp="held"))
+    assert "gmsh:" not in str(refused.value)
 
 
 def test_groups_by_integer_in_a_data_array(arm: Mesh, tmp_path: Path) -> None:
@@ -218,11 +221,14 @@ def test_a_section_outside_the_mesh(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"), [(None, "no such mesh file"), ("nonsense", "cannot read the mesh")]
+    ("text", "message"), [(None, "no such mesh file"), ("nonsense", r"cannot read the mesh: .*arm\.vtk as")]
 )
-def test_unreadable_files(text: str | None, message: str, tmp_path: Path) -> None:
+def test_unreadable_files(
+    text: str | None, message: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "arm.vtk"
     if text is not None:
         path.write_text(text)
     with pytest.raises(InputError, match=message):
         build_mesh(from_file(path))
+    assert capfd.readouterr() == ("", "")

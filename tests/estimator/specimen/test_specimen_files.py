@@ -93,6 +93,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
         (("swept_lobes", "swept_lobe"), "arm.toml: geometry.kind", "'swept_lobe'", "'swept_lobes'"),
         (("neo_hookean", "neohookean"), "arm.toml: materials.shore_10a.law", "not known", "'neo_hookean'"),
         (("index = 3", "index = 4"), "arm.toml: chambers[3].index", "4 where 3", "number the chambers"),
+        (("azimuth_rad = 0.0", "azimuth_rad = 120"), "arm.toml: chambers[0].azimuth_rad", "120", "6.28"),
         (("azimuth_rad = 0.0", "azimuth_rad = 0.3"), "arm.toml: chambers", "120 degrees", "evenly"),
         (("shore_30a", "shore_20a"), "arm.toml: sections[0].material", "shore_30a", "did you mean"),
         (("lobe_radii_m = [0.0175, ", "lobe_radii_m = ["), "arm.toml: geometry", "5 lobe radii for 6", "one"),

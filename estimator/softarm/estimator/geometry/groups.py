@@ -1,7 +1,9 @@
 """Named groups of a mesh file: physical groups, cell and point sets, integers in data arrays."""
 
 from collections.abc import Mapping
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,7 @@ FACETS: Mapping[str, FacetKind] = {
     "quad8": "quad8",
 }
 OTHER_SOLIDS = ("wedge", "pyramid", "hexahedron24", "hexahedron27", "polyhedron")
-UNREADABLE = (meshio.ReadError, OSError, ValueError, KeyError, IndexError, AssertionError, SystemExit)
+UNREADABLE = (meshio.ReadError, OSError, ValueError, KeyError, IndexError, AssertionError)
 
 
 @dataclass(frozen=True)
@@ -114,6 +116,8 @@ class MeshFileContent:
         names = [*self.mesh.field_data, *self.mesh.cell_sets, *self.mesh.point_sets]
         arrays = {**self.mesh.cell_data, **{k: [v] for k, v in self.mesh.point_data.items()}}
         for array, values in arrays.items():
+            if array.startswith("gmsh:") and names:
+                continue  # gmsh's own numbers, beside the names that its user gave
             flat = np.concatenate([np.asarray(v).ravel() for v in values])
             if np.issubdtype(flat.dtype, np.integer):
                 names += [f"{array}={value}" for value in np.unique(flat)[:50]]
@@ -137,8 +141,13 @@ def read_content(path: Path) -> MeshFileContent:
         raise InputError(
             where, "no such mesh file", "correct the path, which starts at the specimen's folder"
         )
+    said = StringIO()
     try:
-        mesh = meshio.read(path)
+        with redirect_stdout(said), redirect_stderr(said):  # meshio prints why, then exits the program
+            mesh = meshio.read(path)
+    except SystemExit:
+        why = " ".join(said.getvalue().split()) or "its format is unknown"
+        raise InputError(where, f"cannot read the mesh: {why}", "give a file that meshio reads") from None
     except UNREADABLE as error:
         raise InputError(where, f"cannot read the mesh: {error}", "give a file that meshio reads") from None
     other = sorted({block.type for block in mesh.cells if block.type.startswith(OTHER_SOLIDS)})

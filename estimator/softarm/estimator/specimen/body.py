@@ -4,7 +4,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from softarm.estimator.specimen.entry import Entry, Finite, Name, NotNegative, Positive, Quaternion, Vector
+from softarm.estimator.specimen.entry import (
+    Angle,
+    Entry,
+    Finite,
+    Name,
+    NotNegative,
+    Positive,
+    Quaternion,
+    Vector,
+)
 
 Index = Annotated[int, Field(ge=0)]
 
@@ -50,7 +59,7 @@ class Chamber(Entry):
     """Its number, from 0 without gaps."""
     segment: Name
     """Segment that it lies in."""
-    azimuth_rad: Finite
+    azimuth_rad: Angle
     """Direction of its centre about z, from the base frame's x axis towards y."""
     from_m: Finite
     """Height of its closed upper end."""

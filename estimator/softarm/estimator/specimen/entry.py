@@ -1,10 +1,13 @@
 """The base of every table of a specimen file, and the kinds of value it holds."""
 
+import math
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+Angle = Annotated[float, Field(ge=-math.tau, le=math.tau, allow_inf_nan=False)]
+"""In radians: what lies beyond a whole turn was meant in degrees."""
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
