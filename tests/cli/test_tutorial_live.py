@@ -38,10 +38,12 @@ def taken(port: int) -> bool:
 
 
 def wait_for(line: str, stream: IO[str]) -> None:
-    for printed in stream:
-        if printed.strip() == line:
+    printed: list[str] = []
+    for one in stream:
+        if one.strip() == line:
             return
-    pytest.fail(f"the tutorial shows {line!r}, which was not printed")
+        printed.append(one)
+    pytest.fail(f"the tutorial shows {line!r}, which was not printed:\n{''.join(printed[-10:])}")
 
 
 @pytest.fixture(scope="module")
