@@ -117,7 +117,7 @@ def test_gmsh_physical_groups(arm: Mesh, tmp_path: Path) -> None:
     mesh = build_mesh(from_file(path, **fields))
     np.testing.assert_array_equal(mesh.blocks[0].region, block.region)
     np.testing.assert_array_equal(np.sort(mesh.node_sets["clamp"]), np.sort(arm.node_sets["clamp"]))
-    with pytest.raises(InputError, match="no group 'held'.*part_base") as refused:
+    with pytest.raises(InputError, match=r"no group 'held'.*part_base") as refused:
         build_mesh(from_file(path, **fields, clamp="held"))
     assert "gmsh:" not in str(refused.value)
 
