@@ -28,8 +28,8 @@ FIGURES = (
     ),
     Figure(
         "Force at the tip live, as the demo prints it on its simulated arm: {still} % of range without "
-        "pressure and {pressurised} % under pressure (aims: 0.5 and 0.6 %); {still_inside} and "
-        "{pressurised_inside} of the errors within two standard deviations (aim: 0.90 to 0.98).",
+        "pressure and {pressurised} % under pressure (aims: 0.5 and 0.6 %). Share of its errors within two "
+        "standard deviations: {still_inside} and {pressurised_inside} (aim: 0.90 to 0.98).",
         "demo",
         {
             name + suffix: ("External force", {"condition": condition}, column)

@@ -25,7 +25,15 @@ from softarm.estimator.diagnosis.conclude import unproven
 from softarm.estimator.diagnosis.diagnose import Decision, disagreement
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gram import Products, products_of
-from softarm.estimator.diagnosis.judge import CERTAIN, HETEROGENEITY, Judgement, bootstrap, fold_costs, judge
+from softarm.estimator.diagnosis.judge import (
+    CERTAIN,
+    HETEROGENEITY,
+    FoldCosts,
+    Judgement,
+    bootstrap,
+    fold_costs,
+    judge,
+)
 from softarm.estimator.diagnosis.library import Direction, Hypothesis, Library
 from softarm.estimator.diagnosis.nominal import MATERIAL, belief_before, evidence_of_change
 from softarm.estimator.diagnosis.screen import null_scores, screen
@@ -139,6 +147,25 @@ def test_of_equals_the_plainest_comes_first():
     apart = [candidate(rich, 100.0), candidate(plain, 100.0 - 1.1 * ALIKE)]
     assert plainest_first(apart)[0].fit is rich
     assert plainest_first([]) == []
+
+
+def test_only_what_predicts_the_folds_about_as_well_as_the_best_may_be_accepted():
+    """A gain in the fit does not make up for folds predicted worse; of equals the plainest is first."""
+    folds = {0: np.full(5, 40.0), 1: np.full(5, 0.0), 2: np.full(5, 0.2)}
+    none = np.full(5, 400.0)
+    search = SimpleNamespace(
+        rng=np.random.default_rng(0),
+        price=5.0,
+        predicted=lambda one, _: FoldCosts(none, folds[one.number], none, none, none),
+        only_moves=lambda _: False,
+    )
+    fits = [fit_of("tip_payload", 0.01), fit_of("line_leak", 0.1, 1.0), fit_of("tip_payload", 0.01)]
+    field = [candidate(fit, 100.0 - 10.0 * number, number) for number, fit in enumerate(fits)]
+    likely = Search.likely(cast("Any", search), field, None)
+    assert [one.number for one in likely] == [2, 1]
+    bound = [replace(one, fit=replace(one.fit, at_bound=one.number == 2)) for one in field]
+    assert [one.number for one in Search.likely(cast("Any", search), bound, None)] == [1]
+    assert Search.likely(cast("Any", search), [], None) == []
 
 
 def test_an_amplitude_is_told_from_none_by_its_deviation():

@@ -10,6 +10,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.belief import Belief, Marginal
 from softarm.estimator.diagnosis.candidates import (
     ALIKE,
+    ALIKE_SHARE,
     Accepted,
     Candidate,
     ChosenEffects,
@@ -22,6 +23,7 @@ from softarm.estimator.diagnosis.fit import Fit, Ground, View, fit_effects, gain
 from softarm.estimator.diagnosis.gram import Products, total
 from softarm.estimator.diagnosis.judge import CERTAIN, FoldCosts, Judgement, fold_costs, judge
 from softarm.estimator.diagnosis.nominal import UNKNOWN
+from softarm.estimator.diagnosis.probability import probabilities, spent
 from softarm.estimator.diagnosis.ring import Ring
 from softarm.estimator.diagnosis.screen import null_scores, screen
 from softarm.estimator.diagnosis.stage import Stage
@@ -39,10 +41,8 @@ SECOND = 0.5
 """Share of an accepted effect's gain that decides for another one so."""
 SWUNG = 0.05
 """Share of the gain of an effect that changes the swing below which a delay beside it is its consequence."""
-CLOSE = 0.8
-"""Share of the best gain in the criterion below which a hypothesis is no candidate."""
-MOVING = 0.5
-"""The same for one at rest against one that only shows in motion."""
+BARE = 3.2
+"""Odds that are not worth more than a bare mention (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773)."""
 EXACT_STEPS = 6
 """Steps tried by a fit on the model itself."""
 RESOLVED = 4
@@ -227,10 +227,9 @@ class Search:
     def best(
         self, field: Sequence[Candidate], fit: Fit | None, null: Floats, accepted: Sequence[Accepted]
     ) -> tuple[Accepted | None, tuple[Candidate, Judgement] | None]:
-        """Judge the best candidates and take the first that holds.
+        """Judge the most probable candidates and take the first that holds.
 
-        What changes the arm at rest comes before what only changes how it moves, unless it explains far less;
-        once an accepted effect has changed material or mass, another swing is its consequence. What one law
+        Once an accepted effect has changed material or mass, another swing is its consequence. What one law
         leaves of a strong effect looks like a weaker second effect, which has to show in every recording.
         """
         turned_down = None
@@ -240,18 +239,29 @@ class Search:
             for one in field
             if not self.another_swing(one, accepted) and not self.another_stretch(one, accepted)
         ]
-        highest = max((one.delta_bic for one in field), default=0.0)
-        for moving, share in ((False, MOVING), (True, CLOSE)):
-            own = [one for one in field if self.only_moves(one) == moving]
-            least = max(LEAST_BIC, share * highest, CLOSE * max((one.delta_bic for one in own), default=0.0))
-            for candidate in own[:TRIED]:
-                if candidate.delta_bic < least or candidate.fit.at_bound:
-                    continue
-                judgement = replace(self.judge(candidate, fit, null), certain=certain)
-                if judgement.accepted:
-                    return Accepted(candidate, judgement, tuple(field)), None
-                turned_down = turned_down or (candidate, judgement)
+        for candidate in self.likely(field, fit)[:TRIED]:
+            judgement = replace(self.judge(candidate, fit, null), certain=certain)
+            if judgement.accepted:
+                return Accepted(candidate, judgement, tuple(field)), None
+            turned_down = turned_down or (candidate, judgement)
         return None, turned_down
+
+    def likely(self, field: Sequence[Candidate], fit: Fit | None) -> list[Candidate]:
+        """List what may be accepted: the most probable candidates, and those that come close to them.
+
+        What changes the arm at rest comes first, then what has fewer parameters, then what is more probable.
+        """
+        able = [one for one in field if one.delta_bic >= LEAST_BIC and not one.fit.at_bound]
+        if not able:
+            return []
+        costs = [self.predicted(one, fit) for one in able]
+        weights = probabilities(able, costs, self.price, self.rng)
+        gains = np.array([float((own.before - own.after).sum()) for own in costs])
+        gains -= [spent(one, self.price) for one in able]
+        close = gains >= gains.max() - max(ALIKE, ALIKE_SHARE * gains.max())
+        near = np.flatnonzero(close | (weights >= weights.max() / BARE)).tolist()
+        near.sort(key=lambda k: (self.only_moves(able[k]), len(able[k].fit.thetas[-1]), -weights[k]))
+        return [able[k] for k in near]
 
     def another_swing(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
         """Return whether a candidate moves only as accepted effects on stiffness or mass swing the arm."""

@@ -268,7 +268,7 @@ def _finding(
     low, high = accepted.judgement.gain_ci95
     if len(predictions.before) > 1:
         low, high = bootstrap(search.rng, predictions.before, predictions.after)
-    probable = probabilities(search, choice, index)
+    probable = _probable(search, choice, index)
     rivals, rejected = _rivals(search, accepted, probable)
     when = effect.when
     statement = f"{effect.tell(theta, hypothesis.place)} {sentence_on(when)}"
@@ -294,6 +294,24 @@ def _finding(
         exposure=_exposure(search, choice, index),
         probability=probable[hypothesis.name, hypothesis.place],
     )
+
+
+def _probable(search: Search, choice: ChosenEffects, index: int) -> dict[Explanation, float]:
+    """Return how probable it is that each of some effects explains what the other findings leave."""
+    fit = choice.fit
+    assert fit is not None
+    others = [k for k in range(len(fit.thetas)) if k != index]
+    taken = {choice.accepted[k].candidate.number for k in others}
+    field = [one for one in choice.accepted[index].field if one.number not in taken and not one.fit.at_bound]
+    rest = search.subset(fit, others)
+    costs = [search.predicted(one, rest) for one in field]
+    weights = probabilities(field, costs, search.price, search.rng)
+    found: dict[Explanation, float] = {}
+    for one, weight in zip(field, weights.tolist(), strict=True):
+        hypothesis = search.evidence.library.hypotheses[one.number]
+        key = (hypothesis.name, hypothesis.place)
+        found[key] = found.get(key, 0.0) + weight
+    return found
 
 
 def _rivals(

@@ -6,14 +6,14 @@ its predictions of folds that are themselves weighted at random (pseudo-BMA+: Ya
 Gelman, Bayesian Anal. 13 (2018) 917, section 3.4).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.special import softmax
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.candidates import ChosenEffects
-from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.candidates import Candidate
+from softarm.estimator.diagnosis.judge import FoldCosts
 from softarm.estimator.specimen.physics import EffectName, Place
 
 Explanation = tuple[EffectName, Place]
@@ -24,32 +24,28 @@ DRAWS = 2000
 """Random weightings of the folds: a probability is then good to a hundredth."""
 
 
-def probabilities(search: Search, choice: ChosenEffects, index: int) -> Mapping[Explanation, float]:
-    """Return how probable it is that each of some effects explains what the other findings leave.
-
-    That none of them does is one more explanation; what the other findings say competes with none.
+def probabilities(
+    candidates: Sequence[Candidate], costs: Sequence[FoldCosts], price: float, rng: np.random.Generator
+) -> Floats:
+    """Return how probable each of some candidates is, shape (candidates,); the rest is that none acts.
 
     Args:
-        search: The search.
-        choice: What it accepted.
-        index: Number of the accepted effect whose rivals are weighed.
+        candidates: What was fitted, at least one.
+        costs: How well the folds are predicted with each of them, and without any.
+        price: Cost of a parameter.
+        rng: Of the weightings of the folds.
     """
-    fit, accepted = choice.fit, choice.accepted[index]
-    assert fit is not None
-    others = [k for k in range(len(fit.thetas)) if k != index]
-    taken = {choice.accepted[k].candidate.number for k in others}
-    field = [one for one in accepted.field if one.number not in taken]
-    rest = search.subset(fit, others)
-    costs = [search.predicted(candidate, rest) for candidate in field]
-    fitted = [2.0 * (len(one.fit.thetas[-1]) - 1) / len(costs[0].before) for one in field]
-    densities = [-0.5 * (own.after + spent) for own, spent in zip(costs, fitted, strict=True)]
-    weights = pseudo_bma(np.column_stack([*densities, -0.5 * costs[0].before]), search.rng)
-    found: dict[Explanation, float] = {}
-    for one, weight in zip(field, weights.tolist(), strict=False):
-        hypothesis = search.evidence.library.hypotheses[one.number]
-        key = (hypothesis.name, hypothesis.place)
-        found[key] = found.get(key, 0.0) + weight
-    return found
+    # A cost is twice a logarithm.
+    densities = [
+        -0.5 * (own.after + spent(one, price) / len(own.after))
+        for one, own in zip(candidates, costs, strict=True)
+    ]
+    return pseudo_bma(np.column_stack([*densities, -0.5 * costs[0].before]), rng)[:-1]
+
+
+def spent(candidate: Candidate, price: float) -> float:
+    """Return the cost of the parameters that all folds have fitted; each fold's own is that of the size."""
+    return price * (len(candidate.fit.thetas[-1]) - 1)
 
 
 def pseudo_bma(densities: Floats, rng: np.random.Generator) -> Floats:
