@@ -52,3 +52,8 @@ def test_noise_of_sensor_and_model_add_up(sensor: Measurement, expected: list[fl
 def test_an_orientation_that_the_calibration_saw_has_a_scatter_of_its_own() -> None:
     suite = SensorSuite((Orientation("orientation_tip", 0, 0.03),))
     np.testing.assert_allclose(widened(suite, SCATTER | {"orientation_tip": 0.4}).noise, np.hypot(0.03, 0.4))
+
+
+def test_a_bend_that_the_calibration_did_not_see_errs_as_the_rotation_of_its_section() -> None:
+    suite = SensorSuite((Bend("bend_tip", 0, 0.03),))
+    np.testing.assert_allclose(widened(suite, {"frame_tip rotation": 0.04}).noise, 0.05)

@@ -5,7 +5,7 @@ import pytest
 from acceptance.proof import sensitivity
 from acceptance.proof.sensitivity import STEP, DecidingConstant, deciding_constants, moved, sensitivity_table
 from softarm.bench.trials.folders import Trial
-from softarm.estimator.diagnosis import candidates, choose, conclude, detection, judge, stuck, unnamed
+from softarm.estimator.diagnosis import candidates, choose, conclude, detection, judge, unnamed, valve_stage
 
 
 def constant(module: str, name: str) -> DecidingConstant:
@@ -33,14 +33,14 @@ def test_constants_of_one_name_move_apart():
 
 
 def test_a_constant_of_another_module_with_the_same_name_stays():
-    shared = {one.name for one in deciding_constants()} & {name for name in vars(stuck) if name.isupper()}
+    shared = {one.name for one in deciding_constants()} & {name for name in vars(valve_stage) if name.isupper()}
     assert shared
-    before = {name: getattr(stuck, name) for name in shared}
+    before = {name: getattr(valve_stage, name) for name in shared}
     for one in deciding_constants():
         if one.name in shared:
             with moved(one, 1.0 + STEP):
-                assert {name: getattr(stuck, name) for name in shared} == before
-    assert {name: getattr(stuck, name) for name in shared} == before
+                assert {name: getattr(valve_stage, name) for name in shared} == before
+    assert {name: getattr(valve_stage, name) for name in shared} == before
 
 
 def test_whole_numbers_move_by_one_at_least():

@@ -100,9 +100,8 @@ def _widened(sensor: Measurement, scatter: Mapping[str, float]) -> Measurement:
             position_sigma=joined(sensor.position_sigma, f"{sensor.name} position"),
             rotation_sigma=joined(sensor.rotation_sigma, f"{sensor.name} rotation"),
         )
-    if isinstance(sensor, Orientation):
-        as_pose = f"{sensor.name.replace('orientation_', 'frame_')} rotation"
+    if isinstance(sensor, Orientation | Bend):
+        # Where a calibration recorded frames alone, the model errs as much in the rotation of their sections.
+        as_pose = f"{sensor.name.replace('orientation_', 'frame_').replace('bend_', 'frame_')} rotation"
         return replace(sensor, sigma=joined(sensor.sigma, sensor.name if sensor.name in scatter else as_pose))
-    if isinstance(sensor, Bend):
-        return replace(sensor, sigma=joined(sensor.sigma, sensor.name))
     return sensor
