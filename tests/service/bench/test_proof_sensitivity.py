@@ -33,7 +33,9 @@ def test_constants_of_one_name_move_apart():
 
 
 def test_a_constant_of_another_module_with_the_same_name_stays():
-    shared = {one.name for one in deciding_constants()} & {name for name in vars(valve_stage) if name.isupper()}
+    shared = {one.name for one in deciding_constants()} & {
+        name for name in vars(valve_stage) if name.isupper()
+    }
     assert shared
     before = {name: getattr(valve_stage, name) for name in shared}
     for one in deciding_constants():
