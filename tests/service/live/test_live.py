@@ -101,20 +101,21 @@ def test_a_push_is_felt_and_its_end_as_well(client, fakes):
     client.tare()
     with collecting(client.events()) as events:
         fakes.ask("hand", section="tip", force_n=[0.3, 0.0, 0.0])
-        felt = client.estimates().wait_for(lambda e: e.contact is not None and pushed(e) > 0.2, PATIENCE_S)
+        felt = client.estimates().wait_for(lambda e: e.contact is not None and settles(e), PATIENCE_S)
         fakes.ask("hand")
         ended = client.events().wait_for(lambda e: e.kind == "contact_end", PATIENCE_S)
     assert felt.in_contact
     assert felt.contact.height_std_m > 0.0
     assert felt.contact.height_m > 0.2  # the tip is at 0.276 m
-    assert pushed(felt) < 0.4
     begun = [event for event in events if event.kind == "contact_begin"]
     assert begun
     assert begun[0].stamp.sequence < ended.stamp.sequence
 
 
-def pushed(estimate):
-    return next(load.force_n[0] for load in estimate.loads if load.section == "tip")
+def settles(estimate):
+    """Return whether the force at the tip is near 0.3 N; while the arm still swings it is not."""
+    force = next(load.force_n[0] for load in estimate.loads if load.section == "tip")
+    return abs(force - 0.3) < 0.1
 
 
 def test_without_motion_capture_the_bend_sensors_carry_on(client, fakes):
