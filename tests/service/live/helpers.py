@@ -54,6 +54,8 @@ def pressurised(client, mode="ARMED", pressure=20e3):
 def _bring_to(client, mode, pressure):
     client.arm()
     client.pressures.set([pressure, *[0.0] * 5], lifetime_s=10.0)
+    # Teaching begins where the arm is bent: the pressures that hold it straight are none.
+    _until(client, lambda s: max(p or 0.0 for p in s.measured_pa) > 0.9 * pressure)
     if mode in ("TEACH", "HOLDING"):
         client.teach.start()
         _until(client, lambda s: s.teach_pressures_pa is not None)
