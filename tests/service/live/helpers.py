@@ -61,7 +61,7 @@ def _bring_to(client, mode, pressure):
         _until(client, lambda s: s.teach_pressures_pa is not None)
     if mode == "HOLDING":
         client.teach.hold(ramp_s=0.2)
-    _until(client, lambda s: s.mode == mode and max(p or 0.0 for p in s.measured_pa) > 0.5 * pressure)
+    _until(client, lambda s: s.mode == mode and max(p or 0.0 for p in s.measured_pa) > 0.2 * pressure)
 
 
 def _until(client, accept):
