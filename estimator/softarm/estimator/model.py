@@ -110,6 +110,9 @@ class ArmModel(ArmDescription, Protocol[State, Step]):
     def rest(self) -> State:
         """Return the unloaded state."""
 
+    def refreshed(self, state: State) -> State:
+        """Return a state without what earlier linearisations left in it to be used again."""
+
     def linearise(self, state: State, inputs: Inputs) -> Step:
         """Linearise about a state under given inputs."""
 

@@ -71,6 +71,9 @@ class ToyModel:
     def rest(self) -> None:
         return None
 
+    def refreshed(self, state: None) -> None:
+        return None
+
     def linearise(self, state: None, inputs: Inputs) -> ToyStep:
         return ToyStep(self, inputs)
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.fem.tracking import BackgroundFactorisation, TrackingModel, TrackingState
+from softarm.estimator.fem.tracking.model import UNBALANCED
 from softarm.estimator.model import Inputs
 
 ArmOf = Callable[..., FiniteElementModel]
@@ -74,6 +75,41 @@ def test_a_nearer_factor_is_taken_over_only_where_the_arm_has_just_moved(arm_of:
         correcting, arrived = replace(state, forces=1e3), replace(state, forces=np.inf)
         assert tracking.linearise(correcting, state.inputs).tangent is held
         assert tracking.linearise(arrived, state.inputs).tangent is nearer
+
+
+def test_an_old_factor_is_renewed_once_steps_with_it_have_cost_as_much_as_a_new_one(arm_of: ArmOf) -> None:
+    tracking = TrackingModel(arm_of("hex8"))
+    state, _ = tracking.solve(_inputs(0.0), tracking.rest())
+    state, _ = _follow(tracking, state, _inputs(0.05))
+    state = replace(state, forces=np.inf)  # inputs change in every step: no contraction is expected of it
+    held, far = state.tangent, _inputs(2.0)
+    assert tracking.linearise(state, far).residual_norm > tracking.slowing
+    for unbalanced in range(UNBALANCED):
+        assert tracking.linearise(replace(state, unbalanced=unbalanced), far).tangent is held
+    assert tracking.linearise(replace(state, unbalanced=UNBALANCED), far).tangent is not held
+    balanced = replace(state, unbalanced=UNBALANCED)
+    assert tracking.linearise(balanced, state.inputs).tangent is held
+
+
+def test_steps_out_of_balance_are_counted_and_a_balanced_one_ends_the_count(arm_of: ArmOf) -> None:
+    tracking = TrackingModel(arm_of("hex8"))
+    state, _ = tracking.solve(_inputs(0.0), tracking.rest())
+    state, _ = _follow(tracking, state, _inputs(0.05))
+    unchanged = np.zeros(4)
+    off = tracking.linearise(replace(state, forces=np.inf, unbalanced=1), _inputs(2.0))
+    assert tracking.advance(off, unchanged).unbalanced == 2
+    balanced = tracking.linearise(replace(state, unbalanced=2), state.inputs)
+    assert tracking.advance(balanced, unchanged).unbalanced == 0
+
+
+def test_a_refreshed_state_is_linearised_with_a_factor_of_its_own(arm_of: ArmOf) -> None:
+    tracking = TrackingModel(arm_of("hex8"))
+    state, _ = tracking.solve(_inputs(0.0), tracking.rest())
+    state, _ = _follow(tracking, state, _inputs(0.3))
+    fresh = tracking.linearise(tracking.refreshed(state), state.inputs).tangent
+    assert fresh is not None
+    np.testing.assert_array_equal(fresh.displacement, state.displacement)
+    assert tracking.linearise(state, state.inputs).tangent is state.tangent
 
 
 def test_response_with_a_fresh_factor_is_that_of_the_model(arm_of: ArmOf) -> None:

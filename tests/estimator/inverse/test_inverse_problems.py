@@ -1,5 +1,7 @@
 """The three kinds of inverse problem on an arm that is known exactly."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ from softarm.estimator.inverse import (
     forces_problem,
     independent_prior,
 )
+from softarm.estimator.inverse.tracker import RETRIES
 from softarm.estimator.model import Inputs
 from softarm.estimator.rotations import exp, log
 from softarm.estimator.sensing import (
@@ -213,6 +216,33 @@ def test_tracker_starts_afresh_after_nonsense(arm) -> None:
     tracker.update(0.01, wild, PRESSURES, GRAVITY)
     for k in range(3, 300):
         estimate = tracker.update(0.01 * k, good, PRESSURES, GRAVITY)
+    assert estimate.converged
+    np.testing.assert_allclose(estimate.inputs.loads, LOADS, atol=5e-3)
+
+
+def test_tracker_goes_back_to_rest_only_after_several_failures(arm) -> None:
+    rests, broken = [], []
+
+    class Watched(type(arm)):
+        def rest(self):
+            rests.append(True)
+            return super().rest()
+
+        def advance(self, step, change):
+            return np.nan * super().advance(step, change) if broken else super().advance(step, change)
+
+    suite = orientations()
+    tracker = Estimator(Watched(*(getattr(arm, field.name) for field in fields(arm))), suite, settings())
+    good = readings_of(arm, suite, *truth(arm))
+    tracker.update(0.0, good, PRESSURES, GRAVITY)
+    rests.clear()
+    broken.append(True)
+    for failed in range(RETRIES + 1):
+        assert tracker.update(0.01 * (failed + 1), good, 0.5 * PRESSURES, GRAVITY).status == "diverged"
+        assert not rests
+    broken.clear()
+    estimate = tracker.update(0.1, good, PRESSURES, GRAVITY)
+    assert rests
     assert estimate.converged
     np.testing.assert_allclose(estimate.inputs.loads, LOADS, atol=5e-3)
 

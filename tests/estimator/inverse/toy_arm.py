@@ -148,6 +148,9 @@ class ToyArm:
     def internal(self, strain: np.ndarray) -> np.ndarray:
         return STIFFNESS * strain * (1.0 + 0.3 * strain @ strain)
 
+    def refreshed(self, state: np.ndarray) -> np.ndarray:
+        return state
+
     def linearise(self, state: np.ndarray, inputs: Inputs) -> ToyStep:
         return ToyStep(self, state, inputs)
 

@@ -9,6 +9,8 @@ PATIENCE_S = 20.0
 """For what is waited for, not timed."""
 VENTED_MBAR = [0] * 6
 STILL_M = 3e-4
+RESTING_M = 1e-3
+"""Of the estimated tip, whose deviation is a few tenths of it."""
 NEAR_PA = 8e3
 VENTED_S = 0.3
 """The fakes' own clock holds 0.2 s in test_faults; asking them takes its time on a busy machine."""
@@ -56,12 +58,26 @@ def _bring_to(client, mode, pressure):
     client.pressures.set([pressure, *[0.0] * 5], lifetime_s=10.0)
     # Teaching begins where the arm is bent: the pressures that hold it straight are none.
     _until(client, lambda s: max(p or 0.0 for p in s.measured_pa) > 0.9 * pressure)
+    if mode == "HOLDING":
+        _at_rest(client)  # the pose of an arm that swings is held by other pressures
     if mode in ("TEACH", "HOLDING"):
         client.teach.start()
         _until(client, lambda s: s.teach_pressures_pa is not None)
     if mode == "HOLDING":
         client.teach.hold(ramp_s=0.2)
-    _until(client, lambda s: s.mode == mode and max(p or 0.0 for p in s.measured_pa) > 0.2 * pressure)
+    _until(client, lambda s: s.mode == mode and max(p or 0.0 for p in s.measured_pa) > 0.5 * pressure)
+
+
+def _at_rest(client):
+    deadline, before = time.monotonic() + PATIENCE_S, np.inf
+    while np.abs((now := _tip(client)) - before).max() > RESTING_M:
+        assert time.monotonic() < deadline, "the arm does not come to rest"
+        before = now
+        later(client, 0.4)
+
+
+def _tip(client):
+    return np.array(client.state().sections[-1].position_m)
 
 
 def _until(client, accept):

@@ -53,6 +53,9 @@ class Follower(Protocol[State]):
     def model(self) -> Any:
         """The model it runs on, with the unknown loads."""
 
+    def suite_at(self, pressures: Floats) -> SensorSuite:
+        """Return the sensors, as noisy as they and the model are together at measured pressures [Pa]."""
+
     def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> ArmEstimate[State]:
         """Estimate at an instant; see ``softarm.estimator.inverse.Estimator.update``."""
 
@@ -193,6 +196,10 @@ class AugmentedEstimator(Generic[State, Step]):
             self._pull = (self._spread.matrix @ estimate.inputs.loads).reshape(self._pull.shape)
             self._bend(shaped, estimate)
         return estimate
+
+    def suite_at(self, pressures: Floats) -> SensorSuite:
+        """Return the sensors, as noisy as they and the model are together at measured pressures [Pa]."""
+        return self._estimator.suite_at(pressures)
 
     @property
     def model(self) -> ArmModel[State, ShapedStep[State, Step]]:

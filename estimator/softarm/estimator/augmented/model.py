@@ -118,6 +118,10 @@ class ShapedModel(ModelWrapper, Generic[State, Step]):
         """Return the unloaded state."""
         return self.model.rest()
 
+    def refreshed(self, state: State) -> State:
+        """Return a state without what earlier linearisations left in it to be used again."""
+        return self.model.refreshed(state)
+
     def linearise(self, state: State, inputs: Inputs) -> ShapedStep[State, Step]:
         """Linearise about a state under given inputs."""
         return ShapedStep(self, self.model.linearise(state, self.own_inputs(inputs)))

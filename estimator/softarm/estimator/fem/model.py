@@ -269,6 +269,10 @@ class FiniteElementModel:
         norm = float(np.linalg.norm(residual) / applied) if evaluation.valid else np.inf
         return Balance(evaluation, residual, vectors, norm)
 
+    def refreshed(self, state: FiniteElementState) -> FiniteElementState:
+        """Return a state: it holds nothing of earlier linearisations."""
+        return state
+
     def linearise(self, state: FiniteElementState, inputs: Inputs) -> FiniteElementStep:
         """Linearise about a state under given inputs."""
         balance, factor = stable_factor(self.body, self.balance, state.displacement, inputs)

@@ -30,8 +30,10 @@ class Tolerances:
         residual: Out-of-balance force over the applied forces.
         iterations: Largest number of new linearisations.
         radius: First radius of the trust region, in units of the inputs' scale.
-        retreats: Largest number of steps that are taken back, each at the price of a solve of the model.
+        retreats: Largest number of steps that are taken back.
         forecast: Rise of the cost, over it and over one, that a step is allowed per out-of-balance force.
+        settles: Whether the model is solved after a shorter step in place of one that was taken back;
+            otherwise it is only linearised afresh before it.
     """
 
     step: float = 1e-6
@@ -40,6 +42,7 @@ class Tolerances:
     radius: float = 4.0
     retreats: int = 6
     forecast: float = 10.0
+    settles: bool = True
 
 
 @dataclass(frozen=True)
@@ -170,7 +173,10 @@ class _Search(Generic[State, Step]):
                     return self._end(point, 0.0 * change, "diverged", iterations, gravity)
                 retreats += 1
                 radius, last = 0.25 * min(radius, size), np.inf
-                candidate = self._settled(point, radius, gravity)
+                if self.tolerances.settles:
+                    candidate = self._settled(point, radius, gravity)
+                else:
+                    candidate = self._refreshed(point, gravity)
                 iterations += 1
             else:
                 radius, last = min(2.0 * radius, self.tolerances.radius), size
@@ -199,6 +205,10 @@ class _Search(Generic[State, Step]):
         off = max(point.residual_norm, candidate.residual_norm)
         slack = 1e-6 + self.tolerances.forecast * off + min(50.0 * off, INSIGNIFICANT)
         return candidate.cost <= point.cost * (1.0 + slack) + slack
+
+    def _refreshed(self, point: _Point[State, Step], gravity: Floats) -> _Point[State, Step]:
+        """Linearise afresh where a step began that was taken back: an old factor may have misled it."""
+        return self._linearise(self.model.refreshed(point.state), point.at.vector, gravity)
 
     def _settled(self, point: _Point[State, Step], radius: float, gravity: Floats) -> _Point[State, Step]:
         """Take a shorter step and let the model find its equilibrium there."""

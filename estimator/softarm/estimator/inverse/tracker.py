@@ -20,6 +20,10 @@ State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 
 
+RETRIES = 2
+"""Searches in a row that may fail before the next one begins at rest, which takes longest."""
+
+
 @dataclass(frozen=True)
 class TrackerSettings:
     """What the tracking estimator assumes.
@@ -59,7 +63,8 @@ class Estimator(Generic[State, Step]):
     """Estimate loads, pressures and frames from readings in the order of their time.
 
     It keeps the last state, inputs and covariance; everything it calls is pure. A search that fails leaves
-    them as they were, and the next one starts afresh from rest.
+    them as they were. The next one sets out from them with a fresh linearisation, and after ``RETRIES`` more
+    failures from rest.
 
     Args:
         model: Model of the arm.
@@ -82,7 +87,7 @@ class Estimator(Generic[State, Step]):
         self._settings = settings
         self._unknowns = Unknowns.of(model.chambers, model.loads)
         self._memory: _Memory[State] | None = None
-        self._fresh = True
+        self._failures = 0
 
     @property
     def model(self) -> ArmModel[State, Step]:
@@ -94,6 +99,10 @@ class Estimator(Generic[State, Step]):
         """The sensors it listens to."""
         return self._suite
 
+    def suite_at(self, pressures: Floats) -> SensorSuite:
+        """Return the sensors, as noisy as they and the model are together at measured pressures [Pa]."""
+        return self._conditions[self._settings.model_error.at(pressures)]
+
     def follow(self, model: ArmModel[State, Step]) -> None:
         """Go on with another model of the same states and inputs, such as one under known loads."""
         self._model = model
@@ -101,7 +110,7 @@ class Estimator(Generic[State, Step]):
     def reset(self) -> None:
         """Forget the past."""
         self._memory = None
-        self._fresh = True
+        self._failures = 0
 
     def begin_at(self, state: State, inputs: Inputs) -> None:
         """Begin the next search at an equilibrium that is known from elsewhere, such as from other sensors.
@@ -113,7 +122,7 @@ class Estimator(Generic[State, Step]):
         variance = np.concatenate([self._settings.pressure_limits**2, self._settings.process.sigma**2])
         time = -np.inf if self._memory is None else self._memory.time
         self._memory = _Memory(time, state, inputs, np.diag(variance))
-        self._fresh = False
+        self._failures = 0
 
     def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> ArmEstimate[State]:
         """Estimate at an instant.
@@ -126,16 +135,17 @@ class Estimator(Generic[State, Step]):
         """
         acting = self._settings.actuation.to_chamber(pressures)
         prior, guess = self._predict(time, acting, gravity)
-        condition = self._settings.model_error.at(pressures)
-        problem = self._problem(self._conditions[condition], readings, acting, prior, gravity)
-        begun = None if self._memory is None or self._fresh else self._memory.last
+        problem = self._problem(self.suite_at(pressures), readings, acting, prior, gravity)
+        begun = None if self._memory is None or self._failures else self._memory.last
         start = self._start(problem, guess)
         estimate = problem.solve(self._model, start, self._settings.tolerances, begun)
-        self._fresh = estimate.status == "diverged" or not np.isfinite(estimate.vector).all()
-        if not self._fresh:
+        if estimate.status == "diverged" or not np.isfinite(estimate.vector).all():
+            self._failures += 1
+        else:
+            self._failures = 0
             covariance, last = estimate.covariance, estimate.last
             self._memory = _Memory(time, estimate.state, estimate.inputs, covariance, last)
-        return replace(estimate, force_ratio=condition.force_ratio)
+        return replace(estimate, force_ratio=self._settings.model_error.at(pressures).force_ratio)
 
     def _predict(self, time: float, acting: Floats, gravity: Floats) -> tuple[Prior, Inputs]:
         """Carry the last estimate to this instant: the prior, and the inputs to begin the search with."""
@@ -160,12 +170,11 @@ class Estimator(Generic[State, Step]):
         information[chambers:, chambers:] = np.linalg.inv(loads)
         lost = np.flatnonzero(~seen)
         information[lost, lost] = 1.0 / variance[lost]
-        if self._memory is not None and not self._fresh:
+        if self._memory is not None and self._failures <= RETRIES:
             # The state is in equilibrium with the last inputs: the first step carries both to the new ones.
             return Prior(mean, information), self._memory.inputs
-        return Prior(mean, information), Inputs(
-            np.where(seen, acting, mean[:chambers]), mean[chambers:], gravity
-        )
+        unloaded = np.zeros(len(mean) - chambers)
+        return Prior(mean, information), Inputs(np.where(seen, acting, mean[:chambers]), unloaded, gravity)
 
     def _problem(
         self, suite: SensorSuite, readings: Floats, acting: Floats, prior: Prior, gravity: Floats
@@ -184,8 +193,9 @@ class Estimator(Generic[State, Step]):
         return Problem(self._unknowns, suite, objectives, InputBounds(lower, upper), gravity)
 
     def _start(self, problem: Problem, guess: Inputs) -> tuple[State, Inputs]:
-        if self._memory is not None and not self._fresh:
-            return self._memory.state, guess
+        if self._memory is not None and self._failures <= RETRIES:
+            state = self._memory.state
+            return self._model.refreshed(state) if self._failures else state, guess
         guided = self._guided(problem, guess)
         if guided is not None:
             state, found = self._model.solve(guided, self._model.rest())

@@ -6,7 +6,7 @@ unchanged inputs and E the rows of s, the stretches move by z = E (d + C dP + D 
 dP = (1 + g s) dp + g p (z + q), q being the stretches at the frames less those that P was made with.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Generic, TypeVar
@@ -24,7 +24,8 @@ Step = TypeVar("Step", bound=Linearisation)
 
 PASSES = 12
 SETTLED = 1e-6
-"""Change of a stretch from pass to pass at which pressures and stretches agree."""
+"""Change of a stretch from pass to pass, or residual over the applied forces, at which pressures and
+stretches agree."""
 
 
 @dataclass(frozen=True)
@@ -103,15 +104,23 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
         wrapped: Any = self.model
         return replace(self, model=wrapped.with_loads(loads))
 
+    @property
+    def _frames_at(self) -> Callable[[State], Frames] | None:
+        """Gives the frames of a state that need not be in equilibrium; None where the model has none."""
+        return getattr(self.model, "section_frames", None)
+
     def rest(self) -> State:
         """Return the unloaded state."""
         return self.model.rest()
 
+    def refreshed(self, state: State) -> State:
+        """Return a state without what earlier linearisations left in it to be used again."""
+        return self.model.refreshed(state)
+
     def linearise(self, state: State, inputs: Inputs) -> StretchedStep[State, Step]:
         """Linearise about a state under given inputs."""
-        frames_at = getattr(self.model, "section_frames", None)
-        if frames_at is not None:
-            return self._step(state, inputs, self.law.stretches(frames_at(state)))
+        if self._frames_at is not None:
+            return self._step(state, inputs, self.law.stretches(self._frames_at(state)))
         # Such a model finds an equilibrium itself, whose stretches are nearly the right ones.
         plain = self._step(state, inputs, np.zeros(self.chambers))
         return self._step(state, inputs, self.law.stretches(plain.frames))
@@ -122,6 +131,20 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
 
     def solve(self, inputs: Inputs, start: State) -> tuple[State, bool]:
         """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
+        if self._frames_at is None:
+            return self._solve_by_passes(inputs, start)
+        given = replace(inputs, pressures=self.law.worth(inputs.pressures, np.zeros(self.chambers)))
+        state, found = self.model.solve(given, start)
+        unchanged = np.zeros(self.chambers + len(self.loads))
+        for _ in range(PASSES if found else 0):
+            step = self.linearise(state, inputs)
+            if step.residual_norm < SETTLED:
+                return state, True
+            state = self.advance(step, unchanged)
+        return state, False
+
+    def _solve_by_passes(self, inputs: Inputs, start: State) -> tuple[State, bool]:
+        """Solve a model that finds equilibria alone until its stretches no longer change."""
         state, stretches = start, np.zeros(self.chambers)
         for _ in range(PASSES):
             given = replace(inputs, pressures=self.law.worth(inputs.pressures, stretches))

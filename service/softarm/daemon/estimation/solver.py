@@ -31,16 +31,19 @@ from softarm.estimator.inverse import (
 from softarm.estimator.model import Inputs
 from softarm.estimator.rod.skin import skin
 from softarm.estimator.rotations import to_quaternions
-from softarm.estimator.sensing import Measurement, ModelError, Registration, SensorSuite, widened
+from softarm.estimator.sensing import Measurement, ModelError, Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors, mounted_base
 from softarm.estimator.simulation import section_loads
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
 
 WARM_UP_PRESSURE_PA = 1000.0
-LIVE = Tolerances(step=1e-4, residual=1e-4, iterations=20, radius=0.3, retreats=0, forecast=30.0)
+LIVE = Tolerances(
+    step=1e-4, residual=1e-4, iterations=20, radius=0.3, retreats=2, forecast=30.0, settles=False
+)
 """No instant waits for a long search: what is left over is the next one's. Where an instant comes late, the
-arm has moved far: short steps get there, and none is judged before the balance is near."""
+arm has moved far: short steps get there, and none is judged before the balance is near. One that went wrong
+is repeated from where it began, for a solve of the model takes as long as thirty steps."""
 SOLVES = 12
 """Linear solves in one search for an equilibrium: about a quarter of a second."""
 PLACES = 12
@@ -105,11 +108,8 @@ class Solver:
         sigma = np.full(len(self._model.loads), settings.control.load_std_n)
         process = LoadProcess(sigma, settings.control.load_time_constant_s)
         known = specimen.calibration
-        self._error = ModelError.of(known.scatter, known.force_ratio)
-        self._noisy = {c: widened(self._suite, c.scatter) for c in self._error.conditions}
-        tracker = TrackerSettings(
-            process, self._actuation, self._limits, model_error=self._error, tolerances=LIVE
-        )
+        error = ModelError.of(known.scatter, known.force_ratio)
+        tracker = TrackerSettings(process, self._actuation, self._limits, model_error=error, tolerances=LIVE)
         self._rod = trusted_rod(specimen) if settings.control.model == "rod" else None
         self._threads = ExitStack()
         self._check: RodCheck | None = None
@@ -191,7 +191,7 @@ class Solver:
 
     def _innovations(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> dict[str, float]:
         found = {}
-        for sensor in self._noisy[self._error.at(request.pressures)].measurements:
+        for sensor in self._estimator.suite_at(request.pressures).measurements:
             reading = request.readings[self._suite.reading_slices[sensor.name]]
             residual = estimate.residuals[sensor.name]
             if np.isfinite(residual).all():
@@ -217,7 +217,8 @@ class Solver:
         state = estimate.state
         if self._rod is None:
             state = FiniteElementState(state.displacement, pushed)
-        return self._profile.place(self._pushed, state, self._suite, request.readings, estimate, tare)
+        suite = self._estimator.suite_at(request.pressures)
+        return self._profile.place(self._pushed, state, suite, request.readings, estimate, tare)
 
     def _nodes(self, estimate: ArmEstimate[Any]) -> NDArray[np.float32]:
         """Return position [m] and von Mises stress [Pa] of the surface's nodes, shape (nodes, 4).

@@ -19,6 +19,9 @@ from softarm.estimator.wrapper import ModelWrapper
 
 NEGLIGIBLE = 1.0
 """Residual over the tolerance below which nothing is corrected."""
+UNBALANCED = 4
+"""So many steps with an old factor cost as much as a new one (``softarm bench step``): if the body is still
+out of balance after them, the factor is renewed."""
 CORRECTING_RAD = 1e-3
 """Rotation of a section through changed inputs up to which a step counts as a correction."""
 
@@ -60,12 +63,14 @@ class TrackingState:
         inputs: Inputs it was brought to.
         tangent: The factor; None before the first linearisation.
         forces: Norm of the forces that the last correcting step was to balance [N].
+        unbalanced: Number of steps in a row with this factor that left the body out of balance.
     """
 
     displacement: Floats
     inputs: Inputs
     tangent: FrozenTangent | None = None
     forces: float = np.inf
+    unbalanced: int = 0
 
 
 @dataclass(frozen=True)
@@ -180,15 +185,16 @@ class TrackingStep:
 class TrackingModel(ModelWrapper):
     """A finite-element model whose linearisations reuse the factor; an ``ArmModel``.
 
-    A factor is replaced by the newest one from the background, or, where it contracts the residual by less
-    than ``contraction``, by a fresh one on the spot.
+    A factor is replaced by the newest one from the background, or by a fresh one on the spot where it
+    contracts the residual by less than ``contraction`` or leaves the body out of balance for long.
 
     Args:
         model: The model.
         background: Factors in the background, started and stopped by the caller; None for no background.
         contraction: Residual after a step over the forces it was to balance, from which on the factor is
             renewed.
-        slowing: Likewise, from which on a fresh factor is requested in the background.
+        slowing: Likewise, from which on a fresh factor is requested in the background. A body whose residual
+            over the applied forces is more is out of balance.
         carrier: Carries steps along with the material; built in single precision when left out.
         single: Whether factors taken on the spot are kept in single precision.
     """
@@ -220,6 +226,10 @@ class TrackingModel(ModelWrapper):
         """Compute the sections' frames in a state."""
         return self.model.section_fit.at(self.model.body.points + state.displacement).frames
 
+    def refreshed(self, state: TrackingState) -> TrackingState:
+        """Return a state without the factor with which it was reached."""
+        return TrackingState(state.displacement, state.inputs)
+
     def linearise(self, state: TrackingState, inputs: Inputs) -> TrackingStep:
         """Linearise about a state under given inputs."""
         balance = self.model.balance(state.displacement, inputs, tangent=False)
@@ -233,6 +243,7 @@ class TrackingModel(ModelWrapper):
         residual = float(np.linalg.norm(balance.residual))
         calm = arrived or moved_on or balance.norm < self.model.settings.tolerance
         slow = not calm and residual >= self.contraction * state.forces
+        slow |= state.unbalanced >= UNBALANCED and balance.norm > self.slowing
         nearest = held
         if self.background is not None:
             if held is None or moved_on or (not calm and residual >= self.slowing * state.forces):
@@ -253,7 +264,10 @@ class TrackingModel(ModelWrapper):
         displacement = step.moved(change)
         # A step for new inputs rotates the body: its residual is due to the nonlinearity, not to the factor.
         forces = step.forces(change) if step.rotation(change) <= CORRECTING_RAD else np.inf
-        return TrackingState(displacement, inputs, step.tangent, forces)
+        again = step.tangent is step.state.tangent and step.residual_norm > self.slowing
+        return TrackingState(
+            displacement, inputs, step.tangent, forces, step.state.unbalanced + 1 if again else 0
+        )
 
     def solve(self, inputs: Inputs, start: TrackingState) -> tuple[TrackingState, bool]:
         """Find the equilibrium under fixed inputs; the flag is true when it converged."""
