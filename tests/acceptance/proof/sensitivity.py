@@ -26,7 +26,7 @@ from softarm.estimator.specimen import load_specimen
 
 PACKAGE = "softarm.estimator.diagnosis"
 OF_THE_NOISE = ("evidence", "nominal")
-OF_THE_CHOICE = ("choose", "candidates", "judge", "screen", "unnamed", "conclude", "diagnose")
+OF_THE_CHOICE = ("choose", "candidates", "judge", "probability", "screen", "unnamed", "conclude", "diagnose")
 """Modules whose constants decide: before anything is fitted, and after."""
 OF_THE_FITS = frozenset({"MOST_SURPRISE", "ALIKE", "EXACT_STEPS"})
 """Constants of the choice that change fits, so that none may be kept from other values."""
@@ -163,7 +163,7 @@ def sensitivity_table(
         advance: Called after each constant of each trial.
     """
     constants = deciding_constants()
-    changes: dict[str, list[str]] = {one.name: [] for one in constants}
+    changes: dict[DecidingConstant, list[str]] = {one: [] for one in constants}
     for trial in trials:
         evidence = products_of_trial(trial, kept)
         search = remembering(evidence)
@@ -175,15 +175,15 @@ def sensitivity_table(
                     again = one.module in OF_THE_NOISE or one.name in OF_THE_FITS
                     found = verdict_of(remembering(evidence) if again else _fresh(search))
                 if found != usual:
-                    changes[one.name].append(f"{trial.name} x {factor:g}: {', '.join(found)}")
+                    changes[one].append(f"{trial.name} x {factor:g}: {', '.join(found)}")
             advance(1.0)
     rows: list[dict[str, Cell]] = [
         {
             "constant": f"{one.module}.{one.name}",
             "value": one.value,
             "source": one.source or "-",
-            "changes": len(changes[one.name]),
-            "which": "; ".join(changes[one.name]) or None,
+            "changes": len(changes[one]),
+            "which": "; ".join(changes[one]) or None,
         }
         for one in constants
     ]
@@ -191,5 +191,5 @@ def sensitivity_table(
 
 
 def _fresh(search: RememberingSearch) -> RememberingSearch:
-    """Take the same search with the same random numbers, and all that it has fitted."""
-    return replace(search, rng=np.random.default_rng(0))
+    """Take the same search with the same random numbers and all that it has fitted, but no prediction."""
+    return replace(search, rng=np.random.default_rng(0), predictions={})

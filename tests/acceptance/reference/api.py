@@ -100,6 +100,10 @@ def _summary(model: type[BaseModel]) -> str:
     return " ".join((model.__doc__ or "").split())
 
 
+def _message_section(title: str, model: type[BaseModel]) -> list[str]:
+    return [f"### {title}", "", _summary(model), "", *_fields(model)]
+
+
 def _needs(model: type[Request]) -> str:
     if issubclass(model, MovingRequest):
         return "Needs the lease."
@@ -166,7 +170,7 @@ def render() -> str:
         "",
     ]
     for name, model in STREAMS.items():
-        lines += [f"### `{name}`", "", _summary(model), "", *_fields(model)]
+        lines += _message_section(f"`{name}`", model)
     lines += [
         "### `shape`",
         "",
@@ -177,7 +181,7 @@ def render() -> str:
         "",
     ]
     for part in SHARED:
-        lines += [f"### {part.__name__}", "", _summary(part), "", *_fields(part)]
+        lines += _message_section(part.__name__, part)
     lines += [
         "## Commands",
         "",
@@ -191,7 +195,7 @@ def render() -> str:
     for verb, request in VERBS.items():
         lines += _verb_section(verb, request)
     for answer in (Applied, Refused):
-        lines += [f"### {answer.__name__}", "", _summary(answer), "", *_fields(answer)]
+        lines += _message_section(answer.__name__, answer)
     pressurised = ", ".join(mode for mode in Mode if mode in PRESSURISED)
     lines += [
         "## Modes",

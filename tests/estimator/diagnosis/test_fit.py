@@ -6,8 +6,8 @@ from typing import cast
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis.belief import Belief
 from softarm.estimator.diagnosis.fit import Ground, View, fit_effects
+from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.gram import products_of, total
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.stage import Stage
@@ -36,7 +36,7 @@ def ground() -> Ground:
     common, unseen = np.ones((*SHAPE.shape, 1), dtype=np.float32), np.zeros(len(SHAPE), dtype=bool)
     parts = products_of(left, common, np.full(SHAPE.shape, 1e-3), blocks, unseen, unseen, 0, nominal=False)
     view = View(cast("Stage", Runaway()), left * weight, weight, (common * 1e3).reshape(-1, 1))
-    return Ground.of([view], Belief(np.zeros(1), np.eye(1)), 1.0, total(parts, 1))
+    return Ground.of([view], Gaussian(np.zeros(1), np.eye(1)), 1.0, total(parts, 1))
 
 
 @pytest.mark.parametrize("start", [-0.05, -0.45, 0.2])

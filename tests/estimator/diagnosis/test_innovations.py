@@ -21,7 +21,7 @@ def search():
     known, asked = session("known", 1, nominal=True), session("run", 2)
     asked = replace(asked, heldout=asked.blocks % 2 == 0)
     stages = [
-        SimpleNamespace(session=one, suite=one.suite, unrest=np.zeros((one.samples, 4)))
+        SimpleNamespace(session=one, suite=one.suite, model_error_std=np.zeros((one.samples, 4)))
         for one in (known, asked)
     ]
     assert channels(asked.suite) == BENDS
@@ -73,9 +73,11 @@ def test_innovations_show_what_other_stretches_have_not_shown(search):
     assert min(innovation_test(search, left).variance.values()) > 4.0
 
 
-def test_what_a_swing_leaves_uncertain_counts_in_the_assumed_noise(search):
+def test_what_a_vibration_leaves_uncertain_counts_in_the_assumed_noise(search):
     doubtful = [
-        SimpleNamespace(**{**vars(s), "unrest": np.full_like(s.unrest, np.sqrt(3.0) * ASSUMED)})
+        SimpleNamespace(
+            **{**vars(s), "model_error_std": np.full_like(s.model_error_std, np.sqrt(3.0) * ASSUMED)}
+        )
         for s in search.evidence.stages
     ]
     other = SimpleNamespace(evidence=SimpleNamespace(stages=doubtful), weights=search.weights)

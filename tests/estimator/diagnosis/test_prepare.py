@@ -105,7 +105,7 @@ def test_pressures_and_motion_that_are_never_present_together_are_refused() -> N
 
 
 def test_long_windows_are_kept_where_the_pressures_rest() -> None:
-    """Means over a ring say where the arm rests; while pressures change it rests nowhere."""
+    """Means over a vibration say where the arm rests; while pressures change it rests nowhere."""
     held = np.where(TIME < 15.0, 2e4, 2e4 + 1e3 * (TIME - 15.0))
     moving = prepare(_recording({"pressure_0_pa": held}), SOPRA, SECTIONS, nominal=False).session
     mean = averaged(moving, 1.0)

@@ -1,4 +1,4 @@
-"""Arms that are held, let go and swing: the pose at rest, and the frequency as one more measurement."""
+"""Arms that are held, let go and vibrate: the pose at rest, and the frequency as one more measurement."""
 
 from dataclasses import replace
 
@@ -7,9 +7,14 @@ import pytest
 
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.natural_frequency import (
+    ONE_POSE,
+    SIGMA,
+    NaturalFrequency,
+    natural_frequency_of,
+)
 from softarm.estimator.diagnosis.nuisances import calibrate_sessions
 from softarm.estimator.diagnosis.release import RINGS, find_release
-from softarm.estimator.diagnosis.ring import ONE_POSE, SIGMA, Ring, ring_of
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS
@@ -22,13 +27,13 @@ MASS = 0.05
 
 
 def released(seconds: float = 6.0, held: float = HELD, pressure: float = 0.0) -> Session:
-    """A session whose tip is held at 0.3 rad, let go at ``LET_GO`` and swings about its rest at zero."""
+    """A session whose tip is held at 0.3 rad, let go at ``LET_GO`` and vibrates about its rest at zero."""
     plain = session("run", 0)
     time = np.arange(0.0, seconds, 0.02)
     since = np.maximum(time - LET_GO, 0.0)
-    swing = held * np.exp(-1.5 * since) * np.cos(2.0 * np.pi * FREQUENCY * since)
+    vibration = held * np.exp(-1.5 * since) * np.cos(2.0 * np.pi * FREQUENCY * since)
     readings = np.zeros((len(time), 4))
-    readings[:, 2] = swing
+    readings[:, 2] = vibration
     return replace(
         plain,
         clock=50.0 + time,
@@ -41,33 +46,33 @@ def released(seconds: float = 6.0, held: float = HELD, pressure: float = 0.0) ->
     )
 
 
-def test_an_arm_that_was_let_go_is_judged_once_its_swing_has_died_away() -> None:
+def test_an_arm_that_was_let_go_is_judged_once_its_vibration_has_decayed() -> None:
     found = find_release(released(), FREQUENCY)
     assert found is not None
     assert found.time == pytest.approx(LET_GO, abs=0.05)
-    assert found.session.ring == FREQUENCY
+    assert found.session.natural_frequency == FREQUENCY
     rest = found.session.clock[0] - 50.0
     assert rest == pytest.approx(found.time + RINGS / FREQUENCY, abs=0.021)
     assert np.abs(found.session.readings).max() < 0.1 * HELD
 
 
 @pytest.mark.parametrize(
-    ("recorded", "ring"),
+    ("recorded", "natural_frequency"),
     [
         (released(), None),
         (released(pressure=5e3), FREQUENCY),
         (released(held=0.0), FREQUENCY),
         (released(seconds=LET_GO + RINGS / FREQUENCY), FREQUENCY),
     ],
-    ids=["no swing", "driven by pressures", "still", "ends before it rests"],
+    ids=["no vibration", "driven by pressures", "still", "ends before it rests"],
 )
-def test_what_is_no_release_is_judged_whole(recorded: Session, ring: float | None) -> None:
-    assert find_release(recorded, ring) is None
+def test_what_is_no_release_is_judged_whole(recorded: Session, natural_frequency: float | None) -> None:
+    assert find_release(recorded, natural_frequency) is None
 
 
 def test_an_arm_that_moves_from_the_start_was_not_held() -> None:
-    swinging = released()
-    assert find_release(swinging.thin(swinging.clock > 50.0 + LET_GO), FREQUENCY) is None
+    vibrating = released()
+    assert find_release(vibrating.thin(vibrating.clock > 50.0 + LET_GO), FREQUENCY) is None
 
 
 def fit_of(name: str, size: float, deviation: float, place: Place) -> Fit:
@@ -84,70 +89,73 @@ def fit_of(name: str, size: float, deviation: float, place: Place) -> Fit:
 TIP, LOWER = Place(section="tip"), Place(segment="lower")
 
 
-def test_a_payload_slows_a_swing_and_a_stiffer_segment_quickens_it() -> None:
-    ring = Ring(0.0, MASS)
+def test_a_payload_lowers_the_frequency_and_a_stiffer_segment_raises_it() -> None:
+    frequency = NaturalFrequency(0.0, MASS)
     payload, stiffer = fit_of("tip_payload", 0.03, 1.0, TIP), fit_of("segment_stiffness", 0.44, 1.0, LOWER)
-    assert ring.predicted(payload.hypotheses, payload.thetas) == pytest.approx(0.5 * np.log(0.05 / 0.08))
-    assert ring.predicted(stiffer.hypotheses, stiffer.thetas) == pytest.approx(np.log(1.2))
+    assert frequency.predicted(payload.hypotheses, payload.thetas) == pytest.approx(0.5 * np.log(0.05 / 0.08))
+    assert frequency.predicted(stiffer.hypotheses, stiffer.thetas) == pytest.approx(np.log(1.2))
 
 
 @pytest.mark.parametrize(("name", "place"), [("chamber_gain", Place(chamber=0)), ("external_force", TIP)])
 def test_a_force_or_a_gain_changes_no_frequency(name: str, place: Place) -> None:
     effect = EFFECTS[name]
     theta = np.array([p.typical for p in effect.parameters])
-    assert Ring(-0.1, MASS).predicted([Hypothesis(effect, place)], [theta]) == 0.0
+    assert NaturalFrequency(-0.1, MASS).predicted([Hypothesis(effect, place)], [theta]) == 0.0
 
 
 def test_a_frequency_moves_a_size_by_the_rule_of_bayes() -> None:
     """For a change that is small the logarithm of the ratio is linear: -m / (2 M)."""
     deviation, mass = 1e-3, 2e-3
     prior = fit_of("tip_payload", mass, deviation, TIP)
-    ring = Ring(-0.5 * (mass + 1e-3) / MASS, MASS)
-    heard = ring.heard(prior)
+    frequency = NaturalFrequency(-0.5 * (mass + 1e-3) / MASS, MASS)
+    conditioned = frequency.conditioned(prior)
     slope, spread = -0.5 / MASS, deviation**2 + (ONE_POSE * mass) ** 2
     variance = 1.0 / (1.0 / spread + slope**2 / SIGMA**2)
-    expected = variance * (mass / spread + slope * ring.ratio / SIGMA**2)
-    assert heard.thetas[0][0] == pytest.approx(expected, rel=0.02)
-    assert heard.covariance[0, 0] == pytest.approx(variance, rel=0.1)
+    expected = variance * (mass / spread + slope * frequency.ratio / SIGMA**2)
+    assert conditioned.thetas[0][0] == pytest.approx(expected, rel=0.02)
+    assert conditioned.covariance[0, 0] == pytest.approx(variance, rel=0.1)
 
 
 def test_a_frequency_that_contradicts_a_payload_costs_it_its_gain() -> None:
     payload = fit_of("tip_payload", 0.03, 1e-4, TIP)
-    predicted = Ring(0.0, MASS).predicted(payload.hypotheses, payload.thetas)
-    agreeing, contrary = (Ring(ratio, MASS).heard(payload).gain for ratio in (predicted, 0.0))
+    predicted = NaturalFrequency(0.0, MASS).predicted(payload.hypotheses, payload.thetas)
+    agreeing, contrary = (
+        NaturalFrequency(ratio, MASS).conditioned(payload).gain for ratio in (predicted, 0.0)
+    )
     assert agreeing == pytest.approx(100.0 + predicted**2 / SIGMA**2, rel=1e-3)
     assert contrary < 0.0
 
 
 def test_no_frequency_makes_a_mass_negative() -> None:
-    heard = Ring(0.3, MASS).heard(fit_of("tip_payload", 0.001, 0.05, TIP))
-    assert heard.thetas[0][0] == pytest.approx(0.0, abs=1e-9)
+    conditioned = NaturalFrequency(0.3, MASS).conditioned(fit_of("tip_payload", 0.001, 0.05, TIP))
+    assert conditioned.thetas[0][0] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.fixture(scope="module")
 def stages() -> list[Stage]:
     fitted = calibrate_sessions(model(), [session("nominal", 0, nominal=True)])
     still = released().thin(np.arange(300) < 20)
-    rings = {True: 2.0, False: 1.8}
+    frequencies = {True: 2.0, False: 1.8}
     return [
-        fitted.stage(model(), replace(still, nominal=nominal, ring=ring)) for nominal, ring in rings.items()
+        fitted.stage(model(), replace(still, nominal=nominal, natural_frequency=frequency))
+        for nominal, frequency in frequencies.items()
     ]
 
 
-def test_two_frequencies_give_their_ratio_and_the_mass_that_swings(stages: list[Stage]) -> None:
+def test_two_frequencies_give_their_ratio_and_the_modal_mass(stages: list[Stage]) -> None:
     """Across the straight arm, a force at the tip bends both segments: c = sum of lever^2 / stiffness."""
-    ring = ring_of(stages)
-    assert ring is not None
-    assert ring.ratio == pytest.approx(np.log(0.9))
+    frequency = natural_frequency_of(stages)
+    assert frequency is not None
+    assert frequency.ratio == pytest.approx(np.log(0.9))
     factors = stages[0].setting.scales
     compliance = sum(
         (0.27 - joint) ** 2 / (STIFFNESS[k, 0] * factors[name])
         for k, (joint, name) in enumerate(((0.065, "upper"), (0.20, "lower")))
     )
-    assert ring.mass == pytest.approx(1.0 / (compliance * (2.0 * np.pi * 2.0) ** 2), rel=0.02)
+    assert frequency.mass == pytest.approx(1.0 / (compliance * (2.0 * np.pi * 2.0) ** 2), rel=0.02)
 
 
 def test_without_a_nominal_frequency_there_is_nothing_to_compare(stages: list[Stage]) -> None:
-    assert ring_of(stages[1:]) is None
-    silent = [replace(one, session=replace(one.session, ring=None)) for one in stages]
-    assert ring_of(silent) is None
+    assert natural_frequency_of(stages[1:]) is None
+    silent = [replace(one, session=replace(one.session, natural_frequency=None)) for one in stages]
+    assert natural_frequency_of(silent) is None

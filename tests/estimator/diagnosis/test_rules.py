@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from softarm.estimator.diagnosis import unnamed
-from softarm.estimator.diagnosis.belief import Belief, Marginal
 from softarm.estimator.diagnosis.candidates import (
     ALIKE,
     MOST_SURPRISE,
@@ -20,10 +19,11 @@ from softarm.estimator.diagnosis.candidates import (
     plainest_first,
     surprise,
 )
-from softarm.estimator.diagnosis.choose import SECOND, SWUNG, Search
+from softarm.estimator.diagnosis.choose import DELAY_SHARE, SECOND, Search
 from softarm.estimator.diagnosis.conclude import unproven
 from softarm.estimator.diagnosis.diagnose import Decision, disagreement
 from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
 from softarm.estimator.diagnosis.gram import Products, products_of
 from softarm.estimator.diagnosis.judge import (
     CERTAIN,
@@ -35,7 +35,7 @@ from softarm.estimator.diagnosis.judge import (
     judge,
 )
 from softarm.estimator.diagnosis.library import Direction, Hypothesis, Library
-from softarm.estimator.diagnosis.nominal import MATERIAL, belief_before, evidence_of_change
+from softarm.estimator.diagnosis.nominal import MATERIAL, evidence_of_change, prior_before
 from softarm.estimator.diagnosis.screen import null_scores, screen
 from softarm.estimator.diagnosis.sizes import fragments
 from softarm.estimator.diagnosis.unnamed import BETTER, SURE, FreeLaw, better_law
@@ -100,8 +100,8 @@ def recordings(sizes: list[float], noise: float = 1.0) -> list[Products]:
 
 
 def judged_on(parts: list[Products]) -> Judgement:
-    costs = fold_costs(parts, Belief(np.zeros(1), 1e-4 * np.eye(1)), 1.0, 1)
-    return judge(parts, costs, np.random.default_rng(0), 0.0, 50.0)
+    costs = fold_costs(parts, Gaussian(np.zeros(1), 1e-4 * np.eye(1)), 1.0, 1)
+    return judge(costs, np.random.default_rng(0), 0.0, 50.0)
 
 
 def judged(sizes: list[float]) -> Judgement:
@@ -156,7 +156,7 @@ def test_only_what_predicts_the_folds_about_as_well_as_the_best_may_be_accepted(
     search = SimpleNamespace(
         rng=np.random.default_rng(0),
         price=5.0,
-        predicted=lambda one, _: FoldCosts(none, folds[one.number], none, none, none),
+        predicted=lambda one, _: FoldCosts(none, folds[one.number], none, none, none, none),
         only_moves=lambda _: False,
     )
     fits = [fit_of("tip_payload", 0.01), fit_of("line_leak", 0.1, 1.0), fit_of("tip_payload", 0.01)]
@@ -239,7 +239,7 @@ def test_a_weak_second_effect_has_to_be_told_from_none():
 
 
 class ArmOfOneEffect:
-    """What nominal beliefs read of a regression problem: one nuisance and one effect."""
+    """What nominal priors read of a regression problem: one nuisance and one effect."""
 
     nuisances, size = 1, 2
     typical = np.ones(2)
@@ -263,19 +263,19 @@ class ArmOfOneEffect:
     def products(self, weights: object) -> list[Products]:
         return self.parts
 
-    def prior(self, background: float, form: float) -> Belief:
-        return Belief(np.zeros(2), np.diag([1.0, background**2]))
+    def prior(self, background: float, form: float) -> Gaussian:
+        return Gaussian(np.zeros(2), np.diag([1.0, background**2]))
 
-    def sound(self) -> Belief:
+    def sound(self) -> Gaussian:
         return self.prior(0.3, 1.0)
 
 
 def change_seen(change: float) -> float:
     arm = cast("Any", ArmOfOneEffect(change))
-    belief, width = belief_before(arm, cast("Any", SimpleNamespace(share=1.0)))
-    assert belief.mean == pytest.approx([0.4, 0.1], abs=0.02)
+    prior, width = prior_before(arm, cast("Any", SimpleNamespace(share=1.0)))
+    assert prior.mean == pytest.approx([0.4, 0.1], abs=0.02)
     assert width < MATERIAL
-    return evidence_of_change(arm, belief, width, [part for part in arm.parts if not part.nominal], 1.0)
+    return evidence_of_change(arm, prior, width, [part for part in arm.parts if not part.nominal], 1.0)
 
 
 def test_a_change_beyond_what_differs_from_run_to_run_is_evidence():
@@ -337,20 +337,20 @@ def searching(library: Library) -> Search:
     return Search(
         cast("Any", SimpleNamespace(library=library)),
         cast("Any", SimpleNamespace(share=1.0)),
-        Belief(np.zeros(0), np.zeros((0, 0))),
+        Gaussian(np.zeros(0), np.zeros((0, 0))),
         np.random.default_rng(0),
     )
 
 
-def test_a_delay_beside_another_mass_is_its_swing_unless_it_weighs():
+def test_a_delay_beside_another_mass_is_its_vibration_unless_it_weighs():
     delayed = Hypothesis(EFFECTS["line_lag"], Place(chamber=0))
     search = searching(Library((hypothesis("tip_payload"), delayed), ()))
     heavy = Accepted(candidate(fit_of("tip_payload", 0.02), 1000.0, 0), judgement(), ())
-    for share, swings in ((0.5 * SWUNG, True), (2.0 * SWUNG, False)):
+    for share, vibrates in ((0.5 * DELAY_SHARE, True), (2.0 * DELAY_SHARE, False)):
         late = candidate(fit_of("line_lag", 0.1), share * 1000.0, 1)
         assert search.only_moves(late)
-        assert search.another_swing(late, [heavy]) is swings
-        assert not search.another_swing(late, [])
+        assert search.another_vibration(late, [heavy]) is vibrates
+        assert not search.another_vibration(late, [])
 
 
 def test_a_force_along_the_arm_beside_a_material_law_is_its_stretch_unless_it_weighs():
@@ -381,7 +381,7 @@ def test_an_effect_has_to_predict_the_confirming_stretches(useful, lost):
     fit = fit_of("tip_payload", 0.02)
     search = SimpleNamespace(
         parts=lambda own: confirming(1.0 if own is None or not useful else 0.0),
-        belief=Belief(np.zeros(1), 1e-4 * np.eye(1)),
+        prior=Gaussian(np.zeros(1), 1e-4 * np.eye(1)),
         weights=SimpleNamespace(share=1.0),
         evidence=SimpleNamespace(size=1),
         rng=np.random.default_rng(0),
@@ -431,7 +431,7 @@ def test_halves_of_a_single_nominal_recording_show_what_changes_by_itself():
         arm = ArmOfOneEffect(change)
         halves = [(number, part) for number, part in enumerate(arm.parts) if number in (1, 4)]
         arm.parts = [replace(part, session=0, block=number, nominal=True) for number, part in halves]
-        return belief_before(cast("Any", arm), cast("Any", SimpleNamespace(share=1.0)))[1]
+        return prior_before(cast("Any", arm), cast("Any", SimpleNamespace(share=1.0)))[1]
 
     assert width(0.0) < MATERIAL < width(0.5)
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from softarm.estimator.diagnosis import sizes
-from softarm.estimator.diagnosis.belief import Belief
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.sizes import Part, reversed_sign, robust_covariance, sized, without_fragments
 from softarm.estimator.effects import EFFECTS
@@ -65,7 +65,7 @@ class Weighed:
         self.world = world()
         self.shape = truth + 0.3 * rng.normal(size=truth.shape)
         self.common = truth + 0.02 * rng.normal(size=truth.shape)
-        self.unrest = np.zeros(truth.shape)
+        self.model_error_std = np.zeros(truth.shape)
         self.session = SimpleNamespace(nominal=nominal, heldout=np.zeros(SAMPLES, dtype=bool))
         self.residual = (0.0 if nominal else MASS) * truth + NOISE * rng.normal(size=truth.shape)
 
@@ -83,11 +83,11 @@ def search() -> Search:
         names=[("x",)] * len(stages),
     )
     weights = SimpleNamespace(scale={"x": NOISE}, share=0.1)
-    belief = Belief(np.zeros(1), np.full((1, 1), 1e-3**2))
+    prior = Gaussian(np.zeros(1), np.full((1, 1), 1e-3**2))
     return cast(
         "Search",
         SimpleNamespace(
-            evidence=evidence, weights=weights, belief=belief, ring=None, solvable=lambda _: False
+            evidence=evidence, weights=weights, prior=prior, natural_frequency=None, solvable=lambda _: False
         ),
     )
 

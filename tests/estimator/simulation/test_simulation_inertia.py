@@ -13,11 +13,11 @@ def swaying(masses, samples=1):
 
 
 def oscillator(frequency, samples):
-    """One strain that swings at a frequency [Hz]."""
+    """One strain that vibrates at a frequency [Hz]."""
     return Swaying(np.full((samples, 1, 1), (2 * np.pi * frequency) ** 2), np.ones((samples, 1, 1)))
 
 
-def test_a_tip_mass_swings_at_its_frequency():
+def test_a_tip_mass_vibrates_at_its_frequency():
     levers = HEIGHTS[1] - np.array([0.065, 0.20])
     compliance = (levers**2 / STIFFNESS[:, 0]).sum()
     expected = 1.0 / (2 * np.pi * np.sqrt(TIP.sections[1] * compliance))
@@ -25,7 +25,7 @@ def test_a_tip_mass_swings_at_its_frequency():
     assert found[:2] == pytest.approx([expected, expected], rel=0.01)  # its gyration counts a little
 
 
-def test_heavier_masses_swing_slower():
+def test_heavier_masses_vibrate_slower():
     heavy = Masses(4.0 * TIP.sections, TIP.segments)
     assert swaying(heavy).frequencies()[0] == pytest.approx(swaying(TIP).frequencies()[0] / 2)
 
@@ -47,12 +47,12 @@ def test_a_step_rings_down_as_a_damped_oscillator():
     assert np.abs(found - exact)[TIME > 0.52].max() < 0.02
 
 
-def test_without_damping_the_swing_goes_on():
+def test_without_damping_the_vibration_goes_on():
     found = oscillator(2.0, len(TIME)).strains(TIME, np.where(TIME < 0.5, 0.0, 1.0)[:, None], (0.0, 0.0), 1.0)
     assert np.ptp(found[TIME > 3.0]) == pytest.approx(2.0, rel=0.02)
 
 
-def test_what_rests_stays_at_rest_and_a_pause_ends_a_swing():
+def test_what_rests_stays_at_rest_and_a_pause_ends_a_vibration():
     still = np.full((len(TIME), 1), 0.3)
     assert oscillator(2.0, len(TIME)).strains(TIME, still, (1.0, 0.0), 1.0) == pytest.approx(still)
     clock = np.where(TIME < 2.0, TIME, TIME + 5.0)

@@ -1,5 +1,8 @@
 """Constants of the choice are found with their source, and moved wherever they are used."""
 
+from typing import Any, cast
+
+import numpy as np
 import pytest
 
 from acceptance.proof import sensitivity
@@ -16,6 +19,7 @@ def test_constants_are_listed_with_value_and_source():
     assert constant("diagnose", "CHANGED").value == 20.0
     assert "Kass and Raftery" in constant("diagnose", "CHANGED").source
     assert constant("candidates", "ALIKE").source == constant("candidates", "ALIKE_SHARE").source
+    assert constant("probability", "CREDIBLE").value == 0.95
     assert len(deciding_constants()) > 40
 
 
@@ -64,3 +68,27 @@ def test_a_constant_that_decides_is_shown_with_what_it_changes(monkeypatch, tmp_
     changing = [row for row in table.rows if row["changes"]]
     assert [row["constant"] for row in changing] == ["candidates.TOLD"]
     assert changing[0]["which"] == "one x 1.2: consistent"
+
+
+def test_changes_count_for_the_constant_of_one_module_alone(monkeypatch, tmp_path):
+    monkeypatch.setattr(sensitivity, "products_of_trial", lambda *_: None)
+    monkeypatch.setattr(sensitivity, "remembering", lambda _: object())
+    monkeypatch.setattr(sensitivity, "_fresh", lambda search: search)
+    monkeypatch.setattr(
+        sensitivity, "verdict_of", lambda _: ("explained",) if conclude.SURE <= 10.0 else ("consistent",)
+    )
+    table = sensitivity_table([Trial("one", "sopra", (), ())], tmp_path, lambda _: None)
+    assert [row["constant"] for row in table.rows if row["changes"]] == ["conclude.SURE"]
+
+
+def test_a_search_that_starts_anew_keeps_fits_but_no_predictions():
+    """A moved constant may change how folds are predicted."""
+    rng = np.random.default_rng(1)
+    search = sensitivity.RememberingSearch(
+        cast("Any", None), cast("Any", None), cast("Any", None), rng, tried={(0,): None}
+    )
+    search.predictions["of", "before"] = cast("Any", None)
+    fresh = sensitivity._fresh(search)
+    assert fresh.predictions == {}
+    assert fresh.tried is search.tried
+    assert fresh.joint is search.joint

@@ -21,7 +21,7 @@ from softarm.estimator.calibration.nodes import (
     training_blocks,
 )
 from softarm.estimator.calibration.outcome import Calibrated, Check
-from softarm.estimator.calibration.pulled_first import FEWEST_PULLS, told_by_pulls
+from softarm.estimator.calibration.pulled_moduli import FEWEST_PULLS, moduli_from_pulls
 from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.regression import estimate_lag, fit_line
 from softarm.estimator.calibration.scatter import rms, scatter_by_condition
@@ -103,9 +103,9 @@ def calibrate(
         forward = _forward(model, specimen, nodes)
     known_before = forward.layout
     sized = sized_by_bends(specimen, known_before, first, gains)
-    told = told_by_pulls(forward, sized, before, train)
-    start = with_bends_kept(specimen, known_before, sized, told.values)
-    forward = replace(forward, layout=told.near(known_before))
+    pulled = moduli_from_pulls(forward, sized, before, train)
+    start = with_bends_kept(specimen, known_before, sized, pulled.values)
+    forward = replace(forward, layout=pulled.near(known_before))
     trained, layout = _fit_determined(forward, known_before, start, before, train, options)
     _require_excitation(layout)
     everything = replace(forward, layout=layout)
@@ -116,7 +116,7 @@ def calibrate(
     near = _joined(before, trained.evaluations, held_out, train)
     final = fit(everything, trained.values, iterations=options.iterations, evaluations=near)
     _require_convergence(final, layout)
-    covariance = told.widened(layout, final.covariance)
+    covariance = pulled.widened(layout, final.covariance)
     scatter = scatter_by_condition(*_judged(held_out, trained.evaluations, nodes, train))
     dropped = [p for p in forward.layout.unknowns if p.name not in layout.names]
     return Calibrated(

@@ -1,9 +1,9 @@
-"""How far forces err that are estimated at the nodes of known pulls, over the deviations told with them.
+"""Error over standard deviation of the forces that are estimated at the nodes of known pulls.
 
 A pull f on a section and the pressures p move the readings by J_f f + J_p p. About the prediction under the
 known pull, what is measured minus predicted, r, is taken for a force: the error of the estimate is e = A^-1 b
 with b = J_f' C^-1 r, A = J_f' C^-1 J_f and C the noise of the sensors with the model's scatter and, through
-J_p, of the pressures. A^-1 is the covariance told with it, so that e' A e = b' A^-1 b is 1 a component on
+J_p, of the pressures. A^-1 is its covariance, so that e' A e = b' A^-1 b is 1 a component on
 average where r is as C says.
 """
 

@@ -11,7 +11,7 @@ ALIKE_SHARE = 0.01
 MOST_SURPRISE = 12.0
 """Largest cost of a size that nobody expects."""
 TOLD = 3.0
-"""Size of an amplitude over its standard deviation from which it is told from none."""
+"""Size of an amplitude over its standard deviation from which it is significant."""
 
 
 @dataclass(frozen=True)

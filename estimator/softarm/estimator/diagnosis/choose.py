@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.belief import Belief, Marginal
 from softarm.estimator.diagnosis.candidates import (
     ALIKE,
     ALIKE_SHARE,
@@ -20,11 +19,12 @@ from softarm.estimator.diagnosis.candidates import (
 )
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.fit import Fit, Ground, View, fit_effects, gain_of
+from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
 from softarm.estimator.diagnosis.gram import Products, total
 from softarm.estimator.diagnosis.judge import CERTAIN, FoldCosts, Judgement, fold_costs, judge
+from softarm.estimator.diagnosis.natural_frequency import NaturalFrequency
 from softarm.estimator.diagnosis.nominal import UNKNOWN
 from softarm.estimator.diagnosis.probability import probabilities, spent
-from softarm.estimator.diagnosis.ring import Ring
 from softarm.estimator.diagnosis.screen import null_scores, screen
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
@@ -39,8 +39,8 @@ TRIED = 4
 LEAST_BIC = 10.0
 SECOND = 0.5
 """Share of an accepted effect's gain that decides for another one so."""
-SWUNG = 0.05
-"""Share of the gain of an effect that changes the swing below which a delay beside it is its consequence."""
+DELAY_SHARE = 0.05
+"""Share of the gain of an effect on the vibration below which a delay is its consequence."""
 BARE = 3.2
 """Odds that are not worth more than a bare mention (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773)."""
 EXACT_STEPS = 6
@@ -58,28 +58,30 @@ class Search:
     Args:
         evidence: Residuals and columns.
         weights: Noise model.
-        belief: What nominal recordings, or priors, say of the common coefficients.
+        prior: Of the common coefficients, from nominal recordings where there are some.
         rng: Of bootstraps.
-        width: What that belief takes to change from run to run, in typical sizes.
+        width: What that prior takes to change from run to run, in typical sizes.
         solve: Effects that are fitted again on the model itself once accepted, by where they enter it.
-        ring: Frequencies of the swing, where arms were released.
+        natural_frequency: Those measured, where arms were released.
         advance: Called with 1 after each step.
         kept: Residuals under fits that were asked for.
         tried: Candidates by their number and what was accepted before them.
         settled: Those of them that have been fitted on the model itself, whichever fit was kept.
+        predictions: How well folds are predicted, by the candidate's fit and what was accepted before it.
     """
 
     evidence: RegressionProblem
     weights: Weights
-    belief: Belief
+    prior: Gaussian
     rng: np.random.Generator
     width: float = UNKNOWN
     solve: frozenset[str] = frozenset()
-    ring: Ring | None = None
+    natural_frequency: NaturalFrequency | None = None
     advance: Callable[[float], None] = lambda _: None
     kept: dict[tuple[object, ...], list[Floats]] = field(default_factory=dict, compare=False)
     tried: dict[tuple[object, ...], Candidate | None] = field(default_factory=dict, compare=False)
     settled: set[tuple[object, ...]] = field(default_factory=set, compare=False)
+    predictions: dict[tuple[object, ...], FoldCosts] = field(default_factory=dict, compare=False)
 
     def run(self, refused: frozenset[int] = frozenset()) -> ChosenEffects:
         """Add effects while they hold.
@@ -93,7 +95,7 @@ class Search:
         while len(accepted) < MOST:
             parts = self.parts(fit)
             marginal = Marginal.of(
-                self.belief, total(_searched(parts), self.evidence.size), self.weights.share
+                self.prior, total(_searched(parts), self.evidence.size), self.weights.share
             )
             taken = frozenset(a.candidate.number for a in accepted) | refused
             ranked = screen(self.evidence, marginal, taken)
@@ -157,7 +159,7 @@ class Search:
             left = np.nan_to_num(residual) * weight
             views.append(View(stage, left, weight, common.reshape(-1, self.evidence.size)))
         seen = total(_searched(self.parts(fit)), self.evidence.size)
-        return Ground.of(views, self.belief, self.weights.share, seen)
+        return Ground.of(views, self.prior, self.weights.share, seen)
 
     def finalists(self, fit: Fit | None, ranked: Sequence[tuple[int, float, Floats]]) -> list[Candidate]:
         """Fit hypotheses to what is left by those accepted already, the best first."""
@@ -185,7 +187,7 @@ class Search:
         """Fit a hypothesis to first order; ``None`` where that fails."""
         try:
             fit = fit_effects(ground, (self.evidence.library.hypotheses[number],), (theta,))
-            fit = self.heard(fit) if first else fit
+            fit = self.conditioned(fit) if first else fit
         except np.linalg.LinAlgError:
             return None
         return self.weighed(number, fit) if np.isfinite(fit.gain) else None
@@ -229,15 +231,15 @@ class Search:
     ) -> tuple[Accepted | None, tuple[Candidate, Judgement] | None]:
         """Judge the most probable candidates and take the first that holds.
 
-        Once an accepted effect has changed material or mass, another swing is its consequence. What one law
-        leaves of a strong effect looks like a weaker second effect, which has to show in every recording.
+        Once an accepted effect has changed material or mass, another vibration is its consequence. What
+        one law leaves of a strong effect looks like a weaker second effect, which every recording must show.
         """
         turned_down = None
         certain = max([CERTAIN, *(SECOND * one.candidate.delta_bic for one in accepted)])
         field = [
             one
             for one in field
-            if not self.another_swing(one, accepted) and not self.another_stretch(one, accepted)
+            if not self.another_vibration(one, accepted) and not self.another_stretch(one, accepted)
         ]
         for candidate in self.likely(field, fit)[:TRIED]:
             judgement = replace(self.judge(candidate, fit, null), certain=certain)
@@ -263,12 +265,12 @@ class Search:
         near.sort(key=lambda k: (self.only_moves(able[k]), len(able[k].fit.thetas[-1]), -weights[k]))
         return [able[k] for k in near]
 
-    def another_swing(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
-        """Return whether a candidate moves only as accepted effects on stiffness or mass swing the arm."""
-        weighty = [one.candidate.delta_bic for one in accepted if self.changes_swing(one.candidate)]
+    def another_vibration(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
+        """Return whether a candidate is a consequence of accepted effects on stiffness or mass."""
+        weighty = [one.candidate.delta_bic for one in accepted if self.changes_vibration(one.candidate)]
         if not weighty or not self.only_moves(candidate):
             return False
-        return self.changes_swing(candidate) or candidate.delta_bic < SWUNG * max(weighty)
+        return self.changes_vibration(candidate) or candidate.delta_bic < DELAY_SHARE * max(weighty)
 
     def another_stretch(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
         """Return whether a candidate is a force along the arm that a law of bending leaves of the stretch."""
@@ -279,8 +281,8 @@ class Search:
             return False
         return candidate.delta_bic < SECOND * max(material)
 
-    def changes_swing(self, candidate: Candidate) -> bool:
-        """Return whether a candidate changes stiffness or mass, and with them how the arm swings."""
+    def changes_vibration(self, candidate: Candidate) -> bool:
+        """Return whether a candidate changes stiffness or mass, and with them how the arm vibrates."""
         effect = self.effect(candidate)
         return effect.hook == "couple" or effect.changes_inertia
 
@@ -294,23 +296,20 @@ class Search:
 
     def judge(self, candidate: Candidate, fit: Fit | None, null: Floats) -> Judgement:
         """Judge a candidate by what it predicts where it was not fitted."""
-        parts = _searched(self.extended(candidate, fit))
         search_p = float((null >= candidate.delta_bic).mean())
-        return judge(parts, self.fold_costs(parts), self.rng, search_p, candidate.delta_bic)
+        return judge(self.predicted(candidate, fit), self.rng, search_p, candidate.delta_bic)
 
     def predicted(self, candidate: Candidate, fit: Fit | None) -> FoldCosts:
         """Return how well folds of the searched stretches are predicted with a candidate and without."""
-        return self.fold_costs(_searched(self.extended(candidate, fit)))
-
-    def fold_costs(self, parts: Sequence[Products]) -> FoldCosts:
-        """Return what folds cost; the change of a candidate is the last column of their products."""
-        return fold_costs(parts, self.belief, self.weights.share, self.evidence.size)
-
-    def extended(self, candidate: Candidate, fit: Fit | None) -> list[Products]:
-        """Give the products with the candidate's change as one more column."""
-        return self.evidence.widened(
-            self.weights, lambda stage: self.change(stage, candidate.fit)[..., None], self.residuals(fit)
-        )
+        key = (_key(candidate.fit), _key(fit))
+        if key not in self.predictions:
+            widened = self.evidence.widened(
+                self.weights, lambda stage: self.change(stage, candidate.fit)[..., None], self.residuals(fit)
+            )
+            self.predictions[key] = fold_costs(
+                _searched(widened), self.prior, self.weights.share, self.evidence.size
+            )
+        return self.predictions[key]
 
     def pruned(self, accepted: list[Accepted], fit: Fit) -> tuple[list[Accepted], Fit | None, frozenset[int]]:
         """Drop effects whose sizes are no longer told from none once all are fitted together."""
@@ -352,11 +351,11 @@ class Search:
         if self.solvable(fit):
             again = fit_effects(ground, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
             found = max(found, again, key=lambda one: one.gain)
-        return self.heard(found)
+        return self.conditioned(found)
 
-    def heard(self, fit: Fit) -> Fit:
-        """Let a fit take note of the frequency of the swing, where one was heard."""
-        return self.ring.heard(fit) if self.ring is not None else fit
+    def conditioned(self, fit: Fit) -> Fit:
+        """Condition a fit on the natural frequency, where one was measured."""
+        return self.natural_frequency.conditioned(fit) if self.natural_frequency is not None else fit
 
 
 def _key(fit: Fit | None) -> tuple[object, ...]:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.belief import Marginal
 from softarm.estimator.diagnosis.candidates import Accepted, ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.gaussian import Marginal
 from softarm.estimator.diagnosis.gram import Products, total
 from softarm.estimator.diagnosis.innovations import (
     channel_errors,
@@ -77,7 +77,7 @@ def held_out(
     """Predict held-out stretches without and with effects: those that have decided nothing.
 
     Common coefficients are those of the model with the effects, learnt outside these stretches. Squares are
-    over the noise of quiet stretches; where the arm swings after fast changes they count less.
+    over the noise of quiet stretches; where the arm vibrates after fast changes they count less.
 
     Args:
         search: The search.
@@ -88,7 +88,7 @@ def held_out(
         confirming: Predict the stretches on which the choice was confirmed instead.
     """
     learnt = learnt_coefficients(search, after)
-    common = search.belief.mean if known else learnt
+    common = search.prior.mean if known else learnt
     first, counts = _squares(search, before, common, confirming=confirming)
     last, _ = _squares(search, after, learnt, confirming=confirming)
     return Predictions(first, last, counts)
@@ -107,7 +107,7 @@ def _squares(search: Search, fit: Fit | None, common: Floats, *, confirming: boo
             continue
         names = channels(stage.suite)
         row = np.array([search.weights.scale[name] for name in names])
-        calm = row / np.hypot(row, stage.unrest) / [floors[name] for name in names]
+        calm = row / np.hypot(row, stage.model_error_std) / [floors[name] for name in names]
         own = ((left - search.evidence.columns[number] @ common) * calm) ** 2
         for block in np.unique(session.blocks[unseen]):
             chosen = own[(session.blocks == block) & unseen]
@@ -131,7 +131,7 @@ def heldout_result(search: Search, fit: Fit | None, predictions: Predictions, ho
         interval = bootstrap(search.rng, predictions.before, predictions.after)
     learnt = learnt_coefficients(search, fit)
     left = residuals_of(search, fit, learnt)
-    before = residuals_of(search, None, learnt if fit is None else search.belief.mean)
+    before = residuals_of(search, None, learnt if fit is None else search.prior.mean)
     errors = channel_errors(search, before, left)
     return Heldout(rms_before, rms_after, interval, how, errors, innovation_test(search, left))
 
@@ -163,7 +163,7 @@ def proven(search: Search) -> tuple[ChosenEffects, list[EffectName]]:
 def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[int]:
     """List accepted effects without which confirming data are predicted as well; all, where none is as good.
 
-    Judged like folds in ``Search.judge``: calibration is believed as before the recordings in question.
+    Judged like folds in ``Search.judge``: the prior of the calibration is that from before these recordings.
 
     Args:
         search: The search.
@@ -205,7 +205,7 @@ def _gain(
     """Give by how much effects lower the cost of some held-out stretches."""
     costs = [
         Marginal.cost_of(
-            search.belief, total([parts[k] for k in chosen], search.evidence.size), search.weights.share
+            search.prior, total([parts[k] for k in chosen], search.evidence.size), search.weights.share
         )
         for parts in (before, after)
     ]

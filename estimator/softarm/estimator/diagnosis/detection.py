@@ -15,9 +15,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softarm.estimator.diagnosis.belief import Marginal
 from softarm.estimator.diagnosis.candidates import MOST_SURPRISE
 from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.gaussian import Marginal
 from softarm.estimator.diagnosis.gram import total
 from softarm.estimator.diagnosis.judge import CERTAIN, EXPLAINABLE, FALSE_ALARM, MATERIAL
 from softarm.estimator.diagnosis.result import DetectionLimit
@@ -38,7 +38,7 @@ def detection_limits(search: Search) -> tuple[DetectionLimit, ...]:
     """
     evidence, library = search.evidence, search.evidence.library
     seen = total([part for part in search.parts(None) if not part.heldout], evidence.size)
-    marginal = Marginal.of(search.belief, seen, search.weights.share)
+    marginal = Marginal.of(search.prior, seen, search.weights.share)
     # A generator of its own: the limits must not change what is drawn after them.
     null = null_scores(evidence, marginal, np.random.default_rng(0))
     chance = float(np.quantile(null, 1.0 - FALSE_ALARM))

@@ -26,7 +26,8 @@ from softarm.estimator.diagnosis.innovations import learnt_coefficients, residua
 from softarm.estimator.diagnosis.judge import HETEROGENEITY
 from softarm.estimator.diagnosis.library import Library, build_library, library_columns
 from softarm.estimator.diagnosis.locate import locate
-from softarm.estimator.diagnosis.nominal import belief_before, evidence_of_change
+from softarm.estimator.diagnosis.natural_frequency import natural_frequency_of
+from softarm.estimator.diagnosis.nominal import evidence_of_change, prior_before
 from softarm.estimator.diagnosis.nuisances import Nuisances, calibrate_sessions, only_drawn
 from softarm.estimator.diagnosis.result import (
     Baseline,
@@ -37,16 +38,15 @@ from softarm.estimator.diagnosis.result import (
     Unexplained,
     Verdict,
 )
-from softarm.estimator.diagnosis.ring import ring_of
 from softarm.estimator.diagnosis.session import Session, channels
 from softarm.estimator.diagnosis.sizes import without_fragments
 from softarm.estimator.diagnosis.split import excitation, hold_out
 from softarm.estimator.diagnosis.stage import Model, Stage
 from softarm.estimator.diagnosis.stuck import Stuck, find_stuck, stuck_findings, without_stuck
 from softarm.estimator.diagnosis.swapped import refuse_swapped
-from softarm.estimator.diagnosis.swing import fit_swing, swinging
 from softarm.estimator.diagnosis.traces import traces_of
 from softarm.estimator.diagnosis.unnamed import FreeLaw, better_law
+from softarm.estimator.diagnosis.vibration import fit_vibration, with_vibration
 from softarm.estimator.diagnosis.words import possible
 from softarm.estimator.effects import EFFECTS, describe
 from softarm.estimator.effects.placed import PlacedEffect
@@ -178,9 +178,9 @@ def assemble(
         for stage in stages
     )
     masses = Masses.of(model.specimen, model.sections, stages[0].world.segments)
-    swing, words = fit_swing([stage for stage in stages if stage.session.nominal] or stages, masses)
-    if swing is not None:
-        stages = tuple(swinging(stage, swing, masses) for stage in stages)
+    vibration, words = fit_vibration([stage for stage in stages if stage.session.nominal] or stages, masses)
+    if vibration is not None:
+        stages = tuple(with_vibration(stage, vibration, masses) for stage in stages)
     library = build_library(
         _common_world(stages).world,
         np.concatenate([s.pressures for s in split]),
@@ -217,15 +217,15 @@ def begin(
         advance: Called after each step of the search.
     """
     weights = evidence.weigh()
-    belief, width = belief_before(evidence, weights)
+    prior, width = prior_before(evidence, weights)
     return Search(
         evidence,
         weights,
-        belief,
+        prior,
         np.random.default_rng(seed),
         width=width,
         solve=SOLVED if fast else DIRECT,
-        ring=ring_of(evidence.stages),
+        natural_frequency=natural_frequency_of(evidence.stages),
         advance=advance,
     )
 
@@ -348,7 +348,7 @@ def _outcome(
     )
     fit = choice.fit
     known = len(evidence.fitted.values)
-    covariance = search.belief.covariance[:known, :known]
+    covariance = search.prior.covariance[:known, :known]
     if fit is None:
         return DiagnosisOutcome(diagnosis, (), (), evidence.fitted, covariance)
     world = _common_world(evidence.stages).world
@@ -399,7 +399,7 @@ def _remainder(search: Search, choice: ChosenEffects, over_noise: float) -> floa
 
 def _map(search: Search, choice: ChosenEffects | None) -> LocationMap:
     residuals = search.residuals(choice.fit if choice else None)
-    return locate(search.evidence, residuals, search.weights, search.belief, search.rng)
+    return locate(search.evidence, residuals, search.weights, search.prior, search.rng)
 
 
 def _changed(search: Search, choice: ChosenEffects) -> bool:
@@ -408,7 +408,7 @@ def _changed(search: Search, choice: ChosenEffects) -> bool:
     if not any(stage.session.nominal for stage in evidence.stages):
         return False
     left = [part for part in search.parts(choice.fit) if not part.reported]
-    return evidence_of_change(evidence, search.belief, search.width, left, share) > CHANGED
+    return evidence_of_change(evidence, search.prior, search.width, left, share) > CHANGED
 
 
 def _unexplained(verdict: Verdict, after: float, found: LocationMap, law: FreeLaw | None) -> Unexplained:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.belief import Belief
+from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.gram import Products, products_of, renewed, total, with_columns
 from softarm.estimator.diagnosis.library import Library
 from softarm.estimator.diagnosis.nuisances import Nuisances
@@ -21,7 +21,7 @@ Singles = NDArray[np.float32]
 FULLEST = 5.0
 """Spread, in typical sizes, of all effects at once in the fullest model, which tells the noise."""
 QUIET = 25.0
-"""Percentile of the recordings' noise that counts as the sensor's: where an arm swings it seems larger."""
+"""Percentile of the recordings' noise that counts as the sensor's: where an arm vibrates it seems larger."""
 INADEQUACY = 0.004
 """Share of the motion that no model of an arm gets right, however much is fitted."""
 INEXACT = 0.1
@@ -29,7 +29,7 @@ INEXACT = 0.1
 NOVELTY = 2.0
 """Largest scatter of the recordings in question over that of nominal ones."""
 BACKGROUND = 0.3
-"""Spread of what every arm may have of an effect, in typical sizes: the belief before nominal recordings."""
+"""Spread of what every arm may have of an effect, in typical sizes: the prior before nominal recordings."""
 ABSENT = 0.01
 """Share of it for effects that no arm has of itself, which nominal runs need not have come near."""
 
@@ -85,8 +85,8 @@ class RegressionProblem:
         """Standard deviation of each coefficient before any recording, effects in typical sizes."""
         return np.asarray(np.sqrt(np.diag(self.prior(1.0, 1.0).covariance)), dtype=np.float64)
 
-    def prior(self, background: float, form: float) -> Belief:
-        """Give the belief before any recording.
+    def prior(self, background: float, form: float) -> Gaussian:
+        """Return the prior before any recording.
 
         Args:
             background: Standard deviation of each direction's coefficient in typical sizes.
@@ -104,14 +104,14 @@ class RegressionProblem:
         mean = np.zeros(self.size)
         # It pulls towards what was known beforehand, not towards the values at which residuals are taken.
         mean[:count] = np.linalg.lstsq(rows, known, rcond=None)[0]
-        return Belief(mean, covariance)
+        return Gaussian(mean, covariance)
 
-    def sound(self) -> Belief:
-        """Give the belief about an arm that is well, before any recording; see ``prior``."""
+    def sound(self) -> Gaussian:
+        """Return the prior of an arm that is well, before any recording; see ``prior``."""
         prior = self.prior(BACKGROUND, 1.0)
         innate = [self.library.hypotheses[d.hypothesis].effect.innate for d in self.library.directions]
         size = np.concatenate([np.ones(self.nuisances), np.where(innate, 1.0, ABSENT)])
-        return Belief(prior.mean, prior.covariance * np.outer(size, size))
+        return Gaussian(prior.mean, prior.covariance * np.outer(size, size))
 
     def products(self, weights: Weights, residuals: Sequence[Floats] | None = None) -> list[Products]:
         """Multiply residuals and columns, stretch by stretch; the columns' own products are kept."""
@@ -166,7 +166,7 @@ class RegressionProblem:
                 for group in groups
             }
             mismatch = np.stack([largest[group] for group in groups], axis=1)
-            found.append(np.hypot(stage.unrest, INEXACT * mismatch))
+            found.append(np.hypot(stage.model_error_std, INEXACT * mismatch))
         return found
 
     def _first(self, weights: Weights, number: int) -> list[Products]:
@@ -205,7 +205,7 @@ class RegressionProblem:
         return weights_of([names[k] for k in chosen], [seen[k] for k in chosen], [sigmas[k] for k in chosen])
 
     def _calmed(self, residuals: Sequence[Floats], weights: Weights) -> list[Floats]:
-        """Shrink residuals by what unrest adds to their scatter."""
+        """Shrink residuals by what the error of the model adds to their scatter."""
         found = []
         for number, (stage, left) in enumerate(zip(self.stages, residuals, strict=True)):
             row = np.array([weights.scale[name] for name in channels(stage.suite)])
@@ -229,11 +229,11 @@ class RegressionProblem:
         if not parts:
             return list(left)
         everything = total(parts, self.size)
-        belief = self.prior(FULLEST, FULLEST).updated(everything, 1.0)
-        spent = float(np.einsum("ij,ji->", belief.covariance, everything.matrix))
+        posterior = self.prior(FULLEST, FULLEST).posterior(everything, 1.0)
+        spent = float(np.einsum("ij,ji->", posterior.covariance, everything.matrix))
         widen = np.sqrt(everything.count / max(everything.count - spent, 0.1 * everything.count))
         return [
-            widen * (own - c @ belief.mean) if stage.session.nominal == nominal else own
+            widen * (own - c @ posterior.mean) if stage.session.nominal == nominal else own
             for stage, own, c in zip(self.stages, left, self.columns, strict=True)
         ]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.belief import Belief, Factor
+from softarm.estimator.diagnosis.gaussian import Factor, Gaussian
 from softarm.estimator.diagnosis.gram import Total
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.stage import Stage
@@ -50,34 +50,34 @@ class Ground:
 
     Args:
         views: What is seen of each session.
-        belief: Belief about the common coefficients.
+        prior: Of the common coefficients.
         share: Share of independent samples.
         factor: Factor of share C^T C + P.
         right: share C^T (r - C m), shape (columns,).
     """
 
     views: tuple[View, ...]
-    belief: Belief
+    prior: Gaussian
     share: float
     factor: Factor
     right: Floats
 
     @classmethod
-    def of(cls, views: Sequence[View], belief: Belief, share: float, seen: Total) -> "Ground":
+    def of(cls, views: Sequence[View], prior: Gaussian, share: float, seen: Total) -> "Ground":
         """Prepare fits on views, whose products are known."""
-        right = seen.vector - seen.matrix @ belief.mean
+        right = seen.vector - seen.matrix @ prior.mean
         return cls(
             tuple(views),
-            belief,
+            prior,
             share,
-            Factor.of(share * seen.matrix + belief.precision),
+            Factor.of(share * seen.matrix + prior.precision),
             share * right,
         )
 
     @cached_property
     def _innovations(self) -> list[Floats]:
-        """What the belief leaves of each session, shape (samples * rows,)."""
-        return [view.left.ravel() - view.common @ self.belief.mean for view in self.views]
+        """What the prior mean leaves of each session, shape (samples * rows,)."""
+        return [view.left.ravel() - view.common @ self.prior.mean for view in self.views]
 
     def projected(self, changes: Sequence[Floats]) -> tuple[Floats, Floats]:
         """Give M and b for whitened changes of all sessions, each of shape (samples * rows, k)."""

@@ -20,7 +20,7 @@ Residuals = Sequence[Floats]
 def learnt_coefficients(search: Search, fit: Fit | None) -> Floats:
     """Return the common coefficients that the searched stretches show with some effects, shape (columns,)."""
     seen = total([part for part in search.parts(fit) if not part.heldout], search.evidence.size)
-    return search.belief.updated(seen, search.weights.share).mean
+    return search.prior.posterior(seen, search.weights.share).mean
 
 
 def residuals_of(search: Search, fit: Fit | None, coefficients: Floats) -> list[Floats]:
@@ -142,7 +142,7 @@ def _questioned(search: Search) -> Iterator[tuple[int, Stage]]:
 def _assumed(search: Search, stage: Stage) -> Floats:
     """Return the standard deviation that the choice assumed, whatever the residual, shape (samples, rows)."""
     row = [search.weights.scale[name] for name in channels(stage.suite)]
-    return np.asarray(np.hypot(row, stage.unrest), dtype=np.float64)
+    return np.asarray(np.hypot(row, stage.model_error_std), dtype=np.float64)
 
 
 def _mean(parts: Sequence[Floats]) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.belief import Belief, Marginal
+from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
 from softarm.estimator.diagnosis.gram import Products, total
 
 CERTAIN = 40.0
@@ -69,6 +69,7 @@ class FoldCosts:
         before: Cost of each fold without it, shape (folds,).
         after: With it.
         counts: Effective number of samples of each.
+        changed: Weighted squares of the candidate's change in each, over effective samples.
         sizes: Size that each fold shows by itself.
         precisions: Of these sizes.
     """
@@ -76,58 +77,56 @@ class FoldCosts:
     before: Floats
     after: Floats
     counts: Floats
+    changed: Floats
     sizes: Floats
     precisions: Floats
 
 
-def fold_costs(parts: Sequence[Products], belief: Belief, share: float, size: int) -> FoldCosts:
+def fold_costs(parts: Sequence[Products], prior: Gaussian, share: float, size: int) -> FoldCosts:
     """Predict each recording, or stretch, with the size of a candidate that the others show, and without.
 
-    What is common to all recordings is believed as before any of those in question was seen: calibration
+    What is common to all recordings has the prior from before any of those in question: a calibration
     that has followed the change would hide it.
 
     Args:
         parts: Products of the searched stretches, the candidate's change their last column.
-        belief: Belief about the other columns.
+        prior: Of the other columns.
         share: Share of independent samples.
         size: Number of the other columns.
     """
-    extended = belief.beside(0.0, ANY_SIZE)
+    extended = prior.augment(0.0, ANY_SIZE)
     rows = []
     for fold in _folds(parts):
         rest = [part for part in parts if part not in fold]
-        learnt = extended.updated(total(rest, size + 1), share)
-        known = belief.beside(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
+        learnt = extended.posterior(total(rest, size + 1), share)
+        known = prior.augment(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
         seen = total(fold, size + 1)
         own = Marginal.of(extended, seen, share)
         precision = own.matrix[-1, -1]
-        before = Marginal.cost_of(belief, seen.first(size), share)
+        before = Marginal.cost_of(prior, seen.first(size), share)
         after = Marginal.cost_of(known, seen, share)
-        rows.append((before, after, share * seen.count, own.vector[-1] / max(precision, 1e-12), precision))
+        count, changed = share * seen.count, share * seen.matrix[-1, -1]
+        rows.append((before, after, count, changed, own.vector[-1] / max(precision, 1e-12), precision))
     return FoldCosts(*np.array(rows, dtype=np.float64).T)
 
 
-def judge(
-    parts: Sequence[Products], costs: FoldCosts, rng: np.random.Generator, search_p: float, delta_bic: float
-) -> Judgement:
+def judge(costs: FoldCosts, rng: np.random.Generator, search_p: float, delta_bic: float) -> Judgement:
     """Judge a candidate by what it predicts where it was not fitted.
 
     Args:
-        parts: Products of the searched stretches, the candidate's change their last column.
-        costs: Of these stretches without and with it.
+        costs: How well the searched folds are predicted without and with it.
         rng: Of the bootstrap.
         search_p: Chance of as much in the whole search where nothing is missing.
         delta_bic: Of the candidate.
     """
     before, after, count = costs.before.sum(), costs.after.sum(), costs.counts.sum()
     explainable = max(float(before - count), EXPLAINABLE * float(count))
-    changed = sum(part.matrix[-1, -1] for part in parts) / max(sum(part.count for part in parts), 1)
     return Judgement(
         float(np.sqrt(before / count)),
         float(np.sqrt(after / count)),
         bootstrap(rng, costs.before, costs.after),
         float(before - after) / explainable,
-        float(np.sqrt(changed)),
+        float(np.sqrt(costs.changed.sum() / count)),
         _heterogeneity(costs.sizes, costs.precisions),
         search_p,
         delta_bic,

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.belief import Belief, Marginal
 from softarm.estimator.diagnosis.evidence import RegressionProblem
+from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
 from softarm.estimator.diagnosis.gram import Total, total
 from softarm.estimator.diagnosis.result import Cell, CellKind, LocationMap, Regime
 from softarm.estimator.diagnosis.session import channels
@@ -55,7 +55,7 @@ def locate(
     evidence: RegressionProblem,
     residuals: Sequence[Floats],
     weights: Weights,
-    belief: Belief,
+    prior: Gaussian,
     rng: np.random.Generator,
 ) -> LocationMap:
     """Map the mismatch of the recordings in question, outside what is held out.
@@ -64,7 +64,7 @@ def locate(
         evidence: All recordings.
         residuals: What is left in each of them, NaN where lost, shape (samples, rows).
         weights: Noise model.
-        belief: Belief about the common coefficients, which stay free.
+        prior: Of the common coefficients, which stay free.
         rng: Of the draws without mismatch.
     """
     found: list[tuple[CellKind, str, str, str, Regime]] = []
@@ -80,7 +80,7 @@ def locate(
         return LocationMap()
     searched = [p for p in evidence.products(weights, residuals) if not p.nominal and not p.heldout]
     seen = total(searched, evidence.size)
-    marginal = Marginal.of(*_joined(belief, seen, parts), weights.share)
+    marginal = Marginal.of(*_joined(prior, seen, parts), weights.share)
     first = evidence.size
     diagonal = np.maximum(np.diag(marginal.matrix)[first:], 1e-300)
     values = marginal.vector[first:] / diagonal
@@ -136,18 +136,18 @@ def _cross(
 
 
 def _joined(
-    belief: Belief, seen: Total, parts: Sequence[tuple[Floats, Floats, Floats]]
-) -> tuple[Belief, Total]:
-    """Put cells beside the common columns; about cells the belief is that they are zero."""
-    known = len(belief.mean)
+    prior: Gaussian, seen: Total, parts: Sequence[tuple[Floats, Floats, Floats]]
+) -> tuple[Gaussian, Total]:
+    """Put cells beside the common columns; the prior mean of cells is zero."""
+    known = len(prior.mean)
     cross, own, pull = (np.sum([part[k] for part in parts], axis=0) for k in range(3))
     size = known + len(pull)
     matrix, covariance = np.zeros((size, size)), np.zeros((size, size))
     matrix[:known, :known], matrix[known:, known:] = seen.matrix, own
     matrix[:known, known:], matrix[known:, :known] = cross, cross.T
-    covariance[:known, :known] = belief.covariance
+    covariance[:known, :known] = prior.covariance
     covariance[np.arange(known, size), np.arange(known, size)] = 1e-18
-    joined = Belief(np.append(belief.mean, np.zeros(len(pull))), covariance)
+    joined = Gaussian(np.append(prior.mean, np.zeros(len(pull))), covariance)
     return joined, Total(seen.count, matrix, np.append(seen.vector, pull), seen.power)
 
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.belief import Belief, Marginal
 from softarm.estimator.diagnosis.evidence import RegressionProblem
+from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
 from softarm.estimator.diagnosis.gram import Products, total
 from softarm.estimator.diagnosis.weights import Weights
 
@@ -22,8 +22,8 @@ NUISANCE = 0.1
 """What changes of the calibration from run to run, in its prior spread, per typical size of effects."""
 
 
-def belief_before(evidence: RegressionProblem, weights: Weights) -> tuple[Belief, float]:
-    """Give the belief with which the recordings in question are judged, and the width it rests on.
+def prior_before(evidence: RegressionProblem, weights: Weights) -> tuple[Gaussian, float]:
+    """Return the prior with which the recordings in question are judged, and the width it rests on.
 
     Args:
         evidence: All recordings.
@@ -34,8 +34,8 @@ def belief_before(evidence: RegressionProblem, weights: Weights) -> tuple[Belief
         return evidence.prior(UNKNOWN, UNKNOWN), UNKNOWN
     prior = evidence.sound()
     width = _width(evidence, prior, parts, weights.share)
-    learnt = prior.updated(total(parts, evidence.size), weights.share)
-    return learnt.wider(_spreads(evidence, width)), width
+    learnt = prior.posterior(total(parts, evidence.size), weights.share)
+    return learnt.inflate(_spreads(evidence, width)), width
 
 
 def _spreads(evidence: RegressionProblem, width: float) -> Floats:
@@ -44,7 +44,7 @@ def _spreads(evidence: RegressionProblem, width: float) -> Floats:
     return changed
 
 
-def _width(evidence: RegressionProblem, prior: Belief, parts: Sequence[Products], share: float) -> float:
+def _width(evidence: RegressionProblem, prior: Gaussian, parts: Sequence[Products], share: float) -> float:
     """Choose the width at which every nominal recording is best predicted from the others."""
     sessions = sorted({part.session for part in parts})
     if len(sessions) == 1:
@@ -58,23 +58,23 @@ def _width(evidence: RegressionProblem, prior: Belief, parts: Sequence[Products]
         score = 0.0
         for fold in folds:
             rest = [part for part in parts if part not in fold]
-            belief = prior.updated(total(rest, evidence.size), share).wider(_spreads(evidence, width))
-            score += predictive(belief, fold, share, evidence.size)
+            run_prior = prior.posterior(total(rest, evidence.size), share).inflate(_spreads(evidence, width))
+            score += predictive(run_prior, fold, share, evidence.size)
         scores.append(score)
     return WIDTHS[int(np.argmax(scores))]
 
 
-def predictive(belief: Belief, fold: Sequence[Products], share: float, size: int) -> float:
-    """Give twice the logarithm of the density of a fold under a belief, up to a constant."""
+def predictive(prior: Gaussian, fold: Sequence[Products], share: float, size: int) -> float:
+    """Return twice the logarithm of the density of a fold under a prior, up to a constant."""
     seen = total(fold, size)
-    marginal = Marginal.of(belief, seen, share)
-    root = np.sqrt(np.diag(belief.covariance))
-    inner = np.eye(size) + share * _sandwich(belief.covariance, seen.matrix, root)
+    marginal = Marginal.of(prior, seen, share)
+    root = np.sqrt(np.diag(prior.covariance))
+    inner = np.eye(size) + share * _sandwich(prior.covariance, seen.matrix, root)
     return -marginal.cost - float(np.linalg.slogdet(inner)[1])
 
 
 def evidence_of_change(
-    evidence: RegressionProblem, belief: Belief, width: float, parts: Sequence[Products], share: float
+    evidence: RegressionProblem, prior: Gaussian, width: float, parts: Sequence[Products], share: float
 ) -> float:
     """Give how much likelier recordings are if more than a little has changed since the nominal ones.
 
@@ -82,7 +82,7 @@ def evidence_of_change(
 
     Args:
         evidence: All recordings.
-        belief: Belief before those in question, which allows for ``width``.
+        prior: Before those in question, which allows for ``width``.
         width: What changes from one nominal run to another, in typical sizes.
         parts: Products of those in question.
         share: Share of independent samples.
@@ -91,9 +91,9 @@ def evidence_of_change(
         Twice the log ratio of the densities, at the likeliest widths above and below ``MATERIAL``.
     """
 
-    def likelihood(wider: float) -> float:
-        added = float(np.sqrt(wider**2 - width**2))
-        return predictive(belief.wider(_spreads(evidence, added)), parts, share, evidence.size)
+    def likelihood(larger: float) -> float:
+        added = float(np.sqrt(larger**2 - width**2))
+        return predictive(prior.inflate(_spreads(evidence, added)), parts, share, evidence.size)
 
     tried = [width, *(w for w in (*WIDTHS, WIDEST) if w > width)]
     little = [w for w in tried if w == width or w < MATERIAL]
@@ -101,9 +101,9 @@ def evidence_of_change(
 
 
 def _sandwich(covariance: Floats, matrix: Floats, root: Floats) -> Floats:
-    """Give P G in coordinates scaled by the belief's deviations, for a well-scaled determinant."""
+    """Give P G in coordinates scaled by the prior's deviations, for a well-scaled determinant."""
     scaled: Floats = (covariance / np.outer(root, root)) @ (matrix * np.outer(root, root))
     return scaled
 
 
-__all__ = ["UNKNOWN", "belief_before", "evidence_of_change"]
+__all__ = ["UNKNOWN", "evidence_of_change", "prior_before"]

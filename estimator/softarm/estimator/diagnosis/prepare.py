@@ -23,7 +23,7 @@ LEAST_BLOCKS = 6
 SAME = np.radians(0.2)
 """Bends that repeat what frames say to within this are left out."""
 RINGING = 0.11
-"""Windows longer than this [s] are there to average a ring away."""
+"""Windows longer than this [s] are there to average a vibration away."""
 QUIETEST, QUIET_SIZE = 10.0, 0.1257
 """Percentile of the changes between windows at rest that tells the noise, and that of a standard normal."""
 RESTING = 500.0
@@ -114,7 +114,7 @@ def averaged(session: Session, step: float) -> Session:
 
 
 def _steady(session: Session, places: NDArray[np.int64], size: int) -> Flags:
-    """Return in which windows the pressures rest: long windows are there to average a ring away."""
+    """Return in which windows the pressures rest: long windows are there to average a vibration away."""
     highest = np.full((size, session.pressures.shape[1]), -np.inf)
     lowest = np.full_like(highest, np.inf)
     np.maximum.at(highest, places, session.pressures)

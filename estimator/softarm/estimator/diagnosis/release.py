@@ -1,6 +1,6 @@
-"""Arms without pressures that are held, let go, and swing: they are judged once they have come to rest.
+"""Arms without pressures that are held, let go, and vibrate: they are judged once they have come to rest.
 
-Before the release a hand holds the arm in a pose that says nothing of its weight; while the swing rings down,
+Before the release a hand holds the arm in a pose that says nothing of its weight; while the vibration decays,
 means over a few periods are not yet the rest pose.
 """
 
@@ -12,7 +12,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.session import Session
 
 RINGS = 8.0
-"""Periods after which a swing counts as died away."""
+"""Periods after which a vibration counts as decayed."""
 UNDRIVEN = 1000.0
 """Pressures below it [Pa] drive nothing."""
 STARTUP = 0.12
@@ -29,7 +29,7 @@ class Release:
     """A release that was found.
 
     Args:
-        session: The session once the swing has died away.
+        session: The session once the vibration has decayed.
         time: When it was let go [s].
     """
 
@@ -37,17 +37,17 @@ class Release:
     time: float
 
 
-def find_release(session: Session, ring: float | None) -> Release | None:
+def find_release(session: Session, natural_frequency: float | None) -> Release | None:
     """Find the release of an arm that no pressure drives.
 
     Args:
         session: At its own rate.
-        ring: Frequency of its swing [Hz].
+        natural_frequency: At which it vibrates [Hz].
 
     Returns:
-        ``None`` where pressures drive it or it does not swing.
+        ``None`` where pressures drive it or it does not vibrate.
     """
-    if ring is None or float(session.pressures.max(initial=0.0)) > UNDRIVEN:
+    if natural_frequency is None or float(session.pressures.max(initial=0.0)) > UNDRIVEN:
         return None
     time = session.clock - session.clock[0]
     column = _largest(session.readings[time > STARTUP])
@@ -58,10 +58,10 @@ def find_release(session: Session, ring: float | None) -> Release | None:
     first = int(np.argmax(moved))
     if whole <= 0.0 or time[first] < STARTUP + LEAST_HOLD:
         return None
-    settled = np.asarray(time >= time[first] + RINGS / ring)
+    settled = np.asarray(time >= time[first] + RINGS / natural_frequency)
     if settled.sum() < LEAST_SAMPLES:
         return None
-    return Release(replace(session.thin(settled), ring=ring), float(time[first]))
+    return Release(replace(session.thin(settled), natural_frequency=natural_frequency), float(time[first]))
 
 
 def _largest(readings: Floats) -> int:

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.belief import Marginal
 from softarm.estimator.diagnosis.evidence import RegressionProblem
+from softarm.estimator.diagnosis.gaussian import Marginal
 from softarm.estimator.diagnosis.library import Direction
 from softarm.estimator.effects import ParameterSpec
 

@@ -25,7 +25,7 @@ class Session:
         sigma: Standard deviation of each row's noise in a sample, shape (rows,).
         blocks: Number of the stretch of time that each sample belongs to, shape (samples,).
         heldout: Samples that no fit may see, shape (samples,).
-        ring: Frequency at which the arm swung when it was released [Hz].
+        natural_frequency: At which the arm vibrated when it was released [Hz].
         confirms: Of those held out, the samples on which a choice is confirmed, shape (samples,); the others
             decide nothing.
     """
@@ -41,7 +41,7 @@ class Session:
     sigma: Floats
     blocks: Indices
     heldout: Flags
-    ring: float | None = None
+    natural_frequency: float | None = None
     confirms: Flags | bool = False
 
     @property

@@ -24,10 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.belief import Belief
 from softarm.estimator.diagnosis.candidates import ChosenEffects, is_told
 from softarm.estimator.diagnosis.choose import EXACT_STEPS, SECOND, Search
 from softarm.estimator.diagnosis.fit import Chart, Fit, Ground, View, fit_effects, slopes_of, whitened
+from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.gram import Total
 from softarm.estimator.specimen.physics import EffectName
 
@@ -56,17 +56,18 @@ def sized(search: Search, fit: Fit) -> Fit:
     """Estimate the sizes of chosen effects anew, with their uncertainty.
 
     Without nominal recordings the common coefficients are not known apart from the effects; then, and where a
-    swing was heard, the estimates stay, and only their uncertainty is that between recordings as well.
+    natural frequency was measured, the estimates stay, and only their uncertainty is that between recordings
+    as well.
 
     Args:
         search: The search that chose them.
         fit: The effects, as it fitted them.
     """
     known = any(stage.session.nominal for stage in search.evidence.stages)
-    if not known or search.ring is not None:
+    if not known or search.natural_frequency is not None:
         return fit
     views, columns = plain_views(search)
-    ground = Ground.of(views, Belief(np.zeros(1), np.eye(1)), search.weights.share, _NOTHING)
+    ground = Ground.of(views, Gaussian(np.zeros(1), np.eye(1)), search.weights.share, _NOTHING)
     found = fit_effects(ground, fit.hypotheses, fit.thetas)
     if search.solvable(fit):
         again = fit_effects(ground, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
@@ -81,7 +82,7 @@ def sized(search: Search, fit: Fit) -> Fit:
         for part in _parts(view, slope, view.left.ravel() - change[:, 0], common, whole=len(views) >= SPANS)
     ]
     prior = 1.0 / chart.spreads**2 / search.weights.share
-    covariance = robust_covariance(parts, prior, search.belief.covariance, search.weights.share)
+    covariance = robust_covariance(parts, prior, search.prior.covariance, search.weights.share)
     if reversed_sign(fit, found):
         return replace(fit, covariance=covariance)
     return replace(found, covariance=covariance, gain=fit.gain)
@@ -138,12 +139,12 @@ def plain_views(search: Search) -> tuple[list[View], list[Singles]]:
     """List what least squares sees of each recording in question: searched stretches, over their noise.
 
     Returns:
-        The views, with the common coefficients at what is believed of them; and the common columns over the
+        The views, with the common coefficients at their prior mean; and the common columns over the
         noise, each of shape (samples * rows, columns).
     """
     views: list[View] = []
     columns: list[Singles] = []
-    mean = search.belief.mean
+    mean = search.prior.mean
     for number, stage in enumerate(search.evidence.stages):
         session = stage.session
         if session.nominal or session.heldout.all():
@@ -151,7 +152,7 @@ def plain_views(search: Search) -> tuple[list[View], list[Singles]]:
         residual = search.evidence.residuals[number]
         scale = np.array([search.weights.scale[name] for name in search.evidence.names[number]])
         used = np.isfinite(residual) & ~session.heldout[:, None]
-        weight = used / np.hypot(scale, stage.unrest)
+        weight = used / np.hypot(scale, stage.model_error_std)
         own = search.evidence.columns[number]
         left = np.nan_to_num(residual - own @ mean) * weight
         views.append(View(stage, left, weight, np.zeros((left.size, 1), dtype=np.float32)))

@@ -25,7 +25,7 @@ from softarm.estimator.specimen import Specimen
 SUDDEN, RINGDOWN = 0.2, 0.7
 RINGING = 0.2
 LEVER = 0.1
-"""See ``Stage.unrest``: [s], [s], a share, [m]."""
+"""See ``Stage.model_error_std``: [s], [s], a share, [m]."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Stage:
         world: What effects may refer to.
         suite: The sensors, aligned.
         drive: The calibrated drive.
-        doubtful: What the model of the swing may get wrong, where there is one, shape (samples, rows).
+        vibration_error_std: Error of the model of the vibration, where there is one, shape (samples, rows).
     """
 
     session: Session
@@ -76,7 +76,7 @@ class Stage:
     world: World
     suite: SensorSuite
     drive: Drive
-    doubtful: Floats | None = None
+    vibration_error_std: Floats | None = None
 
     @cached_property
     def base(self) -> Floats:
@@ -127,15 +127,15 @@ class Stage:
         return rows
 
     @cached_property
-    def unrest(self) -> Floats:
-        """What swings after fast changes may add to what the model gives, shape (samples, rows).
+    def model_error_std(self) -> Floats:
+        """What vibrations after fast changes may add to what the model gives, shape (samples, rows).
 
-        Where the model does not swing, a change of bend within ``SUDDEN`` seconds rings down with the time
+        Where the model does not vibrate, a change of bend within ``SUDDEN`` seconds decays with the time
         constant ``RINGDOWN``; the share ``RINGING`` of it counts as uncertain, on a lever of ``LEVER`` for
         positions.
         """
-        if self.doubtful is not None:
-            return self.doubtful
+        if self.vibration_error_std is not None:
+            return self.vibration_error_std
         bends = self.arm.baseline.strains[..., :2].reshape(self.session.samples, -1)
         back = max(1, round(SUDDEN / self.session.step))
         left = np.zeros(self.session.samples)

@@ -12,9 +12,9 @@ from functools import partial
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.belief import Marginal
 from softarm.estimator.diagnosis.candidates import ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.gaussian import Marginal
 from softarm.estimator.diagnosis.gram import total
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import describe
@@ -133,9 +133,9 @@ def _fitted(search: Search, columns: Callable[[Stage], Floats], place: Place, re
     parts = [part for part in evidence.widened(weights, columns) if not part.heldout]
     seen = total(parts, len(parts[0].vector))
     powers = np.diag(seen.matrix)[evidence.size :].tolist()
-    belief = search.belief
+    prior = search.prior
     for own_power in powers:
-        belief = belief.beside(0.0, ANY_SIZE * seen.power / own_power if own_power > 0.0 else 1.0)
-    before = Marginal.cost_of(search.belief, seen.first(evidence.size), weights.share)
-    gain = before - Marginal.cost_of(belief, seen, weights.share)
+        prior = prior.augment(0.0, ANY_SIZE * seen.power / own_power if own_power > 0.0 else 1.0)
+    before = Marginal.cost_of(search.prior, seen.first(evidence.size), weights.share)
+    gain = before - Marginal.cost_of(prior, seen, weights.share)
     return FreeLaw(place, regime, gain - search.price * len(powers))

@@ -88,12 +88,12 @@ class ParameterSpec:
 
 @dataclass(frozen=True)
 class ModalChange:
-    """What an effect does to the slowest swing of a released arm.
+    """What an effect does to the slowest mode of a released arm.
 
     Args:
         added_mass: Mass added at the tip [kg].
-        mass_ratio: Factor on the mass that swings.
-        stiffness_ratio: Factor on the stiffness against which it swings.
+        mass_ratio: Factor on the modal mass.
+        stiffness_ratio: Factor on the modal stiffness.
     """
 
     added_mass: float = 0.0
@@ -102,7 +102,7 @@ class ModalChange:
 
 
 def no_modal_change(theta: Floats) -> ModalChange:  # noqa: ARG001
-    """Return that the swing stays as it is. Functions of effects have names, so that they pickle."""
+    """Return that the mode stays as it is. Functions of effects have names, so that they pickle."""
     return ModalChange()
 
 
@@ -149,8 +149,8 @@ class Effect:
         driven: Whether it can only show where a chamber at its place was pressurised.
         by_fit: Whether a fit finds it; else the readings themselves show it.
         responds_to_own_effect: Whether how far it pushes depends on how far it has moved the arm.
-        changes_inertia: Whether it changes mass or support, and with them how the arm swings.
-        modal: Gives what it does to the swing of the arm, of its parameters.
+        changes_inertia: Whether it changes mass or support, and with them how the arm vibrates.
+        modal: Gives what it does to the slowest mode of the arm, of its parameters.
         along_arm: Gives whether it only stretches the arm, of its parameters.
         hidden_rotation: Gives the rotation of the base that a recorded base does not show [rad], shape (3,),
             of its parameters.

@@ -1,7 +1,7 @@
 """Inertia and damping: strain follows the load like an oscillator, a^2 x'' + d x' + x = u.
 
 a is the inverse of the undamped angular frequency and d the damping time; a = 0 leaves Kelvin-Voigt damping.
-One mode for all of the place: rings of a few hertz are of the arm's first bending mode.
+One mode for all of the place: vibrations of a few hertz are of the arm's first bending mode.
 """
 
 import numpy as np

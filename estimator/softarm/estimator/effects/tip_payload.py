@@ -19,7 +19,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 
 
 def modal(theta: Floats) -> ModalChange:
-    """Add the weight to the mass that swings."""
+    """Add the weight to the modal mass."""
     return ModalChange(added_mass=float(theta[0]))
 
 

@@ -34,7 +34,7 @@ LENGTH = 0.35
 CORRELATION = 1.0
 """Correlation time of the discrepancy [s]."""
 RECENT = 1.0
-"""How long ago the pressures' changes still swing the arm [s]."""
+"""How long ago the pressures' changes still make the arm vibrate [s]."""
 HYPER = 320
 """Samples on which the variances are fitted."""
 PARTS = ("linear", "quadratic", "smooth", "memory", "clock", "discrepancy", "swing", "noise")

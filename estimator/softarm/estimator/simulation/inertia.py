@@ -1,4 +1,4 @@
-"""How the arm swings about its quasi-static answer: a few hertz, in strain coordinates.
+"""How the arm vibrates about its quasi-static answer: a few hertz, in strain coordinates.
 
 With q the strains of all segments, q_s what they would be at rest and K the stiffness against their couples,
 gravity's share included, M q'' + D q' + K (q - q_s) = 0 about every pose. M is that of the kinetic energy of
@@ -36,7 +36,7 @@ USUAL = 0.1
 
 @dataclass(frozen=True)
 class Masses:
-    """Masses that swing.
+    """Masses that vibrate.
 
     Args:
         sections: Of the rigid sections whose frames are known [kg], shape (sections,).
@@ -57,7 +57,7 @@ class Masses:
 
 @dataclass(frozen=True)
 class Swaying:
-    """The matrices of the swing along a response, in the strains of all segments.
+    """The matrices of the vibration along a response, in the strains of all segments.
 
     Args:
         stiffness: K, shape (samples, strains, strains).
@@ -88,7 +88,7 @@ class Swaying:
         return frequencies
 
     def strains(self, clock: Floats, still: Floats, damping: tuple[float, float], mass: float) -> Floats:
-        """Let the arm swing about quasi-static strains.
+        """Let the arm vibrate about quasi-static strains.
 
         Args:
             clock: Middle of the window of each sample [s], shape (samples,).
@@ -109,7 +109,7 @@ def _stable(compliance: Floats, converged: NDArray[np.bool_]) -> NDArray[np.bool
     """Find the samples at a stable equilibrium, shape (samples,).
 
     Beyond the pressures that a model was fitted to, its compliance may have negative eigenvalues: such an arm
-    would not swing but leave its pose without bound.
+    would not vibrate but leave its pose without bound.
     """
     stable = converged & np.isfinite(compliance).all(axis=(1, 2))
     symmetric = 0.5 * (compliance + np.swapaxes(compliance, 1, 2))

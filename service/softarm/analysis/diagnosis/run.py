@@ -219,16 +219,16 @@ def sessions_of(
     for recording, nominal in admitted.all:
         prepared = prepare(recording, specimen, model.sections, nominal=nominal)
         notes += prepared.notes
-        ring = ring_frequency(prepared.session)
-        release = find_release(prepared.session, ring)
+        frequency = ring_frequency(prepared.session)
+        release = find_release(prepared.session, frequency)
         if release is not None:
             notes.append(
-                f"{recording.name}: released at {release.time:.2f} s and vibrates at {ring:.2f} Hz; "
+                f"{recording.name}: released at {release.time:.2f} s and vibrates at {frequency:.2f} Hz; "
                 "only what follows the vibration is used."
             )
         session = release.session if release else prepared.session
         native.append(session)
-        steps.append(_step(session, ring))
+        steps.append(_step(session, frequency))
     total = sum(session.seconds / step for session, step in zip(native, steps, strict=True))
     stretch = max(1.0, total / SAMPLES)
     sessions = tuple(averaged(one, step * stretch) for one, step in zip(native, steps, strict=True))
@@ -240,18 +240,18 @@ def sessions_of(
     return sessions, tuple(dict.fromkeys(notes))
 
 
-def _step(session: Session, ring: float | None) -> float:
-    """Choose a window [s]: long enough to average a ring away, short enough to see lags."""
-    if session.ring is not None:
+def _step(session: Session, frequency: float | None) -> float:
+    """Choose a window [s]: long enough to average a vibration away, short enough to see lags."""
+    if session.natural_frequency is not None:
         # At rest it shows one pose: more means would only repeat what the model gets wrong of it.
         return session.seconds / LEAST_BLOCKS
     if session.seconds >= SHORT:
         return STEP
-    return max(session.step, min(2.0 / ring, session.seconds / 8.0)) if ring else session.step
+    return max(session.step, min(2.0 / frequency, session.seconds / 8.0)) if frequency else session.step
 
 
 def ring_frequency(session: Session) -> float | None:
-    """Find the frequency of a ring of 1.5 to 15 Hz [Hz]; ``None`` where there is none."""
+    """Find the frequency of a vibration of 1.5 to 15 Hz [Hz]; ``None`` where there is none."""
     readings = session.readings
     count = len(readings)
     if count < 64 or session.step > 0.03:

@@ -1,6 +1,6 @@
 """The moduli from known forces alone, before pressures have their say.
 
-A known force on the vented arm tells the stiffness itself, pressures only what they are worth against it. In
+A known force on the vented arm shows the stiffness itself, pressures only their effect against it. In
 one fit of everything, what a model that is not exact cannot explain of the pressures would move the moduli;
 so the moduli are found first, and held near while the gains are.
 """
@@ -19,17 +19,17 @@ from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.unknowns import Modulus, PressureUnknown
 from softarm.estimator.sensing.model_error import vented
 
-FEWEST_PULLS = 5  # nodes at which a known force must act before it counts as telling the moduli
-HELD = 0.002  # of a modulus' logarithm that pressures may move it from what pulls told
+FEWEST_PULLS = 5  # nodes at which a known force must act before the moduli are fitted to them
+HELD = 0.002  # of a modulus' logarithm that pressures may move it from the value fitted to pulls
 ITERATIONS = 20
 
 
 @dataclass(frozen=True)
-class Told:
-    """What pulls told.
+class PulledModuli:
+    """Moduli that were fitted to pulls alone.
 
     Args:
-        values: Values of all unknowns; those that pulls do not tell are as they were, shape (unknowns,).
+        values: Values of all unknowns; those that pulls do not identify are as they were, shape (unknowns,).
         spreads: Standard deviation of each modulus; none where there were too few pulls.
     """
 
@@ -37,7 +37,7 @@ class Told:
     spreads: Mapping[str, float]
 
     def near(self, layout: Layout) -> Layout:
-        """Hold the moduli near to what the pulls told."""
+        """Hold the moduli near to those of the pulls."""
         values = dict(zip(layout.names, self.values.tolist(), strict=True))
         return replace(
             layout,
@@ -48,16 +48,16 @@ class Told:
         )
 
     def widened(self, layout: Layout, covariance: Floats) -> Floats:
-        """Return a covariance in which the moduli are no better known than the pulls told."""
+        """Return a covariance in which the moduli are no better known than from the pulls."""
         own = np.sqrt(np.diag(covariance))
         least = np.array([self.spreads.get(name, 0.0) for name in layout.names])
         ratio = np.maximum(own, least) / own
         return np.asarray(covariance * np.outer(ratio, ratio))
 
 
-def told_by_pulls(
+def moduli_from_pulls(
     forward: Forward, start: Floats, before: Sequence[NodePredictions], train: Sequence[Flags]
-) -> Told:
+) -> PulledModuli:
     """Fit everything but what belongs to the pressures to the pulls on the vented arm.
 
     Args:
@@ -70,7 +70,7 @@ def told_by_pulls(
     part = tuple(own.keep(f) for own, f in zip(forward.nodes, pulled, strict=True) if f.any())
     near = tuple(own.keep(f) for own, f in zip(before, pulled, strict=True) if f.any())
     if sum(len(nodes.time) for nodes in part) <= FEWEST_PULLS:
-        return Told(start, {})
+        return PulledModuli(start, {})
     out = {u.name for u in forward.layout.unknowns if isinstance(u, PressureUnknown)}
     layout = forward.layout.without(out)
     inside = np.array([name not in out for name in forward.layout.names])
@@ -80,7 +80,7 @@ def told_by_pulls(
     values[inside] = found.values
     deviations = np.sqrt(np.diag(found.covariance)).tolist()
     moduli = zip(layout.unknowns, deviations, strict=True)
-    return Told(values, {p.name: deviation for p, deviation in moduli if isinstance(p, Modulus)})
+    return PulledModuli(values, {p.name: deviation for p, deviation in moduli if isinstance(p, Modulus)})
 
 
 def _vented_pulls(nodes: Nodes) -> Flags:

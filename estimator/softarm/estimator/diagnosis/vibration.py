@@ -1,7 +1,7 @@
 """Inertia and damping of the arm as part of the model, where recordings are fast enough to show them.
 
-An arm that hangs swings after every step of pressure. That is no missing physics, but a quasi-static model
-would put it down to lags and memories; so the weighed masses swing before anything is looked for, with the
+An arm that hangs vibrates after every step of pressure. That is no missing physics, but a quasi-static model
+would put it down to lags and memories; so the weighed masses vibrate before anything is looked for, with the
 damping that the arm in its known state shows.
 """
 
@@ -18,38 +18,38 @@ from softarm.estimator.simulation import LinearisedArm
 from softarm.estimator.simulation.inertia import Masses, Swaying
 
 LONGEST_STEP = 0.11
-"""Samples that are further apart [s] do not show a swing."""
+"""Samples that are further apart [s] do not show a vibration."""
 START = (0.0, 2.0, 0.002, 0.03)
 LOWER = (-1.2, 0.05, 0.0, -0.1)
 UPPER = (1.2, 20.0, 0.1, 0.3)
 """Logarithm of the factor on the masses, damping a [1/s] and b [s], delay of the pressures [s]."""
 LEAST_GAIN = 0.05
-"""Share of the squares that a swing must explain to be part of the model."""
+"""Share of the squares that a vibration must explain to be part of the model."""
 SIZES = {"m": 1e-3, "rad": 1e-2}
 BUSIEST = 4
-"""Recordings that tell of the swing."""
+"""Recordings to which it is fitted, those that vibrate most."""
 UNHELD = 1e-3
-"""Largest load [N, N m] of a section that swings freely."""
+"""Largest load [N, N m] of a section that vibrates freely."""
 AFTER = 1.0
 """Time [s] for which a section that was held counts as held."""
 
 
 @dataclass(frozen=True)
-class Swing:
-    """How an arm swings.
+class Vibration:
+    """How an arm vibrates.
 
     Args:
         mass: Factor on the weighed masses.
         damping: Share of the masses [1/s] and of the stiffness [s] that damps.
         delay: By how much motion follows the recorded pressures later than it should [s].
-        doubt: Share of the swing that this does not get right.
+        relative_error: Of the vibration that this predicts.
         frequency: Slowest natural frequency at the first sample [Hz].
     """
 
     mass: float
     damping: tuple[float, float]
     delay: float
-    doubt: float
+    relative_error: float
     frequency: float
 
     def tell(self) -> str:
@@ -60,11 +60,11 @@ class Swing:
         )
 
 
-def fit_swing(stages: Sequence[Stage], masses: Masses) -> tuple[Swing | None, tuple[str, ...]]:
-    """Find how the arm of some stages swings.
+def fit_vibration(stages: Sequence[Stage], masses: Masses) -> tuple[Vibration | None, tuple[str, ...]]:
+    """Fit how the arm of some stages vibrates.
 
     Returns:
-        The swing, ``None`` where recordings show none, and what to note about it.
+        The vibration, ``None`` where recordings show none, and what to note about it.
     """
     driven = [stage for stage in stages if stage.session.step <= LONGEST_STEP and _driven(stage)]
     quick = [stage for stage in driven if _bounded(stage, masses)]
@@ -95,28 +95,27 @@ def fit_swing(stages: Sequence[Stage], masses: Masses) -> tuple[Swing | None, tu
     logarithm, a, b, delay = found.x.tolist()
     mass = float(np.exp(logarithm))
     frequency = matrices[0].frequencies()[0] / np.sqrt(mass)
-    swing = Swing(mass, (a, b), delay, float(np.sqrt(after / before)), float(frequency))
-    return swing, (*notes, swing.tell())
+    vibration = Vibration(mass, (a, b), delay, float(np.sqrt(after / before)), float(frequency))
+    return vibration, (*notes, vibration.tell())
 
 
-def swinging(stage: Stage, swing: Swing, masses: Masses) -> Stage:
-    """Give a stage whose model swings; the couples that make it do so become part of its drive."""
+def with_vibration(stage: Stage, vibration: Vibration, masses: Masses) -> Stage:
+    """Return a stage whose model vibrates; the couples that make it do so become part of its drive."""
     if stage.session.step > LONGEST_STEP or not _bounded(stage, masses):
         return stage
     swaying = _swaying(stage, masses)
-    theta = np.array([np.log(swing.mass), *swing.damping, swing.delay])
+    theta = np.array([np.log(vibration.mass), *vibration.damping, vibration.delay])
     lag = _lag(stage, swaying, theta)
     couples = _couples(swaying, lag).reshape(stage.drive.couples.shape)
     drive = stage.drive.plus(np.zeros_like(stage.drive.wrenches), couples)
     arm = LinearisedArm(stage.arm.segments, drive, stage.arm.respond(drive))
-    doubtful = np.where(
-        _held(stage)[:, None], stage.unrest, swing.doubt * _envelope(stage, _seen(stage, swaying, lag))
-    )
-    return replace(stage, arm=arm, drive=drive, doubtful=doubtful)
+    error = vibration.relative_error * _envelope(stage, _seen(stage, swaying, lag))
+    error = np.where(_held(stage)[:, None], stage.model_error_std, error)
+    return replace(stage, arm=arm, drive=drive, vibration_error_std=error)
 
 
 def _bounded(stage: Stage, masses: Masses) -> bool:
-    """Check that an arm with the usual masses swings by finite amounts along a stage."""
+    """Check that an arm with the usual masses vibrates by finite amounts along a stage."""
     if not stage.arm.baseline.converged.any():
         return False
     swaying = _swaying(stage, masses)
@@ -125,10 +124,10 @@ def _bounded(stage: Stage, masses: Masses) -> bool:
     return bool(np.isfinite(_couples(swaying, _lag(stage, swaying, np.array(START)))).all())
 
 
-def _envelope(stage: Stage, swung: Floats) -> Floats:
-    """Give how far the arm has swung of late, for each row of the predictions, shape (samples, rows)."""
+def _envelope(stage: Stage, vibrated: Floats) -> Floats:
+    """Return how far the arm has vibrated of late, for each row of the predictions, shape (samples, rows)."""
     angles = np.array([unit == "rad" for unit in stage.suite.units])
-    seen = np.abs(swung)
+    seen = np.abs(vibrated)
     size = [seen[:, angles].max(axis=1, initial=0.0), seen[:, ~angles].max(axis=1, initial=0.0)]
     left = fading(stage.session.clock, np.stack(size, axis=-1))
     envelope: Floats = np.where(angles, left[:, :1], left[:, 1:])
@@ -140,7 +139,7 @@ def _swaying(stage: Stage, masses: Masses) -> Swaying:
 
 
 def _lag(stage: Stage, swaying: Swaying, theta: Floats) -> Floats:
-    """Give by how much the strains swing about the quasi-static ones, shape (samples, strains)."""
+    """Return by how much the strains vibrate about the quasi-static ones, shape (samples, strains)."""
     clock, found = stage.session.clock, stage.arm.baseline.converged
     still = stage.arm.baseline.strains.reshape(len(clock), -1)
     late = np.stack([np.interp(clock - theta[3], clock[found], column[found]) for column in still.T], axis=-1)
@@ -150,7 +149,7 @@ def _lag(stage: Stage, swaying: Swaying, theta: Floats) -> Floats:
 
 
 def _held(stage: Stage) -> NDArray[np.bool_]:
-    """Return at which samples a known load holds a section, which then does not swing freely."""
+    """Return at which samples a known load holds a section, which then does not vibrate freely."""
     clock = stage.session.clock
     taut = np.abs(stage.session.wrenches).max(axis=(1, 2), initial=0.0) > UNHELD
     last = np.maximum.accumulate(np.where(taut, clock, -np.inf))

@@ -1,9 +1,9 @@
-"""What is believed of all common coefficients, and what a few more can add to it.
+"""The Gaussian distribution of all common coefficients, and what a few more can add to it.
 
 Residuals of all stretches follow r = C (c + d_S) + e: C are the columns of calibration and library, c what
-holds for every recording (a normal belief with mean and precision), d_S the extra coefficients of a
+holds for every recording (Gaussian, with mean and precision), d_S the extra coefficients of a
 hypothesis, e noise. Marginalising c, the gain of S is T = b_S^T M_SS^-1 b_S with
-M = G - G A^-1 G, A = G + P, b = g - G A^-1 (g + P m), G and g the sums of products, P, m belief.
+M = G - G A^-1 G, A = G + P, b = g - G A^-1 (g + P m), G and g the sums of products, P, m the prior.
 """
 
 from collections.abc import Sequence
@@ -55,8 +55,8 @@ class Factor:
 
 
 @dataclass(frozen=True)
-class Belief:
-    """A normal belief about the common coefficients.
+class Gaussian:
+    """A Gaussian distribution of the common coefficients.
 
     Args:
         mean: Shape (columns,).
@@ -74,20 +74,20 @@ class Belief:
         inverse: Floats = np.linalg.inv(scaled) / np.outer(size, size)
         return inverse
 
-    def beside(self, mean: float, variance: float) -> "Belief":
-        """Add a coefficient about which something else is known."""
+    def augment(self, mean: float, variance: float) -> "Gaussian":
+        """Add an independent coefficient."""
         size = len(self.mean)
         covariance = np.zeros((size + 1, size + 1))
         covariance[:size, :size] = self.covariance
         covariance[size, size] = variance
-        return Belief(np.append(self.mean, mean), covariance)
+        return Gaussian(np.append(self.mean, mean), covariance)
 
-    def wider(self, spreads: Floats) -> "Belief":
+    def inflate(self, spreads: Floats) -> "Gaussian":
         """Add independent variation of each coefficient with standard deviations, shape (columns,)."""
-        return Belief(self.mean, self.covariance + np.diag(spreads**2))
+        return Gaussian(self.mean, self.covariance + np.diag(spreads**2))
 
-    def updated(self, seen: Total, share: float) -> "Belief":
-        """Learn from products.
+    def posterior(self, seen: Total, share: float) -> "Gaussian":
+        """Condition on products.
 
         Args:
             seen: Sum of products.
@@ -96,7 +96,7 @@ class Belief:
         normal = share * seen.matrix + self.precision
         factor = Factor.of(normal)
         right = share * seen.vector + self.precision @ self.mean
-        return Belief(factor.solve(right), _symmetric(factor.solve(np.eye(len(right)))))
+        return Gaussian(factor.solve(right), _symmetric(factor.solve(np.eye(len(right)))))
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class Marginal:
     Args:
         matrix: M, information on extra coefficients, shape (columns, columns).
         vector: b, shape (columns,).
-        cost: Weighted squares that remain without extra coefficients, the belief's included.
+        cost: Weighted squares that remain without extra coefficients, the prior's included.
         count: Effective number of samples.
     """
 
@@ -116,20 +116,20 @@ class Marginal:
     count: float
 
     @classmethod
-    def of(cls, belief: Belief, seen: Total, share: float) -> "Marginal":
+    def of(cls, prior: Gaussian, seen: Total, share: float) -> "Marginal":
         """Marginalise the common coefficients over what was seen."""
-        gram, (right, power) = share * seen.matrix, _surprise(belief, seen, share)
-        solved = Factor.of(gram + belief.precision).solve(np.column_stack([gram, right]))
+        gram, (right, power) = share * seen.matrix, _surprise(prior, seen, share)
+        solved = Factor.of(gram + prior.precision).solve(np.column_stack([gram, right]))
         matrix = gram - gram @ solved[:, :-1]
         vector = right - gram @ solved[:, -1]
         cost = power - float(right @ solved[:, -1])
         return cls(_symmetric(matrix), vector, cost, share * seen.count)
 
     @staticmethod
-    def cost_of(belief: Belief, seen: Total, share: float) -> float:
+    def cost_of(prior: Gaussian, seen: Total, share: float) -> float:
         """Give the cost alone."""
-        right, power = _surprise(belief, seen, share)
-        factor = Factor.of(share * seen.matrix + belief.precision)
+        right, power = _surprise(prior, seen, share)
+        factor = Factor.of(share * seen.matrix + prior.precision)
         return power - float(right @ factor.solve(right))
 
     def gain(self, columns: Sequence[int]) -> tuple[float, Floats]:
@@ -163,10 +163,10 @@ class Marginal:
         return drawn
 
 
-def _surprise(belief: Belief, seen: Total, share: float) -> tuple[Floats, float]:
-    """Give the products of the columns with what the belief's mean leaves, and its weighted squares."""
-    right = share * (seen.vector - seen.matrix @ belief.mean)
-    power = seen.power - 2.0 * belief.mean @ seen.vector + belief.mean @ seen.matrix @ belief.mean
+def _surprise(prior: Gaussian, seen: Total, share: float) -> tuple[Floats, float]:
+    """Give the products of the columns with what the prior mean leaves, and its weighted squares."""
+    right = share * (seen.vector - seen.matrix @ prior.mean)
+    power = seen.power - 2.0 * prior.mean @ seen.vector + prior.mean @ seen.matrix @ prior.mean
     return right, share * float(power)
 
 

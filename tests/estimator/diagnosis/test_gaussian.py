@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis.belief import Belief, Factor, Marginal
+from softarm.estimator.diagnosis.gaussian import Factor, Gaussian, Marginal
 from softarm.estimator.diagnosis.gram import products_of, renewed, total, with_columns
 
 
@@ -26,8 +26,8 @@ def _products(residual: np.ndarray, columns: np.ndarray) -> list:
 
 def test_a_belief_learns_what_least_squares_finds(data: tuple[np.ndarray, np.ndarray]) -> None:
     residual, columns = data
-    prior = Belief(np.zeros(5), 1e8 * np.eye(5))
-    found = prior.updated(total(_products(residual, columns), 5), 1.0)
+    prior = Gaussian(np.zeros(5), 1e8 * np.eye(5))
+    found = prior.posterior(total(_products(residual, columns), 5), 1.0)
     seen = np.isfinite(residual)
     weight = np.broadcast_to([10.0, 5.0], seen.shape)[seen]
     rows = columns[seen] * weight[:, None]
@@ -38,8 +38,8 @@ def test_a_belief_learns_what_least_squares_finds(data: tuple[np.ndarray, np.nda
 
 def test_the_gain_of_extra_coefficients_is_the_fall_of_the_cost(data: tuple[np.ndarray, np.ndarray]) -> None:
     residual, columns = data
-    known = Belief(np.zeros(4), 0.01 * np.eye(4))
-    with_extra = Belief(np.zeros(5), np.diag([0.01] * 4 + [1e6]))
+    known = Gaussian(np.zeros(4), 0.01 * np.eye(4))
+    with_extra = Gaussian(np.zeros(5), np.diag([0.01] * 4 + [1e6]))
     parts = _products(residual, np.concatenate([columns[..., :4], columns[..., 1:2]], axis=-1))
     small = [type(p)(**{**vars(p), "matrix": p.matrix[:4, :4], "vector": p.vector[:4]}) for p in parts]
     marginal = Marginal.of(known, total(small, 4), 1.0)

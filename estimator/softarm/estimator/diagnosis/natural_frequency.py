@@ -1,6 +1,6 @@
-"""The frequency at which a released arm swings: one more measurement, of mass and stiffness, not of weight.
+"""The frequency at which a released arm vibrates: one more measurement, of mass and stiffness, not of weight.
 
-With k the stiffness of the tip and m the mass that swings, omega^2 = k / m. In nominal recordings k is the
+With k the stiffness of the tip and m the modal mass, omega^2 = k / m. In nominal recordings k is the
 model's and omega is seen, so m follows; what an effect does to k or m then predicts the frequency in the
 recordings in question. A force or a tilt changes neither.
 """
@@ -25,12 +25,12 @@ ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Ring:
-    """Frequencies of the swing.
+class NaturalFrequency:
+    """Natural frequencies of a released arm.
 
     Args:
         ratio: Logarithm of the frequency in question over that of nominal recordings.
-        mass: Mass that swings in nominal recordings, gathered at the tip [kg].
+        mass: Modal mass in nominal recordings, gathered at the tip [kg].
     """
 
     ratio: float
@@ -49,8 +49,8 @@ class Ring:
         """Give by how much a prediction lowers the cost against none."""
         return float((self.ratio**2 - (self.ratio - predicted) ** 2) / SIGMA**2)
 
-    def heard(self, fit: Fit) -> Fit:
-        """Let a fit, and its gain, take note of the frequency: the mode of the posterior, in bounds.
+    def conditioned(self, fit: Fit) -> Fit:
+        """Condition a fit, and its gain, on the frequency: the mode of the posterior, in bounds.
 
         The unknowns are changes of the parameters in units of the fit; the residual is these changes,
         whitened, then that of the frequency.
@@ -79,17 +79,18 @@ class Ring:
         return replace(fit, thetas=thetas, covariance=covariance, gain=fit.gain + total)
 
 
-def ring_of(stages: Sequence[Stage]) -> Ring | None:
-    """Compare the swings of recordings in question with nominal ones; ``None`` where either lack one."""
+def natural_frequency_of(stages: Sequence[Stage]) -> NaturalFrequency | None:
+    """Compare the frequencies of recordings in question and nominal ones; ``None`` where either lack one."""
     seen = {
-        nominal: [s.session.ring for s in stages if s.session.ring and s.session.nominal == nominal]
+        nominal: [f for s in stages if (f := s.session.natural_frequency) and s.session.nominal == nominal]
         for nominal in (True, False)
     }
     if not seen[True] or not seen[False]:
         return None
     known, asked = float(np.median(seen[True])), float(np.median(seen[False]))
     stage = next(stage for stage in stages if stage.session.nominal)
-    return Ring(float(np.log(asked / known)), 1.0 / (_compliance(stage) * (2.0 * np.pi * known) ** 2))
+    mass = 1.0 / (_compliance(stage) * (2.0 * np.pi * known) ** 2)
+    return NaturalFrequency(float(np.log(asked / known)), mass)
 
 
 def _compliance(stage: Stage) -> float:
