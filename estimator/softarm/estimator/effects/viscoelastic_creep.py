@@ -1,9 +1,11 @@
 """Creep: strain grows after every step of load, and comes back after release.
 
-Kelvin-Voigt element in series with the elastic segment: eps = (1 + i) u + g z, tau z' = u - z, with u the
-elastic strain, g the strength and tau the time constant (a one-term Prony series of the creep compliance).
-The stiffness that a model was calibrated to is that of no single rate, so the part of the strain that is
-there at once may change too, by i.
+Kelvin-Voigt element in series with the elastic segment: eps = (1 + i) (u + g z), tau z' = u - z, with u the
+elastic strain of the model, g the relaxation strength and tau the retardation time. The stiffness that a
+model was calibrated to is that of no single rate, so the part of the strain that is there at once may change
+too, by i. The relaxation strength is the delayed over the immediate compliance and equally the modulus of a
+Maxwell branch over that of the spring beside it (A. S. Nowick and B. S. Berry, Anelastic Relaxation in
+Crystalline Solids, 1972).
 """
 
 from softarm.estimator.arrays import Floats
@@ -16,7 +18,9 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
     """Add the delayed strain; an arm that has hung at rest has crept under what it bears at the start."""
     strength, lag, instant = theta
     late, memory = first_order(signals.time, signals.strains, lag, memory)
-    return signals.strains + spot.segments[:, None] * (instant * signals.strains + strength * late), memory
+    changed = (1.0 + instant) * (signals.strains + strength * late)
+    share = spot.segments[:, None]
+    return (1.0 - share) * signals.strains + share * changed, memory
 
 
 EFFECT = Effect(
@@ -30,7 +34,7 @@ EFFECT = Effect(
     places=whole_and_segments,
     act=act,
     statement="The material of {where} creeps: after a step its strain grows by a further "
-    "{strength:percent} of the elastic strain, with a time constant of {time_constant}. The immediate "
+    "{strength:percent} of the immediate strain, with a time constant of {time_constant}. The immediate "
     "strain is {instant_change:lower|higher} than in the model.",
     source="W. N. Findley et al., Creep and Relaxation of Nonlinear Viscoelastic Materials, 1976",
     equivalence=("memory_at_one_rate",),
