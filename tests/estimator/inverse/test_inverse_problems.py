@@ -220,7 +220,8 @@ def test_tracker_starts_afresh_after_nonsense(arm) -> None:
     np.testing.assert_allclose(estimate.inputs.loads, LOADS, atol=5e-3)
 
 
-def test_tracker_goes_back_to_rest_only_after_several_failures(arm) -> None:
+@pytest.mark.parametrize(("guided", "retries"), [(False, RETRIES), (True, 0)])
+def test_tracker_begins_anew_only_after_several_failures_or_with_a_guide(arm, guided, retries) -> None:
     rests, broken = [], []
 
     class Watched(type(arm)):
@@ -232,12 +233,13 @@ def test_tracker_goes_back_to_rest_only_after_several_failures(arm) -> None:
             return np.nan * super().advance(step, change) if broken else super().advance(step, change)
 
     suite = orientations()
-    tracker = Estimator(Watched(*(getattr(arm, field.name) for field in fields(arm))), suite, settings())
+    watched = Watched(*(getattr(arm, field.name) for field in fields(arm)))
+    tracker = Estimator(watched, suite, settings(), arm if guided else None)
     good = readings_of(arm, suite, *truth(arm))
     tracker.update(0.0, good, PRESSURES, GRAVITY)
     rests.clear()
     broken.append(True)
-    for failed in range(RETRIES + 1):
+    for failed in range(retries + 1):
         assert tracker.update(0.01 * (failed + 1), good, 0.5 * PRESSURES, GRAVITY).status == "diverged"
         assert not rests
     broken.clear()

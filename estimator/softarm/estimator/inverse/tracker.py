@@ -21,7 +21,7 @@ Step = TypeVar("Step", bound=Linearisation)
 
 
 RETRIES = 2
-"""Searches in a row that may fail before the next one begins at rest, which takes longest."""
+"""Searches in a row that may fail before the next one begins at rest, which takes longest without a guide."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ class Estimator(Generic[State, Step]):
     """Estimate loads, pressures and frames from readings in the order of their time.
 
     It keeps the last state, inputs and covariance; everything it calls is pure. A search that fails leaves
-    them as they were. The next one sets out from them with a fresh linearisation, and after ``RETRIES`` more
-    failures from rest.
+    them as they were. The next one sets out from them with a fresh linearisation, or after ``RETRIES`` more
+    failures, and at once where there is a guide, from the beginning.
 
     Args:
         model: Model of the arm.
@@ -81,6 +81,7 @@ class Estimator(Generic[State, Step]):
         guide: ArmModel[Any, Any] | None = None,
     ) -> None:
         self._guide = guide
+        self._retries = RETRIES if guide is None else 0
         self._model = model
         self._suite = suite
         self._conditions = {c: widened(suite, c.scatter) for c in settings.model_error.conditions}
@@ -170,7 +171,7 @@ class Estimator(Generic[State, Step]):
         information[chambers:, chambers:] = np.linalg.inv(loads)
         lost = np.flatnonzero(~seen)
         information[lost, lost] = 1.0 / variance[lost]
-        if self._memory is not None and self._failures <= RETRIES:
+        if self._memory is not None and self._failures <= self._retries:
             # The state is in equilibrium with the last inputs: the first step carries both to the new ones.
             return Prior(mean, information), self._memory.inputs
         unloaded = np.zeros(len(mean) - chambers)
@@ -193,7 +194,7 @@ class Estimator(Generic[State, Step]):
         return Problem(self._unknowns, suite, objectives, InputBounds(lower, upper), gravity)
 
     def _start(self, problem: Problem, guess: Inputs) -> tuple[State, Inputs]:
-        if self._memory is not None and self._failures <= RETRIES:
+        if self._memory is not None and self._failures <= self._retries:
             state = self._memory.state
             return self._model.refreshed(state) if self._failures else state, guess
         guided = self._guided(problem, guess)
