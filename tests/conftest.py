@@ -12,6 +12,8 @@ LOADED = np.linalg, scipy.linalg
 
 SERVICE = Path(__file__).parent / "service"
 REALTIME = SERVICE / "live", SERVICE / "bench" / "test_soak.py"
+COLLECTED = {*REALTIME, SERVICE / "page"}
+"""All that `./run test` collects for tests in real time: other imports take long."""
 
 
 def pytest_collection_modifyitems(items):
@@ -19,6 +21,9 @@ def pytest_collection_modifyitems(items):
         paths = {item.path, *item.path.parents}
         if paths & set(REALTIME) or (SERVICE / "page" in paths and "service" in item.fixturenames):
             item.add_marker("realtime")
+        marks = {mark.name for mark in item.iter_markers()}
+        if "realtime" in marks and "slow" not in marks and not paths & COLLECTED:
+            raise pytest.UsageError(f"{item.nodeid} keeps real time, and ./run test does not collect it so")
 
 
 @pytest.fixture(scope="session", autouse=True)

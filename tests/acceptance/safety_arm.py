@@ -217,10 +217,18 @@ class SafetyArm:
     async def enter(self, mode: Mode) -> None:
         """Lead the arm from where it is into a pressurised mode, with pressure in its chambers.
 
+        An arm that a fault has left in the mode, as it should, stays there.
+
         Raises:
             AssertionError: A command on the way was refused, or the chambers hold no pressure.
         """
         await self._renew()
+        if self.mode is not mode:
+            await self._change(mode)
+        assert self.mode is mode, self.loop.controller.modes.fault_cause
+        assert any(self.setpoints), f"no pressure in {mode}"
+
+    async def _change(self, mode: Mode) -> None:
         if self.mode is Mode.FAULTED:
             await self.demand("clear")
         elif self.mode in PRESSURISED:
@@ -229,8 +237,6 @@ class SafetyArm:
             await self._before(verb)
             await self.demand(verb, **self._fields(verb))
         await asyncio.sleep(ENTER_S)
-        assert self.mode is mode, self.loop.controller.modes.fault_cause
-        assert any(self.setpoints), f"no pressure in {mode}"
 
     async def _before(self, verb: str) -> None:
         """Wait for what a command needs: the pressures of a hold come with an estimate under pressure."""

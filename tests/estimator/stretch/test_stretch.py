@@ -1,6 +1,7 @@
 """Pressures that are worth more as their chambers are stretched."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +9,6 @@ from scipy.integrate import quad
 
 from softarm.estimator.arm import build_arm
 from softarm.estimator.fem.tracking import TrackingModel
-from softarm.estimator.geometry import Resolution
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.rod.archive import shape_key, shipped_rod
 from softarm.estimator.rod.fit import adapted
@@ -18,6 +18,7 @@ from softarm.estimator.stretch import StretchedModel, StretchLaw, stretched
 
 SECTIONS = ("base", "intermediate", "tip")
 GAIN = 1.3
+INPUTS = Inputs(np.array([2e4, 0.0, 1e4, 0.0, 1.5e4, 5e3]), np.array([0.05]), np.array([0.0, 0.0, 9.81]))
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +42,15 @@ def rest(sopra: Specimen) -> Frames:
 @pytest.fixture(scope="module")
 def arm(sopra: Specimen) -> StretchedModel:  # type: ignore[type-arg]
     pull = Load("tip_x", "force", (1.0, 0.0, 0.0), section="tip")
-    found = stretched(build_arm(sopra, [pull], Resolution(layers=3)), sopra)
+    found = stretched(build_arm(sopra, [pull]), sopra)
     assert isinstance(found, StretchedModel)
+    return found
+
+
+@pytest.fixture(scope="module")
+def state(arm: StretchedModel) -> Any:  # type: ignore[type-arg]
+    found, converged = arm.solve(INPUTS, arm.rest())
+    assert converged
     return found
 
 
@@ -86,31 +94,25 @@ def test_a_chamber_that_ends_at_no_section_is_not_stretched(sopra: Specimen, res
     assert not alone.rows(first).any()
 
 
-def test_the_equilibrium_is_that_of_the_pressures_at_its_own_stretch(arm: StretchedModel) -> None:  # type: ignore[type-arg]
-    inputs = Inputs(np.array([2e4, 0.0, 1e4, 0.0, 1.5e4, 5e3]), np.array([0.05]), np.array([0.0, 0.0, 9.81]))
-    state, found = arm.solve(inputs, arm.rest())
-    assert found
-    step = arm.linearise(state, inputs)
+def test_the_equilibrium_is_that_of_the_pressures_at_its_own_stretch(arm: StretchedModel, state: Any) -> None:  # type: ignore[type-arg]
+    step = arm.linearise(state, INPUTS)
     assert step.residual_norm < 1e-5
-    worth = arm.law.worth(inputs.pressures, arm.law.stretches(step.frames))
-    plain, found = arm.model.solve(replace(inputs, pressures=worth), arm.rest())
+    worth = arm.law.worth(INPUTS.pressures, arm.law.stretches(step.frames))
+    plain, found = arm.model.solve(replace(INPUTS, pressures=worth), arm.rest())
     assert found
-    there = arm.model.linearise(plain, replace(inputs, pressures=worth)).frames
+    there = arm.model.linearise(plain, replace(INPUTS, pressures=worth)).frames
     np.testing.assert_allclose(step.frames.positions, there.positions, atol=1e-7)
 
 
-def test_the_response_is_the_derivative_with_pressures_that_follow(arm: StretchedModel) -> None:  # type: ignore[type-arg]
-    inputs = Inputs(np.array([2e4, 0.0, 1e4, 0.0, 1.5e4, 5e3]), np.array([0.05]), np.array([0.0, 0.0, 9.81]))
-    state, _ = arm.solve(inputs, arm.rest())
-    _, columns = arm.linearise(state, inputs).response(np.eye(18))
+def test_the_response_is_the_derivative_with_pressures_that_follow(arm: StretchedModel, state: Any) -> None:  # type: ignore[type-arg]
+    _, columns = arm.linearise(state, INPUTS).response(np.eye(18))
     for index, size in ((0, 20.0), (6, 1e-3)):
         change = np.zeros(7)
         change[index] = size
         ends = []
         for sign in (1.0, -1.0):
-            there = Inputs(
-                inputs.pressures + sign * change[:6], inputs.loads + sign * change[6:], inputs.gravity
-            )
+            pressures, loads = INPUTS.pressures + sign * change[:6], INPUTS.loads + sign * change[6:]
+            there = Inputs(pressures, loads, INPUTS.gravity)
             step = arm.linearise(arm.solve(there, state)[0], there)
             ends.append((step.frames, step.response(np.eye(18))[0].reshape(3, 6)))
         (one, drift), (other, back) = ends
@@ -122,26 +124,25 @@ def test_the_response_is_the_derivative_with_pressures_that_follow(arm: Stretche
         )
 
 
-def test_tracking_finds_the_same_equilibrium(arm: StretchedModel) -> None:  # type: ignore[type-arg]
-    inputs = Inputs(np.array([2e4, 0.0, 1e4, 0.0, 1.5e4, 5e3]), np.array([0.05]), np.array([0.0, 0.0, 9.81]))
-    exact = arm.linearise(arm.solve(inputs, arm.rest())[0], inputs).frames
+def test_tracking_finds_the_same_equilibrium(arm: StretchedModel, state: Any) -> None:  # type: ignore[type-arg]
+    exact = arm.linearise(state, INPUTS).frames
     tracking = StretchedModel(TrackingModel(arm.model), arm.law)  # type: ignore[arg-type]
-    state, found = tracking.solve(inputs, tracking.rest())
+    tracked, found = tracking.solve(INPUTS, tracking.rest())
     assert found
-    np.testing.assert_allclose(tracking.linearise(state, inputs).frames.positions, exact.positions, atol=1e-6)
+    there = tracking.linearise(tracked, INPUTS).frames
+    np.testing.assert_allclose(there.positions, exact.positions, atol=1e-6)
 
 
 def test_a_model_in_equilibrium_needs_few_passes(sopra: Specimen) -> None:
     rod = shipped(sopra)
-    inputs = Inputs(np.array([2e4, 0.0, 1e4, 0.0, 1.5e4, 5e3]), np.array([0.05]), np.array([0.0, 0.0, 9.81]))
-    state, found = rod.solve(inputs, rod.rest())
+    state, found = rod.solve(INPUTS, rod.rest())
     assert found
-    step = rod.linearise(state, inputs)
+    step = rod.linearise(state, INPUTS)
     drift, _ = step.response(np.eye(18))
     there = step.frames
     for _ in range(12):
-        worth = rod.law.worth(inputs.pressures, rod.law.stretches(there))
-        there = rod.model.linearise(state, replace(inputs, pressures=worth)).frames
+        worth = rod.law.worth(INPUTS.pressures, rod.law.stretches(there))
+        there = rod.model.linearise(state, replace(INPUTS, pressures=worth)).frames
     moved = step.frames.positions + drift.reshape(3, 6)[:, :3]
     np.testing.assert_allclose(moved, there.positions, atol=2e-5)
 
@@ -156,10 +157,8 @@ def shipped(specimen: Specimen) -> StretchedModel:  # type: ignore[type-arg]
     return found
 
 
-def test_newton_steps_converge_quadratically(arm: StretchedModel) -> None:  # type: ignore[type-arg]
-    inputs = Inputs(np.array([2e4, 0.0, 1e4, 0.0, 1.5e4, 5e3]), np.array([0.05]), np.array([0.0, 0.0, 9.81]))
-    state, _ = arm.solve(inputs, arm.rest())
-    more = replace(inputs, pressures=1.1 * inputs.pressures)
+def test_newton_steps_converge_quadratically(arm: StretchedModel, state: Any) -> None:  # type: ignore[type-arg]
+    more = replace(INPUTS, pressures=1.1 * INPUTS.pressures)
     for _ in range(4):
         state = arm.advance(arm.linearise(state, more), np.zeros(7))
     assert arm.linearise(state, more).residual_norm < 1e-5
