@@ -16,6 +16,7 @@ from softarm.estimator.arm import build_arm, default_loads
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.model import ArmModel, Inputs
+from softarm.estimator.response import BatchInputs
 from softarm.estimator.rod import FittedRod, HeldOut, Recipe, adapted, check_rod, sampled_model, shape_key
 from softarm.estimator.rod.archive import to_bytes
 from softarm.estimator.rod.model import CalibratedRod
@@ -146,10 +147,11 @@ def cost_rows(specimen: Specimen, fitted: FittedRod) -> list[dict[str, Cell]]:
     limits = np.array(specimen.pressure_limits)
     rod_ms, fem_ms = _timed(rod, _motion(rod, limits, 2000)), _timed(model, _motion(model, limits, 60))
     drive = _motion(rod, limits, BATCH)
-    arrays = [np.array([getattr(i, name) for i in drive]) for name in ("pressures", "loads", "gravity")]
-    rod.evaluate(*arrays)
+    names = ("pressures", "loads", "gravity")
+    inputs = BatchInputs(*(np.array([getattr(i, name) for i in drive]) for name in names))
+    rod.evaluate(inputs)
     begin = time.perf_counter()
-    rod.evaluate(*arrays)
+    rod.evaluate(inputs)
     batch_ms = 1e3 * (time.perf_counter() - begin) / BATCH
     rows: list[dict[str, Cell]] = []
     for name, times in (("rod", rod_ms), ("rod, batch", np.array([batch_ms])), ("finite elements", fem_ms)):

@@ -9,7 +9,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation
-from softarm.estimator.response import ArmResponse
+from softarm.estimator.response import ArmResponse, BatchInputs
 from softarm.estimator.rotations import exp
 from softarm.estimator.wrapper import ModelWrapper
 
@@ -78,10 +78,7 @@ class NodeByNode(ModelWrapper):
 
     def evaluate(
         self,
-        pressures: Floats,
-        loads: Floats,
-        gravity: Floats,
-        eigenstrains: Floats | None = None,
+        inputs: BatchInputs,
         *,
         start: ArmResponse | None = None,
         jacobians: bool = True,  # noqa: ARG002
@@ -90,8 +87,8 @@ class NodeByNode(ModelWrapper):
 
         What the last Newton step of a sample still moves is extrapolated.
         """
-        assert eigenstrains is None, "this model takes no eigenstrains"
-        samples, rows = len(pressures), 6 * len(self.sections)
+        assert inputs.eigenstrains is None, "this model takes no eigenstrains"
+        samples, rows = len(inputs), 6 * len(self.sections)
         frames = Frames(np.zeros((samples, rows // 6, 3)), np.zeros((samples, rows // 6, 3, 3)))
         found = ArmResponse(
             frames,
@@ -101,10 +98,10 @@ class NodeByNode(ModelWrapper):
             np.zeros((samples, rows, len(self.regions))),
             states=np.empty(samples, dtype=object),
         )
-        inputs = tuple(map(Inputs, pressures, loads, np.broadcast_to(gravity, (samples, 3))))
+        every = tuple(inputs.samples())
         parts = np.array_split(np.arange(samples), PARTS)
         with ThreadPoolExecutor(PARTS) as executor:
-            for _ in executor.map(lambda part: self._solve_part(found, part, inputs, start), parts):
+            for _ in executor.map(lambda part: self._solve_part(found, part, every, start), parts):
                 pass
         return found
 

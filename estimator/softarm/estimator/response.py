@@ -1,6 +1,6 @@
 """What an arm does at many samples, how that changes, and the models that solve many samples at once."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, Self
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Flags, Floats, Indices
-from softarm.estimator.model import ArmDescription, Frames
+from softarm.estimator.model import ArmDescription, Frames, Inputs
 
 
 def _no_columns() -> Floats:
@@ -82,6 +82,37 @@ class ArmResponse:
         return {name: getattr(self, name) for name in names}
 
 
+@dataclass(frozen=True)
+class BatchInputs:
+    """Inputs of many samples.
+
+    Args:
+        pressures: Gauge pressures in the chambers [Pa], shape (samples, chambers).
+        loads: Amplitudes of the model's loads [N or N m], shape (samples, loads).
+        gravity: Gravitational acceleration in the base frame [m/s2], shape (3,) or (samples, 3).
+        eigenstrains: What the material of each region strains beside what its law gives: two bends, the
+            twist [rad] and the elongation [m], shape (samples, regions, 4).
+    """
+
+    pressures: Floats
+    loads: Floats
+    gravity: Floats
+    eigenstrains: Floats | None = None
+
+    @classmethod
+    def none(cls, model: ArmDescription) -> Self:
+        """Return one sample of a model that nothing acts on."""
+        return cls(np.zeros((1, model.chambers)), np.zeros((1, len(model.loads))), np.zeros(3))
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.pressures)
+
+    def samples(self) -> Iterator[Inputs]:
+        """Return the inputs of each sample."""
+        return map(Inputs, self.pressures, self.loads, np.broadcast_to(self.gravity, (len(self), 3)))
+
+
 class BatchArmModel(ArmDescription, Protocol):
     """A model of the arm that solves many samples in one call, such as the calibrated rod."""
 
@@ -97,23 +128,12 @@ class BatchArmModel(ArmDescription, Protocol):
         """Return a copy with other stiffness factors of some regions."""
 
     def evaluate(
-        self,
-        pressures: Floats,
-        loads: Floats,
-        gravity: Floats,
-        eigenstrains: Floats | None = None,
-        *,
-        start: ArmResponse | None = None,
-        jacobians: bool = True,
+        self, inputs: BatchInputs, *, start: ArmResponse | None = None, jacobians: bool = True
     ) -> ArmResponse:
         """Solve many samples.
 
         Args:
-            pressures: Gauge pressures in the chambers [Pa], shape (samples, chambers).
-            loads: Amplitudes of the model's loads [N or N m], shape (samples, loads).
-            gravity: Gravitational acceleration in the base frame [m/s2], shape (3,) or (samples, 3).
-            eigenstrains: What the material of each region strains beside what its law gives: two bends, the
-                twist [rad] and the elongation [m], shape (samples, regions, 4).
+            inputs: Of each sample.
             start: An earlier response to the same samples, whose states the solves begin from.
             jacobians: Whether the derivatives are wanted.
         """

@@ -22,7 +22,7 @@ from softarm.estimator.excitation import (
 )
 from softarm.estimator.model import Frames
 from softarm.estimator.node_by_node import NodeByNode
-from softarm.estimator.response import BatchArmModel
+from softarm.estimator.response import BatchArmModel, BatchInputs
 from softarm.estimator.sensing import Measurement, Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.simulation import Segments, SimulatedArm, section_loads
@@ -136,7 +136,7 @@ def _arm(specimen: Specimen) -> SimulatedArm:
     else:
         sections = tuple(section.name for section in specimen.sections)
         model = NodeByNode(build_arm(specimen, section_loads(sections)))
-    rest = model.evaluate(np.zeros((1, model.chambers)), np.zeros((1, len(model.loads))), np.zeros(3)).frames
+    rest = model.evaluate(BatchInputs.none(model)).frames
     frames = Frames(rest.positions[0], rest.rotations[0])
     return SimulatedArm(model, Segments.of(specimen, model.sections, frames))
 

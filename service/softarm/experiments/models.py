@@ -11,7 +11,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration import section_forces
 from softarm.estimator.model import ArmModel, Load
 from softarm.estimator.node_by_node import NodeByNode
-from softarm.estimator.response import ArmResponse, BatchArmModel
+from softarm.estimator.response import ArmResponse, BatchArmModel, BatchInputs
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.wrapper import BatchModelWrapper
 
@@ -57,22 +57,13 @@ class WarmModel(BatchModelWrapper):
     responses: SharedSolutions
 
     def evaluate(
-        self,
-        pressures: Floats,
-        loads: Floats,
-        gravity: Floats,
-        eigenstrains: Floats | None = None,
-        *,
-        start: ArmResponse | None = None,
-        jacobians: bool = True,
+        self, inputs: BatchInputs, *, start: ArmResponse | None = None, jacobians: bool = True
     ) -> ArmResponse:
         """Solve many samples; see ``BatchArmModel.evaluate``."""
         if start is None:
-            start = self.responses.near(pressures, loads)
-        response = self.model.evaluate(
-            pressures, loads, gravity, eigenstrains, start=start, jacobians=jacobians
-        )
-        self.responses.known.append((pressures, loads, response))
+            start = self.responses.near(inputs.pressures, inputs.loads)
+        response = self.model.evaluate(inputs, start=start, jacobians=jacobians)
+        self.responses.known.append((inputs.pressures, inputs.loads, response))
         return response
 
 

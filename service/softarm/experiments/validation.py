@@ -10,7 +10,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
-from softarm.estimator.response import BatchArmModel
+from softarm.estimator.response import BatchArmModel, BatchInputs
 from softarm.estimator.sensing import MeasuredPose, Scene, SensorSuite
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import StretchLaw
@@ -55,7 +55,7 @@ def predict(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple[Fra
     setting = Setting.of(specimen, StretchLaw.of(specimen, model.sections))
     gravity, loads = np.array(specimen.gravity_m_s2), np.nan_to_num(holds.loads)
     acting = setting.actuation.to_chamber(holds.pressures)
-    found = setting.model(model).evaluate(acting, loads, gravity)
+    found = setting.model(model).evaluate(BatchInputs(acting, loads, gravity))
     return found.frames, found.converged
 
 

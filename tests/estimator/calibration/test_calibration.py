@@ -177,9 +177,9 @@ def test_each_run_is_solved_under_its_own_gravity(sopra: Specimen) -> None:
     seen: list[np.ndarray] = []
 
     class Weighed(NodeByNode):
-        def evaluate(self, pressures, loads, gravity, eigenstrains=None, **options):
-            seen.append(gravity)
-            return super().evaluate(pressures, loads, gravity, eigenstrains, **options)
+        def evaluate(self, inputs, **options):
+            seen.append(inputs.gravity)
+            return super().evaluate(inputs, **options)
 
     usual = record()
     turned = replace(usual, info={**usual.info, "gravity_m_s2": [9.81, 0.0, 0.0]})

@@ -5,13 +5,14 @@ from toy import toy, twists
 
 from softarm.estimator.model import Frames
 from softarm.estimator.node_by_node import NodeByNode
-from softarm.estimator.response import ArmResponse
+from softarm.estimator.response import ArmResponse, BatchInputs
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 
 
 def solved(pressures: np.ndarray, **scales: float) -> ArmResponse:
-    return NodeByNode(toy()).with_scales(scales).evaluate(pressures, np.zeros((len(pressures), 0)), GRAVITY)
+    inputs = BatchInputs(pressures, np.zeros((len(pressures), 0)), GRAVITY)
+    return NodeByNode(toy()).with_scales(scales).evaluate(inputs)
 
 
 def test_a_response_keeps_chosen_samples() -> None:

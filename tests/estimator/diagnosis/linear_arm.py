@@ -13,7 +13,7 @@ from softarm.estimator.diagnosis.stage import Model
 from softarm.estimator.effects import EFFECTS, Effect, Spot
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.effects.simulate import simulate_with
-from softarm.estimator.response import ArmResponse
+from softarm.estimator.response import ArmResponse, BatchInputs
 from softarm.estimator.sensing import ActuationMap, Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.simulation import Drive, LinearisedArm, SimulatedArm, section_loads
@@ -43,30 +43,22 @@ class StraightModel:
         return StraightModel((upper, lower))
 
     def evaluate(
-        self,
-        pressures: np.ndarray,
-        loads: np.ndarray,
-        gravity: np.ndarray,
-        eigenstrains: np.ndarray | None = None,
-        *,
-        start: ArmResponse | None = None,
-        jacobians: bool = True,
+        self, inputs: BatchInputs, *, start: ArmResponse | None = None, jacobians: bool = True
     ) -> ArmResponse:
-        drive = Drive.of(np.arange(len(pressures), dtype=float), pressures, gravity, 2, 2)
-        drive = replace(drive, wrenches=loads.reshape(drive.wrenches.shape))
-        arm = _unloaded(len(pressures))
+        samples = len(inputs)
+        drive = Drive.of(np.arange(samples, dtype=float), inputs.pressures, inputs.gravity, 2, 2)
+        drive = replace(drive, wrenches=inputs.loads.reshape(drive.wrenches.shape))
+        arm = _unloaded(samples)
         # A stiffer segment strains less by pressures, loads and gravity, but as much by eigenstrains.
         size = np.array(self.scales)[:, None]
         elastic = arm.respond(drive).strains / size
-        free = np.zeros_like(elastic) if eigenstrains is None else eigenstrains
+        free = np.zeros_like(elastic) if inputs.eigenstrains is None else inputs.eigenstrains
         response = arm.respond(replace(arm.drive, eigenstrains=elastic + free))
         by_strain = arm.baseline.eigenstrain_jacobian
         softened = np.linalg.lstsq(by_strain[0], arm.baseline.input_jacobian[0], rcond=None)[0]
         by_input = by_strain[0] @ (softened / np.repeat(size, 4)[:, None])
-        by_factor = -np.einsum("trgk,tgk->trg", by_strain.reshape(len(pressures), -1, 2, 4), elastic)
-        return replace(
-            response, input_jacobian=np.tile(by_input, (len(pressures), 1, 1)), factor_jacobian=by_factor
-        )
+        by_factor = -np.einsum("trgk,tgk->trg", by_strain.reshape(samples, -1, 2, 4), elastic)
+        return replace(response, input_jacobian=np.tile(by_input, (samples, 1, 1)), factor_jacobian=by_factor)
 
 
 @cache

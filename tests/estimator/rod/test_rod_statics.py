@@ -7,6 +7,7 @@ import pytest
 
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Inputs, Load
+from softarm.estimator.response import BatchInputs
 from softarm.estimator.rod.laws import feature_slopes, features, term_table
 from softarm.estimator.rod.skin import placed, skin
 from softarm.estimator.rod.statics import place, strain_between
@@ -111,7 +112,7 @@ def test_motion_is_the_derivative_by_pressures_and_loads() -> None:
 
 def test_a_batch_may_be_empty() -> None:
     rod = linear_rod(8, curl=0.05, quadratic=1e-3, scaled=True)
-    batch = rod.evaluate(np.zeros((0, 6)), np.zeros((0, 4)), np.zeros((0, 3)))
+    batch = rod.evaluate(BatchInputs(np.zeros((0, 6)), np.zeros((0, 4)), np.zeros((0, 3))))
     assert batch.frames.positions.shape[0] == 0
     assert batch.eigenstrain_jacobian.shape[0] == 0
 
@@ -120,7 +121,7 @@ def test_a_batch_gives_single_answers_and_derivatives_by_gravity_and_stiffness()
     rod = linear_rod(8, curl=0.05, quadratic=1e-3, scaled=True).with_scales({"upper": 1.3, "lower": 0.8})
     pressures, loads = RANDOM.uniform(0.0, 5e4, (5, 6)), RANDOM.normal(size=(5, 4)) * 0.1
     gravity = RANDOM.normal(size=(5, 3)) * 5.0
-    batch = rod.evaluate(pressures, loads, gravity)
+    batch = rod.evaluate(BatchInputs(pressures, loads, gravity))
     assert batch.converged.all()
     for k in range(5):
         state, _ = rod.solve(Inputs(pressures[k], loads[k], gravity[k]), rod.rest())
@@ -130,7 +131,7 @@ def test_a_batch_gives_single_answers_and_derivatives_by_gravity_and_stiffness()
 
     def twists(values):
         scaled = rod.with_scales(dict(zip(rod.regions, values[3:], strict=True)))
-        frames = scaled.evaluate(pressures[:1], loads[:1], values[:3]).frames
+        frames = scaled.evaluate(BatchInputs(pressures[:1], loads[:1], values[:3])).frames
         turned = log(frames.rotations[0] @ np.swapaxes(batch.frames.rotations[0], -1, -2))
         return np.concatenate([frames.positions[0], turned], axis=1).ravel()
 

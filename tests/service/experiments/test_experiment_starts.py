@@ -10,7 +10,7 @@ from softarm.analysis.offline.track import Waypoints
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Inputs, Load
 from softarm.estimator.recording import POSE_SUFFIXES, Recording
-from softarm.estimator.response import ArmResponse
+from softarm.estimator.response import ArmResponse, BatchInputs
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.holds import hold_windows
 from softarm.experiments.live import LiveRig
@@ -56,15 +56,15 @@ def test_a_model_begins_at_the_newest_response_to_nearly_the_same_nodes() -> Non
     inner = Recorder()
     model = WarmModel(cast(Any, inner), SharedSolutions())
     pressures, loads = np.full((2, 6), 2e4), np.zeros((2, 3))
-    first = model.evaluate(pressures, loads, np.zeros(3))
-    second = model.evaluate(pressures + 0.5 * NEAR_PA, loads, np.zeros(3))
+    first = model.evaluate(BatchInputs(pressures, loads, np.zeros(3)))
+    second = model.evaluate(BatchInputs(pressures + 0.5 * NEAR_PA, loads, np.zeros(3)))
     assert inner.starts == [None, first]
-    assert model.evaluate(pressures, loads, np.zeros(3)) is not None
+    assert model.evaluate(BatchInputs(pressures, loads, np.zeros(3))) is not None
     assert inner.starts[2] is second
     for other in ((pressures[:1], loads[:1]), (pressures, loads + 2 * NEAR_N), (10 * pressures, loads)):
-        model.evaluate(*other, np.zeros(3))
+        model.evaluate(BatchInputs(*other, np.zeros(3)))
         assert inner.starts[-1] is None
-    model.evaluate(pressures, loads, np.zeros(3), start=first)
+    model.evaluate(BatchInputs(pressures, loads, np.zeros(3)), start=first)
     assert inner.starts[-1] is first
 
 

@@ -6,6 +6,7 @@ import pytest
 from softarm.analysis.offline.alignment import aligned
 from softarm.common.rods import rod_for
 from softarm.estimator.recording import Recording
+from softarm.estimator.response import BatchInputs
 from softarm.estimator.specimen import Calibration, Specimen, load_specimen
 
 TURN = np.radians(100.0)
@@ -18,7 +19,8 @@ def record(turn: float, mirrored: bool) -> Recording:
     time = np.arange(0.0, 40.0, 0.1)
     held = np.random.default_rng(3).uniform(0.0, 4e4, (len(time) // 20, 6))
     pressures = np.repeat(held, 20, axis=0)
-    frames = rod.evaluate(pressures, np.zeros((len(time), 0)), np.array(sopra.gravity_m_s2)).frames
+    inputs = BatchInputs(pressures, np.zeros((len(time), 0)), np.array(sopra.gravity_m_s2))
+    frames = rod.evaluate(inputs).frames
     columns = {f"pressure_{k}_pa": pressures[:, k] for k in range(6)}
     for number, name in ((1, "intermediate"), (2, "tip")):
         axis = np.einsum("tji,tj->ti", frames.rotations[:, number - 1], frames.rotations[:, number, :, 2])

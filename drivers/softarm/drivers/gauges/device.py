@@ -57,6 +57,7 @@ class ForceGauge(SerialDevice[FrameT, Force]):
         observe: bool = False,
     ) -> None:
         super().__init__(config, codec, expected, sink, clock, observe=observe)
+        self.config = config
         self.scale = ForceScale(config.pull_sign, config.unit, config.tare_n)
         self._taring: tuple[int, list[float], asyncio.Future[float]] | None = None
 

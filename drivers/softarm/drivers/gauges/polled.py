@@ -8,7 +8,6 @@ from pydantic import Field
 
 from softarm.drivers.clock import NANOSECONDS, Clock, PollTicker, monotonic
 from softarm.drivers.config import Seconds
-from softarm.drivers.framing import Codec
 from softarm.drivers.gauges import mark10, sauter
 from softarm.drivers.gauges.device import ForceGauge, GaugeConfig, UnitName
 from softarm.drivers.gauges.mark10 import Mark10Error, Mark10Reply, Mark10Settings, mark10_codec
@@ -36,31 +35,10 @@ class PolledConfig(GaugeConfig):
 
 
 class PolledGauge(ForceGauge[FrameT], Generic[FrameT]):
-    """A gauge that is asked for each reading; one question is open at a time.
+    """A gauge that is asked for each reading; one question is open at a time."""
 
-    Args:
-        config: Its settings.
-        codec: Parser of its answers.
-        expected: What its answers look like.
-        sink: Takes each reading.
-        clock: Host monotonic time.
-        observe: Send nothing that changes a setting.
-    """
-
-    def __init__(
-        self,
-        config: PolledConfig,
-        codec: Codec[FrameT],
-        expected: str,
-        sink: Sink = ignore,
-        clock: Clock = monotonic,
-        *,
-        observe: bool = False,
-    ) -> None:
-        super().__init__(config, codec, expected, sink, clock, observe=observe)
-        self._period_ns = round(NANOSECONDS / config.poll_hz)
-        self._answer_s = config.answer_s
-        self._pending: asyncio.Future[FrameT] | None = None
+    config: PolledConfig
+    _pending: asyncio.Future[FrameT] | None = None
 
     @abstractmethod
     async def poll(self, link: SerialLink) -> bool:
@@ -73,7 +51,7 @@ class PolledGauge(ForceGauge[FrameT], Generic[FrameT]):
 
     async def run(self, link: SerialLink) -> None:
         """Ask at the configured rate."""
-        ticker = PollTicker(self._period_ns, self.clock)
+        ticker = PollTicker(round(NANOSECONDS / self.config.poll_hz), self.clock)
         while True:
             tick = await ticker.wait()
             self.health.overruns += tick.skipped
@@ -87,7 +65,7 @@ class PolledGauge(ForceGauge[FrameT], Generic[FrameT]):
         asked_ns = self.clock()
         link.write(question)
         try:
-            async with asyncio.timeout(self._answer_s):
+            async with asyncio.timeout(self.config.answer_s):
                 answer = await self._pending
         except TimeoutError:
             self.health.timeouts += 1

@@ -11,7 +11,7 @@ from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.unknowns import Prediction
 from softarm.estimator.model import Frames
-from softarm.estimator.response import ArmResponse, BatchArmModel
+from softarm.estimator.response import ArmResponse, BatchArmModel, BatchInputs
 from softarm.estimator.sensing import Scene
 from softarm.estimator.simulation import Segments, with_segments
 
@@ -95,7 +95,7 @@ class Forward:
         """Solve the calibrated model at the nodes of one run and compare it with the readings."""
         model, gravity = setting.model(self.model), nodes.run.gravity
         acting, pulls = setting.actuation.to_chamber(nodes.pressures), setting.pulls(nodes.loads)
-        response = model.evaluate(acting, pulls, setting.gravity(gravity), start=start)
+        response = model.evaluate(BatchInputs(acting, pulls, setting.gravity(gravity)), start=start)
         if self.segments is not None:
             response = with_segments(response, model, self.segments)
         suite = setting.aligned(nodes.run.suite)

@@ -9,6 +9,7 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.model import Frames, Inputs, Load
+from softarm.estimator.response import BatchInputs
 from softarm.estimator.rod.model import CalibratedRod
 from softarm.estimator.rod.samples import Progress, Samples, SamplingPlan, draw_samples, load_scale
 from softarm.estimator.rod.stations import NEAR, Stations
@@ -133,7 +134,7 @@ def compare(rod: CalibratedRod, samples: Samples, scale: Floats) -> HeldOut:
         scale: Typical size of each load [N or N m], shape (loads,).
     """
     truth = section_frames(rod, samples)
-    found = rod.evaluate(samples.pressures, samples.loads, samples.gravity)
+    found = rod.evaluate(BatchInputs(samples.pressures, samples.loads, samples.gravity))
     good = found.converged
     moving = rod.chain.section_station > 0
     gaps = (found.frames.positions - truth.positions)[good][:, moving]

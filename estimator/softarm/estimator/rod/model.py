@@ -9,7 +9,7 @@ import numpy as np
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames, Inputs, Load
-from softarm.estimator.response import ArmResponse
+from softarm.estimator.response import ArmResponse, BatchInputs
 from softarm.estimator.rod.arrays import Actions, ChainInputs, Laws, Work, new_work
 from softarm.estimator.rod.balance import respond, respond_all
 from softarm.estimator.rod.chain import Chain
@@ -177,23 +177,12 @@ class CalibratedRod:
         return start, False
 
     def evaluate(
-        self,
-        pressures: Floats,
-        loads: Floats,
-        gravity: Floats,
-        eigenstrains: Floats | None = None,
-        *,
-        start: ArmResponse | None = None,
-        jacobians: bool = True,
+        self, inputs: BatchInputs, *, start: ArmResponse | None = None, jacobians: bool = True
     ) -> ArmResponse:
         """Solve many samples in one compiled loop.
 
         Args:
-            pressures: Gauge pressures [Pa], shape (samples, chambers).
-            loads: Load amplitudes [N or N m], shape (samples, loads).
-            gravity: Gravitational acceleration in the base frame [m/s2], shape (3,) or (samples, 3).
-            eigenstrains: What the material of each region strains beside what its law gives: two bends and
-                the twist [rad], and its elongation [m], shape (samples, regions, 4).
+            inputs: Of each sample.
             start: A response whose states, shape (samples, links, 6), the solves begin with; each sample
                 begins from the one before where it is left out.
             jacobians: Differentiate; else the derivatives have no columns.
@@ -201,7 +190,7 @@ class CalibratedRod:
         Returns:
             Frames and their derivatives by inputs, gravity, stiffness factors and eigenstrains.
         """
-        samples, sections, links = len(pressures), len(self.sections), self.chain.links
+        samples, sections, links = len(inputs), len(self.sections), self.chain.links
         columns = self.chambers + len(self.loads) + 3
         units, owner = self._units_and_gravity
         places = np.empty((samples, sections, 3))
@@ -214,13 +203,13 @@ class CalibratedRod:
         ways = shapes.shape[1]
         width = columns + links + ways if jacobians else 0
         sizes = np.zeros((samples, ways))
-        if eigenstrains is not None:
-            sizes = _dense(eigenstrains).reshape(samples, ways)
+        if inputs.eigenstrains is not None:
+            sizes = _dense(inputs.eigenstrains).reshape(samples, ways)
         twists = np.zeros((samples, 6 * sections, width))
         counts = np.zeros(samples, dtype=np.int64)
         respond_all(
-            self._lengths, self._actions, self.laws, _dense(pressures), _dense(loads),
-            _dense(np.broadcast_to(gravity, (samples, 3))), sizes, units, owner, columns, shapes,
+            self._lengths, self._actions, self.laws, _dense(inputs.pressures), _dense(inputs.loads),
+            _dense(np.broadcast_to(inputs.gravity, (samples, 3))), sizes, units, owner, columns, shapes,
             self.chain.section_station, self.chain.section_offset, TOLERANCE if jacobians else COARSE,
             ITERATIONS, self._work(self.rest()), strains, places, rotations, twists, counts,
         )  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames, Load
-from softarm.estimator.response import ArmResponse, BatchArmModel
+from softarm.estimator.response import ArmResponse, BatchArmModel, BatchInputs
 from softarm.estimator.rotations import exp
 from softarm.estimator.simulation.compliance import stiffness_along, yielding
 from softarm.estimator.simulation.drive import Drive
@@ -98,11 +98,14 @@ class SimulatedArm:
         rotation = exp(drive.base_rotation)
         wrenches = drive.wrenches + self._coupled(drive, near)
         local = np.einsum("tji,tskj->tski", rotation, wrenches.reshape(*wrenches.shape[:2], 2, 3))
-        response = self.model.evaluate(
+        inputs = BatchInputs(
             drive.pressures,
             local.reshape(drive.samples, -1),
             np.einsum("tji,tj->ti", rotation, drive.gravity),
             self._by_region(drive) if self.model.takes_eigenstrains else None,
+        )
+        response = self.model.evaluate(
+            inputs,
             start=near if near is not None and len(near.states) == drive.samples else None,
             jacobians=jacobians,
         )
@@ -111,7 +114,7 @@ class SimulatedArm:
     def stiffness(self) -> Floats:
         """Compute each segment's stiffness against its own couples at rest, shape (segments, 4)."""
         model = self.model
-        rest = model.evaluate(np.zeros((1, model.chambers)), np.zeros((1, len(model.loads))), np.zeros(3))
+        rest = model.evaluate(BatchInputs.none(model))
         rows = self.segments.rows(rest.frames).reshape(4 * self.segments.count, -1)
         compliance = np.diag(rows @ rest.load_jacobian[0] @ rows.T)
         stiffness: Floats = (1.0 / compliance).reshape(-1, 4)

@@ -7,7 +7,7 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
 from softarm.estimator.node_by_node import LARGEST_MOVE
-from softarm.estimator.response import ArmResponse
+from softarm.estimator.response import ArmResponse, BatchInputs
 from softarm.estimator.rotations import exp
 from softarm.estimator.stretch.law import StretchLaw
 from softarm.estimator.wrapper import BatchModelWrapper
@@ -28,10 +28,7 @@ class StretchedBatch(BatchModelWrapper):
 
     def evaluate(
         self,
-        pressures: Floats,
-        loads: Floats,
-        gravity: Floats,
-        eigenstrains: Floats | None = None,
+        inputs: BatchInputs,
         *,
         start: ArmResponse | None = None,
         jacobians: bool = True,  # noqa: ARG002
@@ -41,13 +38,13 @@ class StretchedBatch(BatchModelWrapper):
         The pressures are made with the stretches of ``start``; what these have changed by since is made up
         for by one Newton step, as long as that is short. The derivatives are needed for it, wanted or not.
         """
-        law = self.law
+        law, pressures = self.law, inputs.pressures
         stretches = np.zeros_like(pressures)
         if start is not None:
             stretches = np.where(start.converged[:, None], law.stretches(start.frames), 0.0)
         for _ in range(PASSES):
             effective = law.worth(pressures, stretches)
-            inner = self.model.evaluate(effective, loads, gravity, eigenstrains, start=start)
+            inner = self.model.evaluate(replace(inputs, pressures=effective), start=start)
             move, following = self._following(pressures, stretches, inner)
             if np.abs(move[inner.converged]).max(initial=0.0) < LARGEST_MOVE:
                 break

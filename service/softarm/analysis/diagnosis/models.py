@@ -12,7 +12,7 @@ from softarm.estimator.diagnosis.stage import Model
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.geometry import Resolution
 from softarm.estimator.model import Frames, Inputs
-from softarm.estimator.response import ArmResponse
+from softarm.estimator.response import ArmResponse, BatchInputs
 from softarm.estimator.rod.model import CalibratedRod
 from softarm.estimator.simulation import Segments, section_loads
 from softarm.estimator.specimen import Specimen
@@ -65,26 +65,25 @@ class SparseModel(ModelWrapper):
 
     def evaluate(
         self,
-        pressures: Floats,
-        loads: Floats,
-        gravity: Floats,
-        eigenstrains: Floats | None = None,
+        inputs: BatchInputs,
         *,
         start: ArmResponse | None = None,  # noqa: ARG002
         jacobians: bool = True,  # noqa: ARG002
     ) -> ArmResponse:
         """Solve many samples; see ``BatchArmModel.evaluate``."""
-        assert eigenstrains is None, "finite elements take no eigenstrains here"
-        every = np.broadcast_to(gravity, (len(pressures), 3))
-        grains = np.round(np.hstack([pressures / PRESSURE_GRAIN, loads / LOAD_GRAIN, every / LOAD_GRAIN]))
+        assert inputs.eigenstrains is None, "finite elements take no eigenstrains here"
+        every = np.broadcast_to(inputs.gravity, (len(inputs), 3))
+        grains = np.round(
+            np.hstack([inputs.pressures / PRESSURE_GRAIN, inputs.loads / LOAD_GRAIN, every / LOAD_GRAIN])
+        )
         answers, state = [], self.model.rest()
         factors = tuple(self.model.scales.tolist())
-        for grain, inputs in zip(grains.tolist(), map(Inputs, pressures, loads, every), strict=True):
+        for grain, one in zip(grains.tolist(), inputs.samples(), strict=True):
             key = (*factors, *grain)
             if key not in self.solved and time.monotonic() > self.deadline:
                 self.solved[key] = self._unsolved()
             elif key not in self.solved:
-                self.solved[key], state = self._solve(inputs, state)
+                self.solved[key], state = self._solve(one, state)
             answers.append(self.solved[key])
         positions, rotations, by_input, by_factor, converged = map(np.array, zip(*answers, strict=True))
         frames = Frames(positions, rotations)

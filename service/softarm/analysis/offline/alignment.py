@@ -19,7 +19,7 @@ from softarm.estimator.calibration.nodes import choose_nodes
 from softarm.estimator.calibration.search import search_axes
 from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.recording import Recording
-from softarm.estimator.response import BatchArmModel
+from softarm.estimator.response import BatchArmModel, BatchInputs
 from softarm.estimator.sensing import Bend, Scene
 from softarm.estimator.specimen import Specimen
 
@@ -82,7 +82,7 @@ def _foreign(model: BatchArmModel, specimen: Specimen, run: CalibrationRun) -> t
     none = np.zeros((len(nodes.time), 0))
     gravity = np.array(specimen.gravity_m_s2)
     pressures = actuation(specimen, run).to_chamber(nodes.pressures)
-    found = model.evaluate(pressures, none, gravity)
+    found = model.evaluate(BatchInputs(pressures, none, gravity))
     solved, answer = nodes.keep(found.converged), found.at(found.converged)
     if len(solved.time) < 0.5 * PROBES:
         return tuple(m.name for m in run.suite.measurements if isinstance(m, Bend))
