@@ -19,7 +19,8 @@ from softarm.estimator.specimen import Specimen
 
 BLOCK = 10.0
 """Length of the stretches that are held out or judged as a whole [s]; shorter in short recordings."""
-LEAST_BLOCKS = 6
+LEAST_BLOCKS = 7
+"""The fewest of which two can be spared: one confirms what is chosen, the other is reported."""
 SAME = np.radians(0.2)
 """Bends that repeat what frames say to within this are left out."""
 RINGING = 0.11
