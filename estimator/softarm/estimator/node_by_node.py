@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self, TypeVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation
@@ -48,6 +49,39 @@ class ScaledModel(Protocol):
 
     def with_scales(self, scales: Mapping[str, float]) -> Self:
         """Return a copy with other stiffness factors."""
+
+
+@dataclass(frozen=True)
+class SolvedSample:
+    """Where the solve of a sample ended, to begin another one with.
+
+    Args:
+        state: The model's state.
+        inputs: Inputs that it is in equilibrium under.
+        scales: The model's stiffness factors, shape (parameters,).
+        motions: Displacement of what is left to equilibrium, then per unit of each pressure, load, component
+            of gravity and factor, in single precision; ``None`` where the model does not say.
+    """
+
+    state: Any
+    inputs: Inputs
+    scales: Floats
+    motions: NDArray[np.float32] | None = None
+
+    def under(self, model: ArmModel[Any, Any], inputs: Inputs) -> Any:
+        """Predict the state of a model with other stiffness factors under other inputs."""
+        if self.motions is None:
+            return self.state
+        change = np.concatenate(
+            [
+                [1.0],
+                inputs.pressures - self.inputs.pressures,
+                inputs.loads - self.inputs.loads,
+                inputs.gravity - self.inputs.gravity,
+                _scales(model) - self.scales,
+            ]
+        )
+        return cast(Any, model).displace(self.state, np.tensordot(change, self.motions, 1), inputs)
 
 
 @dataclass(frozen=True)
@@ -109,21 +143,23 @@ class NodeByNode(ModelWrapper):
         self, found: ArmResponse, part: Indices, inputs: Sequence[Inputs], start: ArmResponse | None
     ) -> None:
         """Solve consecutive samples and enter them into the response."""
-        state = self.model.rest()
+        sample = SolvedSample(self.model.rest(), inputs[0], _scales(self.model))
         for index in part:
             if start is not None and start.converged[index]:
-                state = start.states[index]
-            state = self._solve(found, index, state, inputs[index])
-            found.states[index] = state
+                sample = start.states[index]
+            sample = self._solve(found, index, sample, inputs[index])
+            found.states[index] = sample
             self.advance(1)
 
-    def _solve(self, found: ArmResponse, index: int, start: object, inputs: Inputs) -> object:
+    def _solve(self, found: ArmResponse, index: int, start: SolvedSample, inputs: Inputs) -> SolvedSample:
         """Solve a sample and enter it into the response."""
-        state, step, found.converged[index] = settle(self.model, start, inputs)
+        scales = _scales(self.model)
+        near = start.under(self.model, inputs)
+        state, step, found.converged[index] = settle(self.model, start.state, inputs, near)
         found.frames.positions[index] = step.frames.positions
         found.frames.rotations[index] = step.frames.rotations
         if not found.converged[index]:
-            return state
+            return SolvedSample(state, inputs, scales)
         for _ in range(NEWTON_STEPS):
             drift, *jacobians = full_response(self.model, state, step, inputs)
             if np.abs(drift).max() <= LARGEST_MOVE:
@@ -136,19 +172,34 @@ class NodeByNode(ModelWrapper):
         by_inputs, by_gravity, by_factors = jacobians
         found.input_jacobian[index] = np.column_stack([by_inputs, by_gravity])
         # The chain rule turns a derivative by the factor into one by its logarithm.
-        found.factor_jacobian[index] = by_factors * getattr(self.model, "scales", np.zeros(0))
-        return state
+        found.factor_jacobian[index] = by_factors * scales
+        motions = getattr(step, "motions", None)
+        return SolvedSample(state, inputs, scales, None if motions is None else motions.astype(np.float32))
 
 
-def settle(model: ArmModel[State, Step], start: State, inputs: Inputs) -> tuple[State, Step, bool]:
+def _scales(model: object) -> Floats:
+    """Return the stiffness factors of a ``ScaledModel``, and none of others."""
+    scales: Floats = getattr(model, "scales", np.zeros(0))
+    return scales
+
+
+def settle(
+    model: ArmModel[State, Step], start: State, inputs: Inputs, near: State | None = None
+) -> tuple[State, Step, bool]:
     """Bring a state near equilibrium by Newton steps, else by the model's own solver.
 
     Nearness is enough: what remains is one Newton step, which the linearisation gives as its drift.
 
+    Args:
+        model: The model.
+        start: A state, best in equilibrium under its own inputs: the solver sets out from it.
+        inputs: Inputs.
+        near: A state that may be nearer, with which Newton steps begin.
+
     Returns:
         The state, the model linearised there, and whether it is near equilibrium.
     """
-    state, last = start, np.inf
+    state, last = start if near is None else near, np.inf
     for _ in range(NEWTON_STEPS):
         step = model.linearise(state, inputs)
         if step.residual_norm < NEAR:

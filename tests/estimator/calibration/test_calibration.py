@@ -23,6 +23,7 @@ from softarm.estimator.calibration.nodes import choose_nodes
 from softarm.estimator.calibration.regression import estimate_lag
 from softarm.estimator.calibration.setting import Setting, gravity_axes
 from softarm.estimator.calibration.unknowns import by_azimuth
+from softarm.estimator.calibration.warm_start import nearest_states
 from softarm.estimator.errors import InputError
 from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.recording import Recording
@@ -195,6 +196,21 @@ def test_each_run_is_solved_under_its_own_gravity(sopra: Specimen) -> None:
     both = np.array(seen[2:])
     np.testing.assert_allclose(both[0] @ both[1], 0.0, atol=1e-9)
     assert abs(both[0, 0] - both[0, 1]) == pytest.approx(9.81 * np.sin(0.1))
+
+
+def test_held_out_nodes_begin_at_the_state_of_the_most_similar_solved_node(sopra: Specimen) -> None:
+    """With moduli that the fit has changed much, a node's own old state is far from its equilibrium."""
+    nodes = choose_nodes(arrange(record(), sopra, SECTIONS), 12)
+    layout = build_layout(sopra, nodes.run.suite, nodes.run.pressure_source, range(6), ("upper", "lower"))
+    train = np.arange(12) % 2 == 0
+    seen, unseen = nodes.keep(train), nodes.keep(~train)
+    (solved,) = Forward(NodeByNode(toy()), layout, (seen,)).evaluate(layout.means)
+    solved.response.states[:] = range(6)
+    near = nearest_states((solved,), (seen,), (solved,), (unseen,))
+    size = np.ptp(seen.pressures, axis=0)
+    apart = np.linalg.norm((unseen.pressures[:, None] - seen.pressures) / size, axis=2)
+    assert near[0].response.states.tolist() == apart.argmin(axis=1).tolist()
+    assert near[0].converged.all()
 
 
 @pytest.mark.parametrize("lag", [-0.1, 0.0, 0.15])

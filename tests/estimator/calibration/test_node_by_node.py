@@ -3,9 +3,12 @@
 import numpy as np
 from toy import toy, twists
 
+from softarm.estimator.arm import build_arm
+from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.model import Frames
 from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.response import ArmResponse, BatchInputs
+from softarm.estimator.specimen import load_specimen
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 
@@ -47,3 +50,22 @@ def test_parts_solved_side_by_side_answer_as_one_after_another(monkeypatch) -> N
     np.testing.assert_array_equal(together.frames.rotations, alone.frames.rotations)
     np.testing.assert_array_equal(together.pressure_jacobian, alone.pressure_jacobian)
     assert together.converged.all()
+
+
+def test_a_sample_of_finite_elements_begins_where_its_motions_lead(monkeypatch) -> None:
+    beam = load_specimen("beam")
+    model = build_arm(beam)
+    loads = np.full((2, len(model.loads)), 0.05)
+    pressures = np.zeros((2, 0))
+    first = NodeByNode(model).evaluate(pressures, loads, GRAVITY)
+    (region, *_) = model.parameters
+    softer = NodeByNode(model.with_scales({region: 0.98}))
+    counted: list[object] = []
+    linearise = FiniteElementModel.linearise
+    monkeypatch.setattr(
+        FiniteElementModel, "linearise", lambda *given: counted.append(given) or linearise(*given)
+    )
+    near = softer.evaluate(pressures, 1.02 * loads, GRAVITY, start=first)
+    assert len(counted) == 2  # one each: the prediction is near enough
+    anew = softer.evaluate(pressures, 1.02 * loads, GRAVITY)
+    np.testing.assert_allclose(near.frames.positions, anew.frames.positions, atol=1e-6)

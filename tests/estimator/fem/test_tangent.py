@@ -80,6 +80,20 @@ def test_response_to_stiffness_factors(arm_of: ArmOf) -> None:
     assert np.abs(numeric - claimed).max() < 1e-6 * np.abs(numeric).max()
 
 
+def test_motions_predict_the_state_under_other_inputs_and_factors(arm_of: ArmOf) -> None:
+    arm = arm_of("hex20")
+    start = arm.equilibrium(INPUTS).value
+    step = arm.linearise(start, INPUTS)
+    inputs = Inputs(1.1 * INPUTS.pressures, 0.9 * INPUTS.loads, INPUTS.gravity + [0.5, 0.0, 0.0])
+    changed = arm.with_scales(dict(zip(arm.parameters, [1.03, 0.96], strict=True)))
+    change = [1.0, *0.1 * INPUTS.pressures, *-0.1 * INPUTS.loads, 0.5, 0.0, 0.0, 0.03, -0.04]
+    predicted = changed.displace(start, np.tensordot(change, step.motions, 1), inputs)
+    true = changed.equilibrium(inputs, start).value.displacement
+    missed = np.abs(predicted.displacement - true).max()
+    assert missed < 0.05 * np.abs(start.displacement - true).max()
+    assert predicted.inputs is inputs
+
+
 def test_advance_takes_the_newton_step(arm_of: ArmOf) -> None:
     arm = arm_of("hex8")
     state = arm.rest()

@@ -28,6 +28,7 @@ from softarm.estimator.calibration.scatter import rms, scatter_by_condition
 from softarm.estimator.calibration.search import AxesFit, search_axes
 from softarm.estimator.calibration.start import sized_by_bends, solvable, with_bends_kept
 from softarm.estimator.calibration.unknowns import Gain, Modulus
+from softarm.estimator.calibration.warm_start import joined, nearest_states
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.response import BatchArmModel
@@ -109,11 +110,14 @@ def calibrate(
     trained, layout = _fit_determined(forward, known_before, start, before, train, options)
     _require_excitation(layout)
     everything = replace(forward, layout=layout)
-    held_out = _part(everything, unseen).evaluate(trained.values, _subset(before, unseen))
+    nearest = nearest_states(
+        trained.evaluations, _parts(nodes, train), _subset(before, unseen), _parts(nodes, unseen)
+    )
+    held_out = _part(everything, unseen).evaluate(trained.values, nearest)
     old = before if np.array_equal(first, known) else ()
     check = _check(old, trained.evaluations, held_out, nodes, train)
     _require_improvement(check)
-    near = _joined(before, trained.evaluations, held_out, train)
+    near = joined(before, trained.evaluations, held_out, train)
     final = fit(everything, trained.values, iterations=options.iterations, evaluations=near)
     _require_convergence(final, layout)
     covariance = pulled.widened(layout, final.covariance)
@@ -290,22 +294,6 @@ def _frames(evaluations: Sequence[NodePredictions], flags: Sequence[Flags]) -> l
 
 def _subset(evaluations: Sequence[NodePredictions], flags: Sequence[Flags]) -> tuple[NodePredictions, ...]:
     return tuple(part.keep(chosen) for part, chosen in zip(evaluations, flags, strict=True))
-
-
-def _joined(
-    whole: Sequence[NodePredictions],
-    trained: Sequence[NodePredictions],
-    held_out: Sequence[NodePredictions],
-    train: Sequence[Flags],
-) -> tuple[NodePredictions, ...]:
-    """Return evaluations of all nodes with the model's states of the last evaluations of both parts."""
-    found = []
-    for every, seen, unseen, flags in zip(whole, trained, held_out, train, strict=True):
-        converged, states = every.converged.copy(), every.response.states.copy()
-        for chosen, part in ((flags, seen), (~flags, unseen)):
-            converged[chosen], states[chosen] = part.converged, part.response.states
-        found.append(replace(every, response=replace(every.response, states=states, converged=converged)))
-    return tuple(found)
 
 
 def _handedness(nodes: Sequence[Nodes]) -> dict[str, bool]:

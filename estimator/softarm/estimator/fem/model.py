@@ -84,6 +84,23 @@ class FiniteElementStep:
         adjoint = self.adjoint(np.atleast_2d(rows))
         return adjoint @ self.balance.residual, adjoint @ self.input_forces().T
 
+    @cached_property
+    def motions(self) -> Floats:
+        """Linear displacements that the inputs, gravity and the stiffness factors make.
+
+        Shape (1 + inputs + 3 + parameters, nodes, 3): what is left to equilibrium [m], then per unit of each
+        pressure and load, of each component of gravity and of each factor.
+        """
+        body, mass = self.model.body, self.model.nodal_mass
+        weights = body.pattern.gather(mass[:, None] * np.eye(3)[:, None, :])
+        stiffness = body.pattern.gather(body.parameter_forces(body.points + self.displacement))
+        forces = np.vstack([self.balance.residual, self.input_forces(), weights, -stiffness])
+        if self.factor is None:
+            return np.full((len(forces), *body.points.shape), np.nan)
+        # The factor's refinement ends by the norm of all right-hand sides together.
+        sizes = np.maximum(np.linalg.norm(forces, axis=1, keepdims=True), np.finfo(float).tiny)
+        return body.pattern.scatter(sizes * self.factor.solve(forces / sizes))
+
     def full_response(self, rows: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Project the motion of the sections on rows, with one solve for all that can change.
 
@@ -91,15 +108,13 @@ class FiniteElementStep:
             Drift and change per input as ``response`` gives them, the change per component of gravity, shape
             (outputs, 3), and per stiffness factor, shape (outputs, parameters).
         """
-        body = self.model.body
-        adjoint = self.adjoint(np.atleast_2d(rows))
-        weights = body.pattern.gather(self.model.nodal_mass[:, None] * np.eye(3)[:, None, :])
-        forces = body.pattern.gather(body.parameter_forces(body.points + self.displacement))
+        twists = np.atleast_2d(rows) @ self.poses.twists(self.motions).T
+        inputs = self.model.chambers + len(self.model.loads)
         return (
-            adjoint @ self.balance.residual,
-            adjoint @ self.input_forces().T,
-            adjoint @ weights.T,
-            -adjoint @ forces.T,
+            twists[:, 0],
+            twists[:, 1 : 1 + inputs],
+            twists[:, 1 + inputs : 4 + inputs],
+            twists[:, 4 + inputs :],
         )
 
 
@@ -291,10 +306,16 @@ class FiniteElementModel:
             return FiniteElementState(step.displacement, inputs)
         force = step.balance.residual + change @ step.input_forces()
         move = self.body.pattern.scatter(step.factor.solve(force))
+        return self.displace(FiniteElementState(step.displacement, inputs), move, inputs)
+
+    def displace(self, state: FiniteElementState, move: Floats, inputs: Inputs) -> FiniteElementState:
+        """Move a state by a linear displacement [m], shape (nodes, 3), and put it under other inputs.
+
+        A displacement that is too large for a Newton step is shortened like one.
+        """
         reach = self.settings.longest_move * float(np.ptp(self.body.points, axis=0).max())
-        return FiniteElementState(
-            take_step(self.body, self.balance, step.displacement, move, inputs, reach), inputs
-        )
+        after = take_step(self.body, self.balance, state.displacement, move, inputs, reach)
+        return FiniteElementState(after, inputs)
 
     def solve(self, inputs: Inputs, start: FiniteElementState) -> tuple[FiniteElementState, bool]:
         """Find the equilibrium under fixed inputs; the flag is true when it converged."""

@@ -1,0 +1,57 @@
+"""States that solves begin at, from evaluations of other nodes or of parts of them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from softarm.estimator.arrays import Flags, Floats
+from softarm.estimator.calibration.forward import NodePredictions
+from softarm.estimator.calibration.nodes import Nodes
+
+
+def nearest_states(
+    solved: Sequence[NodePredictions],
+    nodes: Sequence[Nodes],
+    others: Sequence[NodePredictions],
+    sought: Sequence[Nodes],
+) -> tuple[NodePredictions, ...]:
+    """Return evaluations of other nodes that begin at the states of the solved nodes of most similar inputs.
+
+    Under moduli that a fit has changed much, a node's own earlier state is not near its equilibrium.
+    """
+    converged = np.concatenate([part.converged for part in solved])
+    if not converged.any():
+        return tuple(others)
+    states = np.concatenate([part.response.states for part in solved])[converged]
+    inputs = np.concatenate([_inputs(own) for own in nodes])[converged]
+    scale = np.maximum(np.ptp(inputs, axis=0), 1e-9)
+    tree = cKDTree(inputs / scale)
+    found = []
+    for part, own in zip(others, sought, strict=True):
+        near = states[tree.query(_inputs(own) / scale)[1]]
+        response = replace(part.response, states=near, converged=np.ones(len(near), dtype=bool))
+        found.append(replace(part, response=response))
+    return tuple(found)
+
+
+def _inputs(nodes: Nodes) -> Floats:
+    """Return pressures and known forces, shape (nodes, chambers + loads)."""
+    return np.column_stack([nodes.pressures, nodes.loads])
+
+
+def joined(
+    whole: Sequence[NodePredictions],
+    trained: Sequence[NodePredictions],
+    held_out: Sequence[NodePredictions],
+    train: Sequence[Flags],
+) -> tuple[NodePredictions, ...]:
+    """Return evaluations of all nodes with the model's states of the last evaluations of both parts."""
+    found = []
+    for every, seen, unseen, flags in zip(whole, trained, held_out, train, strict=True):
+        converged, states = every.converged.copy(), every.response.states.copy()
+        for chosen, part in ((flags, seen), (~flags, unseen)):
+            converged[chosen], states[chosen] = part.converged, part.response.states
+        found.append(replace(every, response=replace(every.response, states=states, converged=converged)))
+    return tuple(found)
