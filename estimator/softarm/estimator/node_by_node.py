@@ -143,7 +143,8 @@ class NodeByNode(ModelWrapper):
         self, found: ArmResponse, part: Indices, inputs: Sequence[Inputs], start: ArmResponse | None
     ) -> None:
         """Solve consecutive samples and enter them into the response."""
-        sample = SolvedSample(self.model.rest(), inputs[0], _scales(self.model))
+        none = Inputs(np.zeros(self.chambers), np.zeros(len(self.loads)), np.zeros(3))
+        sample = SolvedSample(self.model.rest(), none, _scales(self.model))
         for index in part:
             if start is not None and start.converged[index]:
                 sample = start.states[index]

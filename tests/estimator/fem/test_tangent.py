@@ -84,7 +84,7 @@ def test_motions_predict_the_state_under_other_inputs_and_factors(arm_of: ArmOf)
     arm = arm_of("hex20")
     start = arm.equilibrium(INPUTS).value
     step = arm.linearise(start, INPUTS)
-    inputs = Inputs(1.1 * INPUTS.pressures, 0.9 * INPUTS.loads, INPUTS.gravity + [0.5, 0.0, 0.0])
+    inputs = Inputs(1.1 * INPUTS.pressures, 0.9 * INPUTS.loads, INPUTS.gravity + np.eye(3)[0] * 0.5)
     changed = arm.with_scales(dict(zip(arm.parameters, [1.03, 0.96], strict=True)))
     change = [1.0, *0.1 * INPUTS.pressures, *-0.1 * INPUTS.loads, 0.5, 0.0, 0.0, 0.03, -0.04]
     predicted = changed.displace(start, np.tensordot(change, step.motions, 1), inputs)
