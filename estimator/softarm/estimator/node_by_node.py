@@ -86,7 +86,7 @@ class SolvedSample:
 
 @dataclass(frozen=True)
 class NodeByNode(ModelWrapper):
-    """Solves a model sample by sample, each begun from its own last state or from its neighbour's.
+    """Solves a model sample by sample, each begun from its own last state or from that of a similar one.
 
     It implements ``BatchArmModel``; stiffness factors are those of a ``ScaledModel``, and none of others.
 
@@ -142,14 +142,32 @@ class NodeByNode(ModelWrapper):
     def _solve_part(
         self, found: ArmResponse, part: Indices, inputs: Sequence[Inputs], start: ArmResponse | None
     ) -> None:
-        """Solve consecutive samples and enter them into the response."""
+        """Solve some samples and enter them into the response.
+
+        One without a state of its own begins at the solved one of most similar inputs, rest among them; the
+        next is that which is closest to any of these.
+        """
+        rows = self.chambers + len(self.loads)
         none = Inputs(np.zeros(self.chambers), np.zeros(len(self.loads)), np.zeros(3))
-        sample = SolvedSample(self.model.rest(), none, _scales(self.model))
-        for index in part:
+        solved = [SolvedSample(self.model.rest(), none, _scales(self.model))]
+        points = np.reshape(
+            [np.append(inputs[k].pressures, inputs[k].loads) for k in part], (len(part), rows)
+        )
+        points /= np.maximum(np.abs(points).max(axis=0, initial=0.0), 1e-9)
+        distance, nearest = np.linalg.norm(points, axis=1), np.zeros(len(part), dtype=np.int64)
+        left = np.ones(len(part), dtype=bool)
+        while left.any():
+            place = int(np.argmin(np.where(left, distance, np.inf)))
+            left[place], index = False, part[place]
+            begin = solved[nearest[place]]
             if start is not None and start.converged[index]:
-                sample = start.states[index]
-            sample = self._solve(found, index, sample, inputs[index])
-            found.states[index] = sample
+                begin = start.states[index]
+            found.states[index] = sample = self._solve(found, index, begin, inputs[index])
+            if found.converged[index]:
+                apart = np.linalg.norm(points - points[place], axis=1)
+                nearest[apart < distance] = len(solved)
+                distance = np.minimum(distance, apart)
+                solved.append(sample)
             self.advance(1)
 
     def _solve(self, found: ArmResponse, index: int, start: SolvedSample, inputs: Inputs) -> SolvedSample:

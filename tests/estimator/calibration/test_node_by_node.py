@@ -1,12 +1,14 @@
 """A model that solves one sample at a time, made to answer many."""
 
+from dataclasses import replace
+
 import numpy as np
 from toy import toy, twists
 
 from softarm.estimator.arm import build_arm
 from softarm.estimator.fem import FiniteElementModel
-from softarm.estimator.model import Frames
-from softarm.estimator.node_by_node import NodeByNode
+from softarm.estimator.model import Frames, Inputs
+from softarm.estimator.node_by_node import NodeByNode, SolvedSample
 from softarm.estimator.response import ArmResponse, BatchInputs
 from softarm.estimator.specimen import load_specimen
 
@@ -56,8 +58,8 @@ def test_a_sample_of_finite_elements_begins_where_its_motions_lead(monkeypatch) 
     beam = load_specimen("beam")
     model = build_arm(beam)
     loads = np.full((2, len(model.loads)), 0.05)
-    pressures = np.zeros((2, 0))
-    first = NodeByNode(model).evaluate(pressures, loads, GRAVITY)
+    inputs = BatchInputs(np.zeros((2, 0)), loads, GRAVITY)
+    first = NodeByNode(model).evaluate(inputs)
     (region, *_) = model.parameters
     softer = NodeByNode(model.with_scales({region: 0.98}))
     counted: list[object] = []
@@ -65,7 +67,22 @@ def test_a_sample_of_finite_elements_begins_where_its_motions_lead(monkeypatch) 
     monkeypatch.setattr(
         FiniteElementModel, "linearise", lambda *given: counted.append(given) or linearise(*given)
     )
-    near = softer.evaluate(pressures, 1.02 * loads, GRAVITY, start=first)
+    others = replace(inputs, loads=1.02 * loads)
+    near = softer.evaluate(others, start=first)
     assert len(counted) == 2  # one each: the prediction is near enough
-    anew = softer.evaluate(pressures, 1.02 * loads, GRAVITY)
+    anew = softer.evaluate(others)
     np.testing.assert_allclose(near.frames.positions, anew.frames.positions, atol=1e-6)
+
+
+def test_a_sample_without_a_state_begins_at_the_solved_one_of_most_similar_inputs(monkeypatch) -> None:
+    monkeypatch.setattr("softarm.estimator.node_by_node.PARTS", 1)
+    begun: list[tuple[float, float]] = []
+    under = SolvedSample.under
+
+    def watched(sample: SolvedSample, model: object, inputs: Inputs) -> object:
+        begun.append((sample.inputs.pressures[0], inputs.pressures[0]))
+        return under(sample, model, inputs)
+
+    monkeypatch.setattr(SolvedSample, "under", watched)
+    solved(np.outer([3e4, 1e4, 2.9e4, 1.1e4], np.eye(6)[0]))
+    assert begun == [(0.0, 1e4), (1e4, 1.1e4), (1.1e4, 2.9e4), (2.9e4, 3e4)]
