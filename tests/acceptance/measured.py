@@ -35,6 +35,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "verify": ("bench", "verify"),
     "step": ("bench", "step"),
     "latency": ("bench", "latency"),
+    "arms": ("bench", "arms"),
     "safety": ("bench", "safety"),
     "soak": ("bench", "soak"),
     "faults": ("bench", "faults"),

@@ -167,26 +167,42 @@ def row_of(case: LatencyCase, found: Measured) -> dict[str, Cell]:
 def measure(case: LatencyCase, seconds: float) -> Measured:
     """Start a rig and a service and listen to its estimates."""
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="softarm-latency-")))
-        scenario = folder / "scenario.toml"
-        scenario.write_text(SCENARIO.format(rate=case.rate_hz))
-        settings = RigSettings(
-            scenario,
-            specimen=str(fake_specimen()),
-            endpoint=free_endpoint(),
-            model=case.model,
-            rate_hz=case.rate_hz,
-            sensors=("orientation",),
-            forces_on=("tip",),
-        )
-        client = stack.enter_context(connect(stack.enter_context(FakeRig(settings, folder / "rig"))))
-        wait_ready(client)
-        stack.enter_context(client.lease())
-        client.arm()
+        _, client = stack.enter_context(armed_rig(case.model, case.rate_hz))
         if case.busy:
             stack.enter_context(computing())
         drive(client, SETTLE_S)
         return listen(client, seconds)
+
+
+@contextmanager
+def armed_rig(model: str, rate_hz: float, patience: float = 1.0) -> Iterator[tuple[FakeRig, Arm]]:
+    """Start fakes and a service on them, and arm it.
+
+    Args:
+        model: What the estimator runs on.
+        rate_hz: Rate of cameras and control loop.
+        patience: Factor on how long everything may be silent.
+    """
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="softarm-latency-")))
+        scenario = folder / "scenario.toml"
+        scenario.write_text(SCENARIO.format(rate=rate_hz))
+        settings = RigSettings(
+            scenario,
+            specimen=str(fake_specimen()),
+            endpoint=free_endpoint(),
+            model=model,
+            rate_hz=rate_hz,
+            sensors=("orientation",),
+            forces_on=("tip",),
+            patience=patience,
+        )
+        rig = stack.enter_context(FakeRig(settings, folder / "rig"))
+        client = stack.enter_context(connect(rig))
+        wait_ready(client)
+        stack.enter_context(client.lease())
+        client.arm()
+        yield rig, client
 
 
 def listen(client: Arm, seconds: float) -> Measured:

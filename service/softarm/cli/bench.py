@@ -14,6 +14,7 @@ ACCEPTANCE = "acceptance"
 LABORATORY_BENCHMARKS = {
     "step": "Time a step of the estimator, part by part.",
     "latency": "Time estimates from the packet to a subscriber in another process.",
+    "arms": "Run several fake arms on this machine, and measure what each costs.",
     "diagnosis": "Diagnose blind trials, and score them if answers are given.",
 }
 ACCEPTANCE_BENCHMARKS = {

@@ -1,5 +1,8 @@
 """The same work, in this process, in others, or on a Dask cluster."""
 
+import os
+import threading
+
 import pytest
 
 from softarm.analysis.diagnosis.workers import workers
@@ -16,9 +19,18 @@ def test_work_in_this_process_hands_on_its_errors() -> None:
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 def test_work_on_a_local_dask_cluster_gives_the_same() -> None:
     distributed = pytest.importorskip("distributed")
-    settings = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    settings = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
     with distributed.LocalCluster(**settings) as cluster, workers(2, cluster.scheduler_address) as executor:
         assert list(executor.map(abs, [-1, 2, -3])) == [1, 2, 3]
+        processes = set(executor.map(_process_after, [0.2, 0.21]))
+    assert len(processes) == 2
+    assert os.getpid() not in processes
+
+
+def _process_after(seconds: float) -> int:
+    """Be busy for so long, so that the next task goes to another worker."""
+    threading.Event().wait(seconds)
+    return os.getpid()
 
 
 def test_a_scheduler_that_is_not_there_is_named() -> None:

@@ -1,0 +1,123 @@
+"""``softarm bench arms``: what each of several arms on one machine costs."""
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+import numpy as np
+
+from softarm.bench.latency import LIMITS_MS, SETTLE_S, Measured, armed_rig, drive, listen
+from softarm.cli.output import json_option, progress, quick_option, show
+from softarm.common.tables import Cell, Table
+from softarm.experiments.rig import PATIENCE, FakeRig
+from softarm_client import Arm
+
+COUNTS = (1, 2, 4)
+RATE_HZ = 100.0
+CLOCK_TICKS = os.sysconf("SC_CLK_TCK")
+
+
+@dataclass(frozen=True)
+class ArmCost:
+    """What one arm took while it was measured.
+
+    Args:
+        measured: Latencies and ticks.
+        service_s: Processor time of the service and its estimator [s].
+        fakes_s: Processor time of the fakes [s].
+    """
+
+    measured: Measured
+    service_s: float
+    fakes_s: float
+
+
+@click.command()
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=1.0),
+    default=12.0,
+    show_default=True,
+    help="Duration of each measurement.",
+)
+@click.option(
+    "--model",
+    type=click.Choice(list(LIMITS_MS)),
+    default="rod",
+    show_default=True,
+    help="What the estimators run on.",
+)
+@quick_option
+@json_option
+def command(seconds: float, model: str, quick: bool, as_json: bool) -> int:
+    r"""Run 1, 2 and 4 fake arms on this machine and measure what each costs.
+
+    Each arm has a service and fakes of its own, at 100 Hz, and moves all the while. Real arms leave the
+    fakes' share of the processor free.
+
+    \b
+    Example: softarm bench arms --seconds 20
+    """
+    counts = COUNTS[:2] if quick else COUNTS
+    with progress("arms", len(counts)) as advance:
+        rows = [_row(count, model, 3.0 if quick else seconds, advance) for count in counts]
+    notes = (
+        "Per arm: medians and percentiles over the estimates of all arms, processor time over their number.",
+        f"The machine has {os.cpu_count()} cores. cores: processor time per second.",
+    )
+    show(Table("Several arms on one machine", rows, notes), as_json=as_json)
+    return 0
+
+
+def _row(count: int, model: str, seconds: float, advance: Callable[[float], None]) -> dict[str, Cell]:
+    """Measure a number of arms at once, each no less patient than an experiment on fakes."""
+    with ExitStack() as stack:
+        arms = [stack.enter_context(armed_rig(model, RATE_HZ, PATIENCE)) for _ in range(count)]
+        with ThreadPoolExecutor(count) as threads:
+            found = list(threads.map(lambda arm: cost_of(arm[0], arm[1], seconds), arms))
+    advance(1)
+    latencies = np.concatenate([one.measured.latencies_ms for one in found])
+    duration = sum(one.measured.duration_s for one in found)
+    return {
+        "arms": count,
+        "estimates_per_s": len(latencies) / duration,
+        "median_ms": float(np.median(latencies)),
+        "p99_ms": float(np.quantile(latencies, 0.99)),
+        "service_cores": sum(one.service_s for one in found) / duration,
+        "fakes_cores": sum(one.fakes_s for one in found) / duration,
+        "late_ticks_percent": 100.0
+        * sum(one.measured.late for one in found)
+        / sum(one.measured.ticks + one.measured.late for one in found),
+    }
+
+
+def cost_of(rig: FakeRig, client: Arm, seconds: float) -> ArmCost:
+    """Move an arm and measure what it takes."""
+    drive(client, SETTLE_S)
+    roots = rig.service.process.pid, rig.fakes.process.pid
+    before = [processor_time(root) for root in roots]
+    measured = listen(client, seconds)
+    service, fakes = (processor_time(root) - was for root, was in zip(roots, before, strict=True))
+    return ArmCost(measured, service, fakes)
+
+
+def processor_time(root: int) -> float:
+    """Return the processor time of a process and its descendants so far [s]; see proc(5)."""
+    total = 0
+    for pid in family(root):
+        # After the command's name, which may hold spaces, utime and stime are the 12th and 13th field.
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        total += int(fields[11]) + int(fields[12])
+    return total / CLOCK_TICKS
+
+
+def family(root: int) -> Iterator[int]:
+    """Yield a process and its descendants."""
+    yield root
+    for listing in Path(f"/proc/{root}/task").glob("*/children"):
+        for child in listing.read_text().split():
+            yield from family(int(child))
