@@ -15,10 +15,10 @@ from softarm.daemon.network.router import open_router
 from softarm_client import Arm
 from softarm_client.commands import Applied
 from softarm_client.errors import CommandRefusedError, SetupError, UnreachableError
-from softarm_client.messages import Event, Mismatch, Stamp
+from softarm_client.messages import Event, Stamp
 from softarm_client.session import NetworkSettings, client_settings, open_session
 from tests.service.network.served import ServedArm
-from tests.service.standins import listening_endpoint
+from tests.service.standins import listening_endpoint, mismatch
 
 EXAMPLES = Path(__file__).parents[2] / "deploy" / "zenoh"
 EVENT = Event(
@@ -27,15 +27,7 @@ EVENT = Event(
     where="test",
     text="a test",
 )
-MESSAGE = Mismatch(
-    stamp=Stamp(sequence=7, monotonic_ns=0, unix_ns=0, source="fake"),
-    consistent=True,
-    since_unix_ns=None,
-    where=(),
-    normalised_innovation_squared=None,
-    recording=None,
-    advice="none",
-)
+MESSAGE = mismatch(7)
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ from softarm.daemon.estimation.worker import WorkerState
 from softarm.drivers.reading import Reading
 from softarm.estimator.arm import default_loads
 from softarm.estimator.specimen import load_specimen
+from softarm_client.messages import Mismatch, Stamp
 
 SPECIMEN = load_specimen("sopra")
 LOADS = default_loads(SPECIMEN)
@@ -24,6 +25,19 @@ CONFIG = {
     "devices": [{"name": "valves", "kind": "festo_mpa"}],
 }
 STRAIGHT = (0.0, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0)
+
+
+def mismatch(sequence: int) -> Mismatch:
+    """Return a report that the model fits."""
+    return Mismatch(
+        stamp=Stamp(sequence=sequence, monotonic_ns=0, unix_ns=0, source="fake"),
+        consistent=True,
+        since_unix_ns=None,
+        where=(),
+        normalised_innovation_squared=None,
+        recording=None,
+        advice="none",
+    )
 
 
 def channel_reading(name: str, values: tuple[float, ...], now_ns: int, source: str) -> ChannelReading:

@@ -61,15 +61,23 @@ async def holding(bank, setpoint=SIX, lifetime_s=0.3):
         await asyncio.wait({task})
 
 
+@contextlib.asynccontextmanager
+async def inflated(wire, rig, bank):
+    """Arm, hold, and wait until chamber 0 (valve 3) has its pressure."""
+    bank.arm()
+    async with holding(bank) as task:
+        await wire.until(lambda: outlets(rig)[3] > 27e3, what="inflated")
+        yield task
+
+
 def outlets(rig):
     return rig.valve_ports["valves"].node.pressures()
 
 
 async def inflate(wire, rig, bank):
-    """Arm and wait until chamber 0 (valve 3) has its pressure."""
-    bank.arm()
-    async with holding(bank):
-        await wire.until(lambda: outlets(rig)[3] > 27e3, what="inflated")
+    """Arm and wait until chamber 0 has its pressure."""
+    async with inflated(wire, rig, bank):
+        pass
 
 
 def test_pressures_arrive_in_the_mapped_valves_and_are_read_back(wire):
@@ -89,9 +97,7 @@ def test_pressures_arrive_in_the_mapped_valves_and_are_read_back(wire):
 
 def test_closing_vents_and_has_nothing_to_complain_of(wire, caplog):
     async def body(rig, bank, readings):
-        bank.arm()
-        async with holding(bank):
-            await wire.until(lambda: outlets(rig)[3] > 27e3)
+        await inflate(wire, rig, bank)
 
     session(wire, body)
     assert not caplog.records
@@ -100,9 +106,7 @@ def test_closing_vents_and_has_nothing_to_complain_of(wire, caplog):
 def test_the_terminal_vents_when_its_master_falls_silent(wire):
     async def body(rig, bank, readings):
         await asyncio.sleep(0)
-        bank.arm()
-        async with holding(bank):
-            await wire.until(lambda: outlets(rig)[3] > 27e3)
+        async with inflated(wire, rig, bank):
             rig.inject("valves", "freeze")
             began = rig.clock.now()
             await wire.until(lambda: rig.valve_ports["valves"].node.watchdog_trips == 1)
@@ -120,9 +124,7 @@ def test_the_terminal_vents_when_its_master_falls_silent(wire):
 
 def test_a_node_that_goes_down_is_found_again_and_stays_vented(wire):
     async def body(rig, bank, readings):
-        bank.arm()
-        async with holding(bank):
-            await wire.until(lambda: outlets(rig)[3] > 27e3)
+        async with inflated(wire, rig, bank):
             rig.inject("valves", "node_down")
             await bank.supervisor.wait_for(ConnectionState.FAULT)
             epoch = readings.last.epoch
@@ -173,9 +175,7 @@ def test_refused_connections_are_retried_with_growing_waits(wire):
 
 def test_outputs_cleared_by_the_terminal_are_not_resumed(wire):
     async def body(rig, bank, readings):
-        bank.arm()
-        async with holding(bank) as task:
-            await wire.until(lambda: outlets(rig)[3] > 27e3)
+        async with inflated(wire, rig, bank) as task:
             rig.inject("valves", "watchdog_fired")
             await wire.until(task.done)
             await wire.until(lambda: bank.health.events["the terminal cleared its outputs"] == 1)
@@ -188,9 +188,7 @@ def test_outputs_cleared_by_the_terminal_are_not_resumed(wire):
 
 def test_a_second_master_is_noticed(wire):
     async def body(rig, bank, readings):
-        bank.arm()
-        async with holding(bank) as task:
-            await wire.until(lambda: outlets(rig)[3] > 27e3)
+        async with inflated(wire, rig, bank) as task:
             rig.inject("valves", "second_master", {"channel": 9, "mbar": 250})
             await wire.until(task.done)
             await wire.until(lambda: bank.health.events["another master wrote to the valves"] == 1)
@@ -202,9 +200,7 @@ def test_a_second_master_is_noticed(wire):
 @pytest.mark.parametrize("served", [True, False])
 def test_a_reset_after_a_request_ends_the_session_at_once(wire, served):
     async def body(rig, bank, readings):
-        bank.arm()
-        async with holding(bank):
-            await wire.until(lambda: outlets(rig)[3] > 27e3)
+        async with inflated(wire, rig, bank):
             began = rig.clock.now()
             rig.inject("valves", "drop_after_request", {"served": served})
             await bank.supervisor.wait_for(ConnectionState.FAULT)
@@ -218,9 +214,7 @@ def test_a_reset_after_a_request_ends_the_session_at_once(wire, served):
 
 def test_a_late_answer_is_discarded_by_its_transaction(wire):
     async def body(rig, bank, readings):
-        bank.arm()
-        async with holding(bank):
-            await wire.until(lambda: outlets(rig)[3] > 27e3)
+        async with inflated(wire, rig, bank):
             rig.inject("valves", "late_reply", {"delay_s": 0.13})
             await wire.until(lambda: bank.health.timeouts == 1)
             count = len(readings.all)
@@ -294,9 +288,7 @@ def test_below_zero_is_read_with_its_sign(wire):
 
 def test_a_faulty_valve_is_named_by_its_chamber(wire):
     async def body(rig, bank, readings):
-        bank.arm()
-        async with holding(bank):
-            await wire.until(lambda: outlets(rig)[3] > 27e3)
+        async with inflated(wire, rig, bank):
             rig.inject("valves", "valve_fault", {"channel": 3, "code": 31})
             await wire.until(lambda: readings.last.value.diagnosis[0] == 31)
             await wire.until(lambda: any("chamber 0" in str(a) for a in bank.health.alarms.standing))
@@ -328,9 +320,7 @@ def test_slow_answers_only_cost_time(wire):
 
 def test_missing_supply_shows_in_diagnosis_and_tracking(wire):
     async def body(rig, bank, readings):
-        bank.arm()
-        async with holding(bank):
-            await wire.until(lambda: outlets(rig)[3] > 27e3)
+        async with inflated(wire, rig, bank):
             rig.inject("valves", "supply_missing", {"mbar": 20.0})
             await wire.until(lambda: all(readings.last.value.diagnosis))
             await wire.until(lambda: readings.last.value.readback[0] < 3e3)
@@ -354,9 +344,7 @@ def test_a_terminal_without_watchdog_register_is_used_and_told(wire):
     async def body(rig, bank, readings):
         rig.inject("valves", "no_watchdog")
         await bank.connect()
-        bank.arm()
-        async with holding(bank):
-            await wire.until(lambda: outlets(rig)[3] > 27e3)
+        await inflate(wire, rig, bank)
         assert "watchdog" in bank.health.facts
 
     session(wire, body, connect=False)

@@ -12,6 +12,15 @@ from softarm.bench.trials.tables import score_tables
 from softarm.cli.output import json_option, progress, show
 from softarm.common.tables import Cell, Table
 
+jobs_option = click.option(
+    "--jobs",
+    "-j",
+    default=2,
+    show_default=True,
+    type=click.IntRange(1),
+    help="Number of trials to run in parallel.",
+)
+
 
 @click.command()
 @click.option(
@@ -32,14 +41,7 @@ from softarm.common.tables import Cell, Table
     show_default=True,
     help="Folder of reports and outcomes; an interrupted run resumes from it.",
 )
-@click.option(
-    "--jobs",
-    "-j",
-    default=2,
-    show_default=True,
-    type=click.IntRange(1),
-    help="Number of trials to run in parallel.",
-)
+@jobs_option
 @json_option
 def command(folder: Path, answers: Path | None, out: Path, jobs: int, as_json: bool) -> int:
     r"""Diagnose sealed trials, and score them where answers are given.

@@ -12,6 +12,7 @@ from acceptance.proof.page import renewed
 from acceptance.proof.schedule import SealedTrial, schedule
 from acceptance.proof.sensitivity import sensitivity_table
 from acceptance.proof.trial import Folders, forget, lay_out, name_of, record
+from softarm.bench.diagnosis import jobs_option
 from softarm.bench.trials.folders import Trial, read_answer, read_trials
 from softarm.bench.trials.outcome import read_outcomes
 from softarm.bench.trials.run import run_trials
@@ -38,14 +39,7 @@ the answers lie in a folder that only the scorer opens.
 @click.option(
     "--seed", default=1, show_default=True, help="Of the first trial of each kind; the others count on."
 )
-@click.option(
-    "--jobs",
-    "-j",
-    default=2,
-    show_default=True,
-    type=click.IntRange(1),
-    help="Number of trials to run in parallel.",
-)
+@jobs_option
 @click.option(
     "--folder",
     type=click.Path(path_type=Path),

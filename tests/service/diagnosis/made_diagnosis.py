@@ -1,9 +1,12 @@
 """Diagnoses as the pipeline returns them: of each verdict, and of an arm without chambers."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
+from softarm.analysis.diagnosis.html import page
 from softarm.estimator.diagnosis.result import (
     Baseline,
     Cell,
@@ -24,6 +27,7 @@ from softarm.estimator.diagnosis.result import (
     Trace,
     Unexplained,
 )
+from softarm.estimator.specimen import load_specimen
 from softarm.estimator.specimen.physics import Place
 
 TIME = np.linspace(0.0, 60.0, 900)
@@ -142,3 +146,9 @@ def without_chambers() -> Diagnosis:
     )
     beam = replace(diagnosis(), specimen="beam", verdict="explained", findings=(load,), not_testable=())
     return _told(beam, 236.0, 29.8, 0.31)
+
+
+@cache
+def page_of(made: Callable[[], Diagnosis]) -> str:
+    """Return the page of a diagnosis; drawing its figures takes a second."""
+    return page(made(), load_specimen("beam" if made is without_chambers else "sopra"))

@@ -26,6 +26,7 @@ from tests.service.diagnosis.made_diagnosis import (
     diagnosis,
     explained,
     finding,
+    page_of,
     trace,
     unexplained,
     without_chambers,
@@ -78,7 +79,7 @@ def words_of(address: str) -> str:
 
 @pytest.mark.parametrize("made", [diagnosis, consistent, explained, unexplained])
 def test_the_page_is_well_formed_and_fetches_nothing(made):
-    text = page(made(), load_specimen("sopra"))
+    text = page_of(made)
     found = read(text)
     assert found.open == []
     assert not found.elements & {"script", "link", "iframe", "object"}
@@ -89,7 +90,7 @@ def test_the_page_is_well_formed_and_fetches_nothing(made):
 
 
 def test_the_page_shows_each_finding_its_numbers_rivals_and_losers():
-    told = " ".join(read(page(diagnosis(), load_specimen("sopra"))).text.split())
+    told = " ".join(read(page_of(diagnosis)).text.split())
     for words in (
         finding().statement,
         "viscoelastic creep",
@@ -138,8 +139,7 @@ def test_a_consistent_diagnosis_names_nothing():
 
 
 def test_an_arm_without_chambers_gets_no_advice_on_pressures():
-    beam = load_specimen("beam")
-    told = read(page(without_chambers(), beam)).text
+    told = read(page_of(without_chambers)).text
     assert "external force, the tip section. To decide, record: the mount turned." in told
     assert "softarm excite" not in told
     assert "chamber driven" not in told
@@ -201,6 +201,6 @@ def test_the_file_is_written_whole_and_alike_each_time(tmp_path: Path):
 
 
 def test_the_page_states_how_large_an_effect_would_have_to_be():
-    text = read(page(consistent(), load_specimen("sopra"))).text
+    text = read(page_of(consistent)).text
     assert "tip payload" in text
     assert "12 g" in text

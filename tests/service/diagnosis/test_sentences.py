@@ -6,14 +6,13 @@ from dataclasses import replace
 import pytest
 
 from softarm.analysis.diagnosis import sentences
-from softarm.analysis.diagnosis.html import page
 from softarm.analysis.diagnosis.report import report_of
 from softarm.estimator.diagnosis.result import InnovationTest
-from softarm.estimator.specimen import load_specimen
 from tests.service.diagnosis.made_diagnosis import (
     consistent,
     diagnosis,
     explained,
+    page_of,
     unexplained,
     without_chambers,
 )
@@ -47,7 +46,7 @@ def test_page_terminal_and_json_agree(made):
     one = made()
     report = json.loads(report_of(one).dump())
     terminal = " ".join(sentences.summary(one))
-    text = page(one, load_specimen("beam" if made is without_chambers else "sopra"))
+    text = page_of(made)
     for key in ("normalised_rms_before", "normalised_rms_after"):
         shown = sentences.number(report["heldout"][key])
         assert shown in text

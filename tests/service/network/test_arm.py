@@ -11,8 +11,9 @@ import pytest
 from acceptance.reference.api_examples import EXAMPLES
 from softarm_client import Arm, CommandRefusedError, Mode, ServiceSilentError
 from softarm_client.commands import VERBS
-from softarm_client.messages import Mismatch, Stamp, State
+from softarm_client.messages import State
 from softarm_client.results import RESULTS, Pose
+from tests.service.standins import mismatch
 
 UNTYPED = {"lease/acquire", "lease/release", "teach/list"}
 
@@ -100,16 +101,7 @@ async def test_asynchronous_loop_over_the_stream_of_a_service_that_is_gone(arm, 
 
 
 def test_messages_of_a_newer_service_are_read(arm, served):
-    told = Mismatch(
-        stamp=Stamp(sequence=1, monotonic_ns=0, unix_ns=0, source="fake"),
-        consistent=True,
-        since_unix_ns=None,
-        where=(),
-        normalised_innovation_squared=None,
-        recording=None,
-        advice="none",
-    )
-    newer = json.loads(told.model_dump_json())
+    newer = json.loads(mismatch(1).model_dump_json())
     newer["stamp"]["source"], newer["stamp"]["host"], newer["seen_by"] = "twin", "lab", ["tip"]
     arrived, found = threading.Event(), []
 

@@ -9,25 +9,11 @@ from softarm.daemon.network.inbox import Inbox
 from softarm_client import Arm
 from softarm_client.commands import Applied, Refused
 from softarm_client.errors import CommandRefusedError, UnreachableError
-from softarm_client.messages import Mismatch, Stamp
 from softarm_client.session import NetworkSettings
-from tests.service.standins import listening_endpoint
+from tests.service.standins import listening_endpoint, mismatch
 
 STOPPED = Applied(verb="stop", mode="FAULTED", applied={"asked_pa": [0.0]})
 FREE_PORT = NetworkSettings(listen=("tcp/127.0.0.1:0",))
-
-
-def mismatch(sequence):
-    stamp = Stamp(sequence=sequence, monotonic_ns=0, unix_ns=0, source="fake")
-    return Mismatch(
-        stamp=stamp,
-        consistent=True,
-        since_unix_ns=None,
-        where=(),
-        normalised_innovation_squared=None,
-        recording=None,
-        advice="none",
-    )
 
 
 @pytest.fixture

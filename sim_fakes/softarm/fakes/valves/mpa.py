@@ -52,7 +52,36 @@ def signed(word: int) -> int:
     return word - 0x10000 if word & 0x8000 else word
 
 
-class MpaBank:
+class RegulatedValves:
+    """Proportional valves under the faults that both terminals share; arguments as of ``MpaBank``."""
+
+    def __init__(self, faults: FaultBoard, valves: int, figures: Regulators, seed: int, see: See) -> None:
+        self._faults = faults
+        self._figures = figures
+        self._pneumatics = Pneumatics(valves, figures, seed, see)
+        self._free = np.ones(valves, dtype=np.bool_)
+
+    def pressures(self) -> Floats:
+        """Return the gauge pressures at the outlets [Pa], shape (valves,)."""
+        return self._pneumatics.pressures
+
+    def _advance(self, time: float, setpoints: Floats) -> None:
+        self._free[:] = True
+        if stuck := self._faults.active("stuck_valve"):
+            self._free[int(stuck["channel"])] = False
+        missing = self._faults.active("supply_missing")
+        supply = float(missing["mbar"]) * MBAR if missing else self._figures.supply
+        self._pneumatics.advance(time, setpoints, supply, self._free)
+
+    def _words(self) -> list[int]:
+        """Return each valve's actual pressure as it is read [mbar, two's complement]."""
+        actual = np.rint(self._pneumatics.readings() / MBAR).astype(np.int64)
+        if offset := self._faults.active("reading_offset"):
+            actual[int(offset["channel"])] += int(offset["mbar"])
+        return [int(mbar) & 0xFFFF for mbar in actual]
+
+
+class MpaBank(RegulatedValves):
     """Proportional valves with set-points in mbar from output word 2 on.
 
     A negative set-point throws the regulator open, as the lab's code warns ("goes haywire").
@@ -73,13 +102,10 @@ class MpaBank:
         seed: int = 0,
         see: See = plainly,
     ) -> None:
+        super().__init__(faults, valves, figures or Regulators(), seed, see)
         self.modules = valves
         self.haywire = 0
-        self._faults = faults
-        self._figures = figures or Regulators()
-        self._pneumatics = Pneumatics(valves, self._figures, seed, see)
         self._echo = [0] * valves
-        self._free = np.ones(valves, dtype=np.bool_)
 
     def setpoint_word(self, channel: int) -> int:
         """Give the output word (from word 2 on) of a channel's set-point."""
@@ -92,26 +118,16 @@ class MpaBank:
         wild = setpoints < 0
         self.haywire += int(wild.any())
         setpoints = np.where(wild, self._figures.supply, setpoints)
-        self._free[:] = True
         if broken := self._faults.active("valve_fault"):
             setpoints[int(broken["channel"])] = 0.0
-        if stuck := self._faults.active("stuck_valve"):
-            self._free[int(stuck["channel"])] = False
-        self._pneumatics.advance(time, setpoints, self._supply(), self._free)
-
-    def pressures(self) -> Floats:
-        """Give the gauge pressures at the outlets [Pa], shape (valves,)."""
-        return self._pneumatics.pressures
+        self._advance(time, setpoints)
 
     def inputs(self) -> list[int]:
         """Give three words per valve: actual [mbar, two's complement], echo, diagnosis."""
-        actual = np.rint(self._pneumatics.readings() / MBAR).astype(np.int64)
-        if offset := self._faults.active("reading_offset"):
-            actual[int(offset["channel"])] += int(offset["mbar"])
         errors = self.errors()
         words: list[int] = []
-        for valve in range(self.modules):
-            words += [int(actual[valve]) & 0xFFFF, self._echo[valve], errors.get(valve + 1, 0)]
+        for valve, actual in enumerate(self._words()):
+            words += [actual, self._echo[valve], errors.get(valve + 1, 0)]
         return words
 
     def errors(self) -> Mapping[int, int]:
@@ -122,7 +138,3 @@ class MpaBank:
         if broken := self._faults.active("valve_fault"):
             errors[int(broken["channel"]) + 1] = int(broken["code"])
         return errors
-
-    def _supply(self) -> float:
-        missing = self._faults.active("supply_missing")
-        return float(missing["mbar"]) * MBAR if missing else self._figures.supply

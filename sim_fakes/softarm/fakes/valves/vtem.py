@@ -9,11 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.signals import See, plainly
-from softarm.fakes.valves.mpa import bank_faults, signed
-from softarm.fakes.valves.pneumatics import MBAR, Pneumatics, Regulators
+from softarm.fakes.valves.mpa import RegulatedValves, bank_faults, signed
+from softarm.fakes.valves.pneumatics import MBAR, Regulators
 
 SLOTS = 8
 PRESSURE_REGULATION, INACTIVE, ACKNOWLEDGE = 3, 61, 62
@@ -74,7 +73,7 @@ class _Slot:
             self.target, self.due = (mode, ERROR), time + DEACTIVATION_S
 
 
-class VtemBank:
+class VtemBank(RegulatedValves):
     """Sixteen valves in eight slots; a valve regulates only while its slot runs mode 3 with it selected.
 
     Args:
@@ -91,12 +90,9 @@ class VtemBank:
         seed: int = 0,
         see: See = plainly,
     ) -> None:
+        super().__init__(faults, 2 * SLOTS, figures, seed, see)
         self.modules = SLOTS
-        self._faults = faults
-        self._figures = figures
-        self._pneumatics = Pneumatics(2 * SLOTS, figures, seed, see)
         self._slots = [_Slot() for _ in range(SLOTS)]
-        self._free = np.ones(2 * SLOTS, dtype=np.bool_)
 
     def setpoint_word(self, channel: int) -> int:
         """Give the output word (from word 2 on) of a channel's set-point."""
@@ -116,31 +112,16 @@ class VtemBank:
                     slot.fail()
                     continue
                 setpoints[2 * number : 2 * number + 2] = wanted
-        stuck = self._faults.active("stuck_valve")
-        self._free[:] = True
-        if stuck:
-            self._free[int(stuck["channel"])] = False
-        self._pneumatics.advance(time, setpoints * MBAR, self._supply(), self._free)
-
-    def pressures(self) -> Floats:
-        """Give the gauge pressures at the outlets [Pa], shape (16,)."""
-        return self._pneumatics.pressures
+        self._advance(time, setpoints * MBAR)
 
     def inputs(self) -> list[int]:
         """Give three words per slot: status, actual of the first valve, of the second [mbar]."""
-        actual = np.rint(self._pneumatics.readings() / MBAR).astype(np.int64)
-        if offset := self._faults.active("reading_offset"):
-            actual[int(offset["channel"])] += int(offset["mbar"])
+        actual = self._words()
         words: list[int] = []
         for number, slot in enumerate(self._slots):
-            pair = (int(actual[2 * number]) & 0xFFFF, int(actual[2 * number + 1]) & 0xFFFF)
-            words += [slot.mode | slot.state << 6, *pair]
+            words += [slot.mode | slot.state << 6, *actual[2 * number : 2 * number + 2]]
         return words
 
     def errors(self) -> Mapping[int, int]:
         """Give the error number of each faulty slot, slots counted from 1."""
         return {number + 1: VALVE_ERROR for number, slot in enumerate(self._slots) if slot.state == ERROR}
-
-    def _supply(self) -> float:
-        missing = self._faults.active("supply_missing")
-        return float(missing["mbar"]) * MBAR if missing else self._figures.supply
