@@ -4,7 +4,7 @@ import pytest
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.accepted import accepted_physics, physics_entry
 from softarm.estimator.effects.excitation import inventory
-from softarm.estimator.effects.readings import from_vector, to_vector
+from softarm.estimator.effects.readings import with_offset
 from softarm.estimator.effects.world import World
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
@@ -93,8 +93,8 @@ def test_triangles_show_rates_amplitudes_and_cycles():
 def test_a_pose_keeps_its_place_and_turns_in_its_own_axes():
     turn = np.array([[0.2, -0.1, 0.4]])
     pose = np.concatenate([[[1.0, 2.0, 3.0]], to_quaternions(exp(turn))], axis=1)
-    assert np.allclose(from_vector(to_vector(pose), pose, np.zeros(3)), pose)
-    after = from_vector(to_vector(pose), pose, np.array([0.01, 0.0, 0.0]))
+    assert np.allclose(with_offset(pose, np.zeros(3)), pose)
+    after = with_offset(pose, np.array([0.01, 0.0, 0.0]))
     assert np.array_equal(after[:, :3], pose[:, :3])
     own = exp(-turn) @ from_quaternions(after[:, 3:])
     assert np.allclose(log(own), [[0.01, 0.0, 0.0]])

@@ -143,12 +143,7 @@ def _without_unknown_markers(recording: Recording, specimen: Specimen, notes: li
         )
     if unknown:
         notes.append(f"{recording.name}: markers {', '.join(unknown)} are not in the specimen and left out.")
-    columns = {
-        name: values
-        for name, values in recording.columns.items()
-        if not any(name.startswith(f"marker_{marker}_") for marker in unknown)
-    }
-    return replace(recording, columns=columns)
+    return _without_columns(recording, [f"marker_{marker}_" for marker in unknown])
 
 
 def _without_repeated_bends(recording: Recording, specimen: Specimen, notes: list[str]) -> Recording:
@@ -164,12 +159,12 @@ def _without_repeated_bends(recording: Recording, specimen: Specimen, notes: lis
                 repeated.append(section)
     if repeated:
         notes.append(f"{recording.name}: bends of {', '.join(repeated)} repeat the frames and are left out.")
-    columns = {
-        name: values
-        for name, values in recording.columns.items()
-        if not any(name.startswith(f"bend_{section}_") for section in repeated)
-    }
-    return replace(recording, columns=columns)
+    return _without_columns(recording, [f"bend_{section}_" for section in repeated])
+
+
+def _without_columns(recording: Recording, prefixes: Sequence[str]) -> Recording:
+    kept = {n: v for n, v in recording.columns.items() if not n.startswith(tuple(prefixes))}
+    return replace(recording, columns=kept)
 
 
 def _tilt(above: Floats, below: Floats) -> Floats:

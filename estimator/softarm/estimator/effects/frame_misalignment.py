@@ -4,11 +4,8 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
-from softarm.estimator.effects.readings import from_vector, to_vector
-from softarm.estimator.effects.world import (
-    Spot,
-    sensors,
-)
+from softarm.estimator.effects.readings import with_offset
+from softarm.estimator.effects.world import Spot, sensors
 
 BEND = 2  # entries of a reading of two bend angles
 
@@ -19,8 +16,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
     if signals.reading.shape[-1] == BEND:
         turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
         return signals.reading @ turn.T, memory
-    vector = to_vector(signals.reading)
-    return from_vector(vector, signals.reading, np.array([0.0, 0.0, yaw])), memory
+    return with_offset(signals.reading, np.array([0.0, 0.0, yaw])), memory
 
 
 EFFECT = Effect(

@@ -1,9 +1,9 @@
-"""Readings as vectors that small errors are added to: angles and places as they are, frames by their turn."""
+"""Readings with small errors added: to angles and places as they are, to frames as rotations."""
 
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.rotations import exp, from_quaternions, log, to_quaternions
+from softarm.estimator.rotations import exp, from_quaternions, to_quaternions
 
 QUATERNION = 4
 """Entries of an orientation; a pose has as many after its place."""
@@ -14,24 +14,19 @@ def turns(reading: Floats) -> bool:
     return reading.shape[-1] in (QUATERNION, 3 + QUATERNION)
 
 
-def to_vector(reading: Floats) -> Floats:
-    """Return the rotation vector of an orientation or a pose, else the value, shape (samples, size)."""
-    if not turns(reading):
-        return reading
-    return log(from_quaternions(reading[:, -QUATERNION:]))
-
-
-def from_vector(vector: Floats, reading: Floats, offset: Floats) -> Floats:
-    """Return the reading that a vector stands for, an offset added in the sensor's own axes.
+def with_offset(reading: Floats, offset: Floats) -> Floats:
+    """Add an offset in the sensor's own axes: to angles and places as it is, to a frame as a rotation.
 
     Args:
-        vector: As from ``to_vector``, shape (samples, size).
-        reading: The reading whose place a pose keeps, shape (samples, entries).
-        offset: Added to angles; the rotation vector of a further turn of a frame; shape (size,) or
-            (samples, size).
+        reading: Shape (samples, entries).
+        offset: Rotation vector, or what is added to a value; entries that it lacks are zero, shape (size,)
+            or (samples, size).
     """
+    whole = np.zeros((len(reading), 3 if turns(reading) else reading.shape[-1]))
+    size = min(whole.shape[1], offset.shape[-1])
+    whole[:, :size] = offset[..., :size]
     if not turns(reading):
-        changed: Floats = vector + offset
+        changed: Floats = reading + whole
         return changed
-    quaternions = to_quaternions(exp(vector) @ exp(np.broadcast_to(offset, vector.shape)))
+    quaternions = to_quaternions(from_quaternions(reading[:, -QUATERNION:]) @ exp(whole))
     return np.concatenate([reading[:, :-QUATERNION], quaternions], axis=-1)

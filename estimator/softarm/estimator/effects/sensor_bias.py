@@ -1,22 +1,14 @@
 """A sensor with a constant offset in its own axes: added to angles, a small turn of a frame."""
 
-import numpy as np
-
 from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
-from softarm.estimator.effects.readings import from_vector, to_vector
-from softarm.estimator.effects.world import (
-    Spot,
-    sensors,
-)
+from softarm.estimator.effects.readings import with_offset
+from softarm.estimator.effects.world import Spot, sensors
 
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
     """Offset the reading."""
-    vector = to_vector(signals.reading)
-    offset = np.zeros(vector.shape[-1])
-    offset[:2] = theta[: len(offset)]
-    return from_vector(vector, signals.reading, offset), memory
+    return with_offset(signals.reading, theta), memory
 
 
 EFFECT = Effect(

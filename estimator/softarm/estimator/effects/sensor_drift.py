@@ -1,22 +1,14 @@
 """A sensor whose offset grows with the clock, whatever the arm does."""
 
-import numpy as np
-
 from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
-from softarm.estimator.effects.readings import from_vector, to_vector
-from softarm.estimator.effects.world import (
-    Spot,
-    sensors,
-)
+from softarm.estimator.effects.readings import with_offset
+from softarm.estimator.effects.world import Spot, sensors
 
 
 def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
     """Offset the reading with the clock."""
-    vector = to_vector(signals.reading)
-    rate = np.zeros(vector.shape[-1])
-    rate[:2] = theta[: len(rate)]
-    return from_vector(vector, signals.reading, signals.time[:, None] * rate), memory
+    return with_offset(signals.reading, signals.time[:, None] * theta), memory
 
 
 EFFECT = Effect(
