@@ -1,22 +1,27 @@
 """``softarm bench mesh``: how far each kind of mesh is from a converged answer."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import click
 import numpy as np
 
 from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.common.tables import Cell, Table
-from softarm.estimator.arm import model_on_mesh
+from softarm.estimator.arm import build_arm, model_on_mesh
 from softarm.estimator.geometry import DEFAULTS, Resolution, build_mesh
 from softarm.estimator.geometry.convert import to_elements
 from softarm.estimator.mesh import ElementKind
+from softarm.estimator.rotations import log
 from softarm.estimator.specimen import SHIPPED, Specimen, load_specimen
 
 LARGEST_ERROR = 0.015
 LARGEST_SPREAD = 0.01
 INCOMPRESSIBLE = 0.499
+
+
+SHARES = (0.05, 0.3, 0.6)
+"""Of the pressure limit, at which the first chamber alone bends the arm."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +80,31 @@ def respond(specimen: Specimen, trial: MeshTrial) -> Response:
             turn = twists[below, 3:, first] - twists[below - 1, 3:, first]
             values[segment.name] = float(np.linalg.norm(turn))
     return Response(len(mesh.points), sum(len(block.connectivity) for block in mesh.blocks), values)
+
+
+def bends(specimen: Specimen, resolution: Resolution) -> list[float]:
+    """Rotate the last section by the first chamber at each of ``SHARES`` [degrees]; NaN where not solved."""
+    model = build_arm(specimen, (), resolution)
+    state, found = model.rest(), []
+    for share in SHARES:
+        pressures = share * specimen.pressure_limits[0] * np.eye(model.chambers)[0]
+        solution = model.equilibrium(replace(model.no_inputs(), pressures=pressures), state)
+        state = solution.value
+        rotations = model.section_frames(state).rotations
+        turn = np.linalg.norm(log((rotations[-1] @ rotations[0].T)[None]))
+        found.append(float(np.degrees(turn)) if solution.converged else np.nan)
+    return found
+
+
+def bend_table(specimen: Specimen) -> Table:
+    """Compare how far an arm bends with its default mesh and with every edge of it halved."""
+    default = DEFAULTS[specimen.geometry.kind]
+    coarse, fine = bends(specimen, default), bends(specimen, default.refined(2))
+    rows: list[dict[str, Cell]] = [
+        {"share of limit": share, "default_deg": one, "halved_deg": two, "percent": 100.0 * (one / two - 1.0)}
+        for share, one, two in zip(SHARES, coarse, fine, strict=True)
+    ]
+    return Table(f"{specimen.name}: bend with chamber 0 alone under pressure", rows)
 
 
 def trials(specimen: Specimen) -> Iterator[tuple[str, MeshTrial]]:
@@ -155,9 +185,10 @@ def judge(errors: dict[str, float]) -> list[dict[str, Cell]]:
 @click.option(
     "--specimen", "names", multiple=True, default=("sopra",), help=f"Specimen; shipped: {', '.join(SHIPPED)}."
 )
+@click.option("--bends", "bending", is_flag=True, help="Only bend the arm: its default mesh and a finer one.")
 @quick_option
 @json_option
-def command(names: tuple[str, ...], quick: bool, as_json: bool) -> int:
+def command(names: tuple[str, ...], bending: bool, quick: bool, as_json: bool) -> int:
     r"""Compare the meshes of a specimen with its default mesh, refined.
 
     Ratios of small-load responses: the tip's displacement per lateral tip force, and each segment's rotation
@@ -169,6 +200,9 @@ def command(names: tuple[str, ...], quick: bool, as_json: bool) -> int:
     """
     tables, passed = [], True
     specimens = [load_specimen(name) for name in names]
+    if bending:
+        show(*map(bend_table, specimens), as_json=as_json)
+        return 0
     with progress("Meshes", 15 * len(specimens)) as advance:
         for specimen in specimens:
             rows, errors, reference = measure(specimen, quick, advance)

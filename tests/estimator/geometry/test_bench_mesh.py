@@ -5,7 +5,7 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from acceptance.mesh import MeshTrial, command, judge, respond
+from acceptance.mesh import SHARES, MeshTrial, bend_table, bends, command, judge, respond
 from softarm.estimator.geometry import DEFAULTS
 from softarm.estimator.specimen import load_specimen
 
@@ -34,3 +34,12 @@ def test_the_command_prints_json_and_passes_the_beam() -> None:
     table, verdict = json.loads(result.stdout)["tables"]
     assert {"mesh", "nodes", "elements", "force"} == set(table["rows"][0])
     assert all(row["passes"] for row in verdict["rows"])
+
+
+def test_bends_under_pressure_are_compared_with_a_finer_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    specimen = load_specimen("single_segment")
+    coarse = bends(specimen, DEFAULTS["quadrant_cylinder"])
+    assert 0.0 < coarse[0] < coarse[1] < coarse[2]
+    assert coarse[2] / coarse[0] > SHARES[2] / SHARES[0]  # the chambers widen as they stretch
+    monkeypatch.setattr("acceptance.mesh.bends", lambda _, r: [x / r.refinement for x in coarse])
+    assert [row["percent"] for row in bend_table(specimen).rows] == pytest.approx([100.0] * 3)
