@@ -40,7 +40,7 @@ class Request(Message):
     )
     client: str = Field(
         pattern=CLIENT_NAME,
-        description="Who asks, for people to read: 1 to 40 letters, digits, spaces and any of `_.@-`.",
+        description="Name of the caller, shown to people: 1 to 40 letters, digits, spaces and any of `_.@-`.",
     )
     sent_unix_ns: int | None = Field(
         default=None,

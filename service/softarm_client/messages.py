@@ -135,7 +135,7 @@ class Estimate(Message):
     model: Annotated[Literal["fem", "rod"], OrNewer]
     loads: tuple[LoadEstimate, ...]
     contact: Contact | None = Field(description="Null where the location cannot be observed.")
-    in_contact: bool = Field(description="Whether an external force stands out of the noise.")
+    in_contact: bool = Field(description="Whether an external force is distinguishable from noise.")
     tare_n: tuple[Vector, ...] = Field(description="Force taken as zero, one a load.")
     normalised_residual: float | None = Field(
         description="Root mean square of the whitened residual: about 1 when model and measurements agree."

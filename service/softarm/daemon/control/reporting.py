@@ -71,7 +71,7 @@ class Reporter:
     def contact(self, began: bool) -> None:
         """Report that a contact began or ended."""
         kind: Kind = "contact_begin" if began else "contact_end"
-        words = "an external force stands out" if began else "the external force is back in the noise"
+        words = "an external force acts" if began else "no external force acts any more"
         self._happened(kind, self._arm, words)
 
     def command(self, answer: Mapping[str, object]) -> None:
