@@ -166,7 +166,7 @@ def render() -> str:
         "",
         "## Streams",
         "",
-        "Published without waiting: a slow subscriber misses messages. One that joins late gets the last one.",
+        "Published without waiting: a slow subscriber misses messages. A late one gets the last one.",
         "",
     ]
     for name, model in STREAMS.items():
