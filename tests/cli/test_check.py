@@ -40,6 +40,15 @@ def test_a_file_that_is_wrong_is_refused_by_field(
     assert named in told
 
 
+def test_a_folder_is_refused_with_the_command_that_reads_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["check", str(tmp_path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "is a folder" in line
+    assert "softarm estimate" in line
+
+
 def test_the_example_of_the_laboratory_is_valid(capsys: pytest.CaptureFixture[str]) -> None:
     example = Path(__file__).parents[2] / "deploy" / "config" / "sopra.toml"
     assert run(["check", str(example), "--json"]) == 0

@@ -46,6 +46,12 @@ def command(file: str, plot: Path | None, as_json: bool) -> int:
 
 def _is_configuration(file: str) -> bool:
     path = Path(file)
+    if path.is_dir():
+        raise InputError(
+            file,
+            "is a folder",
+            "give a TOML file; `softarm plot` draws a recording, and `softarm estimate` checks it",
+        )
     if not path.is_file():
         return False
     try:

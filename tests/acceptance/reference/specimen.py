@@ -49,6 +49,18 @@ TABLES: tuple[tuple[str, type[BaseModel]], ...] = (
     ("`[physics.where]`", Place),
     ("`[physics.parameters.NAME]`", Parameter),
 )
+EXAMPLES: dict[type[BaseModel], str] = {
+    MeshFile: """\
+[geometry]
+kind = "mesh_file"
+path = "arm.msh"
+metres_per_unit = 0.001                             # the mesh was drawn in millimetres
+regions = { upper = "silicone", tip = "end_plate" } # a segment and a section: their volumes' groups
+chamber_surfaces = { 0 = "wall_a", 1 = "wall_b", 2 = "wall_c" }
+clamp = "flange"
+""",
+}
+"""Of tables that no shipped specimen has."""
 UNITS = {
     "_kg_m3": "kg/m3",
     "_m_s2": "m/s2",
@@ -94,6 +106,8 @@ def _table(title: str, model: type[BaseModel]) -> str:
         key = field.alias or name
         meaning = _one_line(field.description or "").replace("|", r"\|")
         lines.append(f"| `{key}` | {_unit(key)} | {_kind(field)} | {_default(field)} | {meaning} |")
+    if model in EXAMPLES:
+        lines += ["", f"```toml\n{EXAMPLES[model]}```"]
     return "\n".join(lines) + "\n"
 
 

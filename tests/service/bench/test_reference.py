@@ -1,5 +1,6 @@
 """The reference pages say what the models read."""
 
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,13 @@ DOCS = Path(__file__).parents[3] / "docs"
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_is_in_step_with_the_definitions(name):
     assert (DOCS / name).read_text("utf-8") == PAGES[name](), "run: softarm bench reference"
+
+
+def test_examples_are_valid_tables():
+    assert specimen.EXAMPLES
+    for model, text in specimen.EXAMPLES.items():
+        (table,) = tomllib.loads(text).values()
+        assert set(table) == set(model.model_validate(table).model_dump(exclude_unset=True))
 
 
 def test_every_key_of_the_configuration_has_a_meaning():
