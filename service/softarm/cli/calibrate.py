@@ -70,7 +70,7 @@ def command(
         most_solves,
         section_forces,
     )
-    from softarm.estimator.calibration.complaints import complaints
+    from softarm.estimator.calibration.data_quality import data_quality_notes
     from softarm.estimator.diagnosis.admit import LEAST_SAMPLES
     from softarm.estimator.errors import InputError
     from softarm.estimator.node_by_node import NodeByNode
@@ -94,8 +94,8 @@ def command(
     model = build_arm(robot, loads=loads).without_snaps()
     runs = [arrange(recording, robot, model.sections, loads) for recording in loaded]
     for recording, run in zip(loaded, runs, strict=True):
-        for complaint in complaints(recording, run):
-            say(complaint)
+        for note in data_quality_notes(recording, run):
+            say(note)
         if run.ignored_markers:
             say(f"{run.name}: the specimen does not name markers {', '.join(run.ignored_markers)}")
     if out is None:

@@ -17,7 +17,7 @@ from softarm.estimator.calibration import (
     calibrated_specimen,
     section_forces,
 )
-from softarm.estimator.calibration.complaints import complaints
+from softarm.estimator.calibration.data_quality import data_quality_notes
 from softarm.estimator.recording import Recording
 from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.specimen import Specimen, save_specimen
@@ -118,7 +118,7 @@ def run_live(
         tables = tuple(_alone(table, seed) for table in tables_of((result,)))
         plot_results((result,), plots)
     write_json((result,), out / f"{name}.json", WAY)
-    notes = (*complaints_of(known, done), WAY)
+    notes = (*data_quality_notes_of(known, done), WAY)
     return (*tables[:-1], replace(tables[-1], notes=(*tables[-1].notes, *notes))), result
 
 
@@ -129,10 +129,12 @@ def _alone(table: Table, seed: int) -> Table:
     return replace(table, rows=[{name: row.get(name) for name in names} for row in table.rows], notes=notes)
 
 
-def complaints_of(specimen: Specimen, recordings: Sequence[Recording]) -> tuple[str, ...]:
+def data_quality_notes_of(specimen: Specimen, recordings: Sequence[Recording]) -> tuple[str, ...]:
     """Name what the recordings lack."""
     loads = section_forces(specimen)
-    return tuple(told for r in recordings for told in complaints(r, arrange(r, specimen, None, loads)))
+    return tuple(
+        told for r in recordings for told in data_quality_notes(r, arrange(r, specimen, None, loads))
+    )
 
 
 def _calibrated(

@@ -16,7 +16,7 @@ from softarm.estimator.calibration import (
     calibrate,
     check_drift,
 )
-from softarm.estimator.calibration.complaints import complaints
+from softarm.estimator.calibration.data_quality import data_quality_notes
 from softarm.estimator.calibration.nodes import choose_nodes
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Load
@@ -89,7 +89,8 @@ def test_a_saturated_gauge_is_refused(sopra: Specimen, name: str) -> None:
 def test_a_gauge_within_its_range_is_not(sopra: Specimen, name: str) -> None:
     recording = moved(WHOLE[name])
     assert not any(
-        "saturated" in told for told in complaints(recording, arrange(recording, sopra, SECTIONS, LOADS))
+        "saturated" in told
+        for told in data_quality_notes(recording, arrange(recording, sopra, SECTIONS, LOADS))
     )
 
 
@@ -100,7 +101,7 @@ def test_a_gauge_that_tells_nothing_beyond_its_range_is_named(sopra: Specimen) -
         (there_and_back, False),
     ):
         recording = moved(tension)
-        found = complaints(recording, arrange(recording, sopra, SECTIONS, LOADS))
+        found = data_quality_notes(recording, arrange(recording, sopra, SECTIONS, LOADS))
         assert [": saturated gauge: silent for" in line for line in found] == [True] * said
 
 
@@ -110,7 +111,7 @@ def test_a_gauge_that_tells_nothing_beyond_its_range_is_named(sopra: Specimen) -
 )
 def test_a_gauge_that_tells_nothing_is_named(sopra: Specimen, tension: float, message: str) -> None:
     recording = gauged(np.full(400, tension))
-    (told,) = complaints(recording, arrange(recording, sopra, SECTIONS, LOADS))
+    (told,) = data_quality_notes(recording, arrange(recording, sopra, SECTIONS, LOADS))
     assert told.startswith("run, gauge cord: ")
     assert re.search(message, told)
 
@@ -119,7 +120,7 @@ def test_a_disconnected_sensor_is_named_with_what_to_record(sopra: Specimen) -> 
     base = record(duration=20.0)
     lost = {name: np.full_like(column, np.nan) for name, column in base.columns.items() if "bend_tip" in name}
     recording = Recording("run", base.time, {**base.columns, **lost})
-    (told,) = complaints(recording, arrange(recording, sopra, SECTIONS))
+    (told,) = data_quality_notes(recording, arrange(recording, sopra, SECTIONS))
     assert told == (
         "run, bend_tip: never answered; connect it or bring its markers into view, "
         "and record poses of more than 10 degrees"
@@ -161,7 +162,7 @@ def test_motion_without_known_forces_is_refused(
 
 def test_a_recording_without_fault_is_not_complained_of(sopra: Specimen) -> None:
     recording = gauged(np.linspace(0.0, 1.0, 400))
-    assert complaints(recording, arrange(recording, sopra, SECTIONS, LOADS)) == ()
+    assert data_quality_notes(recording, arrange(recording, sopra, SECTIONS, LOADS)) == ()
 
 
 def test_nodes_of_a_pulled_run_are_chosen_where_it_rests(sopra: Specimen) -> None:

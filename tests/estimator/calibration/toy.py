@@ -39,8 +39,8 @@ class ToyStep:
         return np.zeros(len(rows)), rows @ twists(self.frames, moved).T
 
     def full_response(self, rows: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        drift, by_input = self.response(rows)
-        return drift, by_input, np.zeros((len(rows), 3)), self.parameter_response(rows)
+        drift, input_jacobian = self.response(rows)
+        return drift, input_jacobian, np.zeros((len(rows), 3)), self.parameter_response(rows)
 
     def parameter_response(self, rows: Floats) -> Floats:
         scales = self.model.scales + STEP * np.eye(2)

@@ -56,9 +56,11 @@ class StraightModel:
         response = arm.respond(replace(arm.drive, eigenstrains=elastic + free))
         by_strain = arm.baseline.eigenstrain_jacobian
         softened = np.linalg.lstsq(by_strain[0], arm.baseline.input_jacobian[0], rcond=None)[0]
-        by_input = by_strain[0] @ (softened / np.repeat(size, 4)[:, None])
+        input_jacobian = by_strain[0] @ (softened / np.repeat(size, 4)[:, None])
         by_factor = -np.einsum("trgk,tgk->trg", by_strain.reshape(samples, -1, 2, 4), elastic)
-        return replace(response, input_jacobian=np.tile(by_input, (samples, 1, 1)), factor_jacobian=by_factor)
+        return replace(
+            response, input_jacobian=np.tile(input_jacobian, (samples, 1, 1)), factor_jacobian=by_factor
+        )
 
 
 @cache

@@ -6,10 +6,10 @@ from typing import cast
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis.fit import Ground, View, fit_effects
+from softarm.estimator.diagnosis.fit import MarginalisedProblem, RecordingResidual, fit_effects
 from softarm.estimator.diagnosis.gaussian import Gaussian
-from softarm.estimator.diagnosis.gram import products_of, total
 from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.normal_equations import normal_equations, total
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.placed import PlacedEffect
@@ -30,21 +30,23 @@ class Runaway:
         return SHAPE * (size / (1.0 + size) if exact else size)
 
 
-def ground() -> Ground:
+def problem() -> MarginalisedProblem:
     left = SHAPE * SIZE / (1.0 + SIZE) + np.random.default_rng(3).normal(0.0, 1e-3, SHAPE.shape)
     weight, blocks = np.full(SHAPE.shape, 1e3), np.zeros(len(SHAPE), dtype=int)
     common, unseen = np.ones((*SHAPE.shape, 1), dtype=np.float32), np.zeros(len(SHAPE), dtype=bool)
-    parts = products_of(left, common, np.full(SHAPE.shape, 1e-3), blocks, unseen, unseen, 0, nominal=False)
-    view = View(cast("Stage", Runaway()), left * weight, weight, (common * 1e3).reshape(-1, 1))
-    return Ground.of([view], Gaussian(np.zeros(1), np.eye(1)), 1.0, total(parts, 1))
+    parts = normal_equations(
+        left, common, np.full(SHAPE.shape, 1e-3), blocks, unseen, unseen, 0, nominal=False
+    )
+    view = RecordingResidual(cast("Stage", Runaway()), left * weight, weight, (common * 1e3).reshape(-1, 1))
+    return MarginalisedProblem.of([view], Gaussian(np.zeros(1), np.eye(1)), 1.0, total(parts, 1))
 
 
 @pytest.mark.parametrize("start", [-0.05, -0.45, 0.2])
 def test_a_fit_on_the_model_itself_follows_a_strong_effect(start: float) -> None:
     """The slope at the truth is twice that of the linearisation."""
     effect = Hypothesis(EFFECTS["segment_stiffness"], Place(segment="upper"))
-    linear = fit_effects(ground(), (effect,), (np.array([start]),))
-    exact = fit_effects(ground(), (effect,), (np.array([start]),), exact=True)
+    linear = fit_effects(problem(), (effect,), (np.array([start]),))
+    exact = fit_effects(problem(), (effect,), (np.array([start]),), exact=True)
     assert linear.thetas[0][0] == pytest.approx(SIZE / (1.0 + SIZE), abs=1e-3)
     assert exact.thetas[0][0] == pytest.approx(SIZE, abs=1e-3)
     assert exact.gain > 0.99 * linear.gain

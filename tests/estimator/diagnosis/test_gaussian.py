@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from softarm.estimator.diagnosis.gaussian import Factor, Gaussian, Marginal
-from softarm.estimator.diagnosis.gram import products_of, renewed, total, with_columns
+from softarm.estimator.diagnosis.normal_equations import normal_equations, renewed, total, with_columns
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ BLOCKS = np.arange(40) // 10
 
 def _products(residual: np.ndarray, columns: np.ndarray) -> list:
     scale = np.array([0.1, 0.2])
-    return products_of(
+    return normal_equations(
         residual, columns, scale, BLOCKS, np.zeros(40, dtype=bool), np.zeros(40, dtype=bool), 0, nominal=False
     )
 
@@ -55,7 +55,7 @@ def test_products_of_another_residual_and_of_more_columns(data: tuple[np.ndarray
     other = np.where(np.isfinite(residual), residual - 0.3, np.nan)
     for a, b in zip(renewed(first, other, columns, scale, BLOCKS), _products(other, columns), strict=True):
         assert a.vector == pytest.approx(b.vector)
-        assert a.power == pytest.approx(b.power)
+        assert a.sum_of_squares == pytest.approx(b.sum_of_squares)
     wider = with_columns(first, residual, columns[..., :], columns[..., 2:4] ** 2, scale, BLOCKS)
     direct = _products(residual, np.concatenate([columns, columns[..., 2:4] ** 2], axis=-1))
     for a, b in zip(wider, direct, strict=True):

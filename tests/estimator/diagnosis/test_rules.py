@@ -24,7 +24,6 @@ from softarm.estimator.diagnosis.conclude import unproven
 from softarm.estimator.diagnosis.diagnose import Decision, disagreement
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
-from softarm.estimator.diagnosis.gram import Products, products_of
 from softarm.estimator.diagnosis.judge import (
     CERTAIN,
     HETEROGENEITY,
@@ -36,6 +35,7 @@ from softarm.estimator.diagnosis.judge import (
 )
 from softarm.estimator.diagnosis.library import Direction, Hypothesis, Library
 from softarm.estimator.diagnosis.nominal import MATERIAL, evidence_of_change, prior_before
+from softarm.estimator.diagnosis.normal_equations import NormalEquations, normal_equations
 from softarm.estimator.diagnosis.screen import null_scores, screen
 from softarm.estimator.diagnosis.sizes import fragments
 from softarm.estimator.diagnosis.unnamed import BETTER, SURE, FreeLaw, better_law
@@ -86,7 +86,7 @@ def test_a_candidate_is_accepted_where_it_holds_is_material_and_no_chance(change
     assert judgement(**changes).accepted is accepted
 
 
-def recordings(sizes: list[float], noise: float = 1.0) -> list[Products]:
+def recordings(sizes: list[float], noise: float = 1.0) -> list[NormalEquations]:
     """Recordings with one common column, and one of a candidate whose size differs between them."""
     found = []
     for number, size in enumerate(sizes):
@@ -95,11 +95,11 @@ def recordings(sizes: list[float], noise: float = 1.0) -> list[Products]:
         residual = size * columns[..., 1] + noise * rng.normal(size=(SAMPLES, 1))
         none = np.zeros(SAMPLES, dtype=bool)
         blocks = np.zeros(SAMPLES, dtype=int)
-        found += products_of(residual, columns, np.ones(1), blocks, none, none, number, nominal=False)
+        found += normal_equations(residual, columns, np.ones(1), blocks, none, none, number, nominal=False)
     return found
 
 
-def judged_on(parts: list[Products]) -> Judgement:
+def judged_on(parts: list[NormalEquations]) -> Judgement:
     costs = fold_costs(parts, Gaussian(np.zeros(1), 1e-4 * np.eye(1)), 1.0, 1)
     return judge(costs, np.random.default_rng(0), 0.0, 50.0)
 
@@ -155,7 +155,7 @@ def test_only_what_predicts_the_folds_about_as_well_as_the_best_may_be_accepted(
     none = np.full(5, 400.0)
     search = SimpleNamespace(
         rng=np.random.default_rng(0),
-        price=5.0,
+        bic_penalty=5.0,
         predicted=lambda one, _: FoldCosts(none, folds[one.number], none, none, none, none),
         only_moves=lambda _: False,
     )
@@ -220,7 +220,7 @@ def test_the_noise_is_learnt_by_channel_and_thinned_by_its_memory():
     assert weights.scale["a"] == pytest.approx(0.5, rel=0.05)
     assert weights.scale["b"] == 20.0  # never below the sensor's noise
     lengths = 0.5 * (1.0 + (1.0 + 0.9) / (1.0 - 0.9))
-    assert weights.share == pytest.approx(1.0 / lengths, rel=0.4)
+    assert weights.effective_sample_fraction == pytest.approx(1.0 / lengths, rel=0.4)
 
 
 def test_a_weak_second_effect_has_to_be_told_from_none():
@@ -251,16 +251,16 @@ class ArmOfOneEffect:
             for part in self._recorded(number, 0.0 if number < 3 else change, nominal=number < 3)
         ]
 
-    def _recorded(self, number: int, change: float, *, nominal: bool) -> list[Products]:
+    def _recorded(self, number: int, change: float, *, nominal: bool) -> list[NormalEquations]:
         rng = np.random.default_rng([9, number])
         columns = rng.normal(size=(SAMPLES, 1, 2))
         truth = np.array([0.4, 0.1 + change])
         residual = columns @ truth + 0.05 * rng.normal(size=(SAMPLES, 1))
         none, blocks = np.zeros(SAMPLES, dtype=bool), np.zeros(SAMPLES, dtype=int)
         scale = np.full(1, 0.05)
-        return products_of(residual, columns, scale, blocks, none, none, number, nominal=nominal)
+        return normal_equations(residual, columns, scale, blocks, none, none, number, nominal=nominal)
 
-    def products(self, weights: object) -> list[Products]:
+    def products(self, weights: object) -> list[NormalEquations]:
         return self.parts
 
     def prior(self, background: float, form: float) -> Gaussian:
@@ -272,7 +272,7 @@ class ArmOfOneEffect:
 
 def change_seen(change: float) -> float:
     arm = cast("Any", ArmOfOneEffect(change))
-    prior, width = prior_before(arm, cast("Any", SimpleNamespace(share=1.0)))
+    prior, width = prior_before(arm, cast("Any", SimpleNamespace(effective_sample_fraction=1.0)))
     assert prior.mean == pytest.approx([0.4, 0.1], abs=0.02)
     assert width < MATERIAL
     return evidence_of_change(arm, prior, width, [part for part in arm.parts if not part.nominal], 1.0)
@@ -300,7 +300,7 @@ def chosen(*fits: Fit, gain: float = 100.0) -> ChosenEffects:
 )
 def test_a_law_without_a_name_has_to_outdo_what_has_one(monkeypatch, delta_bic, found):
     monkeypatch.setattr(unnamed, "laws", lambda _: [FreeLaw(TIP, "pose", delta_bic)])
-    search = cast("Any", SimpleNamespace(price=5.0))
+    search = cast("Any", SimpleNamespace(bic_penalty=5.0))
     law = better_law(search, chosen(fit_of("tip_payload", 0.02)))
     assert (law is not None) is found
     assert law is None or law.nearest == ("tip_payload",)
@@ -336,7 +336,7 @@ def test_the_verdict_follows_from_findings_and_what_is_left(found, changed, doub
 def searching(library: Library) -> Search:
     return Search(
         cast("Any", SimpleNamespace(library=library)),
-        cast("Any", SimpleNamespace(share=1.0)),
+        cast("Any", SimpleNamespace(effective_sample_fraction=1.0)),
         Gaussian(np.zeros(0), np.zeros((0, 0))),
         np.random.default_rng(0),
     )
@@ -363,7 +363,7 @@ def test_a_force_along_the_arm_beside_a_material_law_is_its_stretch_unless_it_we
         assert search.another_stretch(pulled, [material]) is stretches
 
 
-def confirming(left: float) -> list[Products]:
+def confirming(left: float) -> list[NormalEquations]:
     """Stretches that confirm, with residuals of a size."""
     found = []
     for number in range(8):
@@ -372,7 +372,7 @@ def confirming(left: float) -> list[Products]:
         held = np.ones(SAMPLES, dtype=bool)
         blocks, none = np.zeros(SAMPLES, dtype=int), np.zeros(SAMPLES, dtype=bool)
         columns = rng.normal(size=(SAMPLES, 1, 1))
-        found += products_of(residual, columns, np.ones(1), blocks, held, none, number, nominal=False)
+        found += normal_equations(residual, columns, np.ones(1), blocks, held, none, number, nominal=False)
     return found
 
 
@@ -382,7 +382,7 @@ def test_an_effect_has_to_predict_the_confirming_stretches(useful, lost):
     search = SimpleNamespace(
         parts=lambda own: confirming(1.0 if own is None or not useful else 0.0),
         prior=Gaussian(np.zeros(1), 1e-4 * np.eye(1)),
-        weights=SimpleNamespace(share=1.0),
+        weights=SimpleNamespace(effective_sample_fraction=1.0),
         evidence=SimpleNamespace(size=1),
         rng=np.random.default_rng(0),
         subset=lambda _, kept: None if not kept else fit,
@@ -393,7 +393,7 @@ def test_an_effect_has_to_predict_the_confirming_stretches(useful, lost):
 def test_two_recordings_are_judged_by_spans_of_time():
     """Each span is predicted from the others: a size that only one span shows is no effect."""
 
-    def spans(sizes: list[float]) -> list[Products]:
+    def spans(sizes: list[float]) -> list[NormalEquations]:
         parts = recordings(sizes)
         return [replace(part, session=number // 3, block=number) for number, part in enumerate(parts)]
 
@@ -431,7 +431,7 @@ def test_halves_of_a_single_nominal_recording_show_what_changes_by_itself():
         arm = ArmOfOneEffect(change)
         halves = [(number, part) for number, part in enumerate(arm.parts) if number in (1, 4)]
         arm.parts = [replace(part, session=0, block=number, nominal=True) for number, part in halves]
-        return prior_before(cast("Any", arm), cast("Any", SimpleNamespace(share=1.0)))[1]
+        return prior_before(cast("Any", arm), cast("Any", SimpleNamespace(effective_sample_fraction=1.0)))[1]
 
     assert width(0.0) < MATERIAL < width(0.5)
 

@@ -82,7 +82,7 @@ def search() -> Search:
         columns=[stage.common[..., None].astype(np.float32) for stage in stages],
         names=[("x",)] * len(stages),
     )
-    weights = SimpleNamespace(scale={"x": NOISE}, share=0.1)
+    weights = SimpleNamespace(scale={"x": NOISE}, effective_sample_fraction=0.1)
     prior = Gaussian(np.zeros(1), np.full((1, 1), 1e-3**2))
     return cast(
         "Search",

@@ -50,7 +50,7 @@ def test_a_vibration_is_found_with_its_mass_and_its_delay(stage: Stage) -> None:
     truth = Vibration(0.7, (2.0, 0.002), 0.06, 0.0, 0.0)
     vibrated = with_vibration(stage, truth, MASSES)
     moved = np.einsum(
-        "trk,tk->tr", stage.by_couple, vibrated.drive.couples.reshape(stage.session.samples, -1)
+        "trk,tk->tr", stage.couple_jacobian, vibrated.drive.couples.reshape(stage.session.samples, -1)
     )
     recorded = replace(stage, session=replace(stage.session, readings=stage.base + moved))
     vibration, (note,) = fit_vibration([recorded], MASSES)

@@ -97,10 +97,10 @@ def test_a_chamber_that_ends_at_no_section_is_not_stretched(sopra: Specimen, res
 def test_the_equilibrium_is_that_of_the_pressures_at_its_own_stretch(arm: StretchedModel, state: Any) -> None:  # type: ignore[type-arg]
     step = arm.linearise(state, INPUTS)
     assert step.residual_norm < 1e-5
-    worth = arm.law.worth(INPUTS.pressures, arm.law.stretches(step.frames))
-    plain, found = arm.model.solve(replace(INPUTS, pressures=worth), arm.rest())
+    effective = arm.law.effective(INPUTS.pressures, arm.law.stretches(step.frames))
+    plain, found = arm.model.solve(replace(INPUTS, pressures=effective), arm.rest())
     assert found
-    there = arm.model.linearise(plain, replace(INPUTS, pressures=worth)).frames
+    there = arm.model.linearise(plain, replace(INPUTS, pressures=effective)).frames
     np.testing.assert_allclose(step.frames.positions, there.positions, atol=1e-7)
 
 
@@ -141,8 +141,8 @@ def test_a_model_in_equilibrium_needs_few_passes(sopra: Specimen) -> None:
     drift, _ = step.response(np.eye(18))
     there = step.frames
     for _ in range(12):
-        worth = rod.law.worth(INPUTS.pressures, rod.law.stretches(there))
-        there = rod.model.linearise(state, replace(INPUTS, pressures=worth)).frames
+        effective = rod.law.effective(INPUTS.pressures, rod.law.stretches(there))
+        there = rod.model.linearise(state, replace(INPUTS, pressures=effective)).frames
     moved = step.frames.positions + drift.reshape(3, 6)[:, :3]
     np.testing.assert_allclose(moved, there.positions, atol=2e-5)
 

@@ -22,7 +22,7 @@ class Candidate:
         number: Its number in the library.
         fit: The fit, together with the effects accepted before.
         gain: By how much it lowers the cost.
-        delta_bic: The same less the price of its parameters and of a size that nobody expects.
+        delta_bic: The same less the penalty of its parameters and of a size that nobody expects.
     """
 
     number: int

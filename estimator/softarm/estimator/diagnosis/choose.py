@@ -18,12 +18,12 @@ from softarm.estimator.diagnosis.candidates import (
     surprise,
 )
 from softarm.estimator.diagnosis.evidence import RegressionProblem
-from softarm.estimator.diagnosis.fit import Fit, Ground, View, fit_effects, gain_of
+from softarm.estimator.diagnosis.fit import Fit, MarginalisedProblem, RecordingResidual, fit_effects, gain_of
 from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
-from softarm.estimator.diagnosis.gram import Products, total
 from softarm.estimator.diagnosis.judge import CERTAIN, FoldCosts, Judgement, fold_costs, judge
 from softarm.estimator.diagnosis.natural_frequency import NaturalFrequency
 from softarm.estimator.diagnosis.nominal import UNKNOWN
+from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
 from softarm.estimator.diagnosis.probability import probabilities, spent
 from softarm.estimator.diagnosis.screen import null_scores, screen
 from softarm.estimator.diagnosis.stage import Stage
@@ -95,7 +95,9 @@ class Search:
         while len(accepted) < MOST:
             parts = self.parts(fit)
             marginal = Marginal.of(
-                self.prior, total(_searched(parts), self.evidence.size), self.weights.share
+                self.prior,
+                total(_searched(parts), self.evidence.size),
+                self.weights.effective_sample_fraction,
             )
             taken = frozenset(a.candidate.number for a in accepted) | refused
             ranked = screen(self.evidence, marginal, taken)
@@ -118,7 +120,7 @@ class Search:
             refused |= dropped
         return ChosenEffects(tuple(accepted), fit, alarm_p, turned_down)
 
-    def parts(self, fit: Fit | None) -> list[Products]:
+    def parts(self, fit: Fit | None) -> list[NormalEquations]:
         """Give the products of the residuals that accepted effects leave, without nominal recordings."""
         residuals = self.residuals(fit)
         return [part for part in self.evidence.products(self.weights, residuals) if not part.nominal]
@@ -144,9 +146,9 @@ class Search:
         ]
         return stage.change(placed, exact=fit.exact)
 
-    def ground(self, fit: Fit | None = None) -> Ground:
+    def problem(self, fit: Fit | None = None) -> MarginalisedProblem:
         """Prepare nonlinear fits, to what a fit leaves, on the searched stretches of the recordings."""
-        views = []
+        weighted = []
         residuals = self.residuals(fit)
         for number, stage in enumerate(self.evidence.stages):
             session = stage.session
@@ -157,18 +159,18 @@ class Search:
             weight = used / self.evidence.scale(self.weights, number)
             common = self.evidence.columns[number] * weight[..., None].astype(np.float32)
             left = np.nan_to_num(residual) * weight
-            views.append(View(stage, left, weight, common.reshape(-1, self.evidence.size)))
+            weighted.append(RecordingResidual(stage, left, weight, common.reshape(-1, self.evidence.size)))
         seen = total(_searched(self.parts(fit)), self.evidence.size)
-        return Ground.of(views, self.prior, self.weights.share, seen)
+        return MarginalisedProblem.of(weighted, self.prior, self.weights.effective_sample_fraction, seen)
 
     def finalists(self, fit: Fit | None, ranked: Sequence[tuple[int, float, Floats]]) -> list[Candidate]:
         """Fit hypotheses to what is left by those accepted already, the best first."""
-        ground = self.ground(fit)
+        problem = self.problem(fit)
         found = []
         for number, _, theta in ranked:
             key = (number, *_key(fit))
             if key not in self.tried:
-                self.tried[key] = self.candidate(number, theta, ground, first=fit is None)
+                self.tried[key] = self.candidate(number, theta, problem, first=fit is None)
             candidate = self.tried[key]
             if candidate is not None:
                 found.append(candidate)
@@ -180,25 +182,27 @@ class Search:
             key = (one.number, *_key(fit))
             if key not in self.settled:
                 self.settled.add(key)
-                found[index] = self.tried[key] = self.resolved(one, ground)
+                found[index] = self.tried[key] = self.resolved(one, problem)
         return plainest_first(sorted(found, key=lambda candidate: -candidate.delta_bic))
 
-    def candidate(self, number: int, theta: Floats, ground: Ground, *, first: bool) -> Candidate | None:
+    def candidate(
+        self, number: int, theta: Floats, problem: MarginalisedProblem, *, first: bool
+    ) -> Candidate | None:
         """Fit a hypothesis to first order; ``None`` where that fails."""
         try:
-            fit = fit_effects(ground, (self.evidence.library.hypotheses[number],), (theta,))
+            fit = fit_effects(problem, (self.evidence.library.hypotheses[number],), (theta,))
             fit = self.conditioned(fit) if first else fit
         except np.linalg.LinAlgError:
             return None
         return self.weighed(number, fit) if np.isfinite(fit.gain) else None
 
     def weighed(self, number: int, fit: Fit) -> Candidate:
-        """Set the gain of a fit against the price of its parameters."""
+        """Set the gain of a fit against the penalty of its parameters."""
         theta = fit.thetas[-1]
-        bic = fit.gain - self.price * len(theta) - surprise(fit)
+        bic = fit.gain - self.bic_penalty * len(theta) - surprise(fit)
         return Candidate(number, fit, fit.gain, bic)
 
-    def resolved(self, candidate: Candidate, ground: Ground) -> Candidate:
+    def resolved(self, candidate: Candidate, problem: MarginalisedProblem) -> Candidate:
         """Fit a candidate again on the model itself; keep what fits better.
 
         A strong effect brings the arm to where nominal recordings have not been: there the model may err more
@@ -207,9 +211,9 @@ class Search:
         fit = candidate.fit
         if not self.solvable(fit) or fit.exact:
             return candidate
-        if abs(gain_of(ground, fit.hypotheses, fit.thetas) - fit.gain) < ALIKE:
+        if abs(gain_of(problem, fit.hypotheses, fit.thetas) - fit.gain) < ALIKE:
             return candidate
-        again = fit_effects(ground, fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
+        again = fit_effects(problem, fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
         return self.weighed(candidate.number, again) if again.gain > fit.gain else candidate
 
     def solvable(self, fit: Fit) -> bool:
@@ -218,13 +222,13 @@ class Search:
         return kinds <= self.solve and not any(h.effect.responds_to_own_effect for h in fit.hypotheses)
 
     @cached_property
-    def price(self) -> float:
+    def bic_penalty(self) -> float:
         """What a parameter costs: the logarithm of the effective number of searched samples."""
         seen = 0
         for stage, residual in zip(self.evidence.stages, self.evidence.residuals, strict=True):
             if not stage.session.nominal:
                 seen += int(np.isfinite(residual[~stage.session.heldout]).sum())
-        return float(np.log(max(seen * self.weights.share, 2.0)))
+        return float(np.log(max(seen * self.weights.effective_sample_fraction, 2.0)))
 
     def best(
         self, field: Sequence[Candidate], fit: Fit | None, null: Floats, accepted: Sequence[Accepted]
@@ -257,9 +261,9 @@ class Search:
         if not able:
             return []
         costs = [self.predicted(one, fit) for one in able]
-        weights = probabilities(able, costs, self.price, self.rng)
+        weights = probabilities(able, costs, self.bic_penalty, self.rng)
         gains = np.array([float((own.before - own.after).sum()) for own in costs])
-        gains -= [spent(one, self.price) for one in able]
+        gains -= [spent(one, self.bic_penalty) for one in able]
         close = gains >= gains.max() - max(ALIKE, ALIKE_SHARE * gains.max())
         near = np.flatnonzero(close | (weights >= weights.max() / BARE)).tolist()
         near.sort(key=lambda k: (self.only_moves(able[k]), len(able[k].fit.thetas[-1]), -weights[k]))
@@ -275,7 +279,7 @@ class Search:
     def another_stretch(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
         """Return whether a candidate is a force along the arm that a law of bending leaves of the stretch."""
         material = [
-            one.candidate.delta_bic for one in accepted if self.effect(one.candidate).hook == "couple"
+            one.candidate.delta_bic for one in accepted if self.effect(one.candidate).hook == "constitutive"
         ]
         if not material or not self.effect(candidate).along_arm(candidate.fit.thetas[-1]):
             return False
@@ -284,7 +288,7 @@ class Search:
     def changes_vibration(self, candidate: Candidate) -> bool:
         """Return whether a candidate changes stiffness or mass, and with them how the arm vibrates."""
         effect = self.effect(candidate)
-        return effect.hook == "couple" or effect.changes_inertia
+        return effect.hook == "constitutive" or effect.changes_inertia
 
     def only_moves(self, candidate: Candidate) -> bool:
         """Return whether a candidate leaves the arm at rest as it is."""
@@ -307,7 +311,7 @@ class Search:
                 self.weights, lambda stage: self.change(stage, candidate.fit)[..., None], self.residuals(fit)
             )
             self.predictions[key] = fold_costs(
-                _searched(widened), self.prior, self.weights.share, self.evidence.size
+                _searched(widened), self.prior, self.weights.effective_sample_fraction, self.evidence.size
             )
         return self.predictions[key]
 
@@ -325,7 +329,7 @@ class Search:
         """Return whether the others explain much less without an effect, as where a wall is hard."""
         others = self.subset(fit, [k for k in range(len(fit.thetas)) if k != number])
         left = self.refit(others).gain if others is not None else 0.0
-        return fit.gain - left > LEAST_BIC + self.price * len(fit.thetas[number])
+        return fit.gain - left > LEAST_BIC + self.bic_penalty * len(fit.thetas[number])
 
     def without(self, choice: ChosenEffects, dropped: Sequence[int]) -> ChosenEffects:
         """Take effects back, and fit the others again."""
@@ -346,10 +350,10 @@ class Search:
 
     def refit(self, fit: Fit) -> Fit:
         """Fit all accepted effects together, on the model itself where that is affordable."""
-        ground = self.ground()
-        found = fit_effects(ground, fit.hypotheses, fit.thetas)
+        problem = self.problem()
+        found = fit_effects(problem, fit.hypotheses, fit.thetas)
         if self.solvable(fit):
-            again = fit_effects(ground, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
+            again = fit_effects(problem, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
             found = max(found, again, key=lambda one: one.gain)
         return self.conditioned(found)
 
@@ -368,5 +372,5 @@ def _key(fit: Fit | None) -> tuple[object, ...]:
     )
 
 
-def _searched(parts: Sequence[Products]) -> list[Products]:
+def _searched(parts: Sequence[NormalEquations]) -> list[NormalEquations]:
     return [part for part in parts if not part.heldout]

@@ -10,7 +10,6 @@ from softarm.estimator.diagnosis.candidates import Accepted, ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gaussian import Marginal
-from softarm.estimator.diagnosis.gram import Products, total
 from softarm.estimator.diagnosis.innovations import (
     channel_errors,
     innovation_test,
@@ -18,6 +17,7 @@ from softarm.estimator.diagnosis.innovations import (
     residuals_of,
 )
 from softarm.estimator.diagnosis.judge import bootstrap
+from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
 from softarm.estimator.diagnosis.probability import Explanation, credible_set, probabilities
 from softarm.estimator.diagnosis.result import (
     ChannelErrors,
@@ -189,7 +189,7 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
     return [k for k in every if not better(search.subset(fit, [j for j in every if j != k]))]
 
 
-def _confirming(parts: Sequence[Products]) -> list[Products]:
+def _confirming(parts: Sequence[NormalEquations]) -> list[NormalEquations]:
     """List the stretches on which a choice is confirmed: no fit has seen them, and they are not reported."""
     return [part for part in parts if part.heldout and not part.reported]
 
@@ -200,12 +200,14 @@ def _draws(rng: np.random.Generator, count: int) -> list[list[int]]:
 
 
 def _gain(
-    search: Search, before: Sequence[Products], after: Sequence[Products], chosen: Sequence[int]
+    search: Search, before: Sequence[NormalEquations], after: Sequence[NormalEquations], chosen: Sequence[int]
 ) -> float:
     """Give by how much effects lower the cost of some held-out stretches."""
     costs = [
         Marginal.cost_of(
-            search.prior, total([parts[k] for k in chosen], search.evidence.size), search.weights.share
+            search.prior,
+            total([parts[k] for k in chosen], search.evidence.size),
+            search.weights.effective_sample_fraction,
         )
         for parts in (before, after)
     ]
@@ -305,7 +307,7 @@ def _probable(search: Search, choice: ChosenEffects, index: int) -> dict[Explana
     field = [one for one in choice.accepted[index].field if one.number not in taken and not one.fit.at_bound]
     rest = search.subset(fit, others)
     costs = [search.predicted(one, rest) for one in field]
-    weights = probabilities(field, costs, search.price, search.rng)
+    weights = probabilities(field, costs, search.bic_penalty, search.rng)
     found: dict[Explanation, float] = {}
     for one, weight in zip(field, weights.tolist(), strict=True):
         hypothesis = search.evidence.library.hypotheses[one.number]

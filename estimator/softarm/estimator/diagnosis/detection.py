@@ -18,8 +18,8 @@ import numpy as np
 from softarm.estimator.diagnosis.candidates import MOST_SURPRISE
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.gaussian import Marginal
-from softarm.estimator.diagnosis.gram import total
 from softarm.estimator.diagnosis.judge import CERTAIN, EXPLAINABLE, FALSE_ALARM, MATERIAL
+from softarm.estimator.diagnosis.normal_equations import total
 from softarm.estimator.diagnosis.result import DetectionLimit
 from softarm.estimator.diagnosis.screen import INVISIBLE, null_scores
 
@@ -38,7 +38,7 @@ def detection_limits(search: Search) -> tuple[DetectionLimit, ...]:
     """
     evidence, library = search.evidence, search.evidence.library
     seen = total([part for part in search.parts(None) if not part.heldout], evidence.size)
-    marginal = Marginal.of(search.prior, seen, search.weights.share)
+    marginal = Marginal.of(search.prior, seen, search.weights.effective_sample_fraction)
     # A generator of its own: the limits must not change what is drawn after them.
     null = null_scores(evidence, marginal, np.random.default_rng(0))
     chance = float(np.quantile(null, 1.0 - FALSE_ALARM))
@@ -48,7 +48,7 @@ def detection_limits(search: Search) -> tuple[DetectionLimit, ...]:
             continue
         effect = library.hypotheses[direction.hypothesis].effect
         own = evidence.nuisances + column
-        least = required_gain(search.price, len(effect.parameters), chance, marginal.count)
+        least = required_gain(search.bic_penalty, len(effect.parameters), chance, marginal.count)
         spread = effect.parameters[direction.parameter].spread / direction.typical
         size = limit(float(marginal.matrix[own, own]), least, spread) * direction.typical
         sizes.setdefault((direction.hypothesis, direction.parameter), []).append(size)
@@ -62,16 +62,16 @@ def detection_limits(search: Search) -> tuple[DetectionLimit, ...]:
     )
 
 
-def required_gain(price: float, parameters: int, chance: float, count: float) -> float:
+def required_gain(bic_penalty: float, parameters: int, chance: float, count: float) -> float:
     """Compute the gain in cost from which an effect is accepted, whatever its size is expected to be.
 
     Args:
-        price: What each parameter costs.
+        bic_penalty: What each parameter costs.
         parameters: Number of parameters.
-        chance: Score, after the price, that 99 % of searches without any effect stay below.
+        chance: Score, after the penalty, that 99 % of searches without any effect stay below.
         count: Effective number of residuals.
     """
-    return max(max(CERTAIN, chance) + price * parameters, MATERIAL * EXPLAINABLE * count)
+    return max(max(CERTAIN, chance) + bic_penalty * parameters, MATERIAL * EXPLAINABLE * count)
 
 
 def limit(information: float, gain: float, spread: float) -> float:
@@ -79,13 +79,13 @@ def limit(information: float, gain: float, spread: float) -> float:
 
     Args:
         information: M.
-        gain: The gain that is required beside the price of a surprising size.
+        gain: The gain that is required beside the penalty of a surprising size.
         spread: Standard deviation of the amplitude's prior.
     """
     if information <= INVISIBLE:
         return np.inf
     least, most = ((np.sqrt(gain + more) + POWER) / np.sqrt(information) for more in (0.0, MOST_SURPRISE))
-    for _ in range(50):  # the price of a size grows with it, so halving finds where the two agree
+    for _ in range(50):  # the penalty of a size grows with it, so halving finds where the two agree
         middle = 0.5 * (least + most)
         surprise = min((middle / spread) ** 2, MOST_SURPRISE)
         enough = middle * np.sqrt(information) >= np.sqrt(gain + surprise) + POWER

@@ -21,13 +21,13 @@ from softarm.estimator.diagnosis.conclude import (
 from softarm.estimator.diagnosis.detection import detection_limits
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.form import form_columns
-from softarm.estimator.diagnosis.gram import total
 from softarm.estimator.diagnosis.innovations import learnt_coefficients, residuals_of, worst_stretch
 from softarm.estimator.diagnosis.judge import HETEROGENEITY
 from softarm.estimator.diagnosis.library import Library, build_library, library_columns
 from softarm.estimator.diagnosis.locate import locate
 from softarm.estimator.diagnosis.natural_frequency import natural_frequency_of
 from softarm.estimator.diagnosis.nominal import evidence_of_change, prior_before
+from softarm.estimator.diagnosis.normal_equations import total
 from softarm.estimator.diagnosis.nuisances import Nuisances, calibrate_sessions, only_drawn
 from softarm.estimator.diagnosis.result import (
     Baseline,
@@ -66,7 +66,7 @@ DOUBTFUL = 0.1
 """Chance, and least gain on single recordings, with which an effect that was turned down shows that
 something is missing."""
 DIRECT = frozenset({"command", "pressure", "gravity", "load"})
-SOLVED = DIRECT | {"couple", "support", "sensing"}
+SOLVED = DIRECT | {"constitutive", "support", "sensing"}
 """Where effects enter the model that need few of its answers, and all where answers are fast."""
 
 
@@ -404,11 +404,11 @@ def _map(search: Search, choice: ChosenEffects | None) -> LocationMap:
 
 def _changed(search: Search, choice: ChosenEffects) -> bool:
     """Return whether the recordings in question have changed more than the findings say."""
-    evidence, share = search.evidence, search.weights.share
+    evidence, fraction = search.evidence, search.weights.effective_sample_fraction
     if not any(stage.session.nominal for stage in evidence.stages):
         return False
     left = [part for part in search.parts(choice.fit) if not part.reported]
-    return evidence_of_change(evidence, search.prior, search.width, left, share) > CHANGED
+    return evidence_of_change(evidence, search.prior, search.width, left, fraction) > CHANGED
 
 
 def _unexplained(verdict: Verdict, after: float, found: LocationMap, law: FreeLaw | None) -> Unexplained:
@@ -435,7 +435,9 @@ def _not_testable(search: Search, findings: Sequence[Finding]) -> tuple[NotTesta
     for column, direction in enumerate(search.evidence.library.directions):
         name = search.evidence.library.hypotheses[direction.hypothesis].name
         own = search.evidence.nuisances + column
-        gains[name] = max(gains[name], search.weights.share * float(seen.matrix[own, own]))
+        gains[name] = max(
+            gains[name], search.weights.effective_sample_fraction * float(seen.matrix[own, own])
+        )
     found = []
     pneumatic = len(limits) > 0
     tried = {hypothesis.name for hypothesis in search.evidence.library.hypotheses}

@@ -9,8 +9,14 @@ from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.gaussian import Gaussian
-from softarm.estimator.diagnosis.gram import Products, products_of, renewed, total, with_columns
 from softarm.estimator.diagnosis.library import Library
+from softarm.estimator.diagnosis.normal_equations import (
+    NormalEquations,
+    normal_equations,
+    renewed,
+    total,
+    with_columns,
+)
 from softarm.estimator.diagnosis.nuisances import Nuisances
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
@@ -24,7 +30,7 @@ QUIET = 25.0
 """Percentile of the recordings' noise that counts as the sensor's: where an arm vibrates it seems larger."""
 INADEQUACY = 0.004
 """Share of the motion that no model of an arm gets right, however much is fitted."""
-INEXACT = 0.1
+RELATIVE_MODEL_ERROR = 0.1
 """Share of a mismatch that the best law for it still gets wrong, so that no few samples decide a search."""
 NOVELTY = 2.0
 """Largest scatter of the recordings in question over that of nominal ones."""
@@ -46,7 +52,7 @@ class RegressionProblem:
         residuals: Of each session, shape (samples, rows).
         columns: Of each session, shape (samples, rows, unknowns + forms + directions).
         forms: Number of columns of the model form.
-        kept: Products under the last noise model, by its scales.
+        kept: Normal equations under the last noise model, by its scales.
     """
 
     specimen: str
@@ -56,7 +62,7 @@ class RegressionProblem:
     residuals: tuple[Floats, ...]
     columns: tuple[Singles, ...]
     forms: int
-    kept: dict[tuple[tuple[str, float], ...], list[list[Products]]] = field(
+    kept: dict[tuple[tuple[str, float], ...], list[list[NormalEquations]]] = field(
         default_factory=dict, compare=False
     )
 
@@ -109,11 +115,13 @@ class RegressionProblem:
     def sound(self) -> Gaussian:
         """Return the prior of an arm that is well, before any recording; see ``prior``."""
         prior = self.prior(BACKGROUND, 1.0)
-        innate = [self.library.hypotheses[d.hypothesis].effect.innate for d in self.library.directions]
-        size = np.concatenate([np.ones(self.nuisances), np.where(innate, 1.0, ABSENT)])
+        in_healthy_arms = [
+            self.library.hypotheses[d.hypothesis].effect.in_healthy_arms for d in self.library.directions
+        ]
+        size = np.concatenate([np.ones(self.nuisances), np.where(in_healthy_arms, 1.0, ABSENT)])
         return Gaussian(prior.mean, prior.covariance * np.outer(size, size))
 
-    def products(self, weights: Weights, residuals: Sequence[Floats] | None = None) -> list[Products]:
+    def products(self, weights: Weights, residuals: Sequence[Floats] | None = None) -> list[NormalEquations]:
         """Multiply residuals and columns, stretch by stretch; the columns' own products are kept."""
         key = tuple(sorted(weights.scale.items()))
         if key not in self.kept:
@@ -132,7 +140,7 @@ class RegressionProblem:
         weights: Weights,
         more: Callable[[Stage], Floats],
         residuals: Sequence[Floats] | None = None,
-    ) -> list[Products]:
+    ) -> list[NormalEquations]:
         """Give the products of the recordings in question with more columns, shape (samples, rows, more)."""
         plain = self.products(weights, residuals)
         left = self.residuals if residuals is None else residuals
@@ -152,11 +160,12 @@ class RegressionProblem:
     def scale(self, weights: Weights, number: int) -> Floats:
         """Give the standard deviation of each residual of a session, shape (samples, rows)."""
         return np.hypot(
-            [weights.scale[name] for name in channels(self.stages[number].suite)], self._doubts[number]
+            [weights.scale[name] for name in channels(self.stages[number].suite)],
+            self._model_error_std[number],
         )
 
     @cached_property
-    def _doubts(self) -> list[Floats]:
+    def _model_error_std(self) -> list[Floats]:
         """What the model may get wrong of each residual beside its noise, each of shape (samples, rows)."""
         found = []
         for stage in self.stages:
@@ -166,12 +175,12 @@ class RegressionProblem:
                 for group in groups
             }
             mismatch = np.stack([largest[group] for group in groups], axis=1)
-            found.append(np.hypot(stage.model_error_std, INEXACT * mismatch))
+            found.append(np.hypot(stage.model_error_std, RELATIVE_MODEL_ERROR * mismatch))
         return found
 
-    def _first(self, weights: Weights, number: int) -> list[Products]:
+    def _first(self, weights: Weights, number: int) -> list[NormalEquations]:
         session = self.stages[number].session
-        return products_of(
+        return normal_equations(
             self.residuals[number],
             self.columns[number],
             self.scale(weights, number),

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.gaussian import Factor, Gaussian
-from softarm.estimator.diagnosis.gram import Total
 from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.normal_equations import Total
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import ParameterSpec
 
@@ -28,8 +28,8 @@ MOST_REFUSED = 4
 
 
 @dataclass(frozen=True)
-class View:
-    """What a fit sees of one session.
+class RecordingResidual:
+    """The residual of one session, weighted for a fit.
 
     Args:
         stage: The session on the calibrated model.
@@ -45,52 +45,54 @@ class View:
 
 
 @dataclass(frozen=True)
-class Ground:
+class MarginalisedProblem:
     """The common coefficients' normal equations, factorised once for all fits.
 
     Args:
-        views: What is seen of each session.
+        residuals: Of each session.
         prior: Of the common coefficients.
-        share: Share of independent samples.
-        factor: Factor of share C^T C + P.
-        right: share C^T (r - C m), shape (columns,).
+        fraction: Effective sample fraction: independent samples over samples.
+        factor: Factor of fraction C^T C + P.
+        right: fraction C^T (r - C m), shape (columns,).
     """
 
-    views: tuple[View, ...]
+    residuals: tuple[RecordingResidual, ...]
     prior: Gaussian
-    share: float
+    fraction: float
     factor: Factor
     right: Floats
 
     @classmethod
-    def of(cls, views: Sequence[View], prior: Gaussian, share: float, seen: Total) -> "Ground":
-        """Prepare fits on views, whose products are known."""
+    def of(
+        cls, residuals: Sequence[RecordingResidual], prior: Gaussian, fraction: float, seen: Total
+    ) -> "MarginalisedProblem":
+        """Prepare fits to residuals whose normal equations are known."""
         right = seen.vector - seen.matrix @ prior.mean
         return cls(
-            tuple(views),
+            tuple(residuals),
             prior,
-            share,
-            Factor.of(share * seen.matrix + prior.precision),
-            share * right,
+            fraction,
+            Factor.of(fraction * seen.matrix + prior.precision),
+            fraction * right,
         )
 
     @cached_property
     def _innovations(self) -> list[Floats]:
         """What the prior mean leaves of each session, shape (samples * rows,)."""
-        return [view.left.ravel() - view.common @ self.prior.mean for view in self.views]
+        return [recorded.left.ravel() - recorded.common @ self.prior.mean for recorded in self.residuals]
 
     def projected(self, changes: Sequence[Floats]) -> tuple[Floats, Floats]:
         """Give M and b for whitened changes of all sessions, each of shape (samples * rows, k)."""
         k = changes[0].shape[1]
         gram, right = np.zeros((k, k)), np.zeros(k)
         cross = np.zeros((len(self.right), k))
-        for view, own, change in zip(self.views, self._innovations, changes, strict=True):
+        for recorded, own, change in zip(self.residuals, self._innovations, changes, strict=True):
             gram += change.T @ change
             right += change.T @ own
-            cross += view.common.T @ change.astype(np.float32)
-        solved = self.factor.solve(self.share * cross)
-        matrix: Floats = self.share * (gram - cross.T @ solved)
-        vector: Floats = self.share * right - solved.T @ self.right
+            cross += recorded.common.T @ change.astype(np.float32)
+        solved = self.factor.solve(self.fraction * cross)
+        matrix: Floats = self.fraction * (gram - cross.T @ solved)
+        vector: Floats = self.fraction * right - solved.T @ self.right
         return matrix, vector
 
 
@@ -131,7 +133,7 @@ class Fit:
 
 
 def fit_effects(
-    ground: Ground,
+    problem: MarginalisedProblem,
     hypotheses: Sequence[Hypothesis],
     starts: Sequence[Floats],
     free: int = 0,
@@ -142,7 +144,7 @@ def fit_effects(
     """Fit the parameters of effects that act together (Levenberg-Marquardt, in bounds).
 
     Args:
-        ground: What is seen, with the common coefficients.
+        problem: What is fitted to, with the common coefficients.
         hypotheses: The effects.
         starts: Parameters to begin with.
         free: First effect whose parameters move; those before it stay.
@@ -150,25 +152,27 @@ def fit_effects(
             step shows (Broyden 1965), for a strong effect changes them.
         iterations: Largest number of steps tried.
     """
-    chart = Chart.of(hypotheses[free:])
+    parametrisation = Parametrisation.of(hypotheses[free:])
     fixed = list(starts[:free])
-    values = chart.units(np.concatenate([*starts[free:], np.zeros(0)]))
+    values = parametrisation.units(np.concatenate([*starts[free:], np.zeros(0)]))
 
     def changed(at: Floats) -> list[Floats]:
-        return whitened(ground, hypotheses, [*fixed, *chart.split(at)], exact=exact)
+        return whitened(problem, hypotheses, [*fixed, *parametrisation.split(at)], exact=exact)
 
     change = changed(values)
-    gain, damping, refused = _gain(ground, change), FIRST_DAMPING, 0
-    slopes = slopes_of(ground, hypotheses, fixed, chart, values)
+    gain, damping, refused = _gain(problem, change), FIRST_DAMPING, 0
+    slopes = slopes_of(problem, hypotheses, fixed, parametrisation, values)
     if exact and not free:  # without amplitudes nothing changes
-        _secant(slopes, np.where(chart.amplitudes, values - chart.centres, 0.0), change)
+        _secant(slopes, np.where(parametrisation.amplitudes, values - parametrisation.centres, 0.0), change)
     for _ in range(iterations):
-        matrix, pull = _normal(ground, slopes, change, chart, values)
+        matrix, pull = _normal(problem, slopes, change, parametrisation, values)
         damped = matrix + damping * np.diag(np.diag(matrix))
         step = np.clip(np.linalg.solve(damped, pull), -LARGEST, LARGEST)
-        trial = np.clip(values + step, chart.lower, chart.upper)
+        trial = np.clip(values + step, parametrisation.lower, parametrisation.upper)
         tried = changed(trial)
-        improved = _gain(ground, tried) - chart.penalty(trial) - gain + chart.penalty(values)
+        improved = (
+            _gain(problem, tried) - parametrisation.penalty(trial) - gain + parametrisation.penalty(values)
+        )
         if exact:
             _secant(slopes, trial - values, [t - c for t, c in zip(tried, change, strict=True)])
         if not improved > 0.0:
@@ -176,33 +180,37 @@ def fit_effects(
             if refused == MOST_REFUSED:
                 break
             continue
-        values, change, gain, refused = trial, tried, _gain(ground, tried), 0
+        values, change, gain, refused = trial, tried, _gain(problem, tried), 0
         damping = max(0.1 * damping, LEAST_DAMPING)
         if not exact:
-            slopes = slopes_of(ground, hypotheses, fixed, chart, values)
+            slopes = slopes_of(problem, hypotheses, fixed, parametrisation, values)
         if improved < SETTLED:
             break
-    matrix, _ = _normal(ground, slopes, change, chart, values)
-    thetas = (*fixed, *chart.split(values))
+    matrix, _ = _normal(problem, slopes, change, parametrisation, values)
+    thetas = (*fixed, *parametrisation.split(values))
     return Fit(
         tuple(hypotheses),
         thetas,
         np.asarray(np.linalg.inv(matrix), dtype=np.float64),
-        chart.slopes(values),
+        parametrisation.slopes(values),
         gain,
-        chart.at_bound(values),
+        parametrisation.at_bound(values),
         exact,
     )
 
 
 def _normal(
-    ground: Ground, slopes: list[Floats], change: list[Floats], chart: "Chart", values: Floats
+    problem: MarginalisedProblem,
+    slopes: list[Floats],
+    change: list[Floats],
+    parametrisation: "Parametrisation",
+    values: Floats,
 ) -> tuple[Floats, Floats]:
     """Give the normal equations of a step: the matrix and the right side."""
     both = [np.column_stack([s, c]) for s, c in zip(slopes, change, strict=True)]
-    product, vector = ground.projected(both)
-    prior = 1.0 / chart.spreads**2
-    pull: Floats = vector[:-1] - product[:-1, -1] - (values - chart.centres) * prior
+    product, vector = problem.projected(both)
+    prior = 1.0 / parametrisation.spreads**2
+    pull: Floats = vector[:-1] - product[:-1, -1] - (values - parametrisation.centres) * prior
     return product[:-1, :-1] + np.diag(prior), pull
 
 
@@ -216,37 +224,39 @@ def _secant(slopes: list[Floats], step: Floats, change: list[Floats]) -> None:
 
 
 def whitened(
-    ground: Ground, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats], *, exact: bool
+    problem: MarginalisedProblem, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats], *, exact: bool
 ) -> list[Floats]:
     """Give what effects change, over the residuals' scale, each session flattened to one column."""
     found = []
-    for view in ground.views:
-        world = view.stage.world
+    for recorded in problem.residuals:
+        world = recorded.stage.world
         placed = [
             hypothesis.placed(world, theta)
             for hypothesis, theta in zip(hypotheses, thetas, strict=True)
             if hypothesis.place.sensor in (None, *world.sensors)
         ]
-        change = view.stage.change(placed, exact=exact)
-        found.append(np.nan_to_num(change * view.weight, nan=0.0).reshape(-1, 1))
+        change = recorded.stage.change(placed, exact=exact)
+        found.append(np.nan_to_num(change * recorded.weight, nan=0.0).reshape(-1, 1))
     return found
 
 
-def gain_of(ground: Ground, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats]) -> float:
+def gain_of(
+    problem: MarginalisedProblem, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats]
+) -> float:
     """Give by how much effects lower the cost on the model itself."""
-    return _gain(ground, whitened(ground, hypotheses, thetas, exact=True))
+    return _gain(problem, whitened(problem, hypotheses, thetas, exact=True))
 
 
-def _gain(ground: Ground, change: Sequence[Floats]) -> float:
-    matrix, vector = ground.projected(change)
+def _gain(problem: MarginalisedProblem, change: Sequence[Floats]) -> float:
+    matrix, vector = problem.projected(change)
     return float(2.0 * vector[0] - matrix[0, 0])
 
 
 def slopes_of(
-    ground: Ground,
+    problem: MarginalisedProblem,
     hypotheses: Sequence[Hypothesis],
     fixed: list[Floats],
-    chart: "Chart",
+    parametrisation: "Parametrisation",
     values: Floats,
     *,
     exact: bool = False,
@@ -256,29 +266,29 @@ def slopes_of(
     Returns:
         Of each session, shape (samples * rows, parameters).
     """
-    columns: list[list[Floats]] = [[] for _ in ground.views]
-    change = whitened(ground, hypotheses, [*fixed, *chart.split(values)], exact=exact)
+    columns: list[list[Floats]] = [[] for _ in problem.residuals]
+    change = whitened(problem, hypotheses, [*fixed, *parametrisation.split(values)], exact=exact)
     size = EXACT_STEP if exact else STEP
     for index in range(len(values)):
         moved = values.copy()
-        step = -size if values[index] + size > chart.upper[index] else size
+        step = -size if values[index] + size > parametrisation.upper[index] else size
         moved[index] += step
-        there = whitened(ground, hypotheses, [*fixed, *chart.split(moved)], exact=exact)
+        there = whitened(problem, hypotheses, [*fixed, *parametrisation.split(moved)], exact=exact)
         for own, ahead, here in zip(columns, there, change, strict=True):
             own.append((ahead - here) / step)
     return [np.concatenate(own, axis=1) for own in columns]
 
 
 @dataclass(frozen=True)
-class Chart:
+class Parametrisation:
     """Parameters of several effects in units of the fit: over their typical size, or as logarithms."""
 
     parameters: tuple[ParameterSpec, ...]
     sizes: tuple[int, ...]
 
     @classmethod
-    def of(cls, hypotheses: Sequence[Hypothesis]) -> "Chart":
-        """Chart all parameters of some effects, one behind the other."""
+    def of(cls, hypotheses: Sequence[Hypothesis]) -> "Parametrisation":
+        """Parametrise by all parameters of some effects, one behind the other."""
         parameters = tuple(p for h in hypotheses for p in h.effect.parameters)
         return cls(parameters, tuple(len(h.effect.parameters) for h in hypotheses))
 

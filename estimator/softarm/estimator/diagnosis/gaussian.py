@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.gram import Total
+from softarm.estimator.diagnosis.normal_equations import Total
 
 JITTER = 1e-9
 RIDGES = (0.0, 1e-9, 1e-7, 1e-5, 1e-3)
@@ -86,22 +86,22 @@ class Gaussian:
         """Add independent variation of each coefficient with standard deviations, shape (columns,)."""
         return Gaussian(self.mean, self.covariance + np.diag(spreads**2))
 
-    def posterior(self, seen: Total, share: float) -> "Gaussian":
+    def posterior(self, seen: Total, fraction: float) -> "Gaussian":
         """Condition on products.
 
         Args:
             seen: Sum of products.
-            share: Share of independent samples among them.
+            fraction: Effective sample fraction: independent samples over samples.
         """
-        normal = share * seen.matrix + self.precision
+        normal = fraction * seen.matrix + self.precision
         factor = Factor.of(normal)
-        right = share * seen.vector + self.precision @ self.mean
+        right = fraction * seen.vector + self.precision @ self.mean
         return Gaussian(factor.solve(right), _symmetric(factor.solve(np.eye(len(right)))))
 
 
 @dataclass(frozen=True)
 class Marginal:
-    """Products with the common coefficients marginalised: what extra coefficients could gain.
+    """Normal equations with the common coefficients marginalised: what extra coefficients could gain.
 
     Args:
         matrix: M, information on extra coefficients, shape (columns, columns).
@@ -116,21 +116,21 @@ class Marginal:
     count: float
 
     @classmethod
-    def of(cls, prior: Gaussian, seen: Total, share: float) -> "Marginal":
+    def of(cls, prior: Gaussian, seen: Total, fraction: float) -> "Marginal":
         """Marginalise the common coefficients over what was seen."""
-        gram, (right, power) = share * seen.matrix, _surprise(prior, seen, share)
+        gram, (right, sum_of_squares) = fraction * seen.matrix, _surprise(prior, seen, fraction)
         solved = Factor.of(gram + prior.precision).solve(np.column_stack([gram, right]))
         matrix = gram - gram @ solved[:, :-1]
         vector = right - gram @ solved[:, -1]
-        cost = power - float(right @ solved[:, -1])
-        return cls(_symmetric(matrix), vector, cost, share * seen.count)
+        cost = sum_of_squares - float(right @ solved[:, -1])
+        return cls(_symmetric(matrix), vector, cost, fraction * seen.count)
 
     @staticmethod
-    def cost_of(prior: Gaussian, seen: Total, share: float) -> float:
+    def cost_of(prior: Gaussian, seen: Total, fraction: float) -> float:
         """Give the cost alone."""
-        right, power = _surprise(prior, seen, share)
-        factor = Factor.of(share * seen.matrix + prior.precision)
-        return power - float(right @ factor.solve(right))
+        right, sum_of_squares = _surprise(prior, seen, fraction)
+        factor = Factor.of(fraction * seen.matrix + prior.precision)
+        return sum_of_squares - float(right @ factor.solve(right))
 
     def gain(self, columns: Sequence[int]) -> tuple[float, Floats]:
         """Give how much some extra coefficients lower the cost, and their values."""
@@ -163,11 +163,13 @@ class Marginal:
         return drawn
 
 
-def _surprise(prior: Gaussian, seen: Total, share: float) -> tuple[Floats, float]:
+def _surprise(prior: Gaussian, seen: Total, fraction: float) -> tuple[Floats, float]:
     """Give the products of the columns with what the prior mean leaves, and its weighted squares."""
-    right = share * (seen.vector - seen.matrix @ prior.mean)
-    power = seen.power - 2.0 * prior.mean @ seen.vector + prior.mean @ seen.matrix @ prior.mean
-    return right, share * float(power)
+    right = fraction * (seen.vector - seen.matrix @ prior.mean)
+    sum_of_squares = (
+        seen.sum_of_squares - 2.0 * prior.mean @ seen.vector + prior.mean @ seen.matrix @ prior.mean
+    )
+    return right, fraction * float(sum_of_squares)
 
 
 def _symmetric(matrix: Floats) -> Floats:

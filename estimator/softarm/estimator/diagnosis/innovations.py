@@ -8,8 +8,8 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.discrepancy import Autoregression, ljung_box
 from softarm.estimator.diagnosis.fit import Fit
-from softarm.estimator.diagnosis.gram import total
 from softarm.estimator.diagnosis.line import line_errors
+from softarm.estimator.diagnosis.normal_equations import total
 from softarm.estimator.diagnosis.result import ChannelError, InnovationTest, Stretch
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
@@ -20,7 +20,7 @@ Residuals = Sequence[Floats]
 def learnt_coefficients(search: Search, fit: Fit | None) -> Floats:
     """Return the common coefficients that the searched stretches show with some effects, shape (columns,)."""
     seen = total([part for part in search.parts(fit) if not part.heldout], search.evidence.size)
-    return search.prior.posterior(seen, search.weights.share).mean
+    return search.prior.posterior(seen, search.weights.effective_sample_fraction).mean
 
 
 def residuals_of(search: Search, fit: Fit | None, coefficients: Floats) -> list[Floats]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
-from softarm.estimator.diagnosis.gram import Products, total
+from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
 
 CERTAIN = 40.0
 """Gain in the criterion that decides even where the gain on single folds scatters: four times the least."""
@@ -82,30 +82,30 @@ class FoldCosts:
     precisions: Floats
 
 
-def fold_costs(parts: Sequence[Products], prior: Gaussian, share: float, size: int) -> FoldCosts:
+def fold_costs(parts: Sequence[NormalEquations], prior: Gaussian, fraction: float, size: int) -> FoldCosts:
     """Predict each recording, or stretch, with the size of a candidate that the others show, and without.
 
     What is common to all recordings has the prior from before any of those in question: a calibration
     that has followed the change would hide it.
 
     Args:
-        parts: Products of the searched stretches, the candidate's change their last column.
+        parts: Normal equations of the searched stretches, the candidate's change their last column.
         prior: Of the other columns.
-        share: Share of independent samples.
+        fraction: Effective sample fraction: independent samples over samples.
         size: Number of the other columns.
     """
     extended = prior.augment(0.0, ANY_SIZE)
     rows = []
     for fold in _folds(parts):
         rest = [part for part in parts if part not in fold]
-        learnt = extended.posterior(total(rest, size + 1), share)
+        learnt = extended.posterior(total(rest, size + 1), fraction)
         known = prior.augment(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
         seen = total(fold, size + 1)
-        own = Marginal.of(extended, seen, share)
+        own = Marginal.of(extended, seen, fraction)
         precision = own.matrix[-1, -1]
-        before = Marginal.cost_of(prior, seen.first(size), share)
-        after = Marginal.cost_of(known, seen, share)
-        count, changed = share * seen.count, share * seen.matrix[-1, -1]
+        before = Marginal.cost_of(prior, seen.first(size), fraction)
+        after = Marginal.cost_of(known, seen, fraction)
+        count, changed = fraction * seen.count, fraction * seen.matrix[-1, -1]
         rows.append((before, after, count, changed, own.vector[-1] / max(precision, 1e-12), precision))
     return FoldCosts(*np.array(rows, dtype=np.float64).T)
 
@@ -133,7 +133,7 @@ def judge(costs: FoldCosts, rng: np.random.Generator, search_p: float, delta_bic
     )
 
 
-def _folds(parts: Sequence[Products]) -> list[list[Products]]:
+def _folds(parts: Sequence[NormalEquations]) -> list[list[NormalEquations]]:
     """Cut stretches into folds: recordings where there are three or more, else five spans of time."""
     sessions = sorted({part.session for part in parts})
     if len(sessions) >= 3:

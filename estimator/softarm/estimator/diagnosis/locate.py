@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
-from softarm.estimator.diagnosis.gram import Total, total
+from softarm.estimator.diagnosis.normal_equations import Total, total
 from softarm.estimator.diagnosis.result import Cell, CellKind, LocationMap, Regime
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
@@ -80,7 +80,7 @@ def locate(
         return LocationMap()
     searched = [p for p in evidence.products(weights, residuals) if not p.nominal and not p.heldout]
     seen = total(searched, evidence.size)
-    marginal = Marginal.of(*_joined(prior, seen, parts), weights.share)
+    marginal = Marginal.of(*_joined(prior, seen, parts), weights.effective_sample_fraction)
     first = evidence.size
     diagonal = np.maximum(np.diag(marginal.matrix)[first:], 1e-300)
     values = marginal.vector[first:] / diagonal
@@ -148,17 +148,17 @@ def _joined(
     covariance[:known, :known] = prior.covariance
     covariance[np.arange(known, size), np.arange(known, size)] = 1e-18
     joined = Gaussian(np.append(prior.mean, np.zeros(len(pull))), covariance)
-    return joined, Total(seen.count, matrix, np.append(seen.vector, pull), seen.power)
+    return joined, Total(seen.count, matrix, np.append(seen.vector, pull), seen.sum_of_squares)
 
 
 def spotted(stage: Stage) -> list[Spotted]:
     """List the equivalent loads and offsets of all places."""
     chambers = stage.drive.pressures.shape[1]
-    by_pressure, by_couple = stage.by_input[..., :chambers], stage.by_couple
+    by_pressure, couple_jacobian = stage.input_jacobian[..., :chambers], stage.couple_jacobian
     found = []
     for g, segment in enumerate(stage.arm.segments.names):
         found += [
-            Spotted("segment", segment, letter, unit, by_couple[..., 4 * g + axis])
+            Spotted("segment", segment, letter, unit, couple_jacobian[..., 4 * g + axis])
             for axis, (letter, unit) in enumerate(zip(COUPLES, COUPLE_UNITS, strict=True))
         ]
     found += [
@@ -174,7 +174,9 @@ def spotted(stage: Stage) -> list[Spotted]:
         turned = np.zeros((stage.session.samples, 3))
         turned[:, axis] = TILT
         twists = stage.arm.twists(_tilted(stage, turned)) / TILT
-        found.append(Spotted("base", "base", letter, "rad", np.einsum("tri,ti->tr", stage.by_twist, twists)))
+        found.append(
+            Spotted("base", "base", letter, "rad", np.einsum("tri,ti->tr", stage.twist_jacobian, twists))
+        )
     return found
 
 

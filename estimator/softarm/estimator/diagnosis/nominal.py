@@ -7,7 +7,7 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
-from softarm.estimator.diagnosis.gram import Products, total
+from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
 from softarm.estimator.diagnosis.weights import Weights
 
 WIDTHS = (0.01, 0.03, 0.06, 0.12, 0.25)
@@ -33,8 +33,8 @@ def prior_before(evidence: RegressionProblem, weights: Weights) -> tuple[Gaussia
     if not parts:
         return evidence.prior(UNKNOWN, UNKNOWN), UNKNOWN
     prior = evidence.sound()
-    width = _width(evidence, prior, parts, weights.share)
-    learnt = prior.posterior(total(parts, evidence.size), weights.share)
+    width = _width(evidence, prior, parts, weights.effective_sample_fraction)
+    learnt = prior.posterior(total(parts, evidence.size), weights.effective_sample_fraction)
     return learnt.inflate(_spreads(evidence, width)), width
 
 
@@ -44,7 +44,9 @@ def _spreads(evidence: RegressionProblem, width: float) -> Floats:
     return changed
 
 
-def _width(evidence: RegressionProblem, prior: Gaussian, parts: Sequence[Products], share: float) -> float:
+def _width(
+    evidence: RegressionProblem, prior: Gaussian, parts: Sequence[NormalEquations], fraction: float
+) -> float:
     """Choose the width at which every nominal recording is best predicted from the others."""
     sessions = sorted({part.session for part in parts})
     if len(sessions) == 1:
@@ -58,23 +60,29 @@ def _width(evidence: RegressionProblem, prior: Gaussian, parts: Sequence[Product
         score = 0.0
         for fold in folds:
             rest = [part for part in parts if part not in fold]
-            run_prior = prior.posterior(total(rest, evidence.size), share).inflate(_spreads(evidence, width))
-            score += predictive(run_prior, fold, share, evidence.size)
+            run_prior = prior.posterior(total(rest, evidence.size), fraction).inflate(
+                _spreads(evidence, width)
+            )
+            score += predictive(run_prior, fold, fraction, evidence.size)
         scores.append(score)
     return WIDTHS[int(np.argmax(scores))]
 
 
-def predictive(prior: Gaussian, fold: Sequence[Products], share: float, size: int) -> float:
+def predictive(prior: Gaussian, fold: Sequence[NormalEquations], fraction: float, size: int) -> float:
     """Return twice the logarithm of the density of a fold under a prior, up to a constant."""
     seen = total(fold, size)
-    marginal = Marginal.of(prior, seen, share)
+    marginal = Marginal.of(prior, seen, fraction)
     root = np.sqrt(np.diag(prior.covariance))
-    inner = np.eye(size) + share * _sandwich(prior.covariance, seen.matrix, root)
+    inner = np.eye(size) + fraction * _sandwich(prior.covariance, seen.matrix, root)
     return -marginal.cost - float(np.linalg.slogdet(inner)[1])
 
 
 def evidence_of_change(
-    evidence: RegressionProblem, prior: Gaussian, width: float, parts: Sequence[Products], share: float
+    evidence: RegressionProblem,
+    prior: Gaussian,
+    width: float,
+    parts: Sequence[NormalEquations],
+    fraction: float,
 ) -> float:
     """Give how much likelier recordings are if more than a little has changed since the nominal ones.
 
@@ -84,8 +92,8 @@ def evidence_of_change(
         evidence: All recordings.
         prior: Before those in question, which allows for ``width``.
         width: What changes from one nominal run to another, in typical sizes.
-        parts: Products of those in question.
-        share: Share of independent samples.
+        parts: Normal equations of those in question.
+        fraction: Effective sample fraction: independent samples over samples.
 
     Returns:
         Twice the log ratio of the densities, at the likeliest widths above and below ``MATERIAL``.
@@ -93,7 +101,7 @@ def evidence_of_change(
 
     def likelihood(larger: float) -> float:
         added = float(np.sqrt(larger**2 - width**2))
-        return predictive(prior.inflate(_spreads(evidence, added)), parts, share, evidence.size)
+        return predictive(prior.inflate(_spreads(evidence, added)), parts, fraction, evidence.size)
 
     tried = [width, *(w for w in (*WIDTHS, WIDEST) if w > width)]
     little = [w for w in tried if w == width or w < MATERIAL]

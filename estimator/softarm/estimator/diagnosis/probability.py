@@ -25,27 +25,27 @@ DRAWS = 2000
 
 
 def probabilities(
-    candidates: Sequence[Candidate], costs: Sequence[FoldCosts], price: float, rng: np.random.Generator
+    candidates: Sequence[Candidate], costs: Sequence[FoldCosts], bic_penalty: float, rng: np.random.Generator
 ) -> Floats:
     """Return how probable each of some candidates is, shape (candidates,); the rest is that none acts.
 
     Args:
         candidates: What was fitted, at least one.
         costs: How well the folds are predicted with each of them, and without any.
-        price: Cost of a parameter.
+        bic_penalty: Cost of a parameter.
         rng: Of the weightings of the folds.
     """
     # A cost is twice a logarithm.
     densities = [
-        -0.5 * (own.after + spent(one, price) / len(own.after))
+        -0.5 * (own.after + spent(one, bic_penalty) / len(own.after))
         for one, own in zip(candidates, costs, strict=True)
     ]
     return pseudo_bma(np.column_stack([*densities, -0.5 * costs[0].before]), rng)[:-1]
 
 
-def spent(candidate: Candidate, price: float) -> float:
+def spent(candidate: Candidate, bic_penalty: float) -> float:
     """Return the cost of the parameters that all folds have fitted; each fold's own is that of the size."""
-    return price * (len(candidate.fit.thetas[-1]) - 1)
+    return bic_penalty * (len(candidate.fit.thetas[-1]) - 1)
 
 
 def pseudo_bma(densities: Floats, rng: np.random.Generator) -> Floats:

@@ -18,7 +18,7 @@ INVISIBLE = 1e-3
 def screen(
     evidence: RegressionProblem, marginal: Marginal, taken: frozenset[int]
 ) -> list[tuple[int, float, Floats]]:
-    """Rank hypotheses by their linear gain less the price of their parameters.
+    """Rank hypotheses by their linear gain less the penalty of their parameters.
 
     Args:
         evidence: Residuals and columns.
@@ -29,7 +29,7 @@ def screen(
         Number, score and parameters to start from of each, the best first.
     """
     best: dict[int, tuple[float, Floats]] = {}
-    price = np.log(max(marginal.count, 2.0))
+    bic_penalty = np.log(max(marginal.count, 2.0))
     directions = evidence.library.directions
     for number, _, columns in evidence.library.groups():
         if number in taken:
@@ -40,7 +40,7 @@ def screen(
         gain, values = marginal.gain(own)
         effect = evidence.library.hypotheses[number].effect
         theta, allowed = _start(effect.parameters, [directions[c] for c in columns], values)
-        score = (gain if allowed else 0.0) - price * len(effect.parameters)
+        score = (gain if allowed else 0.0) - bic_penalty * len(effect.parameters)
         if number not in best or score > best[number][0]:
             best[number] = (score, theta)
     ranked = [(number, score, theta) for number, (score, theta) in best.items()]
@@ -51,7 +51,7 @@ def null_scores(evidence: RegressionProblem, marginal: Marginal, rng: np.random.
     """Draw the best score of the whole screen where nothing is missing, shape (draws,)."""
     first = evidence.nuisances
     drawn = marginal.null_draws(rng, DRAWS, first)
-    price = np.log(max(marginal.count, 2.0))
+    bic_penalty = np.log(max(marginal.count, 2.0))
     best = np.full(DRAWS, -np.inf)
     for number, _, columns in evidence.library.groups():
         own = [evidence.nuisances + c for c in columns]
@@ -63,7 +63,7 @@ def null_scores(evidence: RegressionProblem, marginal: Marginal, rng: np.random.
         whitened = drawn[:, [k - first for k in own]] / size
         gains = (whitened * np.linalg.solve(scaled, whitened.T).T).sum(axis=1)
         parameters = len(evidence.library.hypotheses[number].effect.parameters)
-        best = np.maximum(best, gains - price * parameters)
+        best = np.maximum(best, gains - bic_penalty * parameters)
     return best
 
 

@@ -11,7 +11,7 @@ Their covariance is that of this estimator and not that of its weights (Huber 19
 (1980) 817): with X the changes by each parameter, C the common columns and P the covariance of their
 coefficients,
 
-    H^-1 (X'X / share + X'C P C'X) H^-1,    H = X'X,
+    H^-1 (X'X / fraction + X'C P C'X) H^-1,    H = X'X,
 
 and, for a discrepancy that lasts for a recording, that of the estimates without one recording each
 (jackknife: Miller, Biometrika 61 (1974) 1).
@@ -26,9 +26,17 @@ from numpy.typing import NDArray
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.candidates import ChosenEffects, is_told
 from softarm.estimator.diagnosis.choose import EXACT_STEPS, SECOND, Search
-from softarm.estimator.diagnosis.fit import Chart, Fit, Ground, View, fit_effects, slopes_of, whitened
+from softarm.estimator.diagnosis.fit import (
+    Fit,
+    MarginalisedProblem,
+    Parametrisation,
+    RecordingResidual,
+    fit_effects,
+    slopes_of,
+    whitened,
+)
 from softarm.estimator.diagnosis.gaussian import Gaussian
-from softarm.estimator.diagnosis.gram import Total
+from softarm.estimator.diagnosis.normal_equations import Total
 from softarm.estimator.specimen.physics import EffectName
 
 Singles = NDArray[np.float32]
@@ -66,23 +74,29 @@ def sized(search: Search, fit: Fit) -> Fit:
     known = any(stage.session.nominal for stage in search.evidence.stages)
     if not known or search.natural_frequency is not None:
         return fit
-    views, columns = plain_views(search)
-    ground = Ground.of(views, Gaussian(np.zeros(1), np.eye(1)), search.weights.share, _NOTHING)
-    found = fit_effects(ground, fit.hypotheses, fit.thetas)
+    residuals, columns = plain_residuals(search)
+    problem = MarginalisedProblem.of(
+        residuals, Gaussian(np.zeros(1), np.eye(1)), search.weights.effective_sample_fraction, _NOTHING
+    )
+    found = fit_effects(problem, fit.hypotheses, fit.thetas)
     if search.solvable(fit):
-        again = fit_effects(ground, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
+        again = fit_effects(problem, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
         found = max(found, again, key=lambda one: one.gain)
-    chart = Chart.of(found.hypotheses)
-    values = chart.units(np.concatenate(found.thetas))
-    slopes = slopes_of(ground, found.hypotheses, [], chart, values, exact=found.exact)
-    left = whitened(ground, found.hypotheses, found.thetas, exact=found.exact)
+    parametrisation = Parametrisation.of(found.hypotheses)
+    values = parametrisation.units(np.concatenate(found.thetas))
+    slopes = slopes_of(problem, found.hypotheses, [], parametrisation, values, exact=found.exact)
+    left = whitened(problem, found.hypotheses, found.thetas, exact=found.exact)
     parts = [
         part
-        for view, slope, change, common in zip(views, slopes, left, columns, strict=True)
-        for part in _parts(view, slope, view.left.ravel() - change[:, 0], common, whole=len(views) >= SPANS)
+        for recorded, slope, change, common in zip(residuals, slopes, left, columns, strict=True)
+        for part in _parts(
+            recorded, slope, recorded.left.ravel() - change[:, 0], common, whole=len(residuals) >= SPANS
+        )
     ]
-    prior = 1.0 / chart.spreads**2 / search.weights.share
-    covariance = robust_covariance(parts, prior, search.prior.covariance, search.weights.share)
+    prior = 1.0 / parametrisation.spreads**2 / search.weights.effective_sample_fraction
+    covariance = robust_covariance(
+        parts, prior, search.prior.covariance, search.weights.effective_sample_fraction
+    )
     if reversed_sign(fit, found):
         return replace(fit, covariance=covariance)
     return replace(found, covariance=covariance, gain=fit.gain)
@@ -135,14 +149,14 @@ def fragments(choice: ChosenEffects, fit: Fit) -> list[int]:
 _NOTHING = Total(0, np.zeros((1, 1)), np.zeros(1), 0.0)
 
 
-def plain_views(search: Search) -> tuple[list[View], list[Singles]]:
+def plain_residuals(search: Search) -> tuple[list[RecordingResidual], list[Singles]]:
     """List what least squares sees of each recording in question: searched stretches, over their noise.
 
     Returns:
-        The views, with the common coefficients at their prior mean; and the common columns over the
+        The residuals, with the common coefficients at their prior mean; and the common columns over the
         noise, each of shape (samples * rows, columns).
     """
-    views: list[View] = []
+    residuals: list[RecordingResidual] = []
     columns: list[Singles] = []
     mean = search.prior.mean
     for number, stage in enumerate(search.evidence.stages):
@@ -155,15 +169,17 @@ def plain_views(search: Search) -> tuple[list[View], list[Singles]]:
         weight = used / np.hypot(scale, stage.model_error_std)
         own = search.evidence.columns[number]
         left = np.nan_to_num(residual - own @ mean) * weight
-        views.append(View(stage, left, weight, np.zeros((left.size, 1), dtype=np.float32)))
+        residuals.append(RecordingResidual(stage, left, weight, np.zeros((left.size, 1), dtype=np.float32)))
         columns.append((own * weight[..., None].astype(np.float32)).reshape(left.size, -1))
-    return views, columns
+    return residuals, columns
 
 
-def _parts(view: View, slope: Floats, left: Floats, common: Singles, *, whole: bool) -> list[Part]:
+def _parts(
+    recorded: RecordingResidual, slope: Floats, left: Floats, common: Singles, *, whole: bool
+) -> list[Part]:
     """Multiply out a recording, or spans of it where there are few recordings."""
-    rows = view.left.shape[1]
-    cuts = [np.arange(len(view.left))] if whole else np.array_split(np.arange(len(view.left)), SPANS)
+    rows = recorded.left.shape[1]
+    cuts = [np.arange(len(recorded.left))] if whole else np.array_split(np.arange(len(recorded.left)), SPANS)
     found = []
     for cut in cuts:
         own = slice(int(cut[0]) * rows, (int(cut[-1]) + 1) * rows)
@@ -172,19 +188,19 @@ def _parts(view: View, slope: Floats, left: Floats, common: Singles, *, whole: b
     return found
 
 
-def robust_covariance(parts: Sequence[Part], prior: Floats, common: Floats, share: float) -> Floats:
+def robust_covariance(parts: Sequence[Part], prior: Floats, common: Floats, fraction: float) -> Floats:
     """Compute the covariance of least squares under errors that its weights do not know of.
 
     Args:
         parts: What each recording says, at the estimate.
-        prior: Precision of each parameter beforehand, over the share, shape (parameters,).
+        prior: Precision of each parameter beforehand, over the fraction, shape (parameters,).
         common: Covariance of the common coefficients, shape (columns, columns).
-        share: Share of independent samples.
+        fraction: Effective sample fraction: independent samples over samples.
     """
     whole = sum((part.matrix for part in parts), np.zeros((len(prior), len(prior))))
     cross = sum((part.cross for part in parts), np.zeros((len(prior), len(common))))
     inverse = np.linalg.inv(whole + np.diag(prior))
-    sandwich = inverse @ (whole / share + np.diag(prior) / share + cross @ common @ cross.T) @ inverse
+    sandwich = inverse @ (whole / fraction + np.diag(prior) / fraction + cross @ common @ cross.T) @ inverse
     pull = sum((part.vector for part in parts), np.zeros(len(prior)))
     moved = []
     for part in parts:

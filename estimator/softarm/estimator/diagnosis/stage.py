@@ -90,14 +90,14 @@ class Stage:
         return Scene(self.arm.baseline.frames, np.zeros((self.session.samples, 0)))
 
     @cached_property
-    def by_couple(self) -> Floats:
+    def couple_jacobian(self) -> Floats:
         """Derivative of the predictions by the segments' couples, shape (samples, rows, 4 segments)."""
         response = self.arm.baseline
         samples, sections = response.frames.positions.shape[:2]
-        by_wrench = self.by_twist @ response.load_jacobian
+        by_wrench = self.twist_jacobian @ response.load_jacobian
         strains = self.arm.segments.rows(response.frames).reshape(samples, -1, 6 * sections)
-        by_couple: Floats = by_wrench @ np.swapaxes(strains, 1, 2)
-        return by_couple
+        couple_jacobian: Floats = by_wrench @ np.swapaxes(strains, 1, 2)
+        return couple_jacobian
 
     @cached_property
     def by_eigenstrain(self) -> Floats:
@@ -211,7 +211,7 @@ class Stage:
         if placed.field == "base_rotation":
             turned = placed.apply(drive, change)
             usual = replace(drive, base_rotation=self._usual(turned, (placed,)))
-            return _applied(self.by_twist, self.arm.twists(turned) - self.arm.rigid(usual))
+            return _applied(self.twist_jacobian, self.arm.twists(turned) - self.arm.rigid(usual))
         return _applied(self.by_drive[placed.field], change.reshape(drive.samples, -1))
 
     @property
@@ -219,9 +219,9 @@ class Stage:
         """Derivatives of the predictions by the parts of the drive that act through deformation."""
         chambers = self.drive.pressures.shape[1]
         return {
-            "pressures": self.by_input[..., :chambers],
-            "wrenches": self.by_input[..., chambers:-3],
-            "gravity": self.by_input[..., -3:],
+            "pressures": self.input_jacobian[..., :chambers],
+            "wrenches": self.input_jacobian[..., chambers:-3],
+            "gravity": self.input_jacobian[..., -3:],
             "eigenstrains": self.by_eigenstrain,
         }
 
@@ -240,16 +240,16 @@ class Stage:
         return readings
 
     @cached_property
-    def by_twist(self) -> Floats:
+    def twist_jacobian(self) -> Floats:
         """Derivative of the predictions by the sections' twists, shape (samples, rows, 6 sections)."""
         rows: Floats = np.nan_to_num(self.suite.sensitivity(self.scene, self.base).twists)
         return rows
 
     @cached_property
-    def by_input(self) -> Floats:
+    def input_jacobian(self) -> Floats:
         """Derivative of the predictions by pressures, wrenches and gravity, shape (samples, rows, inputs)."""
-        by_input: Floats = self.by_twist @ self.arm.baseline.input_jacobian
-        return by_input
+        input_jacobian: Floats = self.twist_jacobian @ self.arm.baseline.input_jacobian
+        return input_jacobian
 
     @cached_property
     def prediction(self) -> Prediction:
@@ -267,8 +267,8 @@ class Stage:
             loads,
             session.gravity[0],
             self.base,
-            np.zeros(self.by_twist.shape[:2]),
-            self.by_twist,
+            np.zeros(self.twist_jacobian.shape[:2]),
+            self.twist_jacobian,
         )
 
 

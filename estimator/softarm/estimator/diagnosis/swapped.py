@@ -139,7 +139,7 @@ def _exchanged(stage: Stage, one: int, other: int) -> Floats:
     change = np.zeros_like(pressures)
     change[:, one] = pressures[:, other] - pressures[:, one]
     change[:, other] = -change[:, one]
-    moved: Floats = np.einsum("trc,tc->tr", stage.by_input[..., : pressures.shape[1]], change)
+    moved: Floats = np.einsum("trc,tc->tr", stage.input_jacobian[..., : pressures.shape[1]], change)
     return moved
 
 

@@ -15,7 +15,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.candidates import ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.gaussian import Marginal
-from softarm.estimator.diagnosis.gram import total
+from softarm.estimator.diagnosis.normal_equations import total
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import describe
 from softarm.estimator.specimen.physics import EffectName, Place
@@ -38,7 +38,7 @@ class FreeLaw:
     Args:
         place: Where it acts.
         regime: What it varies with.
-        delta_bic: By how much it lowers the cost, less the price of its coefficients.
+        delta_bic: By how much it lowers the cost, less the penalty of its coefficients.
         nearest: Names of the effects that explain most, and far less.
     """
 
@@ -63,7 +63,7 @@ def better_law(search: Search, choice: ChosenEffects) -> FreeLaw | None:
     if fit is None:
         return best if best.delta_bic > SURE else None
     strongest = max(one.candidate.delta_bic for one in choice.accepted)
-    every = fit.gain - search.price * sum(map(len, fit.thetas))
+    every = fit.gain - search.bic_penalty * sum(map(len, fit.thetas))
     nearest = tuple(hypothesis.name for hypothesis in fit.hypotheses)
     better = best.delta_bic > max(BETTER * strongest, ALONE * every) + SURE
     return replace(best, nearest=nearest) if better else None
@@ -101,7 +101,7 @@ def by_bend(stage: Stage, segment: int, knots: Floats) -> Floats:
 def by_pressure(stage: Stage, knots: Floats) -> Floats:
     """Let every chamber push more from some pressure on, shape (samples, rows, knots)."""
     pressures = stage.session.pressures
-    slopes = stage.by_input[..., : pressures.shape[1]]
+    slopes = stage.input_jacobian[..., : pressures.shape[1]]
     columns: Floats = np.einsum("trc,tck->trk", slopes, np.maximum(pressures[..., None] - knots, 0.0))
     return columns
 
@@ -116,7 +116,7 @@ def by_neighbours(stage: Stage, highest: float) -> Floats:
         Shape (samples, rows, 2 segments).
     """
     pressures = stage.session.pressures
-    slopes = stage.by_input[..., : pressures.shape[1]]
+    slopes = stage.input_jacobian[..., : pressures.shape[1]]
     columns = []
     for index in range(len(stage.world.segments)):
         own = [c for c, segment in enumerate(stage.world.chamber_segment) if segment == index]
@@ -134,8 +134,8 @@ def _fitted(search: Search, columns: Callable[[Stage], Floats], place: Place, re
     seen = total(parts, len(parts[0].vector))
     powers = np.diag(seen.matrix)[evidence.size :].tolist()
     prior = search.prior
-    for own_power in powers:
-        prior = prior.augment(0.0, ANY_SIZE * seen.power / own_power if own_power > 0.0 else 1.0)
-    before = Marginal.cost_of(search.prior, seen.first(evidence.size), weights.share)
-    gain = before - Marginal.cost_of(prior, seen, weights.share)
-    return FreeLaw(place, regime, gain - search.price * len(powers))
+    for own_squares in powers:
+        prior = prior.augment(0.0, ANY_SIZE * seen.sum_of_squares / own_squares if own_squares > 0.0 else 1.0)
+    before = Marginal.cost_of(search.prior, seen.first(evidence.size), weights.effective_sample_fraction)
+    gain = before - Marginal.cost_of(prior, seen, weights.effective_sample_fraction)
+    return FreeLaw(place, regime, gain - search.bic_penalty * len(powers))

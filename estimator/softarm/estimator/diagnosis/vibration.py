@@ -165,7 +165,7 @@ def _couples(swaying: Swaying, lag: Floats) -> Floats:
 
 def _seen(stage: Stage, swaying: Swaying, lag: Floats) -> Floats:
     """Give what strains change of the predictions, shape (samples, rows)."""
-    change: Floats = np.einsum("trk,tk->tr", stage.by_couple, _couples(swaying, lag))
+    change: Floats = np.einsum("trk,tk->tr", stage.couple_jacobian, _couples(swaying, lag))
     return change
 
 

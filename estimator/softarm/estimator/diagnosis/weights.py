@@ -15,11 +15,11 @@ class Weights:
 
     Args:
         scale: Standard deviation of each channel's residual: noise, and what the fullest model leaves.
-        share: Share of the samples that are worth an independent one.
+        effective_sample_fraction: Share of the samples that are worth an independent one.
     """
 
     scale: Mapping[str, float]
-    share: float
+    effective_sample_fraction: float
 
     def bounded(self, known: "Weights", factor: float) -> "Weights":
         """Keep within a factor of the noise of recordings in which nothing is missing."""
@@ -27,7 +27,7 @@ class Weights:
             name: min(value, factor * known.scale[name]) if name in known.scale else value
             for name, value in self.scale.items()
         }
-        return Weights(scale, max(self.share, known.share / factor))
+        return Weights(scale, max(self.effective_sample_fraction, known.effective_sample_fraction / factor))
 
 
 def weights_of(

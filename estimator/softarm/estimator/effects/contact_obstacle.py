@@ -42,7 +42,7 @@ EFFECT = Effect(
     statement="An obstacle pushes {where} back: it starts {distance} from the rest position in the "
     "direction of {azimuth} and has a stiffness of {stiffness}.",
     source="Penalty contact with a half space",
-    innate=False,
+    in_healthy_arms=False,
     needs=frozenset({"each_chamber"}),
     splits=(
         ("material_stiffening", "reach one pose by different chambers"),

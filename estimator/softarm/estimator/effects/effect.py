@@ -16,7 +16,7 @@ from softarm.estimator.effects.amounts import Amount
 from softarm.estimator.effects.world import Spot, World
 from softarm.estimator.specimen.physics import EffectName, Place
 
-Hook = Literal["command", "pressure", "gravity", "support", "load", "couple", "sensing"]
+Hook = Literal["command", "pressure", "gravity", "support", "load", "constitutive", "sensing"]
 Memory = tuple[Floats, ...]
 """Internal state after the last sample, empty before the first."""
 
@@ -126,7 +126,7 @@ class Effect:
     What ``act`` returns depends on the hook: ``pressure`` the new pressures (samples, chambers), as does
     ``command``, which acts before the pressure sensors and so not on measured pressures; ``gravity`` a change
     of gravity (samples, 3), ``support`` a rotation of the base (samples, 3), ``load`` wrenches on the
-    sections (samples, sections, 6), ``couple`` the strains (samples, segments, 4) into which those
+    sections (samples, sections, 6), ``constitutive`` the strains (samples, segments, 4) into which those
     without the effect turn, ``sensing`` the new reading.
 
     Args:
@@ -139,7 +139,7 @@ class Effect:
             ``Amount``.
         source: Where the equation comes from.
         equivalence: Structural classes: effects that share one look alike to orientation and pressure.
-        innate: Whether an arm that is well may have a little of it.
+        in_healthy_arms: Whether an arm that is well may have a little of it.
         needs: Excitation without which it cannot be tested.
         splits: Rival effect to the manoeuvre that tells the two apart.
         when: What it depends on, in plain words.
@@ -165,7 +165,7 @@ class Effect:
     statement: str
     source: str
     equivalence: tuple[str, ...] = ()
-    innate: bool = True
+    in_healthy_arms: bool = True
     needs: frozenset[Excitation] = frozenset()
     splits: tuple[tuple[EffectName, str], ...] = ()
     when: str = "constant"

@@ -22,7 +22,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 
 EFFECT = Effect(
     name="fibre_twist",
-    hook="couple",
+    hook="constitutive",
     parameters=(ParameterSpec("turn", "rad/Pa", 1e-06, -0.0001, 0.0001, spread=2e-06),),
     places=whole_and_segments,
     act=act,

@@ -32,7 +32,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 
 EFFECT = Effect(
     name="hysteresis",
-    hook="couple",
+    hook="constitutive",
     parameters=(
         ParameterSpec("strength", "1", 0.15, -0.5, 0.9, spread=0.2),
         ParameterSpec("reach", "rad", 0.1, 0.002, 2.0, "shape", "log", spread=1.0),

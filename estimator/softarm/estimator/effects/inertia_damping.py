@@ -24,7 +24,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 
 EFFECT = Effect(
     name="inertia_damping",
-    hook="couple",
+    hook="constitutive",
     parameters=(
         ParameterSpec("inertia_time", "s", 0.02, 0.0, 0.2, spread=0.03),
         ParameterSpec("damping_time", "s", 0.01, 0.0, 2.0, spread=0.1),

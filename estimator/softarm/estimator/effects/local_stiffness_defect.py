@@ -36,7 +36,7 @@ def modal(theta: Floats) -> ModalChange:
 
 EFFECT = Effect(
     name="local_stiffness_defect",
-    hook="couple",
+    hook="constitutive",
     parameters=(
         ParameterSpec("depth", "1", 0.2, -2.0, 0.9, spread=0.3),
         ParameterSpec("azimuth", "rad", 0.5, -2.0 * np.pi, 2.0 * np.pi, "shape", "linear", spread=1.8),

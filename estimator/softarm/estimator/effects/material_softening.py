@@ -22,7 +22,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 
 EFFECT = Effect(
     name="material_softening",
-    hook="couple",
+    hook="constitutive",
     parameters=(
         ParameterSpec("growth", "1", 0.2, 0.0, 20.0, spread=0.5),
         ParameterSpec("exponent", "1", 1.5, 0.5, 3.0, "shape", "log", spread=0.4),

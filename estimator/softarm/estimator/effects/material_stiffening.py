@@ -32,7 +32,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 
 EFFECT = Effect(
     name="material_stiffening",
-    hook="couple",
+    hook="constitutive",
     parameters=(ParameterSpec("growth", "1/rad2", 0.2, 0.0, 20.0, spread=0.5),),
     places=whole_and_segments,
     act=act,

@@ -29,7 +29,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 
 EFFECT = Effect(
     name="mullins_softening",
-    hook="couple",
+    hook="constitutive",
     parameters=(
         ParameterSpec("strength", "1", 0.15, 0.0, 0.8, spread=0.2),
         ParameterSpec("width", "rad", 0.3, 0.02, 3.0, "shape", "log", spread=0.7),

@@ -17,7 +17,7 @@ FIELDS: Mapping[Hook, str] = {
     "pressure": "pressures",
     "gravity": "gravity",
     "load": "wrenches",
-    "couple": "eigenstrains",
+    "constitutive": "eigenstrains",
     "support": "base_rotation",
 }
 """Part of a ``Drive`` that an effect changes, by its hook; an effect of sensing changes none."""

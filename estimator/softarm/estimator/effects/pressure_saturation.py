@@ -36,7 +36,7 @@ EFFECT = Effect(
     act=act,
     statement="The pressure in {where} stops {shortfall} below its limit.",
     source="Valve or supply limit",
-    innate=False,
+    in_healthy_arms=False,
     needs=frozenset({"large_pressures"}),
     splits=(
         ("material_stiffening", "raise each chamber alone to its limit"),

@@ -21,7 +21,7 @@ def modal(theta: Floats) -> ModalChange:
 
 EFFECT = Effect(
     name="segment_stiffness",
-    hook="couple",
+    hook="constitutive",
     parameters=(ParameterSpec("change", "1", 0.1, -0.8, 4.0, spread=0.2),),
     places=segments,
     act=act,

@@ -38,7 +38,7 @@ EFFECT = Effect(
     statement="Hoses or a cord pull {where} in the direction of {azimuth}: beyond {slack} of slack they "
     "pull with {stiffness}.",
     source="Unilateral spring",
-    innate=False,
+    in_healthy_arms=False,
     needs=frozenset({"large_pressures"}),
     splits=(
         ("material_stiffening", "loosen the hoses and repeat"),

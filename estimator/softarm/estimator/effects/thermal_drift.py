@@ -23,7 +23,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 
 EFFECT = Effect(
     name="thermal_drift",
-    hook="couple",
+    hook="constitutive",
     parameters=(
         ParameterSpec("change", "1", 0.1, -0.6, 2.0, spread=0.1),
         ParameterSpec("time_constant", "s", 400.0, 30.0, 20000.0, "shape", "log", 1.0),

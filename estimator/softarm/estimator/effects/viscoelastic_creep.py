@@ -25,7 +25,7 @@ def act(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Fl
 
 EFFECT = Effect(
     name="viscoelastic_creep",
-    hook="couple",
+    hook="constitutive",
     parameters=(
         ParameterSpec("strength", "1", 0.1, -0.5, 2.0, spread=0.2),
         ParameterSpec("time_constant", "s", 20.0, 0.5, 500.0, "shape", "log", 1.5),

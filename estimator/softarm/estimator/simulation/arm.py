@@ -146,17 +146,17 @@ def _rotated(response: ArmResponse, rotation: Floats) -> ArmResponse:
         np.einsum("tij,tsj->tsi", rotation, response.frames.positions),
         np.einsum("tij,tsjk->tsik", rotation, response.frames.rotations),
     )
-    by_input = _rotated_twists(response.input_jacobian, rotation)
-    samples, rows, inputs = by_input.shape
+    input_jacobian = _rotated_twists(response.input_jacobian, rotation)
+    samples, rows, inputs = input_jacobian.shape
     if inputs:
         chambers = response.chambers
-        vectors = by_input[..., chambers:].reshape(samples, rows, -1, 3)
+        vectors = input_jacobian[..., chambers:].reshape(samples, rows, -1, 3)
         turned = np.einsum("tij,trkj->trki", rotation, vectors).reshape(samples, rows, -1)
-        by_input = np.concatenate([by_input[..., :chambers], turned], axis=-1)
+        input_jacobian = np.concatenate([input_jacobian[..., :chambers], turned], axis=-1)
     return replace(
         response,
         frames=frames,
-        input_jacobian=by_input,
+        input_jacobian=input_jacobian,
         factor_jacobian=_rotated_twists(response.factor_jacobian, rotation),
         eigenstrain_jacobian=_rotated_twists(response.eigenstrain_jacobian, rotation),
     )

@@ -43,7 +43,7 @@ class StretchedBatch(BatchModelWrapper):
         if start is not None:
             stretches = np.where(start.converged[:, None], law.stretches(start.frames), 0.0)
         for _ in range(PASSES):
-            effective = law.worth(pressures, stretches)
+            effective = law.effective(pressures, stretches)
             inner = self.model.evaluate(replace(inputs, pressures=effective), start=start)
             move, following = self._following(pressures, stretches, inner)
             if np.abs(move[inner.converged]).max(initial=0.0) < LARGEST_MOVE:
@@ -74,11 +74,11 @@ class StretchedBatch(BatchModelWrapper):
         twists = move.reshape(len(move), -1, 6)
         positions = inner.frames.positions + twists[..., :3]
         frames = Frames(positions, exp(twists[..., 3:]) @ inner.frames.rotations)
-        by_input = following @ inner.input_jacobian
-        by_input[..., : self.chambers] *= (1.0 + self.law.gain * self.law.stretches(frames))[:, None, :]
+        input_jacobian = following @ inner.input_jacobian
+        input_jacobian[..., : self.chambers] *= (1.0 + self.law.gain * self.law.stretches(frames))[:, None, :]
         wanted = {
             name: following @ jacobian
             for name in ("factor_jacobian", "eigenstrain_jacobian")
             if len(jacobian := getattr(inner, name))
         }
-        return replace(inner, frames=frames, input_jacobian=by_input, **wanted)
+        return replace(inner, frames=frames, input_jacobian=input_jacobian, **wanted)

@@ -75,7 +75,7 @@ class StretchLaw:
         lengths = np.array([chamber.to_m - chamber.from_m for chamber in specimen.chambers])
         return cls(gain, below, above, starts, ends, lengths, axes[below], axes[above])
 
-    def worth(self, pressures: Floats, stretches: Floats) -> Floats:
+    def effective(self, pressures: Floats, stretches: Floats) -> Floats:
         """Return the pressures that would push as much on unstretched chambers [Pa], shape (..., C)."""
         acting: Floats = pressures * (1.0 + self.gain * stretches)
         return acting

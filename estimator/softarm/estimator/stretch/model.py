@@ -59,9 +59,9 @@ class StretchedStep(Generic[State, Step]):
         drift, columns = self.step.response(rows)
         still, moved = self._pressures
         chambers = self.model.chambers
-        by_input = columns[:, :chambers] @ moved
-        by_input[:, chambers:] += columns[:, chambers:]
-        return drift + columns[:, :chambers] @ still, by_input
+        input_jacobian = columns[:, :chambers] @ moved
+        input_jacobian[:, chambers:] += columns[:, chambers:]
+        return drift + columns[:, :chambers] @ still, input_jacobian
 
     @cached_property
     def _pressures(self) -> tuple[Floats, Floats]:
@@ -74,9 +74,9 @@ class StretchedStep(Generic[State, Step]):
         behind = stretches - self.made_with
         kept = np.eye(chambers) - columns[:, :chambers] * push
         still = np.linalg.solve(kept, drift + columns[:, :chambers] @ (push * behind))
-        by_input = columns[:, :chambers] @ own
-        by_input[:, chambers:] += columns[:, chambers:]
-        moved = np.linalg.solve(kept, by_input)
+        input_jacobian = columns[:, :chambers] @ own
+        input_jacobian[:, chambers:] += columns[:, chambers:]
+        moved = np.linalg.solve(kept, input_jacobian)
         return push * (still + behind), own + push[:, None] * moved
 
     def inner(self, change: Floats) -> Floats:
@@ -133,7 +133,7 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
         """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
         if self._frames_at is None:
             return self._solve_by_passes(inputs, start)
-        given = replace(inputs, pressures=self.law.worth(inputs.pressures, np.zeros(self.chambers)))
+        given = replace(inputs, pressures=self.law.effective(inputs.pressures, np.zeros(self.chambers)))
         state, found = self.model.solve(given, start)
         unchanged = np.zeros(self.chambers + len(self.loads))
         for _ in range(PASSES if found else 0):
@@ -147,7 +147,7 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
         """Solve a model that finds equilibria alone until its stretches no longer change."""
         state, stretches = start, np.zeros(self.chambers)
         for _ in range(PASSES):
-            given = replace(inputs, pressures=self.law.worth(inputs.pressures, stretches))
+            given = replace(inputs, pressures=self.law.effective(inputs.pressures, stretches))
             state, found = self.model.solve(given, state)
             if not found:
                 return state, False
@@ -157,7 +157,7 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
         return state, True
 
     def _step(self, state: State, inputs: Inputs, stretches: Floats) -> StretchedStep[State, Step]:
-        given = replace(inputs, pressures=self.law.worth(inputs.pressures, stretches))
+        given = replace(inputs, pressures=self.law.effective(inputs.pressures, stretches))
         return StretchedStep(self, inputs, stretches, self.model.linearise(state, given))
 
 

@@ -85,9 +85,9 @@ class SparseModel(ModelWrapper):
             elif key not in self.solved:
                 self.solved[key], state = self._solve(one, state)
             answers.append(self.solved[key])
-        positions, rotations, by_input, by_factor, converged = map(np.array, zip(*answers, strict=True))
+        positions, rotations, input_jacobian, by_factor, converged = map(np.array, zip(*answers, strict=True))
         frames = Frames(positions, rotations)
-        return ArmResponse(frames, converged.astype(bool), self.chambers, by_input, by_factor)
+        return ArmResponse(frames, converged.astype(bool), self.chambers, input_jacobian, by_factor)
 
     def _unsolved(self) -> Answer:
         frames = self.model.section_frames(self.model.rest())

@@ -11,7 +11,7 @@ NEAR_MOST = 0.8  # of a gauge's largest reading
 LONGEST_GAP = 0.5  # s between two readings of a gauge within its range
 
 
-def complaints(recording: Recording, run: CalibrationRun) -> tuple[str, ...]:
+def data_quality_notes(recording: Recording, run: CalibrationRun) -> tuple[str, ...]:
     """Name gauges that were slack, silent or beyond their range, and sensors that never answered.
 
     Args:

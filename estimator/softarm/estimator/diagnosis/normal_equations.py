@@ -15,8 +15,8 @@ from softarm.estimator.arrays import Flags, Floats
 
 
 @dataclass(frozen=True)
-class Products:
-    """Products of one stretch.
+class NormalEquations:
+    """The normal equations of one stretch.
 
     Args:
         session: Number of its session.
@@ -27,7 +27,7 @@ class Products:
         count: Number of residuals.
         matrix: X^T W X, shape (columns, columns).
         vector: X^T W r, shape (columns,).
-        power: r^T W r.
+        sum_of_squares: r^T W r.
     """
 
     session: int
@@ -38,10 +38,10 @@ class Products:
     count: int
     matrix: Floats
     vector: Floats
-    power: float
+    sum_of_squares: float
 
 
-def products_of(
+def normal_equations(
     residual: Floats,
     columns: Floats | NDArray[np.float32],
     scale: Floats,
@@ -51,7 +51,7 @@ def products_of(
     session: int,
     *,
     nominal: bool,
-) -> list[Products]:
+) -> list[NormalEquations]:
     """Multiply a session's residuals and columns, stretch by stretch.
 
     Args:
@@ -71,19 +71,21 @@ def products_of(
         matrix = np.asarray(rows.T @ rows, dtype=np.float64)
         vector = np.asarray(rows.T @ left, dtype=np.float64)
         flags = bool(heldout[own].any()), bool(reported[own].any())
-        power = float(left @ left)
-        found.append(Products(session, block, nominal, *flags, len(left), matrix, vector, power))
+        sum_of_squares = float(left @ left)
+        found.append(
+            NormalEquations(session, block, nominal, *flags, len(left), matrix, vector, sum_of_squares)
+        )
     return found
 
 
 def renewed(
-    parts: Sequence[Products],
+    parts: Sequence[NormalEquations],
     residual: Floats,
     columns: Floats | NDArray[np.float32],
     scale: Floats,
     blocks: NDArray[np.int64],
-) -> list[Products]:
-    """Give the products of a session with another residual, lost at the same places; see ``products_of``."""
+) -> list[NormalEquations]:
+    """Compute those of a session with another residual, lost at the same places; see ``normal_equations``."""
     found = []
     spread = np.broadcast_to(scale, residual.shape)
     stretches = _stretches(residual, scale, blocks)
@@ -91,19 +93,19 @@ def renewed(
         left = residual[own][seen] * weight
         scaled = np.where(seen, np.nan_to_num(residual[own]) / spread[own] ** 2, 0.0)
         vector = _pull(columns[own], scaled.ravel())
-        found.append(replace(part, vector=vector, power=float(left @ left)))
+        found.append(replace(part, vector=vector, sum_of_squares=float(left @ left)))
     return found
 
 
 def with_columns(
-    parts: Sequence[Products],
+    parts: Sequence[NormalEquations],
     residual: Floats,
     columns: Floats | NDArray[np.float32],
     more: Floats,
     scale: Floats,
     blocks: NDArray[np.int64],
-) -> list[Products]:
-    """Give the products of a session with more columns, shape (samples, rows, more); see ``products_of``."""
+) -> list[NormalEquations]:
+    """Compute those of a session with more columns, shape (samples, rows, more); see ``normal_equations``."""
     found = []
     spread = np.broadcast_to(scale, residual.shape)
     stretches = _stretches(residual, scale, blocks)
@@ -140,25 +142,25 @@ def _stretches(
 
 @dataclass(frozen=True)
 class Total:
-    """Sum of the products of some stretches."""
+    """Sum of the normal equations of some stretches."""
 
     count: int
     matrix: Floats
     vector: Floats
-    power: float
+    sum_of_squares: float
 
     def first(self, size: int) -> "Total":
         """Leave the last columns out."""
         return replace(self, matrix=self.matrix[:size, :size], vector=self.vector[:size])
 
 
-def total(parts: Sequence[Products], size: int) -> Total:
-    """Add products up."""
+def total(parts: Sequence[NormalEquations], size: int) -> Total:
+    """Add normal equations up."""
     matrix, vector = np.zeros((size, size)), np.zeros(size)
-    count, power = 0, 0.0
+    count, sum_of_squares = 0, 0.0
     for part in parts:
         matrix += part.matrix
         vector += part.vector
         count += part.count
-        power += part.power
-    return Total(count, matrix, vector, power)
+        sum_of_squares += part.sum_of_squares
+    return Total(count, matrix, vector, sum_of_squares)
