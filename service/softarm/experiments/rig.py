@@ -1,11 +1,13 @@
 """A rig of fakes and a service on them, each a process of its own: for demo, experiments and benches."""
 
 import json
+import os
 import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -19,6 +21,8 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import load_specimen
 
 END_TIMEOUT_S = 25.0
+UNIT_NICENESS = -10
+"""That of the service's systemd unit."""
 PATIENCE = 10.0
 """Of an experiment on fakes, which share the machine with the service and with everything else."""
 WAITS = ("valve_deadline_s", "sensor_deadline_s", "setpoint_lifetime_s", "lease_s", "estimator_deadline_s")
@@ -63,6 +67,18 @@ class RigSettings:
     forces_on: tuple[str, ...] = ()
     variant: int | None = None
     patience: float = 1.0
+
+
+@contextmanager
+def niceness(wanted: int) -> Iterator[None]:
+    """Start processes with a niceness, where that is permitted; this one keeps its own."""
+    own = os.getpriority(os.PRIO_PROCESS, 0)
+    with suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, wanted)
+    try:
+        yield
+    finally:
+        os.setpriority(os.PRIO_PROCESS, 0, own)
 
 
 def free_endpoint() -> str:
@@ -244,12 +260,14 @@ class FakeRig:
 
     def __enter__(self) -> Self:
         self.folder.mkdir(parents=True, exist_ok=True)
-        self.fakes.__enter__()
+        with niceness(UNIT_NICENESS):  # devices are never late, so the fakes have it as well
+            self.fakes.__enter__()
         try:
             self.announcement = json.loads(self.fakes.first_line())
             table = service_config(self.settings, self.announcement["devices"])
             self.config_path.write_text(tomli_w.dumps(table))
-            self.service.__enter__()
+            with niceness(UNIT_NICENESS):
+                self.service.__enter__()
         except BaseException:
             self.fakes.end()
             raise
