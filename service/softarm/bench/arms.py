@@ -12,12 +12,21 @@ import numpy as np
 
 from softarm.bench.latency import LIMITS_MS, SETTLE_S, Measured, armed_rig, drive, listen
 from softarm.cli.output import json_option, progress, quick_option, show
+from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Cell, Table
 from softarm.experiments.rig import PATIENCE, FakeRig
 from softarm_client import Arm
 
 COUNTS = (1, 2, 4)
 RATE_HZ = 100.0
+MEASURED = (
+    "estimates_per_s",
+    "median_ms",
+    "p99_ms",
+    "service_cores",
+    "fakes_cores",
+    "late_ticks_percent",
+)
 CLOCK_TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -56,8 +65,8 @@ class ArmCost:
 def command(seconds: float, model: str, quick: bool, as_json: bool) -> int:
     r"""Run 1, 2 and 4 fake arms on this machine and measure what each costs.
 
-    Each arm has a service and fakes of its own, at 100 Hz, and moves all the while. Real arms leave the
-    fakes' share of the processor free.
+    Each arm has a service and fakes of its own, at 100 Hz, and moves all the while. Where the machine is
+    too small for them, the outcome says what failed first. Real arms leave the fakes' share free.
 
     \b
     Example: softarm bench arms --seconds 20
@@ -75,11 +84,15 @@ def command(seconds: float, model: str, quick: bool, as_json: bool) -> int:
 
 def _row(count: int, model: str, seconds: float, advance: Callable[[float], None]) -> dict[str, Cell]:
     """Measure a number of arms at once, each no less patient than an experiment on fakes."""
-    with ExitStack() as stack:
-        arms = [stack.enter_context(armed_rig(model, RATE_HZ, PATIENCE)) for _ in range(count)]
-        with ThreadPoolExecutor(count) as threads:
-            found = list(threads.map(lambda arm: cost_of(arm[0], arm[1], seconds), arms))
-    advance(1)
+    try:
+        with ExitStack() as stack:
+            arms = [stack.enter_context(armed_rig(model, RATE_HZ, PATIENCE)) for _ in range(count)]
+            with ThreadPoolExecutor(count) as threads:
+                found = list(threads.map(lambda arm: cost_of(arm[0], arm[1], seconds), arms))
+    except WorkFailedError as error:
+        return {"arms": count, **dict.fromkeys(MEASURED), "outcome": str(error)}
+    finally:
+        advance(1)
     latencies = np.concatenate([one.measured.latencies_ms for one in found])
     duration = sum(one.measured.duration_s for one in found)
     return {
@@ -92,6 +105,7 @@ def _row(count: int, model: str, seconds: float, advance: Callable[[float], None
         "late_ticks_percent": 100.0
         * sum(one.measured.late for one in found)
         / sum(one.measured.ticks + one.measured.late for one in found),
+        "outcome": "all moved",
     }
 
 
