@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from softarm.bench.latency import LIMITS_MS, SETTLE_S, Measured, armed_rig, drive, listen
+from softarm.bench.latency import LIMITS_MS, SETTLE_S, Measured, armed_rig, drive, listen, seconds_option
 from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Cell, Table
@@ -19,14 +19,6 @@ from softarm_client import Arm
 
 COUNTS = (1, 2, 4)
 RATE_HZ = 100.0
-MEASURED = (
-    "estimates_per_s",
-    "median_ms",
-    "p99_ms",
-    "service_cores",
-    "fakes_cores",
-    "late_ticks_percent",
-)
 CLOCK_TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -46,13 +38,7 @@ class ArmCost:
 
 
 @click.command()
-@click.option(
-    "--seconds",
-    type=click.FloatRange(min=1.0),
-    default=12.0,
-    show_default=True,
-    help="Duration of each measurement.",
-)
+@seconds_option
 @click.option(
     "--model",
     type=click.Choice(list(LIMITS_MS)),
@@ -90,7 +76,7 @@ def _row(count: int, model: str, seconds: float, advance: Callable[[float], None
             with ThreadPoolExecutor(count) as threads:
                 found = list(threads.map(lambda arm: cost_of(arm[0], arm[1], seconds), arms))
     except WorkFailedError as error:
-        return {"arms": count, **dict.fromkeys(MEASURED), "outcome": str(error)}
+        return {"arms": count, "outcome": str(error)}
     finally:
         advance(1)
     latencies = np.concatenate([one.measured.latencies_ms for one in found])

@@ -94,14 +94,17 @@ CASES = tuple(
 )
 
 
-@click.command()
-@click.option(
+seconds_option = click.option(
     "--seconds",
     type=click.FloatRange(min=1.0),
     default=12.0,
     show_default=True,
     help="Duration of each measurement.",
 )
+
+
+@click.command()
+@seconds_option
 @click.option("--model", type=click.Choice(list(LIMITS_MS)), help="Measure only this model.")
 @quick_option
 @json_option

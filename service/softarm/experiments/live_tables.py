@@ -133,7 +133,7 @@ def data_quality_notes_of(specimen: Specimen, recordings: Sequence[Recording]) -
     """Name what the recordings lack."""
     loads = section_forces(specimen)
     return tuple(
-        told for r in recordings for told in data_quality_notes(r, arrange(r, specimen, None, loads))
+        note for r in recordings for note in data_quality_notes(r, arrange(r, specimen, None, loads))
     )
 
 

@@ -89,8 +89,8 @@ def test_a_saturated_gauge_is_refused(sopra: Specimen, name: str) -> None:
 def test_a_gauge_within_its_range_is_not(sopra: Specimen, name: str) -> None:
     recording = moved(WHOLE[name])
     assert not any(
-        "saturated" in told
-        for told in data_quality_notes(recording, arrange(recording, sopra, SECTIONS, LOADS))
+        "saturated" in note
+        for note in data_quality_notes(recording, arrange(recording, sopra, SECTIONS, LOADS))
     )
 
 
@@ -111,17 +111,17 @@ def test_a_gauge_that_tells_nothing_beyond_its_range_is_named(sopra: Specimen) -
 )
 def test_a_gauge_that_tells_nothing_is_named(sopra: Specimen, tension: float, message: str) -> None:
     recording = gauged(np.full(400, tension))
-    (told,) = data_quality_notes(recording, arrange(recording, sopra, SECTIONS, LOADS))
-    assert told.startswith("run, gauge cord: ")
-    assert re.search(message, told)
+    (note,) = data_quality_notes(recording, arrange(recording, sopra, SECTIONS, LOADS))
+    assert note.startswith("run, gauge cord: ")
+    assert re.search(message, note)
 
 
 def test_a_disconnected_sensor_is_named_with_what_to_record(sopra: Specimen) -> None:
     base = record(duration=20.0)
     lost = {name: np.full_like(column, np.nan) for name, column in base.columns.items() if "bend_tip" in name}
     recording = Recording("run", base.time, {**base.columns, **lost})
-    (told,) = data_quality_notes(recording, arrange(recording, sopra, SECTIONS))
-    assert told == (
+    (note,) = data_quality_notes(recording, arrange(recording, sopra, SECTIONS))
+    assert note == (
         "run, bend_tip: never answered; connect it or bring its markers into view, "
         "and record poses of more than 10 degrees"
     )

@@ -54,31 +54,29 @@ def test_whole_numbers_move_by_one_at_least():
         assert choose.MOST == 3
 
 
-def test_a_constant_that_decides_is_shown_with_what_it_changes(monkeypatch, tmp_path):
-    class Searching:
-        pass
-
+def rows_that_change(monkeypatch, folder, verdict):
+    """Rows of the table of one trial whose verdict is a function of the constants."""
     monkeypatch.setattr(sensitivity, "products_of_trial", lambda *_: None)
-    monkeypatch.setattr(sensitivity, "remembering", lambda _: Searching())
+    monkeypatch.setattr(sensitivity, "remembering", lambda _: object())
     monkeypatch.setattr(sensitivity, "_fresh", lambda search: search)
-    monkeypatch.setattr(
-        sensitivity, "verdict_of", lambda _: ("explained",) if candidates.TOLD <= 3.0 else ("consistent",)
+    monkeypatch.setattr(sensitivity, "verdict_of", lambda _: (verdict(),))
+    table = sensitivity_table([Trial("one", "sopra", (), ())], folder, lambda _: None)
+    return [row for row in table.rows if row["changes"]]
+
+
+def test_a_constant_that_decides_is_shown_with_what_it_changes(monkeypatch, tmp_path):
+    changing = rows_that_change(
+        monkeypatch, tmp_path, lambda: "explained" if candidates.TOLD <= 3.0 else "consistent"
     )
-    table = sensitivity_table([Trial("one", "sopra", (), ())], tmp_path, lambda _: None)
-    changing = [row for row in table.rows if row["changes"]]
     assert [row["constant"] for row in changing] == ["candidates.TOLD"]
     assert changing[0]["which"] == "one x 1.2: consistent"
 
 
 def test_changes_count_for_the_constant_of_one_module_alone(monkeypatch, tmp_path):
-    monkeypatch.setattr(sensitivity, "products_of_trial", lambda *_: None)
-    monkeypatch.setattr(sensitivity, "remembering", lambda _: object())
-    monkeypatch.setattr(sensitivity, "_fresh", lambda search: search)
-    monkeypatch.setattr(
-        sensitivity, "verdict_of", lambda _: ("explained",) if conclude.SURE <= 10.0 else ("consistent",)
+    changing = rows_that_change(
+        monkeypatch, tmp_path, lambda: "explained" if conclude.SURE <= 10.0 else "consistent"
     )
-    table = sensitivity_table([Trial("one", "sopra", (), ())], tmp_path, lambda _: None)
-    assert [row["constant"] for row in table.rows if row["changes"]] == ["conclude.SURE"]
+    assert [row["constant"] for row in changing] == ["conclude.SURE"]
 
 
 def test_a_search_that_starts_anew_keeps_fits_but_no_predictions():

@@ -1,4 +1,4 @@
-"""The moduli from known forces alone, before pressures have their say.
+"""The moduli from known forces alone, before pressures are used.
 
 A known force on the vented arm shows the stiffness itself, pressures only their effect against it. In
 one fit of everything, what a model that is not exact cannot explain of the pressures would move the moduli;

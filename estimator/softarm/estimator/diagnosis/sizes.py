@@ -193,7 +193,7 @@ def robust_covariance(parts: Sequence[Part], prior: Floats, common: Floats, frac
 
     Args:
         parts: What each recording says, at the estimate.
-        prior: Precision of each parameter beforehand, over the fraction, shape (parameters,).
+        prior: Prior precision of each parameter, over the fraction, shape (parameters,).
         common: Covariance of the common coefficients, shape (columns, columns).
         fraction: Effective sample fraction: independent samples over samples.
     """

@@ -136,7 +136,8 @@ class Estimator(Generic[State, Step]):
         """
         acting = self._settings.actuation.to_chamber(pressures)
         prior, guess = self._predict(time, acting, gravity)
-        problem = self._problem(self.suite_at(pressures), readings, acting, prior, gravity)
+        condition = self._settings.model_error.at(pressures)
+        problem = self._problem(self._conditions[condition], readings, acting, prior, gravity)
         begun = None if self._memory is None or self._failures else self._memory.last
         start = self._start(problem, guess)
         estimate = problem.solve(self._model, start, self._settings.tolerances, begun)
@@ -146,7 +147,7 @@ class Estimator(Generic[State, Step]):
             self._failures = 0
             covariance, last = estimate.covariance, estimate.last
             self._memory = _Memory(time, estimate.state, estimate.inputs, covariance, last)
-        return replace(estimate, force_ratio=self._settings.model_error.at(pressures).force_ratio)
+        return replace(estimate, force_ratio=condition.force_ratio)
 
     def _predict(self, time: float, acting: Floats, gravity: Floats) -> tuple[Prior, Inputs]:
         """Carry the last estimate to this instant: the prior, and the inputs to begin the search with."""
