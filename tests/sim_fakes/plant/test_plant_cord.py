@@ -27,6 +27,7 @@ def test_the_cord_is_slack_until_its_stage_draws_it_taut(make_arm: MakeArm) -> N
     for travel in np.linspace(-0.02, 0.02, 9):
         hook = tip + np.array([0.2 + travel, 0.0, 0.02])
         cord = Cord("tip", (hook[0], hook[1], hook[2]), 0.2)
+        hold(arm, PlantInputs(np.zeros(6), cord=cord), 0.2)
         state = hold(arm, PlantInputs(np.zeros(6), cord=cord), 0.8)
         forces.append(state.cord_force)
         away = hook - state.positions[2]
@@ -59,3 +60,16 @@ def test_the_gauge_balances_the_moments_of_a_resting_arm(make_arm: MakeArm) -> N
         turn = data.xmat[chain.bodies[joint]].reshape(3, 3)
         rubber = turn @ data.qfrc_applied[chain.slides[joint] + 1 : chain.slides[joint] + 4]
         np.testing.assert_allclose(rubber, -moment, atol=2e-4 * np.abs(moment).max() + 1e-6)
+
+
+def test_the_gauge_reads_no_less_on_the_way_out_than_on_the_way_back(make_arm: MakeArm) -> None:
+    """An arm that is drawn out slowly gives back no more work than was done on it."""
+    arm = make_arm()
+    tip, forces = arm.state.positions[2].copy(), []
+    there = np.linspace(0.0, 0.02, 401)
+    for travel in [*there, *there[::-1]]:
+        hook = tip + np.array([0.2 + travel, 0.0, 0.0])
+        cord = Cord("tip", (hook[0], hook[1], hook[2]), 0.2)
+        forces.append(hold(arm, PlantInputs(np.zeros(6), cord=cord), 0.01).cord_force)
+    out, back = np.array(forces[:401]), np.array(forces[401:])[::-1]
+    assert np.trapezoid(out, there) > np.trapezoid(back, there)

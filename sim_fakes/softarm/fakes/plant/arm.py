@@ -16,7 +16,7 @@ from softarm.fakes.plant.parameters import ArmParameters, sopra
 from softarm.fakes.plant.pneumatics import lines, muscles
 from softarm.fakes.plant.random_law import RandomLaw
 from softarm.fakes.plant.rotations import product, rotation_matrix, tilt
-from softarm.fakes.plant.state import PlantInputs, PlantState
+from softarm.fakes.plant.state import Cord, PlantInputs, PlantState
 
 SETTLING_TIME = 2.0
 SETTLING_DAMPING = 6.0
@@ -41,6 +41,8 @@ class FakeArm:
         self._start = start
         self._steps = 0
         self._pressures = np.zeros(self._plain.chambers)
+        self._cord: Cord | None = None
+        self._hook, self._hook_velocity = np.zeros(3), np.zeros(3)
         self._install()
         self._settle()
         self._state = self._snapshot(PlantInputs(np.zeros(self.chambers)))
@@ -79,6 +81,8 @@ class FakeArm:
     def advance(self, time: float, inputs: PlantInputs) -> PlantState:
         """Step to ``time`` [s] under constant inputs and return the snapshot of the last whole step.
 
+        The hook of a cord that stays tied moves evenly from its last position to the new one.
+
         Args:
             time: Not earlier than the last step.
             inputs: What drives the arm meanwhile.
@@ -97,6 +101,7 @@ class FakeArm:
                 "valve_pressures", f"shape {np.shape(inputs.valve_pressures)}", f"give {self.chambers} values"
             )
         if steps > self._steps:
+            self._draw(inputs.cord, (steps - self._steps) * self._parameters.step)
             while self._steps < steps:
                 self._step(inputs)
             self._state = self._snapshot(inputs)
@@ -122,6 +127,15 @@ class FakeArm:
         old = self._chain, self._data, self._memory
         self._install()
         self._take_over(*old)
+
+    def _draw(self, cord: Cord | None, seconds: float) -> None:
+        """Set the hook on its way: a stage does not jump, and a taut cord would shake the arm if it did."""
+        if cord is not None:
+            goal, tied = self._to_base(np.array(cord.hook)), self._cord
+            if tied is None or (tied.section, tied.length) != (cord.section, cord.length):
+                self._hook = goal
+            self._hook_velocity = (goal - self._hook) / seconds
+        self._cord = cord
 
     def _install(self) -> None:
         """Build everything that follows from the parameters."""
@@ -194,6 +208,7 @@ class FakeArm:
         self._data.qfrc_applied[self._balls] = forces
         self._damp(settling)
         self._apply_loads(inputs)
+        self._hook = self._hook + self._parameters.step * self._hook_velocity
         mujoco.mj_step2(self._chain.model, self._data)
         mujoco.mj_step1(self._chain.model, self._data)
         self._steps += 1
@@ -226,9 +241,10 @@ class FakeArm:
             index = self._section(inputs.cord.section)
             own = self._parameters
             line = TautLine(inputs.cord.length, own.cord_stiffness, own.cord_damping)
-            end = self._to_base(np.array(inputs.cord.hook))
             force, self._tension = line.pull(
-                data.site_xpos[self._chain.sections[index]], self._velocity(index), end
+                data.site_xpos[self._chain.sections[index]],
+                self._velocity(index) - self._hook_velocity,
+                self._hook,
             )
             self._push_section(index, force)
         if inputs.hand is not None:

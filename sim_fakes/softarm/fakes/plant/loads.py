@@ -31,8 +31,8 @@ class TautLine:
 
         Args:
             knot: Where it is tied to the arm [m], shape (3,).
-            velocity: Of the knot [m/s], shape (3,).
-            end: Its other end, at rest [m], shape (3,).
+            velocity: Of the knot relative to the other end [m/s], shape (3,).
+            end: Its other end [m], shape (3,).
         """
         reach = end - knot
         span = float(np.linalg.norm(reach))
