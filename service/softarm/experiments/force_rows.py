@@ -36,6 +36,8 @@ from softarm.experiments.subsets import subset
 Advance = Callable[[float], None]
 
 RATE_HZ = 2.0
+SWINGING_HZ = 50.0
+"""Estimates per second of an arm that moves slowly, and of one that swings."""
 VENTED_PA = 1.0e3
 CANDIDATES = 14
 
@@ -89,6 +91,7 @@ def follow_pull(
     loads: tuple[Load, ...] | None = None,
     rate: float = RATE_HZ,
     at_rest: bool = False,
+    released: bool = False,
     advance: Advance = lambda _: None,
 ) -> PullTrack:
     """Estimate the force over a recording and hold it against the gauge.
@@ -99,12 +102,15 @@ def follow_pull(
         loads: Unknown loads; two lateral forces on the pulled section where none are named.
         rate: Estimates per second.
         at_rest: Estimate once at the end of each rest of gauge and pressures instead.
+        released: Also judge the time after the cord was let go, while the arm swings.
         advance: Called with 1 after each.
     """
     run = case.run
     sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, rate)
     slow = subset(sampled, sensors)
     pull = pull_of(case.recording, case.specimen, slow)
+    if released:
+        pull = pull.released()
     model = tracking_model(
         case.specimen, default_loads(case.specimen, (pull.section,)) if loads is None else loads
     )

@@ -48,6 +48,11 @@ class GaugePull:
         size = np.linalg.norm(across, axis=1, keepdims=True)
         return np.where(size > 0.1, across / np.maximum(size, 1e-9), 0.0)
 
+    def released(self) -> "GaugePull":
+        """Count the time after the cord was let go as well, in its last direction."""
+        last = np.maximum.accumulate(np.where(self.tied, np.arange(len(self.direction)), 0))
+        return replace(self, force=np.nan_to_num(self.force), direction=self.direction[last])
+
 
 def pull_of(recording: Recording, specimen: Specimen, run: CalibrationRun) -> GaugePull:
     """Find the pull in a recording.

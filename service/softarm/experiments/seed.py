@@ -26,6 +26,7 @@ from softarm.estimator.specimen import Specimen, load_specimen, save_specimen
 from softarm.experiments.calibration_rows import comparison_rows, drift_rows, unknown_rows
 from softarm.experiments.figures import Cells
 from softarm.experiments.force_rows import (
+    SWINGING_HZ,
     PullCase,
     PullTrack,
     along_cord_row,
@@ -60,6 +61,7 @@ RUNS: Mapping[str, tuple[str, ...]] = {
     "force_intermediate": ("pulled_small_steps_intermediate",),
     "taught": ("taught", "taught", "taught"),
     "taught_drawn": ("taught_drawn", "taught_drawn", "taught_drawn"),
+    "force_swinging": ("plucked",),
 }
 """Runs of the fake arm by name: manoeuvres of its library."""
 
@@ -238,6 +240,9 @@ def _force(bench: SeedBench, result: SeedResult) -> None:
             result.add("location", location_rows(case))
     moving = PullCase("moving", bench.recording("force_moving"), bench.specimen)
     result.add("beyond", [along_cord_row(follow_pull(moving))])
+    swinging = PullCase("swinging", bench.recording("force_swinging"), bench.specimen)
+    done = follow_pull(swinging, rate=SWINGING_HZ, released=True)
+    result.add("beyond", [along_cord_row(done)])
     above = PullCase("not pressurised", bench.recording("force_intermediate"), bench.specimen)
     result.add("beyond", [along_cord_row(follow_pull(above, at_rest=True))])
     result.add("location", location_rows(above))

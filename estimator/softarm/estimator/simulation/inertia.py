@@ -19,7 +19,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import skew
-from softarm.estimator.simulation.segments import Segments
+from softarm.estimator.simulation.segments import Neighbours, Segments
 from softarm.estimator.specimen import Specimen
 
 FINE = 0.02
@@ -79,7 +79,7 @@ class Swaying:
         compliance = rows @ turned
         stiffness = np.asarray(np.linalg.inv(0.5 * (compliance + np.swapaxes(compliance, 1, 2))), np.float64)
         by_strain = (turned @ stiffness).reshape(samples, sections, 6, -1)
-        return cls(stiffness, _mass(frames, segments, masses, by_strain))
+        return cls(stiffness, mass_matrix(frames, segments.neighbours, masses, by_strain))
 
     def frequencies(self, sample: int = 0) -> Floats:
         """Return the natural frequencies about the pose of one sample [Hz], rising."""
@@ -124,13 +124,21 @@ def _filled(by_wrench: Floats, converged: NDArray[np.bool_]) -> Floats:
     return np.where(converged[:, None, None], by_wrench, np.median(by_wrench[converged], axis=0))
 
 
-def _mass(frames: Frames, segments: Segments, masses: Masses, by_strain: Floats) -> Floats:
-    """Return M, shape (samples, strains, strains); ``by_strain`` differentiates the sections' twists."""
-    places, turns = by_strain[:, :, :3], by_strain[:, :, 3:]
+def mass_matrix(frames: Frames, neighbours: Neighbours, masses: Masses, twists: Floats) -> Floats:
+    """Return the mass matrix in some coordinates of the arm, shape (samples, coordinates, coordinates).
+
+    Args:
+        frames: Of the sections, in every sample.
+        neighbours: Which sections lie above and below each segment.
+        masses: Of sections and segments.
+        twists: Derivative of the sections' twists by the coordinates, shape (samples, sections, 6,
+            coordinates).
+    """
+    places, turns = twists[:, :, :3], twists[:, :, 3:]
     total = np.zeros((len(places), places.shape[-1], places.shape[-1]))
     for section, mass in enumerate(masses.sections.tolist()):
         total += mass * (_square(places[:, section]) + GYRATION**2 * _square(turns[:, section]))
-    for mass, above, below in zip(masses.segments.tolist(), segments.above, segments.below, strict=True):
+    for mass, (above, below) in zip(masses.segments.tolist(), neighbours, strict=True):
         lower = places[:, below]
         if above >= 0:
             upper, chord = places[:, above], frames.positions[:, below] - frames.positions[:, above]

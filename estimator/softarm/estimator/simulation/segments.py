@@ -17,6 +17,25 @@ from softarm.estimator.model import Frames
 from softarm.estimator.rotations import inverse_left_jacobian, log
 from softarm.estimator.specimen import Specimen
 
+Neighbours = tuple[tuple[int, int], ...]
+"""Section above and below each segment; -1 above stands for the clamp, which does not move."""
+
+
+def neighbours_of(specimen: Specimen, sections: tuple[str, ...]) -> Neighbours:
+    """Find the sections on either side of each segment.
+
+    Raises:
+        InputError: If no section that the model gives lies below a segment.
+    """
+    found = []
+    for part in specimen.segments:
+        upper = specimen.section_above(part.from_m, sections)
+        lower = specimen.section_below(part.to_m, sections)
+        if lower is None:
+            raise InputError("sections", f"none below segment {part.name!r}", "add a section at its end")
+        found.append((-1 if upper is None else sections.index(upper), sections.index(lower)))
+    return tuple(found)
+
 
 @dataclass(frozen=True)
 class Segments:
@@ -41,15 +60,13 @@ class Segments:
         Raises:
             InputError: If no section that the model gives lies below a segment.
         """
-        above, below = [], []
-        for part in specimen.segments:
-            upper = specimen.section_above(part.from_m, sections)
-            lower = specimen.section_below(part.to_m, sections)
-            if lower is None:
-                raise InputError("sections", f"none below segment {part.name!r}", "add a section at its end")
-            above.append(-1 if upper is None else sections.index(upper))
-            below.append(sections.index(lower))
-        return cls(tuple(part.name for part in specimen.segments), tuple(above), tuple(below), rest)
+        above, below = zip(*neighbours_of(specimen, sections), strict=True)
+        return cls(tuple(part.name for part in specimen.segments), above, below, rest)
+
+    @property
+    def neighbours(self) -> Neighbours:
+        """The sections above and below each segment."""
+        return tuple(zip(self.above, self.below, strict=True))
 
     @property
     def count(self) -> int:

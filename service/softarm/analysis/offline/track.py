@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from softarm.estimator.arrays import Floats
 from softarm.estimator.augmented import Follower, estimator_of
 from softarm.estimator.calibration import CalibrationRun
+from softarm.estimator.dynamics import MovingForces
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem import FiniteElementState
 from softarm.estimator.inverse import ArmEstimate, Estimator, LoadProcess, TrackerSettings
@@ -65,7 +66,7 @@ class Track(Generic[State]):
         run: What was recorded, at the times of the estimates.
         sections: Names of the sections.
         loads: The loads that were estimated.
-        forces: Their amplitudes [N or N m], shape (samples, loads).
+        forces: Their amplitudes without the arm's inertia [N or N m], shape (samples, loads).
         force_covariance: Shape (samples, loads, loads).
         pressures: Pressures in the chambers [Pa], shape (samples, chambers).
         frames: Frames of the sections in the base frame.
@@ -110,7 +111,7 @@ def track(
     guide: ArmModel[Any, Any] | None = None,
     waypoints: Waypoints[State] | None = None,
 ) -> Track[State]:
-    """Estimate loads and frames at every sample of a run, each on its own.
+    """Estimate loads and frames at every sample of a run, each on its own but for the arm's inertia.
 
     Recorded pressures count as readings with their noise; the loads as unknown with a spread of
     ``FORCE_SIGMA``.
@@ -128,6 +129,7 @@ def track(
     chosen = {int(k) for k in np.linspace(0, len(run.time) - 1, SHOWN)}
     shown: list[tuple[int, State]] = []
     samples = _Samples.sized(len(run.time), model, run.suite)
+    moving = MovingForces.of(specimen, tuple(model.sections), model.loads, run.suite)
     statement = ""
     waypoints = waypoints or Waypoints()
     known = bool(waypoints.found)
@@ -145,7 +147,7 @@ def track(
         began = monotonic()
         estimate = estimator.update(float(time), readings, pressures, gravity)
         in_vain_s = in_vain_s + monotonic() - began if estimate.status == "diverged" else 0.0
-        samples.put(index, estimate)
+        samples.put(index, estimate, *moving.update(float(time), readings, estimate))
         if not known:
             lost = estimate.status == "diverged"
             waypoints.found.append(None if lost else (estimate.state, estimate.inputs))
@@ -245,12 +247,12 @@ class _Samples:
             np.full(count, STATUSES.index("diverged")),
         )
 
-    def put(self, index: int, estimate: ArmEstimate[State]) -> None:
+    def put(self, index: int, estimate: ArmEstimate[State], forces: Floats, covariance: Floats) -> None:
         self.status[index] = STATUSES.index(estimate.status)
         if estimate.status == "diverged":
             return
-        self.forces[index] = estimate.inputs.loads
-        self.covariance[index] = estimate.load_covariance
+        self.forces[index] = forces
+        self.covariance[index] = covariance
         self.pressures[index] = estimate.inputs.pressures
         self.positions[index] = estimate.frames.positions
         self.rotations[index] = estimate.frames.rotations

@@ -18,6 +18,7 @@ from softarm.daemon.estimation.worker import BuiltSolver
 from softarm.daemon.surface import drawn_surface
 from softarm.estimator.arm import build_arm, default_loads
 from softarm.estimator.augmented import AugmentedEstimator, Follower, estimator_of
+from softarm.estimator.dynamics import MovingForces
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.fem.tracking import BackgroundFactorisation, TrackingModel
 from softarm.estimator.inverse import (
@@ -38,6 +39,7 @@ from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
 
 WARM_UP_PRESSURE_PA = 1000.0
+WARM_UP_STEP_S = 0.01
 LIVE = Tolerances(
     step=1e-4, residual=1e-4, iterations=20, radius=0.3, retreats=2, forecast=30.0, settles=False
 )
@@ -119,6 +121,7 @@ class Solver:
         self._estimator: Follower[Any] = estimator_of(
             specimen, following, self._model.loads, self._suite, tracker, pressures_measured=True
         )
+        self._moving = MovingForces.of(specimen, self._model.sections, self._model.loads, self._suite)
         follower = self._estimator
         unshaped = follower.unshaped if isinstance(follower, AugmentedEstimator) else np.asarray
         self._holding = Holding(HeldArm(self._suite, self._actuation, self._limits, unshaped))
@@ -145,8 +148,10 @@ class Solver:
         """Compile and factor once, so that the first live request is as fast as the rest."""
         rest = self._suite.stack({})
         pressures = np.full(self._model.chambers, WARM_UP_PRESSURE_PA)
-        self(EstimationRequest(0.0, 0, rest, pressures, gravity, want_hold=True))
+        for time_s in (0.0, WARM_UP_STEP_S):
+            self(EstimationRequest(time_s, 0, rest, pressures, gravity, want_hold=True))
         self._estimator.reset()
+        self._moving.reset()
 
     def __call__(self, request: EstimationRequest) -> EstimationResult:
         """Estimate at one instant."""
@@ -156,6 +161,7 @@ class Solver:
         )
         if self._check is not None and estimate.converged:
             self._check.offer(request.time_s, estimate.inputs, estimate.frames)
+        loads, covariance = self._moving.update(request.time_s, request.readings, estimate)
         hold = self._held(request, estimate)
         contact = self._contact(request, estimate) if request.want_contact else None
         sections = len(self._model.sections)
@@ -163,8 +169,8 @@ class Solver:
         return EstimationResult(
             request=request,
             converged=estimate.converged,
-            loads=estimate.inputs.loads,
-            load_covariance=estimate.load_covariance,
+            loads=loads,
+            load_covariance=covariance,
             positions=estimate.frames.positions,
             quaternions=to_quaternions(estimate.frames.rotations),
             frame_std=deviation,

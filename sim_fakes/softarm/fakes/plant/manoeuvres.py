@@ -241,6 +241,21 @@ def pulled_ramps(
     return _pulls("pulled_ramps", section or on.sections[-1], travel, ways, pressures, on)
 
 
+def plucked(
+    section: str | None = None,
+    reach: float = 0.04,
+    hold: float = 1.0,
+    free: float = 3.0,
+    ways: tuple[tuple[float, float, float], ...] = directions(3),
+    pressures: Floats | None = None,
+    on: Layout = SOPRA,
+) -> PlantManoeuvre:
+    """Draw a section away as fast as the gauge's stage moves, and let go, so that the arm swings."""
+    away = np.linspace(0.0, reach, samples(reach / STAGE_SPEED))
+    stage = np.concatenate([away, np.full(samples(hold), reach)])
+    return _pulls("plucked", section or on.sections[-1], stage, ways, pressures, on, free)
+
+
 def _pulls(
     name: str,
     section: str,
@@ -248,11 +263,12 @@ def _pulls(
     ways: tuple[tuple[float, float, float], ...],
     pressures: Floats | None,
     on: Layout,
+    free: float = 2.0,
 ) -> PlantManoeuvre:
-    """Repeat one travel of the stage in several directions, two seconds free between."""
+    """Repeat one travel of the stage in several directions, some seconds free after each."""
     level = on.vented if pressures is None else np.asarray(pressures)
-    lead, free = samples(4.0), samples(2.0)
-    length = len(stage) + free
+    lead = samples(4.0)
+    length = len(stage) + samples(free)
     pulls = tuple(
         CordPull(section, lead + number * length, direction, stage) for number, direction in enumerate(ways)
     )
@@ -401,6 +417,7 @@ LIBRARY: dict[str, Callable[[Random, Layout], PlantManoeuvre]] = {
     "staircase": lambda _, on: staircase(on=on),
     "pulled_steps": lambda _, on: pulled_steps(on=on),
     "pulled_ramps": lambda _, on: pulled_ramps(on=on),
+    "plucked": lambda _, on: plucked(on=on),
     "pulled_small_steps": lambda rng, on: pulled_small_steps(rng, on=on),
     "pulled_small_steps_intermediate": lambda rng, on: pulled_small_steps(rng, _first(on), 0.003, on),
     "pulled_steps_intermediate": lambda _, on: pulled_steps(_first(on), on=on),

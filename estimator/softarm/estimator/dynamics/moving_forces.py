@@ -1,0 +1,93 @@
+"""The forces on an arm that moves, from estimates that hold it for one at rest."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from softarm.estimator.arrays import Floats
+from softarm.estimator.dynamics.force_filter import ForceFilter
+from softarm.estimator.dynamics.reduced_arm import reduced
+from softarm.estimator.inverse import ArmEstimate
+from softarm.estimator.model import Load
+from softarm.estimator.sensing import SensorSuite
+from softarm.estimator.simulation.inertia import Masses
+from softarm.estimator.simulation.segments import Neighbours, neighbours_of
+from softarm.estimator.specimen import Specimen
+
+COARSE = 1.0
+"""Phase [rad] of the slowest vibration between two instants beyond which they do not show it."""
+
+
+class MovingForces:
+    """Take the arm's inertia and damping out of its estimated forces.
+
+    An estimate takes an arm that swings for one that something holds in its pose, with a force of mass times
+    acceleration. The forces of a sequence of estimates, and where the arm is in each, tell the two apart.
+
+    Args:
+        sections: Names of the sections that the model gives.
+        neighbours: Sections above and below each segment.
+        masses: Of sections and segments.
+        loads: The unknown loads; where they are not all forces on sections, estimates stay as they are.
+        suite: The sensors with their own noise.
+    """
+
+    def __init__(
+        self,
+        sections: tuple[str, ...],
+        neighbours: Neighbours,
+        masses: Masses,
+        loads: Sequence[Load],
+        suite: SensorSuite,
+    ) -> None:
+        self._sections, self._neighbours, self._masses = sections, neighbours, masses
+        self._loads, self._suite = tuple(loads), suite
+        self._applies = bool(loads) and all(
+            load.kind == "force" and load.section is not None for load in loads
+        )
+        self._filter: ForceFilter | None = None
+        self._time = -np.inf
+
+    @classmethod
+    def of(
+        cls, specimen: Specimen, sections: tuple[str, ...], loads: Sequence[Load], suite: SensorSuite
+    ) -> "MovingForces":
+        """Take masses and their places from a specimen."""
+        masses = Masses.of(specimen, sections, tuple(part.name for part in specimen.segments))
+        return cls(sections, neighbours_of(specimen, sections), masses, loads, suite)
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._filter = None
+
+    def update(self, time: float, readings: Floats, estimate: ArmEstimate[Any]) -> tuple[Floats, Floats]:
+        """Return the forces without the arm's inertia.
+
+        Args:
+            time: Of the estimate [s].
+            readings: That it was made from, stacked, shape (readings,).
+            estimate: Of an arm at rest.
+
+        Returns:
+            Amplitudes of the loads, shape (loads,), and their covariance, shape (loads, loads). They are
+            those of the estimate where it starts anew: at first, after a search that failed, or after
+            a pause in which the arm may have swung.
+        """
+        plain = estimate.inputs.loads, estimate.load_covariance
+        arm = None
+        if self._applies and estimate.status != "diverged":
+            arm = reduced(
+                estimate, self._loads, self._sections, self._neighbours, self._masses,
+                self._suite.own_noise(readings),
+            )  # fmt: skip
+        if arm is None:
+            self._filter = None
+            return plain
+        seconds, self._time = time - self._time, time
+        if self._filter is None or not 0.0 < seconds * arm.slowest < COARSE:
+            self._filter = ForceFilter.begin(arm)
+            return plain
+        self._filter = self._filter.at(arm, seconds)
+        forces, covariance = self._filter.forces
+        return forces, plain[1] + covariance

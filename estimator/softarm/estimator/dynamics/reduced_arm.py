@@ -1,0 +1,98 @@
+"""The arm in as many coordinates as there are unknown forces.
+
+Each coordinate is the displacement that a force does work on. The arm's shapes under unit forces are the
+Ritz vectors (E. L. Wilson, M.-W. Yuan and J. M. Dickens, Earthquake Eng. Struct. Dyn. 10, 1982): with C the
+compliance of these displacements, J the motion of the sections under unit forces and m the masses,
+K = C^-1 and M = K (sum of J^T m J) K.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import eigh
+
+from softarm.estimator.arrays import Floats
+from softarm.estimator.inverse import ArmEstimate
+from softarm.estimator.model import Frames, Load
+from softarm.estimator.simulation.inertia import Masses, mass_matrix
+from softarm.estimator.simulation.segments import Neighbours
+
+
+@dataclass(frozen=True)
+class ReducedArm:
+    """Stiffness and mass about a pose, and where the arm is.
+
+    Args:
+        stiffness: K, symmetric, shape (forces, forces) [N/m].
+        mass: M, shape (forces, forces) [kg].
+        displacement: Along each force from the base [m], shape (forces,).
+        forces: Those that would hold the arm in this pose at rest [N], shape (forces,).
+        noise: Covariance of the sensors' noise in them [N2], shape (forces, forces).
+    """
+
+    stiffness: Floats
+    mass: Floats
+    displacement: Floats
+    forces: Floats
+    noise: Floats
+
+    @property
+    def unloaded(self) -> Floats:
+        """Displacements at rest without these forces [m], shape (forces,)."""
+        rest: Floats = self.displacement - np.linalg.solve(self.stiffness, self.forces)
+        return rest
+
+    @property
+    def slowest(self) -> float:
+        """Lowest natural angular frequency [rad/s]."""
+        return float(np.sqrt(eigh(self.stiffness, self.mass, eigvals_only=True)[0]))
+
+
+def reduced(
+    estimate: ArmEstimate[Any],
+    loads: tuple[Load, ...],
+    sections: tuple[str, ...],
+    neighbours: Neighbours,
+    masses: Masses,
+    own_noise: Floats,
+) -> ReducedArm | None:
+    """Reduce the arm to the displacements of its loads.
+
+    Args:
+        estimate: At one instant.
+        loads: Forces on sections.
+        sections: Names of the sections.
+        neighbours: Sections above and below each segment.
+        masses: Of sections and segments.
+        own_noise: Covariance of the sensors' own noise, shape (rows, rows) of the whole suite.
+
+    Returns:
+        The reduced arm, ``None`` where no sensor was heard or the forces do not each move the arm their way.
+    """
+    if not any(row.name == "sensors" and len(row.members) for row in estimate.rows):
+        return None
+    chambers, count = estimate.unknowns.chambers, len(loads)
+    motion = estimate.motion[:, chambers:].reshape(len(sections), 6, count)
+    axes = np.array([load.direction for load in loads])
+    places = [sections.index(load.section) for load in loads if load.section is not None]
+    compliance = np.einsum("li,lik->lk", axes, motion[places, :3])
+    compliance = 0.5 * (compliance + compliance.T)
+    if not (np.isfinite(compliance).all() and np.linalg.eigvalsh(compliance)[0] > 0.0):
+        return None
+    stiffness = np.linalg.inv(compliance)
+    frames = Frames(estimate.frames.positions[None], estimate.frames.rotations[None])
+    mass = stiffness @ mass_matrix(frames, neighbours, masses, motion[None])[0] @ stiffness
+    displacement = np.einsum("li,li->l", axes, estimate.frames.positions[places])
+    noise = _noise(estimate, own_noise)[chambers:, chambers:]
+    return ReducedArm(stiffness, mass, displacement, estimate.inputs.loads, noise)
+
+
+def _noise(estimate: ArmEstimate[Any], own_noise: Floats) -> Floats:
+    """Carry the sensors' own noise through the estimate to its inputs."""
+    noise = np.zeros_like(estimate.covariance)
+    for row in estimate.rows:
+        if row.name == "sensors":
+            gain = estimate.covariance @ row.jacobian.T @ row.information
+            noise += gain @ own_noise[np.ix_(row.members, row.members)] @ gain.T
+    return noise
