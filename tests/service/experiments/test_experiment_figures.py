@@ -14,7 +14,7 @@ from softarm.experiments.holds import hold_windows, means
 from softarm.experiments.leave_one_out import without_each
 from softarm.experiments.live import HookPlace, with_hooks
 from softarm.experiments.paper import FORCE_N, TEACH_MM
-from softarm.experiments.pulls import at_looks, look_windows, pull_of, rested
+from softarm.experiments.pulls import GaugePull, at_looks, look_windows, pull_of, rested
 from softarm.experiments.recorded import holds_table
 from softarm.experiments.subsets import subset
 from softarm.experiments.teaching import TeachResult, out_of_reach, still_windows
@@ -258,3 +258,16 @@ def test_a_pose_is_as_far_out_of_reach_as_its_section_is() -> None:
     near = Frames(np.array([[1.0, 0.0, 0.0], [0.0, 0.003, 0.004]]), goal.rotations)
     assert out_of_reach(goal, near) == pytest.approx((5.0, 0.0))
     assert np.isnan(out_of_reach(goal, None)).all()
+
+
+def test_after_the_cord_is_let_go_nothing_pulls_in_its_last_direction() -> None:
+    off, lost = np.zeros(3), np.full(3, np.nan)
+    pull = GaugePull(
+        "tip",
+        np.array([lost, [0.3, 0.0, 0.0], [0.0, 0.2, 0.0], lost, off]),
+        np.array([off, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], off, off]),
+    )
+    released = pull.released()
+    assert released.tied.tolist() == [False, True, True, True, True]
+    np.testing.assert_array_equal(released.lateral[2:], np.tile([0.0, 1.0, 0.0], (3, 1)))
+    np.testing.assert_array_equal(released.force[3:], 0.0)

@@ -38,7 +38,7 @@ from softarm.estimator.specimen import Specimen
 NODES = 240
 LEAST_PRESSURE_SPREAD = 1.0e3  # Pa; a chamber that moved less tells nothing of its gain
 LEAST_SOLVED = 0.5
-PULLED_WORTH = 1.5
+PULLED_WEIGHT = 1.5
 UNSETTLED = 1.0  # standard deviations that an unknown may still move at the end
 WORSE = 1.3  # times the old error: an old fit that has seen the blocks is allowed to know them better
 
@@ -165,7 +165,7 @@ def _judged(
     nodes: Sequence[Nodes],
     train: Sequence[Flags],
 ) -> tuple[Sequence[NodePredictions], Sequence[Nodes]]:
-    """Return the nodes that no fit has seen and what was predicted for them; all where every one was seen."""
+    """Return the nodes that no fit used and their predictions; all nodes where every one was used."""
     unseen = [~flags for flags in train]
     if any(flags.any() for flags in unseen):
         return held_out, _parts(nodes, unseen)
@@ -174,7 +174,7 @@ def _judged(
 
 def _choose(runs: Sequence[CalibrationRun], lags: Sequence[float | None], count: int) -> tuple[Nodes, ...]:
     aligned = [run.delayed(lag) if lag else run for run, lag in zip(runs, lags, strict=True)]
-    durations = [max(float(run.time[-1] - run.time[0]), 1e-3) * _worth(run) for run in aligned]
+    durations = [max(float(run.time[-1] - run.time[0]), 1e-3) * _weight(run) for run in aligned]
     shares = [max(8, round(count * duration / sum(durations))) for duration in durations]
     chosen = tuple(choose_nodes(run, share) for run, share in zip(aligned, shares, strict=True))
     if not sum(len(own.time) for own in chosen):
@@ -182,9 +182,9 @@ def _choose(runs: Sequence[CalibrationRun], lags: Sequence[float | None], count:
     return tuple(own for own in chosen if len(own.time))
 
 
-def _worth(run: CalibrationRun) -> float:
-    """Look more often where a gauge pulls: its readings are coarse, and they tell the stiffness itself."""
-    return PULLED_WORTH if run.pulled else 1.0
+def _weight(run: CalibrationRun) -> float:
+    """Choose more nodes where a gauge pulls: its readings are coarse, and they determine the stiffness."""
+    return PULLED_WEIGHT if run.pulled else 1.0
 
 
 def _forward(model: BatchArmModel, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Forward:

@@ -169,8 +169,8 @@ def build_layout(
         pulled: Whether known forces are among the data: they determine the moduli, so that the area that the
             pressures push on need not be known.
         sections: Sections of the model, for what needs them: with known forces on an arm that has several
-            chambers a segment, cross-talk, the quadratic growth of the gains and what stretching a chamber is
-            worth are among the unknowns. Left out, a stretch that was calibrated counts for nothing.
+            chambers a segment, cross-talk, the quadratic growth of the gains and the effect of stretch on the
+            effective pressures are among the unknowns. Left out, a calibrated effect of stretch is ignored.
         compliant: Segments whose torsional and axial compliance are open, in the order of the response.
         drawn: Whether the specimen is no more than a drawing: the area that pressures push on is open too.
     """

@@ -39,7 +39,7 @@ class Setting:
         cord_azimuth: Rotation of all known pulls about the base frame's z [rad].
         torsion: Share of each segment's torsional compliance that the model lacks.
         extension: Share of each segment's axial compliance that the model lacks.
-        stretch: What stretching the chambers is worth; ``None`` for nothing.
+        stretch: How stretch changes effective pressures; ``None`` for not at all.
     """
 
     scales: Mapping[str, float]

@@ -333,7 +333,7 @@ class Crosstalk(PressureUnknown):
 
 @dataclass(frozen=True)
 class StretchGain(PressureUnknown):
-    """Relative growth of a pressure's worth per unit of its chamber's stretch."""
+    """Relative growth of the effective pressure per unit of its chamber's stretch."""
 
     manoeuvre = "pull on the vented arm and on the pressurised one, and hold random poses without"
 
@@ -477,7 +477,7 @@ def rigid_motion(frames: Frames) -> Floats:
 
 
 def _at_unit_gain(actuation: ActuationMap, measured: Floats) -> Floats:
-    """Return what recorded pressures would be worth at a gain of one [Pa], shape (nodes, chambers)."""
+    """Return the effective pressures at a gain of one [Pa], shape (nodes, chambers)."""
     return np.asarray(measured * (1.0 + (actuation.curve + actuation.bow * measured) * measured))
 
 

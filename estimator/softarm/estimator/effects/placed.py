@@ -52,8 +52,8 @@ class PlacedEffect:
     def act(self, signals: Signals, memory: Memory) -> tuple[Floats, Memory]:
         """Run the effect over a stretch of time.
 
-        What changes pressures changes those in the chambers. A calibration says what these are worth, and its
-        curve, be it of the winding or of the rubber, goes with the pressure that is there.
+        What changes pressures changes those in the chambers. A calibration gives their effective pressures;
+        its curve, whether of the winding or of the rubber, follows the pressure in the chamber.
         """
         actuation = self.spot.world.actuation
         if self.field != "pressures" or actuation is None:

@@ -77,7 +77,7 @@ class Calibration(Entry):
     fibre_scale: Value = UNIT
     """Factor on the stiffness of the fibres [-]."""
     stretch_gain: Value = ZERO
-    """Relative growth of what a pressure is worth per unit of its chamber's stretch [-]."""
+    """Relative growth of the effective pressure per unit of its chamber's stretch [-]."""
     chambers: tuple[ChamberCalibration, ...] = ()
     """Gain and bias of each chamber's pressure."""
     bends: tuple[BendCalibration, ...] = ()

@@ -1,4 +1,4 @@
-"""Chambers whose pressure is worth more as they are stretched."""
+"""Chambers whose effective pressure grows as they are stretched."""
 
 from softarm.estimator.stretch.batch import StretchedBatch
 from softarm.estimator.stretch.law import StretchLaw

@@ -1,4 +1,4 @@
-"""A model of many samples whose pressures are worth more as their chambers are stretched."""
+"""A model of many samples whose effective pressures grow with the stretch of their chambers."""
 
 from dataclasses import dataclass, replace
 
@@ -21,7 +21,7 @@ class StretchedBatch(BatchModelWrapper):
 
     Args:
         model: The model, which knows nothing of the stretch.
-        law: How far each chamber is stretched, and what its pressure is worth then.
+        law: The stretch of each chamber, and its effective pressure under it.
     """
 
     law: StretchLaw

@@ -1,4 +1,4 @@
-"""How far each chamber is stretched, and what its pressure is worth then.
+"""The stretch of each chamber, and its effective pressure under it.
 
 A chamber runs from A, fixed to the section below it, to B, fixed to the one above. Between them the arm bends
 along an arc of angle theta, that between the sections' axes, so that the chamber is stretched by
@@ -24,10 +24,10 @@ from softarm.estimator.specimen import Section, Specimen
 
 @dataclass(frozen=True)
 class StretchLaw:
-    """Where the chambers run, and what stretching them is worth; C chambers.
+    """Where the chambers run, and how stretch changes their effective pressures; C chambers.
 
     Args:
-        gain: g, relative growth of a pressure's worth per unit of stretch.
+        gain: g, relative growth of the effective pressure per unit of stretch.
         below: Section below each chamber, shape (C,).
         above: Section above it, shape (C,); the same where a chamber does not end at two sections, which
             leaves it unstretched.

@@ -1,4 +1,4 @@
-"""A model whose chambers' pressures are worth more as they are stretched.
+"""A model whose effective pressures grow with the stretch of their chambers.
 
 With p the pressures on unstretched chambers, s(x) the stretches and g the gain, the wrapped model is given
 P = p (1 + g s). With C and D its section twists per unit of pressures and loads, d its Newton step at
@@ -87,13 +87,13 @@ class StretchedStep(Generic[State, Step]):
 
 @dataclass(frozen=True)
 class StretchedModel(ModelWrapper, Generic[State, Step]):
-    """A model whose pressures are worth more under stretch; implements ``ArmModel``.
+    """A model whose effective pressures grow with stretch; implements ``ArmModel``.
 
     Its states are those of the wrapped model.
 
     Args:
         model: The model of the arm.
-        law: Its chambers' stretches and what they are worth.
+        law: The stretch of its chambers and the effective pressures it makes.
     """
 
     model: ArmModel[State, Step]
