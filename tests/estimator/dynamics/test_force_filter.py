@@ -19,6 +19,7 @@ def seen(place: float, noise: float, unloaded: float = 0.0) -> ReducedArm:
         np.array([[STIFFNESS]]),
         np.array([[MASS]]),
         np.array([unloaded + force / STIFFNESS]),
+        np.array([unloaded]),
         np.array([force]),
         np.array([[NOISE**2]]),
     )

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eigh
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse import ArmEstimate
@@ -27,6 +26,7 @@ class ReducedArm:
         stiffness: K, symmetric, shape (forces, forces) [N/m].
         mass: M, shape (forces, forces) [kg].
         displacement: Along each force from the base [m], shape (forces,).
+        unloaded: The same at rest without these forces [m], shape (forces,).
         forces: Those that would hold the arm in this pose at rest [N], shape (forces,).
         noise: Covariance of the sensors' noise in them [N2], shape (forces, forces).
     """
@@ -34,19 +34,14 @@ class ReducedArm:
     stiffness: Floats
     mass: Floats
     displacement: Floats
+    unloaded: Floats
     forces: Floats
     noise: Floats
 
     @property
-    def unloaded(self) -> Floats:
-        """Displacements at rest without these forces [m], shape (forces,)."""
-        rest: Floats = self.displacement - np.linalg.solve(self.stiffness, self.forces)
-        return rest
-
-    @property
     def slowest(self) -> float:
         """Lowest natural angular frequency [rad/s]."""
-        return float(np.sqrt(eigh(self.stiffness, self.mass, eigvals_only=True)[0]))
+        return float(np.sqrt(np.linalg.eigvals(np.linalg.solve(self.mass, self.stiffness)).real.min()))
 
 
 def reduced(
@@ -85,7 +80,8 @@ def reduced(
     mass = stiffness @ mass_matrix(frames, neighbours, masses, motion[None])[0] @ stiffness
     displacement = np.einsum("li,li->l", axes, estimate.frames.positions[places])
     noise = _noise(estimate, own_noise)[chambers:, chambers:]
-    return ReducedArm(stiffness, mass, displacement, estimate.inputs.loads, noise)
+    forces = estimate.inputs.loads
+    return ReducedArm(stiffness, mass, displacement, displacement - compliance @ forces, forces, noise)
 
 
 def _noise(estimate: ArmEstimate[Any], own_noise: Floats) -> Floats:

@@ -135,25 +135,20 @@ def mass_matrix(frames: Frames, neighbours: Neighbours, masses: Masses, twists: 
             coordinates).
     """
     places, turns = twists[:, :, :3], twists[:, :, 3:]
-    total = np.zeros((len(places), places.shape[-1], places.shape[-1]))
-    for section, mass in enumerate(masses.sections.tolist()):
-        total += mass * (_square(places[:, section]) + GYRATION**2 * _square(turns[:, section]))
-    for mass, (above, below) in zip(masses.segments.tolist(), neighbours, strict=True):
+    moved = [*np.moveaxis(places, 1, 0), *np.moveaxis(GYRATION * turns, 1, 0)]
+    weights = [*masses.sections, *masses.sections]
+    for mass, (above, below) in zip(masses.segments, neighbours, strict=True):
         lower = places[:, below]
         if above >= 0:
             upper, chord = places[:, above], frames.positions[:, below] - frames.positions[:, above]
             carried = -skew(chord) @ turns[:, above]
         else:
             upper, carried = np.zeros_like(lower), np.zeros_like(lower)
-        bent = lower - upper - carried
-        middle = upper + 0.5 * carried + ARC_MIDDLE * bent
-        total += mass / 6.0 * (_square(upper) + 4.0 * _square(middle) + _square(lower))
-    return total
-
-
-def _square(rows: Floats) -> Floats:
-    """Multiply J^T J, shape (samples, strains, strains), of J of shape (samples, 3, strains)."""
-    return np.swapaxes(rows, 1, 2) @ rows
+        middle = upper + 0.5 * carried + ARC_MIDDLE * (lower - upper - carried)
+        moved += [upper, middle, lower]
+        weights += [mass / 6.0, 4.0 * mass / 6.0, mass / 6.0]
+    rows = np.sqrt(np.repeat(weights, 3))[:, None] * np.concatenate(moved, axis=1)
+    return np.asarray(np.swapaxes(rows, 1, 2) @ rows)
 
 
 @njit(cache=True, nogil=True)
