@@ -60,7 +60,8 @@ def swinging(arm: ToyArm) -> Floats:
     small = reduced(at, LOADS, arm.sections, NEIGHBOURS, MASSES, SUITE.own_noise(readings))
     assert small is not None
     holding = np.zeros((len(TIME), len(arm.loads)))
-    holding[:, 0] = 0.05 * np.cos(small.slowest * TIME)
+    lowest = np.sqrt(np.linalg.eigvals(np.linalg.solve(small.mass, small.stiffness)).min())
+    holding[:, 0] = 0.05 * np.cos(lowest * TIME)
     return holding
 
 
