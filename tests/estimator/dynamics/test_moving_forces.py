@@ -95,9 +95,8 @@ def test_masses_and_stiffness_are_those_of_the_tip(arm: ToyArm) -> None:
     )
     moved = more.positions[1, :2] - less.positions[1, :2]
     np.testing.assert_allclose(small.stiffness @ moved, [2e-4, 0.0], atol=4e-6)
-    np.testing.assert_allclose(
-        small.slowest, np.sqrt(np.linalg.eigvalsh(small.stiffness)[0] / 0.05), rtol=0.05
-    )
+    lowest = np.sqrt(np.linalg.eigvalsh(small.stiffness)[0] / 0.05)
+    assert 0.95 * lowest / np.sqrt(2.0) < small.slowest < lowest
 
 
 @pytest.mark.parametrize("why", ["pause", "moment", "unheard", "diverged"])
