@@ -40,7 +40,7 @@ class ReducedArm:
 
     @property
     def slowest(self) -> float:
-        """Lowest natural angular frequency, or a little less [rad/s] (Dunkerley, Phil. Trans. A 185, 1894)."""
+        """Lowest natural angular frequency or a little less [rad/s] (Dunkerley, Phil. Trans. A 185, 1894)."""
         return float(1.0 / np.sqrt(np.trace(np.linalg.solve(self.stiffness, self.mass))))
 
 
