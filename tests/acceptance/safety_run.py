@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from acceptance.safety_arm import SafetyArm, safety_arm
-from acceptance.safety_cases import SLOW_S, STRIKE, Expectation, expected
+from acceptance.safety_cases import PLAYING, SILENT_FAULTS, SLOW_S, STRIKE, Expectation, expected
 from softarm.cli import fakes
 from softarm.daemon.safety.modes import PRESSURISED, Mode
 
@@ -133,7 +133,7 @@ async def _strike_all(part: Part, choose: Choose) -> list[Case]:
 
 
 async def _strike(arm: SafetyArm, name: str, kind: str, fault: Any, mode: Mode) -> Case:
-    slow = expected(kind, fault.name, mode, 0.0, arm.deadline_s)[1] == SLOW_S
+    slow = (kind, fault.name) in SILENT_FAULTS and mode in PLAYING
     await arm.enter(mode)
     arm.gaps.begin()
     if slow:
