@@ -189,13 +189,12 @@ def judge(errors: dict[str, float]) -> list[dict[str, Cell]]:
 @quick_option
 @json_option
 def command(names: tuple[str, ...], bending: bool, quick: bool, as_json: bool) -> int:
-    r"""Compare the meshes of a specimen with its default mesh, refined.
+    """Compare the meshes of a specimen with its default mesh, refined.
 
     Ratios of small-load responses: the tip's displacement per lateral tip force, and each segment's rotation
     per pressure in one of its chambers; 1 is converged. Fails where the default's error exceeds 1.5 %, or its
     errors for force and pressure differ by more than 1 %.
 
-    \b
     Example: softarm bench mesh --quick
     """
     tables, passed = [], True

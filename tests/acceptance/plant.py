@@ -57,9 +57,8 @@ def real_time_factor(case: str, seconds: float) -> float:
 @json_option
 @quick_option
 def command(as_json: bool, quick: bool) -> None:
-    r"""Time the fake arm on one core.
+    """Time the fake arm on one core.
 
-    \b
     Example: softarm bench plant --quick
     """
     step = 1e3 * FakeArm().parameters.step

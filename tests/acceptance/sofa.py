@@ -188,12 +188,11 @@ def inverse(reference: Reference, samples: int) -> dict[str, Cell]:
 @quick_option
 @json_option
 def command(folder: Path, quick: bool, as_json: bool) -> int:
-    r"""Compare with SOFA's equilibria and inverse trajectories on its own meshes.
+    """Compare with SOFA's equilibria and inverse trajectories on its own meshes.
 
     Exit status 1 when an equilibrium is off by more than 1e-5 of the largest displacement or an estimated
     force by more than 0.01 mN rms.
 
-    \b
     Example: softarm bench sofa --reference ../shared/reference/sofa
     """
     names = MESHES[:1] if quick else MESHES

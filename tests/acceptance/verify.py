@@ -29,12 +29,11 @@ def row(result: HeldResult) -> dict[str, Cell]:
 @quick_option
 @json_option
 def command(quick: bool, as_json: bool) -> int:
-    r"""Check the finite elements against published and analytic answers.
+    """Check the finite elements against published and analytic answers.
 
     Patch test, rigid modes and order of convergence of every element; thick-walled cylinder, elastica and
     Cook's membrane. Fails where an error exceeds its limit.
 
-    \b
     Example: softarm bench verify --quick
     """
     results = []

@@ -82,3 +82,17 @@ def test_an_interrupted_specimen_leaves_the_old_one(tmp_path: Path, monkeypatch:
         save_specimen(load_specimen("beam"), path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_no_help_shows_a_layout_mark_or_joins_two_examples() -> None:
+    for name, command in leaves(cli.softarm):
+        shown = command.get_help(click.Context(command, info_name=f"softarm {name}"))
+        assert "\\b" not in shown, name
+        assert not re.search(r"Example:.*Example:", shown), name
+
+
+def test_wrong_use_names_the_help_to_read(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["bogus"]) == 2
+    assert "See softarm --help." in capsys.readouterr().err
+    assert cli.run(["status"]) == 2
+    assert "See softarm status --help." in capsys.readouterr().err

@@ -38,7 +38,15 @@ def test_status_shows_mode_and_pressures(softarm):
     assert status == 0
     arm, _, chambers, _ = shown["tables"]
     assert arm["rows"][0]["mode"] == "IDLE"
-    assert [row["asked_kpa"] for row in chambers["rows"]] == [0.0] * 6
+    assert [row["setpoint_kpa"] for row in chambers["rows"]] == [0.0] * 6
+
+
+def test_an_estimator_that_is_being_built_is_not_called_missing(served):
+    with Arm("test", served.endpoint) as arm:
+        state = arm.state()
+    starting = status_tables("test", state.model_copy(update={"mode": "STARTING"}), None)
+    assert "is being built" in starting[0].notes[0]
+    assert "see the findings" in status_tables("test", state, None)[0].notes[0]
 
 
 def test_stop_latches_and_clear_leaves_the_fault(softarm, served):
@@ -93,7 +101,9 @@ def test_a_refusal_is_one_line_with_its_status(softarm, served, words, status, n
 
 def test_tare_lists_what_now_counts_as_zero(softarm):
     status, shown = softarm("tare")
-    assert (status, {row["now_zero_n"] for row in shown["rows"]}) == (0, {0.0, 0.1, 0.4})
+    zeros = {(row["section"], row["axis"]): row["now_zero_n"] for row in shown["rows"]}
+    forces = {("intermediate", "x"): 0.0, ("intermediate", "y"): 0.0, ("tip", "x"): 0.4, ("tip", "y"): 0.1}
+    assert (status, zeros) == (0, forces)
 
 
 def test_no_poses_are_listed_as_none(softarm):

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import socket
+import time
 
 import pytest
 from click.testing import CliRunner
@@ -126,6 +127,40 @@ def test_counters_and_invalid_readings_are_remarks(virtual):
     assert "1 invalid readings: late" in found.findings[0].what
     assert "4 samples that never arrived" in found.findings[1].what
     assert found.row["rate_hz"] == pytest.approx(100)
+
+
+def test_a_source_that_ran_late_is_reported_by_its_own_clock(virtual):
+    """The readings were measured every 10 ms; the third, and with it a burst, arrived 80 ms late."""
+
+    async def main():
+        bank = build(virtual, MemoryTerminal(virtual.clock), observe=True)
+        await bank.connect()
+        tally = CheckTally()
+        for index, transit_ms in enumerate((4, 5, 84, 74, 4)):
+            measured_ns = index * 10**7
+            arrival_ns = measured_ns + transit_ms * 10**6
+            tally.take(Reading("qtm", None, measured_ns, arrival_ns, measured_ns, index, 0, True, "x"))
+        found = describe(OnTerminal(virtual, None), bank, tally)
+        await bank.close()
+        return found
+
+    (finding,) = virtual.run(main).findings
+    assert not finding.serious
+    assert finding.what == "readings came up to 80 ms late, by the device's own clock"
+
+
+def test_doctor_says_when_it_came_late_itself(closed_port, tmp_path):
+    configs = read_devices(write(tmp_path / "arm.toml", VALVES.format(port=closed_port)))
+
+    def keep_busy(_):
+        until = time.monotonic() + 0.05
+        while time.monotonic() < until:
+            pass
+
+    found, late_ns = asyncio.run(doctor.examine_all(configs, 0.3, keep_busy))
+    assert late_ns > 25e6
+    assert "doctor itself came 50 ms late" in tables(found, 50 * 10**6)[0].notes[1]
+    assert len(tables(found, 10**6)[0].notes) == 1
 
 
 def test_the_last_error_is_told_without_its_device():

@@ -49,12 +49,11 @@ class ArmCost:
 @quick_option
 @json_option
 def command(seconds: float, model: str, quick: bool, as_json: bool) -> int:
-    r"""Run 1, 2 and 4 fake arms on this machine and measure what each costs.
+    """Run 1, 2 and 4 fake arms on this machine and measure what each costs.
 
     Each arm has a service and fakes of its own, at 100 Hz, and moves all the while. Where the machine is
     too small for them, the outcome says what failed first. Real arms leave the fakes' share free.
 
-    \b
     Example: softarm bench arms --seconds 20
     """
     counts = COUNTS[:2] if quick else COUNTS

@@ -1,4 +1,4 @@
-"""``softarm bench diagnosis``: diagnoses sealed trials, and scores them where answers are given."""
+"""``softarm bench diagnosis``: diagnoses blind trials, and scores them where answers are given."""
 
 from pathlib import Path
 
@@ -44,12 +44,11 @@ jobs_option = click.option(
 @jobs_option
 @json_option
 def command(folder: Path, answers: Path | None, out: Path, jobs: int, as_json: bool) -> int:
-    r"""Diagnose sealed trials, and score them where answers are given.
+    """Diagnose blind trials, and score them if answers are given.
 
     Each trial is diagnosed by 'softarm diagnose' in a process of its own, which never sees the answers. The
     status is 1 when a trial ended without a report.
 
-    \b
     Example: softarm bench diagnosis --trials TRIALS --answers ANSWERS
     """
     trials = read_trials(folder)

@@ -109,7 +109,7 @@ seconds_option = click.option(
 @quick_option
 @json_option
 def command(seconds: float, model: str | None, quick: bool, as_json: bool) -> int:
-    r"""Time estimates from the packet to a subscriber in another process, on the fakes.
+    """Time estimates from the packet to a subscriber in another process, on the fakes.
 
     From the arrival of a packet's last byte in the service's process to the decoded estimate in a zenoh
     subscriber of this one, the arm moving all the while: at 100 Hz with the converged finite elements and
@@ -117,7 +117,6 @@ def command(seconds: float, model: str | None, quick: bool, as_json: bool) -> in
     where the median without it exceeds 12 ms (finite elements) or 2 ms (rod), or where the service would
     not run on the rod because it is too far from the finite elements.
 
-    \b
     Example: softarm bench latency
     """
     cases = [case for case in CASES if model in (None, case.model) and not (quick and case.busy)]

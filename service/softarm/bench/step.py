@@ -255,15 +255,15 @@ def _growth_row(nodes: Cell, values: Floats) -> dict[str, Cell]:
 @json_option
 @click.option("--plain", is_flag=True, help="Switch off each part of the tracking path in turn, and stop.")
 def command(name: str, quick: bool, as_json: bool, plain: bool) -> int:
-    r"""Time a step of the estimator, part by part.
+    """Time a step of the estimator, part by part.
 
     Processor time of the calling thread, so that another program on the machine disturbs little; the work of
     the background thread is not in it. The motion goes on at 100 Hz; sensors are two orientations and all
     pressures, unknown are four forces, and every scheme but the first iterates to the nonlinear optimum.
 
-    \b
     Example: softarm bench step --quick
-             softarm bench step --plain
+
+    Example: softarm bench step --plain
     """
     specimen = load_specimen(name)
     resolution = DEFAULTS[specimen.geometry.kind]

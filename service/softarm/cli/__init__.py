@@ -39,7 +39,7 @@ COMMANDS = {
     "plot": "Plot a recording.",
     "bench": "Run a benchmark and print its table.",
     "fakes": "Start simulated instruments on real ports.",
-    "page": "Serve the operator page in the browser.",
+    "page": "Serve the operator page, or the page of a recording, in the browser.",
     "ros": "Offer a running arm as a ROS 2 node.",
     "vent": "Vent every chamber, whether or not the service runs.",
     "doctor": "Check every configured device: does it answer, how fast, and with which fault.",
@@ -114,7 +114,12 @@ def run(arguments: Sequence[str] | None = None) -> int:
         click.echo(error.format_message())
         return 0
     except click.ClickException as error:
-        click.echo(f"softarm: {error.format_message()}", err=True)
+        where = (
+            f" See {error.ctx.command_path} --help."
+            if isinstance(error, click.UsageError) and error.ctx
+            else ""
+        )
+        click.echo(f"softarm: {error.format_message()}{where}", err=True)
         return error.exit_code
     except (InputError, SetupError) as error:
         click.echo(f"softarm: {error}", err=True)

@@ -14,7 +14,8 @@ from softarm.cli.output import json_option, progress, show
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Cell, Table
 from softarm.daemon.config import ConfigError
-from softarm.drivers.clock import NANOSECONDS
+from softarm.daemon.control.lateness import LATE_NS
+from softarm.drivers.clock import NANOSECONDS, PollTicker
 from softarm.drivers.config import DriverConfig
 from softarm.drivers.device import Device
 from softarm.drivers.errors import DeviceError, DeviceErrors
@@ -24,6 +25,7 @@ from softarm.drivers.registry import load_devices
 from softarm.drivers.supervisor import ALIVE, ConnectionState
 from softarm.estimator.errors import InputError
 
+TICK_NS = 20_000_000
 LITTLE_ENDIAN = 1
 """What is added to a Qualisys base port for the little-endian protocol that the driver speaks."""
 REMARKS = {
@@ -44,6 +46,7 @@ class CheckTally:
         invalid: How many of them were invalid.
         first_ns: Host monotonic time of the first [ns].
         last_ns: Host monotonic time of the last [ns].
+        transits_ns: From measurement to arrival, by the clock of a device that has one: least and most [ns].
         flags: What the invalid ones said.
     """
 
@@ -51,6 +54,7 @@ class CheckTally:
     invalid: int = 0
     first_ns: int = 0
     last_ns: int = 0
+    transits_ns: tuple[int, int] | None = None
     flags: set[str] = field(default_factory=set)
 
     def take(self, reading: Reading[Any]) -> None:
@@ -60,7 +64,17 @@ class CheckTally:
         self.last_ns = reading.host_monotonic_ns
         self.readings += 1
         self.invalid += not reading.valid
+        if reading.device_time_ns is not None:
+            transit_ns = reading.host_monotonic_ns - reading.measured_ns
+            least_ns, most_ns = self.transits_ns or (transit_ns, transit_ns)
+            self.transits_ns = min(least_ns, transit_ns), max(most_ns, transit_ns)
         self.flags.update(reading.flags)
+
+    @property
+    def late_ns(self) -> int:
+        """How much later than the quickest the slowest reading arrived [ns]; 0 without a device's clock."""
+        least_ns, most_ns = self.transits_ns or (0, 0)
+        return most_ns - least_ns
 
     @property
     def rate_hz(self) -> float | None:
@@ -122,13 +136,13 @@ class Examination:
 )
 @json_option
 def command(path: Path | None, seconds: float, discover: str | None, as_json: bool) -> int:
-    r"""Check every configured device: does it answer, how fast, and with which fault.
+    """Check every configured device: does it answer, how fast, and with which fault.
 
     The arm does not move: the command writes no set-point and changes no setting. The exit status is 1
     when a device does not answer or reports a fault.
 
-    \b
     Example: softarm doctor --config /etc/softarm/arm.toml
+
     Example: softarm doctor --discover 192.168.1.255
     """
     if (path is None) == (discover is None):
@@ -140,8 +154,8 @@ def command(path: Path | None, seconds: float, discover: str | None, as_json: bo
     # What the drivers would log stands in the table.
     logging.getLogger("softarm.drivers").setLevel(logging.ERROR)
     with progress(f"Listening to {len(configs)} devices", seconds) as advance:
-        examinations = asyncio.run(examine_all(configs, seconds, advance))
-    show(*tables(examinations), as_json=as_json)
+        examinations, late_ns = asyncio.run(examine_all(configs, seconds, advance))
+    show(*tables(examinations, late_ns), as_json=as_json)
     return int(any(finding.serious for found in examinations for finding in found.findings))
 
 
@@ -186,23 +200,31 @@ def read_devices(path: Path) -> tuple[DriverConfig, ...]:
 
 async def examine_all(
     configs: Sequence[DriverConfig], seconds: float, advance: Callable[[float], None]
-) -> list[Examination]:
+) -> tuple[list[Examination], int]:
     """Examine devices side by side.
 
     Args:
         configs: The devices.
         seconds: How long to listen [s].
         advance: Called with the seconds that have passed.
+
+    Returns:
+        The examinations, and how late this program itself came at worst [ns].
     """
+    late_ns = 0
 
-    async def tick() -> None:
-        for _ in range(10):
-            await asyncio.sleep(seconds / 10)
-            advance(seconds / 10)
+    async def watch() -> None:
+        nonlocal late_ns
+        ticker = PollTicker(TICK_NS)
+        while True:
+            tick = await ticker.wait()
+            late_ns = max(late_ns, tick.skipped * TICK_NS + tick.drift_ns)
+            advance(TICK_NS / NANOSECONDS)
 
-    clock = asyncio.create_task(tick())
+    clock = asyncio.create_task(watch())
     try:
-        return list(await asyncio.gather(*(examine(config, seconds) for config in configs)))
+        found = list(await asyncio.gather(*(examine(config, seconds) for config in configs)))
+        return found, late_ns
     finally:
         clock.cancel()
         await asyncio.gather(clock, return_exceptions=True)
@@ -267,6 +289,11 @@ def _findings(name: str, device: Device, tally: CheckTally) -> list[DeviceNote]:
         found.append(
             DeviceNote(name, False, f"{tally.invalid} invalid readings: {told}", "see the device's page")
         )
+    if tally.late_ns > LATE_NS:
+        late = f"readings came up to {tally.late_ns / 1e6:.0f} ms late, by the device's own clock"
+        found.append(
+            DeviceNote(name, False, late, "relieve the host that sends them, the network, or this one")
+        )
     for counter, (what, cure) in REMARKS.items():
         if count := getattr(health, counter):
             found.append(DeviceNote(name, False, f"{count} {what}", cure))
@@ -280,8 +307,13 @@ def _of_error(name: str, error: DeviceError | None) -> DeviceNote:
     return DeviceNote(name, True, told, error.cure)
 
 
-def tables(examinations: Sequence[Examination]) -> list[Table]:
-    """Lay the examinations out: the devices, their faults, and their status."""
+def tables(examinations: Sequence[Examination], late_ns: int = 0) -> list[Table]:
+    """Lay the examinations out: the devices, their faults, and their status.
+
+    Args:
+        examinations: What was found.
+        late_ns: How late this program itself came at worst [ns].
+    """
     findings = [finding for found in examinations for finding in found.findings]
     rows: list[dict[str, Cell]] = [
         {
@@ -299,7 +331,10 @@ def tables(examinations: Sequence[Examination]) -> list[Table]:
     ]
     serious = sum(any(finding.serious for finding in found.findings) for found in examinations)
     note = f"{len(examinations) - serious} of {len(examinations)} devices work. No set-point was written."
-    laid_out = [Table("Devices", [found.row for found in examinations], (note,))]
+    late = f"{late_ns / 1e6:.0f} ms late"
+    busy = f"This machine is busy: doctor itself came {late}; rates and gaps may be its own."
+    notes = (note, busy) if late_ns > LATE_NS else (note,)
+    laid_out = [Table("Devices", [found.row for found in examinations], notes)]
     if rows:
         laid_out.append(Table("Findings", rows))
     if facts:

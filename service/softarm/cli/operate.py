@@ -114,8 +114,14 @@ def tare(arm: str, endpoint: str, zenoh_config: Path | None, as_json: bool) -> i
     Example: softarm tare --arm sopra
     """
     with Arm(arm, endpoint, "softarm tare", zenoh_config) as running:
-        loads = running.tare().loads_n
-    rows = [{"component": k, "now_zero_n": load} for k, load in enumerate(loads)]
+        zeros, loads = running.tare().loads_n, running.estimate().loads
+    axes = [
+        {"section": load.section, "axis": axis}
+        for load in loads
+        for k, axis in enumerate("xyz")
+        if load.covariance_n2[k][k] is not None
+    ]
+    rows = [axis | {"now_zero_n": zero} for axis, zero in zip(axes, zeros, strict=False)]
     show(Table(f"Tare of {arm}", rows), as_json=as_json)
     return 0
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import say
+from softarm.cli.output import say, specimen_option
 from softarm.daemon.config import load_config
 from softarm.daemon.settings import PageSettings
 from softarm.daemon.unit import zenoh_credential
@@ -26,6 +26,13 @@ AGAIN_S = 1.0
     type=click.Path(path_type=Path),
     help="The service's TOML file, in place of the other options.",
 )
+@click.option(
+    "--recording",
+    type=click.Path(path_type=Path),
+    help="Show this recording in place of a running arm: one that the service made, or the --out of softarm "
+    "estimate.",
+)
+@specimen_option
 @click.option("--endpoint", help=f"zenoh endpoint of its service.  [default: {DEFAULT_ENDPOINT}]")
 @click.option("--host", help="Address to serve the page on.  [default: 127.0.0.1]")
 @click.option("--port", type=int, help="Its TCP port.  [default: 8080]")
@@ -40,6 +47,8 @@ AGAIN_S = 1.0
 def command(
     arm: str | None,
     path: Path | None,
+    recording: Path | None,
+    specimen: str | None,
     endpoint: str | None,
     host: str | None,
     port: int | None,
@@ -48,20 +57,29 @@ def command(
 ) -> None:
     """Serve the operator page: 3-D view, forces, pressures, health, teach and stop buttons.
 
+    With --recording, the page shows a recording with estimates at the time of a slider.
+
     Example: softarm page --arm sopra
+
+    Example: softarm page --recording recordings/pull.mcap
     """
     from softarm.page.app import Page  # viser is heavy
     from softarm.page.server import page_server
     from softarm.page.waiting import wait_for_arm
 
     known = None if path is None else load_config(path).config
+    settings = PageSettings() if known is None else known.page
+    host, port = host or settings.host, port or settings.port
+    if recording is not None:
+        if arm is not None or path is not None:
+            raise click.UsageError("give either --recording, or --arm or --config")
+        _show_recording(recording, specimen, host, port, origins)
+        return
     arm = arm or (None if known is None else known.arm)
     if arm is None:
-        raise click.UsageError("give --arm, or --config with the service's file")
-    settings = PageSettings() if known is None else known.page
+        raise click.UsageError("give --arm, --config with the service's file, or --recording")
     endpoint = endpoint or (DEFAULT_ENDPOINT if known is None else _endpoint(known.network))
     zenoh_config = zenoh_config or zenoh_credential()
-    host, port = host or settings.host, port or settings.port
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     connect = partial(Arm, arm, endpoint, "operator page", zenoh_config)
     with page_server(host, port, arm, origins) as server:
@@ -70,6 +88,29 @@ def command(
         if served is not None:
             with served.client, Page(served, server):
                 signal.sigwait(ENDING)
+
+
+def _show_recording(path: Path, specimen: str | None, host: str, port: int, origins: tuple[str, ...]) -> None:
+    """Serve the page of a recording until a signal ends it."""
+    from softarm.analysis.offline.inputs import specimen_of
+    from softarm.daemon.surface import drawn_surface
+    from softarm.estimator.geometry import build_mesh
+    from softarm.page.body import Body
+    from softarm.page.recording import RecordingPage
+    from softarm.page.server import page_server
+    from softarm.recordings import load_recording
+
+    loaded = load_recording(path)
+    robot = specimen_of(specimen, [path], [loaded])
+    body, mesh = Body.model_validate_json(robot.model_dump_json(by_alias=True)), build_mesh(robot)
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    surface = drawn_surface(mesh).message(mesh)
+    with (
+        page_server(host, port, loaded.name, origins) as server,
+        RecordingPage(loaded, body, surface, server),
+    ):
+        click.echo(f"page of {loaded.name}: http://{host}:{port}")
+        signal.sigwait(ENDING)
 
 
 def _endpoint(network: NetworkSettings) -> str:

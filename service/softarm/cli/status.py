@@ -10,9 +10,11 @@ from softarm.cli.running_arm import arm_options
 from softarm.common.tables import Cell, Table
 from softarm_client import Arm, Estimate, ServiceSilentError, State
 from softarm_client.messages import HealthFinding, LoadEstimate
+from softarm_client.modes import Mode
 
 Row = dict[str, Cell]
 NO_ESTIMATE = "No estimate is published; see the findings."
+STARTING = "No estimate is published yet: the estimator is being built, which takes a minute or two at first."
 
 
 @click.command()
@@ -46,9 +48,10 @@ def status_tables(arm: str, state: State, estimate: Estimate | None) -> tuple[Ta
     Returns:
         The arm, its sections with their forces, its chambers, its findings.
     """
-    told = (NO_ESTIMATE,) if estimate is None else ()
+    missing = STARTING if state.mode == Mode.STARTING else NO_ESTIMATE
+    notes = (missing,) if estimate is None else ()
     return (
-        Table(f"Arm {arm}", [_arm_row(state, estimate)], told),
+        Table(f"Arm {arm}", [_arm_row(state, estimate)], notes),
         Table("Sections", _section_rows(state, estimate)),
         Table("Chambers", _chamber_rows(state)),
         Table("Findings", [_finding_row(finding) for finding in state.findings]),
@@ -93,7 +96,7 @@ def _chamber_rows(state: State) -> list[Row]:
     return [
         {
             "chamber": chamber,
-            "asked_kpa": 1e-3 * asked,
+            "setpoint_kpa": 1e-3 * asked,
             "applied_kpa": 1e-3 * applied,
             "measured_kpa": None if measured is None else 1e-3 * measured,
         }

@@ -8,6 +8,7 @@ from typing import Generic, TypeVar
 
 import viser
 
+from softarm.page import readings
 from softarm.page.controls import Controls
 from softarm.page.panel import Panel
 from softarm.page.scene import ArmScene
@@ -32,6 +33,7 @@ class Page:
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._scene = ArmScene(server, arm.surface, arm.body)
         self._controls = Controls(server, arm.client, self._scene.show_ghost)
+        self._stress = server.gui.add_html("")
         self._panel = Panel(server, arm.body)
         self._sections: State | None = None
         self._exit = ExitStack()
@@ -68,11 +70,13 @@ class Page:
         self._panel.show_state(state)
         self._controls.show_state(state)
         self._scene.show_sections(state.sections)
+        self._stress.content = readings.stress_scale(self._scene.red_stress_pa)
 
     def _on_estimate(self, estimate: Estimate) -> None:
         self._panel.show_estimate(estimate)
         if self._sections is not None:
-            self._scene.show_estimate(estimate, self._sections.sections)
+            self._scene.show_loads(estimate.loads, self._sections.sections)
+            self._scene.show_contact(estimate.contact)
 
 
 class Throttle(Generic[Kind]):

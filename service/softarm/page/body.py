@@ -8,12 +8,14 @@ class RigidSection(Message):
 
     Args:
         name: Its name.
+        from_m: Height at which it begins.
         to_m: Height at which it ends.
         frame_origin_m: Origin of its frame.
         frame_quaternion: Orientation of its frame (w, x, y, z).
     """
 
     name: str
+    from_m: float
     to_m: float
     frame_origin_m: Vector
     frame_quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)

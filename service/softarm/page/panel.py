@@ -2,6 +2,7 @@
 
 import time
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 import viser
@@ -15,10 +16,11 @@ from softarm_client.messages import Estimate, Mismatch, State
 WIDTH_PX = 400
 HISTORY = 300
 CURVE_PX = 110
+AXIS_PX = 15
 ESTIMATE_OLD_S = 1.0
 """The service, too, takes an estimator as failed that has been silent for so long."""
 ESTIMATED = ("#forces", "#model", ".uplot-container")
-EVERYTHING = (*ESTIMATED, "#pressures", "#instruments", "#recording")
+EVERYTHING = (*ESTIMATED, "#stress", "#pressures", "#instruments", "#recording")
 
 
 class Panel:
@@ -51,7 +53,10 @@ class Panel:
         """Show mode, findings, pressures and instruments."""
         self._state = state
         self._status.content = readings.status(state)
-        self._pressures.content = readings.pressures(state, self._limits_pa)
+        self._pressures.content = readings.pressures(
+            {"set-point": state.asked_pa, "applied": state.applied_pa, "measured": state.measured_pa},
+            self._limits_pa,
+        )
         self._instruments.content = readings.instruments(state)
 
     def show_age(self, age_s: float) -> None:
@@ -73,7 +78,7 @@ class Panel:
         """Show the external forces."""
         self._estimate_s = time.monotonic()
         sections = () if self._state is None else self._state.sections
-        self._forces.content = readings.forces(estimate, sections)
+        self._forces.content = readings.forces(estimate.loads, sections, readings.quality(estimate))
         self._plot(estimate)
 
     def show_mismatch(self, mismatch: Mismatch) -> None:
@@ -86,27 +91,38 @@ class Panel:
         if named != self._named:
             self._named = named
             self._history.clear()
-            self._curve = self._new_curve(named)
+            if self._curve is not None:
+                self._curve.remove()
+            with self._curves:
+                self._curve = force_curves(self._gui, named) if named else None
         forces = (float(np.linalg.norm(load.force_n)) for load in estimate.loads)
         self._history.append((time.monotonic(), *forces))
         times_s, *curves = np.array(self._history).T
         if self._curve is not None and len(times_s) > 1:
             self._curve.data = (times_s - times_s[-1], *curves)
 
-    def _new_curve(self, named: tuple[str, ...]) -> viser.GuiUplotHandle | None:
-        if self._curve is not None:
-            self._curve.remove()
-        if not named:
-            return None
-        series = tuple(
-            uplot.Series(label=section, stroke=readings.COLOURS[k % len(readings.COLOURS)])
-            for k, section in enumerate(named)
-        )
-        with self._curves:
-            return self._gui.add_uplot(
-                tuple(np.zeros(2) for _ in range(len(named) + 1)),
-                (uplot.Series(label="s"), *series),
-                scales={"x": uplot.Scale(time=False)},
-                legend=uplot.Legend(show=False),
-                height=CURVE_PX,
-            )
+
+def force_curves(gui: viser.GuiApi, sections: Sequence[str], *marks: uplot.Series) -> viser.GuiUplotHandle:
+    """Add an empty plot of forces over time, one curve for each section in its colour.
+
+    Args:
+        gui: viser's widgets.
+        sections: Names of the sections.
+        marks: Further series.
+    """
+    series = tuple(
+        uplot.Series(label=section, stroke=readings.COLOURS[k % len(readings.COLOURS)])
+        for k, section in enumerate(sections)
+    )
+    axes = (
+        uplot.Axis(label="time [s]", labelSize=AXIS_PX, size=2 * AXIS_PX),
+        uplot.Axis(label="force [N]", labelSize=AXIS_PX),
+    )
+    return gui.add_uplot(
+        tuple(np.zeros(2) for _ in range(1 + len(series) + len(marks))),
+        (uplot.Series(label="time [s]"), *series, *marks),
+        scales={"x": uplot.Scale(time=False)},
+        axes=axes,
+        legend=uplot.Legend(show=False),
+        height=CURVE_PX,
+    )

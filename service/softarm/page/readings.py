@@ -1,6 +1,6 @@
 """What the page shows of the messages, as HTML: every text of others is escaped."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 
 import numpy as np
@@ -78,9 +78,15 @@ def _rank(finding: HealthFinding) -> int:
     return WORST_FIRST.index(_rank_name(finding))
 
 
-def forces(estimate: Estimate, sections: Sequence[SectionPose]) -> str:
-    """Write the force, the place and the tilt of each section."""
-    loads = {load.section: load for load in estimate.loads}
+def forces(estimates: Sequence[LoadEstimate], sections: Sequence[SectionPose], note: str) -> str:
+    """Write the force, the place and the tilt of each section.
+
+    Args:
+        estimates: The forces.
+        sections: The poses.
+        note: HTML below the table, escaped.
+    """
+    loads = {load.section: load for load in estimates}
     colours = dict(zip(loads, COLOURS * len(loads), strict=False))
     poses = {section.section: section for section in sections}
     rows = [
@@ -88,11 +94,14 @@ def forces(estimate: Estimate, sections: Sequence[SectionPose]) -> str:
         for name in dict.fromkeys((*loads, *poses))
     ]
     head = "<tr><th>section</th><th>force [N]</th><th>x, y, z [mm]</th><th>tilt</th></tr>"
+    return reading("forces", f"<table>{head}{''.join(rows)}</table>{note}", "External force")
+
+
+def quality(estimate: Estimate) -> str:
+    """Write where the contact is, and what the estimate rests on."""
     lost = f" Without {plain(', '.join(estimate.sensors_lost))}." if estimate.sensors_lost else ""
     timing = f"{plain(estimate.status)}, {1e3 * estimate.latency_s:.0f} ms old.{lost}"
-    return reading(
-        "forces", f"<table>{head}{''.join(rows)}</table>{_contact(estimate)} {timing}", "External force"
-    )
+    return f"{_contact(estimate)} {timing}"
 
 
 def _swatch(colour: str | None) -> str:
@@ -121,37 +130,35 @@ def _contact(estimate: Estimate) -> str:
     return f"Contact {1e3 * place.height_m:.0f} ± {1e3 * place.height_std_m:.0f} mm from the base;"
 
 
-def pressures(state: State, limits_pa: Sequence[float]) -> str:
-    """Write each chamber's asked, applied and measured pressure as bars.
+def pressures(kinds: Mapping[str, Sequence[float | None]], limits_pa: Sequence[float]) -> str:
+    """Write the pressures of each chamber as numbers and bars.
 
     Args:
-        state: The newest state.
+        kinds: ``set-point``, ``applied``, ``measured``, or some of them: gauge pressures [Pa].
         limits_pa: Pressure at the right end of each chamber's bars [Pa].
     """
-    chambers = zip(state.asked_pa, state.applied_pa, state.measured_pa, limits_pa, strict=False)
-    rows = [
-        f'<tr><td>{k}</td><td><div class="bars">{_bars((asked, applied, measured), limit)}</div></td>'
-        f"<td>{asked / 1e3:.1f}</td><td>{applied / 1e3:.1f}</td><td>{_kpa(measured)}</td></tr>"
-        for k, (asked, applied, measured, limit) in enumerate(chambers)
-    ]
-    kinds = "".join(f'<th><span class="legend {kind}">{kind}</span></th>' for kind in KINDS)
-    head = f"<tr><th></th><th></th>{kinds}</tr>"
+    rows = []
+    for k, (limit_pa, *values) in enumerate(zip(limits_pa, *kinds.values(), strict=False)):
+        bars, numbers = _bars(dict(zip(kinds, values, strict=True)), limit_pa), "".join(map(_kpa, values))
+        rows.append(f'<tr><td>{k}</td><td><div class="bars">{bars}</div></td>{numbers}</tr>')
+    names = "".join(f'<th><span class="legend {kind}">{kind}</span></th>' for kind in kinds)
+    head = f"<tr><th></th><th></th>{names}</tr>"
     return reading("pressures", f"<table>{head}{''.join(rows)}</table>", "Pressure of each chamber [kPa]")
 
 
-KINDS = ("asked", "applied", "measured")
-
-
-def _bars(values_pa: Iterable[float | None], limit_pa: float) -> str:
-    widths = [0.0 if value is None else min(max(100.0 * value / limit_pa, 0.0), 100.0) for value in values_pa]
+def _bars(values_pa: Mapping[str, float | None], limit_pa: float) -> str:
     return "".join(
-        f'<i class="{kind}" style="top:{5 * row}px;width:{width:.1f}%"></i>'
-        for row, (kind, width) in enumerate(zip(KINDS, widths, strict=True))
+        f'<i class="{kind}" style="top:{5 * row}px;width:{_percent(value, limit_pa):.1f}%"></i>'
+        for row, (kind, value) in enumerate(values_pa.items())
     )
 
 
+def _percent(value_pa: float | None, limit_pa: float) -> float:
+    return 0.0 if value_pa is None else min(max(100.0 * value_pa / limit_pa, 0.0), 100.0)
+
+
 def _kpa(pressure: float | None) -> str:
-    return '<span class="fault">lost</span>' if pressure is None else f"{pressure / 1e3:.1f}"
+    return '<td class="fault">lost</td>' if pressure is None else f"<td>{pressure / 1e3:.1f}</td>"
 
 
 def instruments(state: State) -> str:
@@ -185,6 +192,12 @@ def model(mismatch: Mismatch) -> str:
         name = f" Recorded in {_file(mismatch.recording)}." if mismatch.recording else ""
         words = f'<span class="warning">They differ at {where}{ratio}: {plain(mismatch.advice)}.{name}</span>'
     return reading("model", words, "Model and measurements")
+
+
+def stress_scale(red_pa: float) -> str:
+    """Write the colours of the surface, from no stress to that of its red end [Pa]."""
+    scale = f'0 <span class="scale"></span> {red_pa / 1e3:.3g} kPa'
+    return reading("stress", scale, "Colours of the arm: von Mises stress")
 
 
 def recording(state: State) -> str:

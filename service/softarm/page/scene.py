@@ -12,7 +12,7 @@ from viser.transforms import SO3
 from softarm.estimator.arrays import Floats
 from softarm.page.body import Body, Chamber
 from softarm.page.readings import COLOURS, load_deviation
-from softarm_client.messages import Contact, Estimate, LoadEstimate, SectionPose, Surface
+from softarm_client.messages import Contact, LoadEstimate, SectionPose, Surface
 
 METRES_PER_NEWTON = 0.15
 LAYER_M = 2e-3
@@ -24,9 +24,14 @@ GREY = (150, 150, 150)
 COLD, HOT = np.array([70.0, 130.0, 200.0]), np.array([225.0, 70.0, 50.0])
 
 
+def red_stress(stress: Floats) -> float:
+    """Return the stress from which nodes are red: the 98th percentile [Pa]."""
+    return float(np.percentile(stress, 98.0))
+
+
 def colours(stress: Floats) -> NDArray[np.uint8]:
-    """Colour nodes from blue at no stress to red at the 98th percentile, shape (nodes, 3)."""
-    top = float(np.percentile(stress, 98.0))
+    """Colour nodes from blue at no stress to red, shape (nodes, 3)."""
+    top = red_stress(stress)
     share = np.clip(stress / top, 0.0, 1.0)[:, None] if top > 0.0 else np.zeros((len(stress), 1))
     return np.asarray((1.0 - share) * COLD + share * HOT, dtype=np.uint8)
 
@@ -101,6 +106,11 @@ class ArmScene:
         surface = trimesh.Trimesh(points, self._faces, vertex_colors=painted, process=False)
         self._scene.add_mesh_trimesh("/base/arm", surface)
 
+    @property
+    def red_stress_pa(self) -> float:
+        """Stress at the red end of the colours [Pa]."""
+        return red_stress(self._shown[1])
+
     def show_stale(self, stale: bool) -> None:
         """Draw the arm grey and without forces while the service is not heard."""
         with self._drawing:
@@ -114,9 +124,13 @@ class ArmScene:
         """Show a shape message: positions and stress of every node of the surface."""
         nodes = np.frombuffer(data, dtype="<f4").reshape(-1, 4).astype(np.float64)
         if len(nodes) == len(self._rest):
-            with self._drawing:
-                self._shown = nodes[:, :3], nodes[:, 3]
-                self._draw()
+            self.show_surface(nodes[:, :3], nodes[:, 3])
+
+    def show_surface(self, points: Floats, stress: Floats) -> None:
+        """Show the surface: positions [m], shape (nodes, 3), and stress of every node [Pa]."""
+        with self._drawing:
+            self._shown = points, stress
+            self._draw()
 
     def show_sections(self, sections: Sequence[SectionPose]) -> None:
         """Move the frames of the sections."""
@@ -125,13 +139,12 @@ class ArmScene:
             if frame is not None:
                 frame.position, frame.wxyz = section.position_m, section.quaternion_wxyz
 
-    def show_estimate(self, estimate: Estimate, sections: Sequence[SectionPose]) -> None:
-        """Draw the forces at their sections, and the contact."""
+    def show_loads(self, loads: Sequence[LoadEstimate], sections: Sequence[SectionPose]) -> None:
+        """Draw the forces at their sections."""
         places = {section.section: np.array(section.position_m) for section in sections}
-        for index, load in enumerate(estimate.loads):
+        for index, load in enumerate(loads):
             if load.section in places:
                 self._show_load(load, places[load.section], COLOURS[index % len(COLOURS)])
-        self._show_contact(estimate.contact)
 
     def _show_load(self, load: LoadEstimate, start: Floats, colour: str) -> None:
         """Draw a force as an arrow, with a sphere of one standard deviation around its head."""
@@ -153,7 +166,7 @@ class ArmScene:
             position=tuple(head),
         )
 
-    def _show_contact(self, contact: Contact | None) -> None:
+    def show_contact(self, contact: Contact | None) -> None:
         """Draw a ball around the arm where the contact is."""
         layer = self._layer(0.0 if contact is None else contact.height_m)
         points, _ = self._shown

@@ -85,7 +85,7 @@ def test_tables_hold_every_failure_and_no_more():
     failed = score(TrialOutcome("two", 900.0, 600.0, -1, "ended", {}), Answer("single", (LAG,), "designed"))
     tables = {table.title: table for table in score_tables([good, bad, failed])}
     assert [row["said"] for row in tables["Trials that went wrong"].rows] == ["base_tilt", "ended"]
-    counts = {row["what"]: row["count"] for row in tables["Sealed trials"].rows}
+    counts = {row["what"]: row["count"] for row in tables["Blind trials"].rows}
     assert counts["effects named and placed"] == 1
     assert counts["false alarms"] == 1
     assert tables["Cost"].rows[0]["with_report"] == 2

@@ -55,8 +55,12 @@ class Browser:
         return self._wait.until(lambda driver: driver.find_element("xpath", path))
 
     def field(self, label):
-        path = f"//label[.='{label}']/following::input[1]"
+        path = f"//label[.='{label}']/following::input[not(@type='hidden')][1]"
         return self._wait.until(lambda driver: driver.find_element("xpath", path))
+
+    def slide(self, key):
+        """Press a key on the slider: End, Home or an arrow."""
+        self._driver.find_element("css selector", "[role=slider]").send_keys(key)
 
     def run(self, script, *arguments):
         return self._driver.execute_script(script, *arguments)

@@ -1,7 +1,12 @@
-"""Take the picture of the operator page for the documents: ``python -m tests.service.page.picture FILE``."""
+"""Take the pictures of the documents: ``python -m tests.service.page.picture FILE [RECORDING TIME]``.
 
+Without a recording it is one of the operator page, else one of the recording's page at a time [s].
+"""
+
+import subprocess
 import sys
 import tempfile
+import threading
 from itertools import count
 from pathlib import Path
 
@@ -15,6 +20,9 @@ from softarm.page.waiting import ask_arm
 from softarm_client import Arm
 from tests.service.page.browser import open_browser
 from tests.service.page.test_server import free_port
+
+SELECT_ALL, TAB = "\ue009a\ue000", "\ue004"
+"""As WebDriver writes the keys."""
 
 
 def take_picture(path, folder):
@@ -42,6 +50,28 @@ def take_picture(path, folder):
             force_on_fakes(rig, client, force, lambda: browser.picture(path) if next(looks) == last else None)
 
 
+def take_picture_of_recording(path, folder, recording, time_s):
+    """Take the picture of a recording's page at a time [s]."""
+    port = free_port()
+    command = [sys.executable, "-m", "softarm", "page", "--recording", recording, "--port", str(port)]
+    with (
+        subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process,
+        open_browser(f"http://127.0.0.1:{port}", folder) as browser,
+    ):
+        process.stdout.readline()
+        browser.open()
+        browser.until_shown("External force")
+        browser.click_away_notices()
+        browser.field("Time [s]").send_keys(SELECT_ALL, str(time_s), TAB)
+        browser.until(lambda: browser.field("Time [s]").get_attribute("value") == str(time_s))
+        threading.Event().wait(3.0)  # without a graphics card each picture takes long
+        browser.picture(path)
+        process.terminate()
+
+
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
-        take_picture(Path(sys.argv[1]), Path(folder))
+        if len(sys.argv) == 2:
+            take_picture(Path(sys.argv[1]), Path(folder))
+        else:
+            take_picture_of_recording(Path(sys.argv[1]), Path(folder), *sys.argv[2:])

@@ -17,7 +17,7 @@ pytestmark = [
 ]
 ESCAPE = "\ue00c"  # as WebDriver writes the key
 BLOCKS = ("#stop", "#status", "#status .mode", "#forces", ".uplot-container", "#pressures", "#instruments")
-BLOCKS += ("#model", "#recording")
+BLOCKS += ("#model", "#recording", "#stress")
 TEACH = "Teach (keep pressed)"
 BUTTONS = (TEACH, "Hold pose", "Release", "Disarm", "Clear", "Tare", "Save pose", "Go to")
 BUTTONS += ("Start recording", "End recording")

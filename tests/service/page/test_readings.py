@@ -36,9 +36,9 @@ def state(**changes):
         "mode": "IDLE",
         "fault_cause": None,
         "findings": (),
-        "asked_pa": (20e3, 0.0),
-        "applied_pa": (10e3, 0.0),
-        "measured_pa": (5e3, None),
+        "asked_pa": (0.0, 0.0),
+        "applied_pa": (0.0, 0.0),
+        "measured_pa": (0.0, None),
         "gauges_n": {},
         "sections": (TIP,),
         "ages_s": {"orientation_tip": 0.012, "valves": None},
@@ -100,10 +100,8 @@ def test_texts_of_others_are_escaped_in_every_block():
         readings.lost_service(1.0, evil),
         readings.instruments(evil),
         readings.recording(evil),
-        readings.forces(
-            estimate(status=EVIL, sensors_lost=(EVIL,)),
-            (TIP.model_copy(update={"section": EVIL}),),
-        ),
+        readings.forces((), (TIP.model_copy(update={"section": EVIL}),), ""),
+        readings.quality(estimate(status=EVIL, sensors_lost=(EVIL,))),
         readings.model(mismatch(where=(EVIL,), advice=EVIL, recording=f"/data/{EVIL}")),
     ]
     for block in blocks:
@@ -125,7 +123,7 @@ def test_every_mode_is_explained():
 
 
 def test_forces_are_newtons_with_their_deviation_poses_millimetres_and_degrees():
-    shown = readings.forces(estimate(), (TIP,))
+    shown = readings.forces(estimate().loads, (TIP,), readings.quality(estimate()))
     # Both known axes of the covariance are 1e-3 N^2: 0.032 N along each, not the 0.045 N of their sum.
     assert "<b>0.412</b> ± 0.032" in shown
     assert "<td>12, -5, 270</td><td>10.0°</td>" in shown
@@ -133,12 +131,13 @@ def test_forces_are_newtons_with_their_deviation_poses_millimetres_and_degrees()
 
 
 def test_bars_end_at_the_limit_of_the_chamber_and_a_lost_pressure_is_named():
-    shown = readings.pressures(state(), (40e3, 40e3))
-    widths = re.findall(r'class="(\w+)" style="top:\d+px;width:([\d.]+)%"', shown)
-    assert widths[:3] == [("asked", "50.0"), ("applied", "25.0"), ("measured", "12.5")]
+    kinds = {"set-point": (20e3, 0.0), "applied": (10e3, 0.0), "measured": (5e3, None)}
+    shown = readings.pressures(kinds, (40e3, 40e3))
+    widths = re.findall(r'class="([\w-]+)" style="top:\d+px;width:([\d.]+)%"', shown)
+    assert widths[:3] == [("set-point", "50.0"), ("applied", "25.0"), ("measured", "12.5")]
     assert "lost" in shown
-    beyond = readings.pressures(state(asked_pa=(90e3, -1.0)), (40e3, 40e3))
-    assert re.findall(r'"asked" style="top:0px;width:([\d.]+)%', beyond) == ["100.0", "0.0"]
+    beyond = readings.pressures({"set-point": (90e3, -1.0)}, (40e3, 40e3))
+    assert re.findall(r'"set-point" style="top:0px;width:([\d.]+)%', beyond) == ["100.0", "0.0"]
 
 
 @pytest.mark.parametrize(

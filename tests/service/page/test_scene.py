@@ -6,10 +6,10 @@ import pytest
 pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
 
 from softarm.page.body import Body
-from softarm.page.scene import ArmScene
+from softarm.page.readings import stress_scale
+from softarm.page.scene import COLD, HOT, ArmScene, colours
 from softarm.page.server import page_server
 from softarm_client.messages import Contact, LoadEstimate, SectionPose, Surface
-from tests.service.page.test_readings import estimate
 from tests.service.page.test_server import free_port
 
 LOAD = LoadEstimate(section="tip", force_n=(0.3, 0.0, 0.0), covariance_n2=tuple(map(tuple, 1e-4 * np.eye(3))))
@@ -17,8 +17,8 @@ TIP = SectionPose(section="tip", position_m=(0.05, 0.0, 0.2), quaternion_wxyz=(0
 RING = [(0.03, 0.0), (0.0, 0.03), (-0.03, 0.0), (0.0, -0.03)]
 SURFACE = Surface(triangles=((0, 1, 4),), rest_m=tuple((x, y, z) for z in (0.0, 0.2) for x, y in RING))
 SECTIONS = (
-    {"name": "base", "to_m": 0.0, "frame_origin_m": (0.0, 0.0, 0.0)},
-    {"name": "tip", "to_m": 0.2, "frame_origin_m": (0.0, 0.0, 0.2)},
+    {"name": "base", "from_m": 0.0, "to_m": 0.0, "frame_origin_m": (0.0, 0.0, 0.0)},
+    {"name": "tip", "from_m": 0.2, "to_m": 0.2, "frame_origin_m": (0.0, 0.0, 0.2)},
 )
 CHAMBERS = ({"azimuth_rad": np.pi / 2, "from_m": 0.0, "pressure_limit_pa": 65e3},)
 
@@ -44,7 +44,8 @@ def node(server, name):
 
 def test_forces_stay_hidden_while_the_view_is_grey(server, scene):
     scene.show_stale(True)
-    scene.show_estimate(estimate(loads=(LOAD,), contact=None), [TIP])
+    scene.show_loads((LOAD,), [TIP])
+    scene.show_contact(None)
     assert not node(server, "/base/live").visible  # and with it whatever is drawn below it
     assert {"/base/live/force/tip", "/base/live/contact"} <= set(server.scene._handle_from_node_name)
     scene.show_stale(False)
@@ -52,7 +53,7 @@ def test_forces_stay_hidden_while_the_view_is_grey(server, scene):
 
 
 def test_force_starts_at_its_section_with_fifteen_centimetres_a_newton(server, scene):
-    scene.show_estimate(estimate(loads=(LOAD,), contact=None), [TIP])
+    scene.show_loads((LOAD,), [TIP])
     start, head = node(server, "/base/live/force/tip").points[0]
     np.testing.assert_allclose(start, TIP.position_m, atol=1e-7)
     np.testing.assert_allclose(head - start, (0.045, 0.0, 0.0), atol=1e-7)
@@ -63,12 +64,12 @@ def test_contact_is_drawn_around_the_bent_arm_at_its_height(server, scene):
     bent = np.array(SURFACE.rest_m) + np.array([0.02, 0.0, 0.0])
     scene.show_shape(np.column_stack([bent, np.zeros(8)]).astype("<f4").tobytes())
     place = Contact(height_m=0.19, height_std_m=0.01, force_n=(0.3, 0.0), since_unix_ns=1)
-    scene.show_estimate(estimate(loads=(), contact=place), [TIP])
+    scene.show_contact(place)
     ball = node(server, "/base/live/contact")
     np.testing.assert_allclose(ball.position, (0.02, 0.0, 0.2), atol=1e-6)
     assert ball.visible
     assert ball.radius > 0.03
-    scene.show_estimate(estimate(loads=(), contact=None), [TIP])
+    scene.show_contact(None)
     assert not node(server, "/base/live/contact").visible
 
 
@@ -93,3 +94,12 @@ def test_arm_hangs_or_stands_as_gravity_acts(server, gravity, down):
     ArmScene(server, SURFACE, body(gravity))
     w, x, y, z = node(server, "/base").wxyz
     assert w * w - x * x - y * y + z * z == down
+
+
+def test_the_scale_ends_at_the_stress_that_is_drawn_red(scene):
+    stress = np.linspace(0.0, 700.0, 8)
+    scene.show_surface(np.array(SURFACE.rest_m), stress)
+    assert scene.red_stress_pa == pytest.approx(686.0)  # the 98th percentile
+    painted = colours(stress)
+    np.testing.assert_array_equal(painted[[0, -1]], [COLD, HOT])
+    assert "686 kPa" in stress_scale(1e3 * scene.red_stress_pa)

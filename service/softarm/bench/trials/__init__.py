@@ -1,1 +1,1 @@
-"""Sealed trials of a diagnosis: read from folders, diagnosed, and scored where answers are given."""
+"""Blind trials of a diagnosis: read from folders, diagnosed, and scored where answers are given."""

@@ -1,4 +1,4 @@
-"""Folders of sealed trials and of their answers.
+"""Folders of blind trials and of their answers.
 
 ``TRIALS/<name>/trial.toml`` names the specimen; ``nominal/<run>/`` and ``questioned/<run>/`` hold recordings.
 ``ANSWERS/<name>.toml`` says what was concealed. Only the scorer opens the answers.
@@ -18,7 +18,7 @@ KINDS = ("single", "pair", "null", "foreign")
 
 @dataclass(frozen=True)
 class Trial:
-    """One sealed trial.
+    """One blind trial.
 
     Args:
         name: Of its folder.

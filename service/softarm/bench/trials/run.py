@@ -1,4 +1,4 @@
-"""Runs ``softarm diagnose`` on sealed trials, each in a process of its own, and keeps what it gave."""
+"""Runs ``softarm diagnose`` on blind trials, each in a process of its own, and keeps what it gave."""
 
 import json
 import subprocess

@@ -48,7 +48,7 @@ def summary(scores: Sequence[Score]) -> Table:
             if chosen:
                 rows += [_row(kind, motion, what, hits, count) for what, hits, count in _counts(kind, chosen)]
     return Table(
-        "Sealed trials",
+        "Blind trials",
         rows,
         (
             "Named: a finding has the concealed name. In the set: it has it or lists it among what "

@@ -1,4 +1,4 @@
-"""``python -m softarm.fakes.plant``: recordings of the fake arm and sealed trials, written to folders."""
+"""``python -m softarm.fakes.plant``: recordings of the fake arm and blind trials, written to folders."""
 
 import re
 import sys
@@ -84,7 +84,7 @@ def record(
 @click.option("--background", default=1.0, show_default=True, help="Scale of what every arm has anyway.")
 @click.option("--truth", required=True, type=click.Path(path_type=Path), help="Folder for the answer.")
 def trial(out: Path, seed: int, kind: str, only: tuple[str, ...], background: float, truth: Path) -> None:
-    """Record a sealed trial: an arm before and after something was concealed in it.
+    """Record a blind trial: an arm before and after something was concealed in it.
 
     Example: python -m softarm.fakes.plant trial trials/7 --seed 7 --kind pair --truth answers/7
     """

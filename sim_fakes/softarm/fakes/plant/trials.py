@@ -1,4 +1,4 @@
-"""Sealed trials: an arm and what is concealed in it, both drawn by a seed."""
+"""Blind trials: an arm and what is concealed in it, both drawn by a seed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -98,7 +98,7 @@ class TrialRun:
 
 @dataclass(frozen=True)
 class PlantTrial:
-    """A sealed trial.
+    """A blind trial.
 
     Args:
         seed: Which one.

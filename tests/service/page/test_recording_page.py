@@ -1,0 +1,71 @@
+"""The page of a recording in a real browser, and how the command refuses what it cannot show."""
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
+
+from softarm.cli.page import command
+from softarm.estimator.errors import InputError
+from softarm.page.recording import RecordingPage
+from softarm.page.server import page_server
+from softarm_client.messages import Surface
+from tests.service.page.browser import BROWSER, DRIVER, open_browser
+from tests.service.page.test_playback import BODY, LENGTH_M, recording
+from tests.service.page.test_server import free_port
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "recordings" / "sopra_pull"
+RING = [(0.03, 0.0), (0.0, 0.03), (-0.03, 0.0), (0.0, -0.03)]
+SURFACE = Surface(
+    triangles=((0, 1, 4), (1, 5, 4)), rest_m=tuple((x, y, z) for z in (0.0, LENGTH_M) for x, y in RING)
+)
+BLOCKS = ("#about", "#forces", ".uplot-container", "#pressures")
+END, HOME = "\ue010", "\ue011"  # as WebDriver writes the keys
+
+
+def test_a_recording_without_estimates_is_refused_before_a_page_is_open():
+    with pytest.raises(InputError, match="run softarm estimate RECORDING"):
+        CliRunner().invoke(
+            command,
+            ["--recording", str(EXAMPLE), "--port", str(free_port())],
+            standalone_mode=False,
+            catch_exceptions=False,
+        )
+
+
+def test_a_recording_and_a_running_arm_are_not_shown_on_one_page():
+    refused = CliRunner().invoke(command, ["--recording", str(EXAMPLE), "--arm", "sopra"])
+    assert refused.exit_code == 2
+    assert "either --recording, or --arm" in refused.output
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(not (BROWSER and DRIVER), reason="no chromium: apt-get install chromium chromium-driver")
+def test_the_slider_and_play_move_everything_that_is_in_view(tmp_path):
+    port = free_port()
+    with (
+        page_server("127.0.0.1", port, "pull") as server,
+        RecordingPage(recording(), BODY, SURFACE, server) as page,
+        open_browser(f"http://127.0.0.1:{port}", tmp_path) as browser,
+    ):
+        browser.open()
+        browser.until_shown("Started by: ann")
+        for name in BLOCKS:
+            assert browser.covering(name) == [], name
+        assert browser.covering(browser.button("Play / pause")) == []
+        assert browser.run("return document.querySelector('#stop').hidden")  # nothing moves here
+
+        browser.slide(END)
+        browser.until_shown("1.000 ± 0.020")
+        browser.until_shown("tip 0.200 N")
+        surface, _ = page._scene._shown
+        assert surface[4:].mean(axis=0)[0] > 0.1  # the tip is bent along x
+
+        browser.slide(HOME)
+        browser.until_shown("0.000 ± 0.020")
+        browser.click("Play / pause")
+        browser.until_shown("1.000 ± 0.020")  # it has played to its end
+        browser.click("Play / pause")
+        browser.until(lambda: "1.000 ±" not in browser.text("#forces"))  # it begins anew
