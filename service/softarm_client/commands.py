@@ -169,10 +169,10 @@ def sender(payload: bytes) -> str:
 
 
 def malformed(verb: str, error: ValidationError) -> Refused:
-    """Refuse a request that is not one of its verb; where only the lease is missing, for want of it."""
-    first = error.errors()[0]
-    place = ".".join(str(part) for part in first["loc"]) or "payload"
-    if place == "lease" and first["type"] == "missing":
+    """Refuse a request with all its errors, or for want of a lease where nothing else is missing."""
+    errors = {".".join(map(str, one["loc"])) or "payload": one for one in error.errors()}
+    if "lease" in errors and errors["lease"]["type"] == "missing" and len(errors) == 1:
         hint = "acquire it with lease/acquire first"
         return Refused(verb=verb, code="no_lease", message="the request names no lease", hint=hint)
-    return Refused(verb=verb, code="malformed", message=f"{place}: {first['msg']}", hint="see docs/api.md")
+    message = "; ".join(f"{place}: {one['msg']}" for place, one in errors.items())
+    return Refused(verb=verb, code="malformed", message=message, hint="see docs/api.md")

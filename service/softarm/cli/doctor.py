@@ -14,7 +14,7 @@ from softarm.cli.output import json_option, progress, show
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Cell, Table
 from softarm.daemon.config import ConfigError
-from softarm.daemon.control.lateness import LATE_NS
+from softarm.daemon.control.lateness import LATE_NS, STARVED_PERCENT, read_pressure
 from softarm.drivers.clock import NANOSECONDS, PollTicker
 from softarm.drivers.config import DriverConfig
 from softarm.drivers.device import Device
@@ -154,8 +154,8 @@ def command(path: Path | None, seconds: float, discover: str | None, as_json: bo
     # What the drivers would log stands in the table.
     logging.getLogger("softarm.drivers").setLevel(logging.ERROR)
     with progress(f"Listening to {len(configs)} devices", seconds) as advance:
-        examinations, late_ns = asyncio.run(examine_all(configs, seconds, advance))
-    show(*tables(examinations, late_ns), as_json=as_json)
+        examinations, busy = asyncio.run(examine_all(configs, seconds, advance))
+    show(*tables(examinations, busy), as_json=as_json)
     return int(any(finding.serious for found in examinations for finding in found.findings))
 
 
@@ -200,7 +200,7 @@ def read_devices(path: Path) -> tuple[DriverConfig, ...]:
 
 async def examine_all(
     configs: Sequence[DriverConfig], seconds: float, advance: Callable[[float], None]
-) -> tuple[list[Examination], int]:
+) -> tuple[list[Examination], str]:
     """Examine devices side by side.
 
     Args:
@@ -209,7 +209,7 @@ async def examine_all(
         advance: Called with the seconds that have passed.
 
     Returns:
-        The examinations, and how late this program itself came at worst [ns].
+        The examinations, and how the processor kept programs waiting meanwhile, in words.
     """
     late_ns = 0
 
@@ -224,10 +224,19 @@ async def examine_all(
     clock = asyncio.create_task(watch())
     try:
         found = list(await asyncio.gather(*(examine(config, seconds) for config in configs)))
-        return found, late_ns
+        return found, _busy(late_ns, read_pressure())
     finally:
         clock.cancel()
         await asyncio.gather(clock, return_exceptions=True)
+
+
+def _busy(late_ns: int, starved_percent: float | None) -> str:
+    """Describe how the processor kept this machine's programs waiting; empty when it did not."""
+    if late_ns > LATE_NS:
+        return f"doctor itself came {late_ns / 1e6:.0f} ms late"
+    if starved_percent is not None and starved_percent > STARVED_PERCENT:
+        return f"programs waited for the processor {starved_percent:.0f} % of the time"
+    return ""
 
 
 async def examine(config: DriverConfig, seconds: float) -> Examination:
@@ -307,12 +316,12 @@ def _of_error(name: str, error: DeviceError | None) -> DeviceNote:
     return DeviceNote(name, True, told, error.cure)
 
 
-def tables(examinations: Sequence[Examination], late_ns: int = 0) -> list[Table]:
+def tables(examinations: Sequence[Examination], busy: str = "") -> list[Table]:
     """Lay the examinations out: the devices, their faults, and their status.
 
     Args:
         examinations: What was found.
-        late_ns: How late this program itself came at worst [ns].
+        busy: How the processor kept this machine's programs waiting, in words; empty when it did not.
     """
     findings = [finding for found in examinations for finding in found.findings]
     rows: list[dict[str, Cell]] = [
@@ -331,10 +340,8 @@ def tables(examinations: Sequence[Examination], late_ns: int = 0) -> list[Table]
     ]
     serious = sum(any(finding.serious for finding in found.findings) for found in examinations)
     note = f"{len(examinations) - serious} of {len(examinations)} devices work. No set-point was written."
-    late = f"{late_ns / 1e6:.0f} ms late"
-    busy = f"This machine is busy: doctor itself came {late}; rates and gaps may be its own."
-    notes = (note, busy) if late_ns > LATE_NS else (note,)
-    laid_out = [Table("Devices", [found.row for found in examinations], notes)]
+    notes = (note, f"This machine is busy: {busy}. What seems late or silent may be this machine's doing.")
+    laid_out = [Table("Devices", [found.row for found in examinations], notes if busy else (note,))]
     if rows:
         laid_out.append(Table("Findings", rows))
     if facts:

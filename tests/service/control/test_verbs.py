@@ -212,6 +212,13 @@ async def test_command_without_a_lease_is_told_how_to_get_one(bench):
     assert (code(answer), "lease/acquire" in answer.hint) == ("no_lease", True)
 
 
+async def test_everything_that_a_request_lacks_is_named_at_once(bench):
+    answer = await bench.verbs.answer("set_pressures", b'{"client": "x", "lifetime_s": 50}')
+    assert code(answer) == "malformed"
+    for name in ("deadline_unix_ns", "sequence", "lease", "pressures_pa", "lifetime_s"):
+        assert f"{name}: " in answer.message
+
+
 async def test_late_repeated_and_malformed_commands_are_refused(bench):
     await bench.armed()
     late = await bench.send("disarm", deadline_unix_ns=bench.unix_ns - 1)
