@@ -92,6 +92,7 @@ class SerialDevice(SupervisedDevice, Generic[FrameT, Value]):
         self.observe = observe
         self.identify_s = config.identify_s
         self.joined = asyncio.Event()
+        self._last_fault = ""
         self.latency_ns = round(config.latency_s * NANOSECONDS)
         self.stream: ReadingStream[Value] = self.reading_stream(sink)
 
@@ -101,6 +102,7 @@ class SerialDevice(SupervisedDevice, Generic[FrameT, Value]):
         self.codec.reset()
         self.codec.counts.since_frame = 0
         self.joined.clear()
+        self._last_fault = ""
         self.stream.start_epoch("connected")
         self.restarted()
         return SerialSession(self, link)
@@ -117,6 +119,7 @@ class SerialDevice(SupervisedDevice, Generic[FrameT, Value]):
         """Count faults and take frames."""
         for fault in decoded.faults:
             self.count(fault)
+            self._last_fault = fault.detail
         for frame in decoded.frames:
             self.take(frame, arrival_ns)
             self.joined.set()
@@ -147,7 +150,8 @@ class SerialDevice(SupervisedDevice, Generic[FrameT, Value]):
 
     def garbage(self) -> ProtocolError:
         """Report that what comes is no frame of this instrument."""
-        what = f"no valid frame in {self.codec.counts.since_frame} bytes at {self.settings.baud} baud"
+        seen = f", but {self._last_fault}" if self._last_fault else ""
+        what = f"no valid frame in {self.codec.counts.since_frame} bytes at {self.settings.baud} baud{seen}"
         return ProtocolError(self.name, what, f"wrong baud rate or wrong protocol; expected {self.expected}")
 
 

@@ -59,6 +59,12 @@ def test_malformed_lines_are_counted_and_never_read() -> None:
     assert device.health.rejected == 1
 
 
+def test_lines_of_another_number_of_sensors_are_named_as_such() -> None:
+    device, _ = board(sensors=2)
+    device.receive(LINE, 0)
+    assert "6 values in a line, 4 expected" in str(device.garbage())
+
+
 def test_a_configured_zero_is_in_chain_order() -> None:
     device, readings = board(zero_deg=[(5.0, 6.0), (0, 0), (0, 0)])
     device.receive(LINE, 0)
