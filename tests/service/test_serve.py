@@ -1,5 +1,6 @@
 import logging
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -123,6 +124,10 @@ def test_service_tells_systemd_and_refuses_to_arm_without_valves(daemon):
             client.arm()
         assert client.state().mode == "IDLE"
     assert service.end() == 0
+    assert re.search(
+        r"serving test at tcp/127\.0\.0\.1:\d+: specimen sopra, model rod, devices valves, bend",
+        service.log.read_text(),
+    )
 
 
 def test_a_taken_port_may_be_tried_again(daemon):
