@@ -111,7 +111,9 @@ class LoadEstimate(Message):
     """One external force."""
 
     section: str = Field(description="Rigid section on which it acts.")
-    force_n: Vector = Field(description="Force in the base frame, without the arm's inertia; 0 along an axis not estimated.")
+    force_n: Vector = Field(
+        description="Force in the base frame, without the arm's inertia; 0 along an axis that is not estimated."
+    )
     covariance_n2: tuple[tuple[float | None, ...], ...] = Field(
         description="Its covariance, 3 x 3; null along an axis that is not estimated."
     )
