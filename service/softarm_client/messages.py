@@ -112,7 +112,7 @@ class LoadEstimate(Message):
 
     section: str = Field(description="Rigid section on which it acts.")
     force_n: Vector = Field(
-        description="Force in the base frame, without the arm's inertia; 0 along an axis that is not estimated."
+        description="Force in the base frame without inertia of the arm; 0 along an axis not estimated."
     )
     covariance_n2: tuple[tuple[float | None, ...], ...] = Field(
         description="Its covariance, 3 x 3; null along an axis that is not estimated."
