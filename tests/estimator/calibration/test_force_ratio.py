@@ -55,25 +55,26 @@ def noise() -> Floats:
 @pytest.mark.parametrize("section", [0, 1])
 def test_readings_that_err_as_told_give_one(section: int, pressure: float, name: str) -> None:
     found = ratios(noise(), pulls_on(section, (0.3, -0.2, 0.0)), pressure)
-    assert list(found) == [name]
-    assert found[name] == pytest.approx(1.0, abs=0.1)
+    pulled = f"{name} on {('upper', 'tip')[section]}"
+    assert list(found) == [pulled]
+    assert found[pulled] == pytest.approx(1.0, abs=0.1)
 
 
 def test_an_axial_pull_is_not_known_to_the_estimate() -> None:
-    plain, axial = (ratios(noise(), pulls_on(1, (0.3, 0.0, z)))["vented pulls"] for z in (0.0, 0.3))
+    plain, axial = (ratios(noise(), pulls_on(1, (0.3, 0.0, z)))["vented pulls on tip"] for z in (0.0, 0.3))
     assert axial > 2.0 * plain
 
 
 def test_readings_that_err_together_like_a_force_give_more() -> None:
     together = 0.1 * RNG.normal(size=(NODES, 1)) * TO_FORCES[ROTATIONS, 3]
-    assert ratios(noise() + together, pulls_on(1, (0.3, 0.0, 0.0)))["vented pulls"] > 2.0
+    assert ratios(noise() + together, pulls_on(1, (0.3, 0.0, 0.0)))["vented pulls on tip"] > 2.0
 
 
 def test_nodes_at_which_the_arm_moves_count_little() -> None:
     moving = np.arange(NODES) % 4 == 0
     shaken = noise() + 0.3 * moving[:, None] * RNG.normal(size=(NODES, 6))
     found = ratios(shaken, pulls_on(1, (0.3, 0.0, 0.0)), weights=np.where(moving, 1e-6, 1.0))
-    assert found["vented pulls"] == pytest.approx(1.0, abs=0.1)
+    assert found["vented pulls on tip"] == pytest.approx(1.0, abs=0.1)
 
 
 def test_nothing_is_told_without_pulls_or_readings() -> None:

@@ -42,6 +42,8 @@ def test_the_condition_of_the_arm_widens_the_noise_and_scales_the_forces(arm):
     vented, pressurised = deviations({}, 0.0), deviations({}, 1e4)
     assert (1.05 * plain < vented).all()
     assert (1.05 * vented < pressurised).all()
-    halved = {"vented pulls": 0.5}
+    halved = {f"vented pulls on {section}": 0.5 for section in arm.sections}
     np.testing.assert_allclose(deviations(halved, 0.0), 0.5 * vented)
+    tip_alone = np.array([1.0, 1.0, 0.5, 0.5])
+    np.testing.assert_allclose(deviations({"vented pulls on tip": 0.5}, 0.0), tip_alone * vented)
     np.testing.assert_allclose(deviations(halved, 1e4), pressurised)

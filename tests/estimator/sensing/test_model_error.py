@@ -26,11 +26,18 @@ SCATTER = {
     ("pressure", "bend", "ratio"), [(0.0, 0.005, 0.7), (np.nan, 0.005, 0.7), (5e3, 0.01, 1.0)]
 )
 def test_pressures_tell_the_condition(pressure: float, bend: float, ratio: float) -> None:
-    error = ModelError.of(SCATTER, {"vented pulls": 0.7})
+    error = ModelError.of(SCATTER, {"vented pulls on tip": 0.7})
     condition = error.at(np.array([0.0, pressure]))
     assert condition.scatter["bend_tip"] == bend
     assert condition.scatter["frame_tip rotation"] == 0.04  # not measured while anybody pulled
-    assert condition.force_ratio == ratio
+    assert condition.force_ratio("tip") == ratio
+
+
+def test_a_section_that_nobody_pulled_is_not_known_better_than_its_readings() -> None:
+    error = ModelError.of({}, {"vented pulls on tip": 0.7, "pressurised pulls on tip": 1.5})
+    assert error.vented.force_ratio("intermediate") == 1.0
+    assert error.pressurised.force_ratio("intermediate") == 1.5
+    assert ModelError().vented.force_ratio(None) == 1.0
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.sensing import Scene, SensorSuite
 from softarm.estimator.sensing.model_error import (
+    ON,
     PRESSURISED_PULLS,
     VENTED_PULLS,
     ModelError,
@@ -34,7 +35,9 @@ def force_ratios(
     nodes: Sequence[Nodes],
     scatter: Mapping[str, float],
 ) -> dict[str, float]:
-    """Return the root mean square of error over deviation of the lateral force at known pulls, by condition.
+    """Return the root mean square of error over deviation of the lateral force at known pulls.
+
+    The result has one entry per condition and pulled section, such as ``vented pulls on tip``.
 
     Nodes count by their weight: a cord that moves does not pull as in an equilibrium.
 
@@ -52,7 +55,8 @@ def force_ratios(
             flags = pulled & (vented(own.pressures) == (name == VENTED_PULLS))
             if flags.any():
                 suite = widened(setting.aligned(own.run.suite), condition.scatter)
-                squares.setdefault(name, []).extend(_squares(setting, suite, at.keep(flags), own.keep(flags)))
+                for section, *square in _squares(setting, suite, at.keep(flags), own.keep(flags)):
+                    squares.setdefault(f"{name}{ON}{section}", []).append((square[0], square[1]))
     return {name: _root_mean(np.array(found)) for name, found in squares.items() if found}
 
 
@@ -62,8 +66,8 @@ def _root_mean(found: Floats) -> float:
 
 def _squares(
     setting: Setting, suite: SensorSuite, at: NodePredictions, own: Nodes
-) -> list[tuple[float, float]]:
-    """Return the mean square of error over deviation at each node, and its weight.
+) -> list[tuple[str, float, float]]:
+    """Return the pulled section, the mean square of error over deviation and the weight of each node.
 
     The estimate knows no axial pull.
     """
@@ -85,5 +89,6 @@ def _squares(
         if np.linalg.matrix_rank(matched[:, :LATERAL]) == LATERAL:
             b = matched[:, LATERAL]
             square = float(b @ np.linalg.solve(matched[:, :LATERAL], b)) / LATERAL
-            found.append((square, float(own.weights[node])))
+            section = own.run.load_names[first].rpartition("_")[0]
+            found.append((section, square, float(own.weights[node])))
     return found

@@ -38,7 +38,8 @@ class ArmEstimate(Generic[State]):
         iterations: Number of new linearisations.
         residual_norm: Relative out-of-balance force of the last linearised state.
         last: That state with its linearisation, for the search that follows.
-        force_ratio: Factor on the deviation of the loads beside what the rows' noise makes of it.
+        force_ratios: Factors on the deviations of the loads beside what the rows' noise makes of them, shape
+            (loads,).
     """
 
     unknowns: Unknowns
@@ -54,7 +55,7 @@ class ArmEstimate(Generic[State]):
     iterations: int
     residual_norm: float
     last: Linearised[State]
-    force_ratio: float = 1.0
+    force_ratios: Floats | float = 1.0
 
     @property
     def vector(self) -> Floats:
@@ -79,7 +80,9 @@ class ArmEstimate(Generic[State]):
     def load_covariance(self) -> Floats:
         """Covariance of the load amplitudes, shape (loads, loads)."""
         chambers = self.unknowns.chambers
-        return self.force_ratio**2 * self.covariance[chambers:, chambers:]
+        ratios = np.broadcast_to(self.force_ratios, len(self.covariance) - chambers)
+        covariance: Floats = ratios[:, None] * self.covariance[chambers:, chambers:] * ratios
+        return covariance
 
     @cached_property
     def frame_covariance(self) -> Floats:

@@ -147,7 +147,8 @@ class Estimator(Generic[State, Step]):
             self._failures = 0
             covariance, last = estimate.covariance, estimate.last
             self._memory = _Memory(time, estimate.state, estimate.inputs, covariance, last)
-        return replace(estimate, force_ratio=condition.force_ratio)
+        ratios = np.array([condition.force_ratio(load.section) for load in self._model.loads])
+        return replace(estimate, force_ratios=ratios)
 
     def _predict(self, time: float, acting: Floats, gravity: Floats) -> tuple[Prior, Inputs]:
         """Carry the last estimate to this instant: the prior, and the inputs to begin the search with."""

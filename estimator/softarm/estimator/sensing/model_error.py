@@ -17,6 +17,8 @@ VENTED_PA = 1.5e3
 VENTED_PULLS = "vented pulls"
 PRESSURISED_PULLS = "pressurised pulls"
 """Names of the conditions in the scatter of a calibration, as in ``frame_tip rotation, vented pulls``."""
+ON = " on "
+"""Between condition and section in the force ratios of a calibration, as in ``vented pulls on tip``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,12 +28,17 @@ class Condition:
     Args:
         scatter: Root mean square of measured minus predicted by sensor and quantity, such as ``frame_tip
             rotation`` [m or rad].
-        force_ratio: Root mean square of the error of an estimated force over the deviation that follows from
-            the scatter: readings that err together, as a model's errors make them, do not err independently.
+        force_ratios: By section, root mean square of the error of an estimated force over the deviation that
+            follows from the scatter: readings that err together, as a model's errors make them, do not err
+            independently.
     """
 
     scatter: Mapping[str, float] = field(default_factory=dict)
-    force_ratio: float = 1.0
+    force_ratios: Mapping[str, float] = field(default_factory=dict)
+
+    def force_ratio(self, section: str | None) -> float:
+        """Return the ratio on a section; the largest known, and no less than 1, where nobody has pulled."""
+        return self.force_ratios.get(section or "", max((1.0, *self.force_ratios.values())))
 
 
 @dataclass(frozen=True)
@@ -54,14 +61,16 @@ class ModelError:
 
         Args:
             scatter: By sensor, quantity and condition [m or rad].
-            force_ratio: By condition; 1 where it was not measured.
+            force_ratio: By condition and section, such as ``vented pulls on tip``.
         """
         plain = {name: value for name, value in scatter.items() if ", " not in name}
 
         def under(condition: str) -> Condition:
             ending = f", {condition}"
             pulled = {n.removesuffix(ending): value for n, value in scatter.items() if n.endswith(ending)}
-            return Condition(plain | pulled, (force_ratio or {}).get(condition, 1.0))
+            start = f"{condition}{ON}"
+            ratios = {n.removeprefix(start): v for n, v in (force_ratio or {}).items() if n.startswith(start)}
+            return Condition(plain | pulled, ratios)
 
         return cls(under(VENTED_PULLS), under(PRESSURISED_PULLS))
 

@@ -69,9 +69,9 @@ class Calibration(Entry):
     provenance: str = ""
     """When and how they were made."""
     scatter: dict[str, float] = Field(default_factory=dict)
-    """Scatter of measured minus predicted where no fit had seen it, by sensor and quantity [m, rad]."""
+    """Scatter of measured minus predicted on data that no fit used, by sensor and quantity [m, rad]."""
     force_ratio: dict[str, float] = Field(default_factory=dict)
-    """Error over deviation of forces estimated at known pulls that no fit had seen, by condition [-]."""
+    """Error over deviation of forces at known pulls that no fit used, by condition and section [-]."""
     modulus_scale: dict[Name, Value] = Field(default_factory=dict)
     """Factor on the stiffness of each segment or section, by its name [-]."""
     fibre_scale: Value = UNIT
