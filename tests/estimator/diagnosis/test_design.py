@@ -75,7 +75,7 @@ def test_the_model_itself_answers_to_a_cord_until_force_and_pose_agree(stage: St
     cord = PlacedEffect(
         EFFECTS["tether_stiffness"], Spot(stage.world, Place(section="tip")), np.array([0.3, 0.0, 0.4])
     )
-    exact = ExactModel(stage.exact, stage.drive, stage.arm.baseline, stage.world)
+    exact = ExactModel(stage.exact, stage.drive, stage.arm.baseline, stage.world, stage.arm.baseline)
     drive, response = exact.under([cord])
     seen = signals_of(drive.at(exact.nodes), stage.world, response)
     wanted, _ = cord.effect.act(seen, cord.theta, cord.spot, ())

@@ -29,6 +29,7 @@ from softarm.estimator.diagnosis.natural_frequency import natural_frequency_of
 from softarm.estimator.diagnosis.nominal import evidence_of_change, prior_before
 from softarm.estimator.diagnosis.normal_equations import total
 from softarm.estimator.diagnosis.nuisances import Nuisances, calibrate_sessions, only_drawn
+from softarm.estimator.diagnosis.pose import with_poses
 from softarm.estimator.diagnosis.result import (
     Baseline,
     Diagnosis,
@@ -219,7 +220,7 @@ def begin(
     weights = evidence.weigh()
     prior, width = prior_before(evidence, weights)
     return Search(
-        evidence,
+        with_poses(evidence, weights, prior),
         weights,
         prior,
         np.random.default_rng(seed),

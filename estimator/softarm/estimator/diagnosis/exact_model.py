@@ -29,12 +29,14 @@ class ExactModel:
         drive: What acts on it without effects.
         baseline: Its response to that, which holds no eigenstrains.
         world: What effects may refer to.
+        seen: The response without effects as these see it.
     """
 
     arm: RespondingArm
     drive: Drive
     baseline: ArmResponse
     world: World
+    seen: ArmResponse
 
     @cached_property
     def nodes(self) -> Indices:
@@ -58,7 +60,7 @@ class ExactModel:
         Returns:
             What acts in the end, and the response at the nodes, without derivatives.
         """
-        plain, near = self.baseline, self.baseline.at(self.nodes)
+        plain, near = self.seen, self.baseline.at(self.nodes)
         drive = self._shaped(effects, plain)
         response = self.arm.respond(drive.at(self.nodes), near, jacobians=False)
         for _ in range(PASSES if effects else 0):

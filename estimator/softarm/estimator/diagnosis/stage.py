@@ -67,6 +67,7 @@ class Stage:
         suite: The sensors, aligned.
         drive: The calibrated drive.
         vibration_error_std: Error of the model of the vibration, where there is one, shape (samples, rows).
+        seen: The linearised arm where effects see it, if that is elsewhere; see ``pose.py``.
     """
 
     session: Session
@@ -77,6 +78,7 @@ class Stage:
     suite: SensorSuite
     drive: Drive
     vibration_error_std: Floats | None = None
+    seen: LinearisedArm | None = None
 
     @cached_property
     def base(self) -> Floats:
@@ -160,13 +162,18 @@ class Stage:
         answering = [placed for placed in effects if placed.effect.responds_to_own_effect]
         sensing = [placed for placed in effects if placed.effect.hook == "sensing"]
         inner = [placed for placed in effects if placed not in (*answering, *sensing)]
-        none = np.zeros(self.residual.shape)
-        first: Floats = sum((self.first_order(placed) for placed in inner), none)
+        none, there = np.zeros(self.residual.shape), self._there
+        first: Floats = sum((there.first_order(placed) for placed in inner), none)
         if exact and inner:
             beyond = self._solved(inner) - self._solved_plain - first[self._exact.nodes]
             first = first + self._exact.between(beyond)
-        others: Floats = sum((self.first_order(placed) for placed in sensing), none)
-        return first + others + (self._simulated(answering) if answering else none)
+        others: Floats = sum((there.first_order(placed) for placed in sensing), none)
+        return first + others + (there._simulated(answering) if answering else none)
+
+    @cached_property
+    def _there(self) -> "Stage":
+        """The same session where effects see the arm."""
+        return self if self.seen is None else replace(self, arm=self.seen, seen=None)
 
     def _simulated(self, effects: Sequence[PlacedEffect]) -> Floats:
         found = simulate_with(effects, self.arm, self.world, self.drive, self.suite)
@@ -176,7 +183,7 @@ class Stage:
     @cached_property
     def _exact(self) -> ExactModel:
         """The model itself along the session."""
-        return ExactModel(self.exact, self.drive, self.arm.baseline, self.world)
+        return ExactModel(self.exact, self.drive, self.arm.baseline, self.world, self._there.arm.baseline)
 
     @cached_property
     def _solved_plain(self) -> Floats:
