@@ -35,7 +35,7 @@ from softarm.estimator.diagnosis.judge import (
 )
 from softarm.estimator.diagnosis.library import Direction, Hypothesis, Library
 from softarm.estimator.diagnosis.nominal import MATERIAL, evidence_of_change, prior_before
-from softarm.estimator.diagnosis.normal_equations import NormalEquations, normal_equations
+from softarm.estimator.diagnosis.normal_equations import NormalEquations, normal_equations, with_columns
 from softarm.estimator.diagnosis.screen import null_scores, screen
 from softarm.estimator.diagnosis.sizes import fragments
 from softarm.estimator.diagnosis.unnamed import BETTER, SURE, FreeLaw, better_law
@@ -376,14 +376,23 @@ def confirming(left: float) -> list[NormalEquations]:
     return found
 
 
-@pytest.mark.parametrize(("useful", "lost"), [(True, []), (False, [0])])
-def test_an_effect_has_to_predict_the_confirming_stretches(useful, lost):
+@pytest.mark.parametrize(("useful", "shown", "lost"), [(True, 1.0, []), (False, 1.0, [0]), (False, 0.0, [])])
+def test_an_effect_has_to_predict_the_confirming_stretches_if_it_would_show_there(useful, shown, lost):
     fit = fit_of("tip_payload", 0.02)
+
+    def widened(weights, more, left):
+        parts = confirming(0.0)
+        change = np.full((SAMPLES, 1, 1), shown)
+        none = np.zeros(SAMPLES, dtype=int)
+        common, left = np.zeros((SAMPLES, 1, 1)), np.zeros((SAMPLES, 1))
+        return [part for own in parts for part in with_columns([own], left, common, change, np.ones(1), none)]
+
     search = SimpleNamespace(
         parts=lambda own: confirming(1.0 if own is None or not useful else 0.0),
         prior=Gaussian(np.zeros(1), 1e-4 * np.eye(1)),
         weights=SimpleNamespace(effective_sample_fraction=1.0),
-        evidence=SimpleNamespace(size=1),
+        evidence=SimpleNamespace(size=1, widened=widened),
+        residuals=lambda _: [],
         rng=np.random.default_rng(0),
         subset=lambda _, kept: None if not kept else fit,
     )

@@ -46,6 +46,11 @@ SURE = 10.0
 """Resamplings of held-out stretches, and the percentile of the gain over them that must not be negative."""
 NOTHING = 1.0
 """Gain in cost that one independent residual makes by chance; stretches without excitation give none."""
+SHOWN = (2.0 + (4.0 + NOTHING) ** 0.5) ** 2
+"""Gain expected of an effect that acts, from which stretches can disprove it:
+g with g - 4 sqrt(g) = NOTHING, for the gain of an effect of the right size is normal with mean g and standard deviation 2 sqrt(g)."""
+SMALLEST = 1e-12
+"""Prior variance of an extra coefficient that leaves all information on it to the data."""
 
 
 @dataclass(frozen=True)
@@ -164,6 +169,7 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
     """List accepted effects without which confirming data are predicted as well; all, where none is as good.
 
     Judged like folds in ``Search.judge``: the prior of the calibration is that from before these recordings.
+    What would hardly show in these data, as a wall that is not reached there, is not judged by them.
 
     Args:
         search: The search.
@@ -184,9 +190,30 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
     every = list(range(len(choice.accepted)))
     if not after:
         return []
-    if len(every) > 1 and not better(None):
+    if len(every) > 1 and not better(None) and expected_gain(search, fit, None) > SHOWN:
         return every
-    return [k for k in every if not better(search.subset(fit, [j for j in every if j != k]))]
+    rests = [search.subset(fit, [j for j in every if j != k]) for k in every]
+    return [k for k in every if not better(rests[k]) and expected_gain(search, fit, rests[k]) > SHOWN]
+
+
+def expected_gain(search: Search, fit: Fit, rest: Fit | None) -> float:
+    """Return by how much effects lower the cost of the confirming data if they act just as in a fit.
+
+    Args:
+        search: The search.
+        fit: All effects.
+        rest: Those that are taken for granted.
+    """
+
+    def change(stage: Stage) -> Floats:
+        known = 0.0 if rest is None else search.change(stage, rest)
+        added: Floats = search.change(stage, fit) - known
+        return added[..., None]
+
+    parts = _confirming(search.evidence.widened(search.weights, change, search.residuals(fit)))
+    extended = search.prior.augment(0.0, SMALLEST)
+    seen = total(parts, search.evidence.size + 1)
+    return float(Marginal.of(extended, seen, search.weights.effective_sample_fraction).matrix[-1, -1])
 
 
 def _confirming(parts: Sequence[NormalEquations]) -> list[NormalEquations]:
