@@ -47,8 +47,8 @@ SURE = 10.0
 NOTHING = 1.0
 """Gain in cost that one independent residual makes by chance; stretches without excitation give none."""
 SHOWN = (2.0 + (4.0 + NOTHING) ** 0.5) ** 2
-"""Gain expected of an effect that acts, from which stretches can disprove it:
-g with g - 4 sqrt(g) = NOTHING, for the gain of an effect of the right size is normal with mean g and standard deviation 2 sqrt(g)."""
+"""Gain expected of an effect that acts, from which stretches can disprove it: g with g - 4 sqrt(g) = NOTHING.
+The gain of an effect of the right size is normal with mean g and standard deviation 2 sqrt(g)."""
 SMALLEST = 1e-12
 """Prior variance of an extra coefficient that leaves all information on it to the data."""
 
