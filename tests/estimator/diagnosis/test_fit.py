@@ -50,3 +50,35 @@ def test_a_fit_on_the_model_itself_follows_a_strong_effect(start: float) -> None
     assert linear.thetas[0][0] == pytest.approx(SIZE / (1.0 + SIZE), abs=1e-3)
     assert exact.thetas[0][0] == pytest.approx(SIZE, abs=1e-3)
     assert exact.gain > 0.99 * linear.gain
+
+
+def stiffened(depth: np.ndarray, stiffness: float) -> np.ndarray:
+    """What a wall changes in an arm of a stiffness of 10 N/m that would go so deep without it."""
+    return -depth * stiffness / (stiffness + 10.0)
+
+
+class Walled:
+    """A stage on which a wall of a stiffness holds back the arm."""
+
+    world = world()
+    depth = np.maximum(SHAPE, 0.0)
+
+    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> np.ndarray:
+        return stiffened(self.depth, float(effects[0].theta[0]))
+
+
+@pytest.mark.parametrize("stiffness", [40.0, 250.0, 1500.0])
+def test_the_stiffness_of_a_hard_wall_lies_within_two_deviations(stiffness: float):
+    """It yields by a few hundredths of its depth; a model that errs by as much cannot tell how hard it is."""
+    effect = Hypothesis(EFFECTS["contact_obstacle"], Place(section="tip"))
+    inside = 0
+    for seed in range(20):
+        error = 1.0 + 0.03 * np.random.default_rng(seed).normal()
+        left = stiffened(Walled.depth, stiffness) * error
+        weight = np.full(SHAPE.shape, 1.0 / (0.03 * np.sqrt((Walled.depth**2).sum())))  # one error for all
+        blank = np.zeros((SHAPE.size, 1), dtype=np.float32)
+        view = RecordingResidual(cast("Stage", Walled()), left * weight, weight, blank)
+        none = MarginalisedProblem.of([view], Gaussian(np.zeros(1), np.eye(1)), 1.0, total([], 1))
+        found = fit_effects(none, (effect,), (np.array([60.0, 0.0, 0.0]),))
+        inside += abs(float(found.thetas[0][0]) - stiffness) < 2.0 * float(found.stds(0)[0])
+    assert inside >= 18

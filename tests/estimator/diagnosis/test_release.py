@@ -76,14 +76,9 @@ def test_an_arm_that_moves_from_the_start_was_not_held() -> None:
 
 
 def fit_of(name: str, size: float, deviation: float, place: Place) -> Fit:
-    return Fit(
-        (Hypothesis(EFFECTS[name], place),),
-        (np.array([size]),),
-        np.array([[deviation**2]]),
-        np.ones(1),
-        100.0,
-        at_bound=False,
-    )
+    effect = EFFECTS[name]
+    covariance = np.array([[(deviation / effect.parameters[0].scale) ** 2]])
+    return Fit((Hypothesis(effect, place),), (np.array([size]),), covariance, 100.0, at_bound=False)
 
 
 TIP, LOWER = Place(section="tip"), Place(segment="lower")
@@ -113,7 +108,7 @@ def test_a_frequency_moves_a_size_by_the_rule_of_bayes() -> None:
     variance = 1.0 / (1.0 / spread + slope**2 / SIGMA**2)
     expected = variance * (mass / spread + slope * frequency.ratio / SIGMA**2)
     assert conditioned.thetas[0][0] == pytest.approx(expected, rel=0.02)
-    assert conditioned.covariance[0, 0] == pytest.approx(variance, rel=0.1)
+    assert conditioned.stds(0)[0] ** 2 == pytest.approx(variance, rel=0.1)
 
 
 def test_a_frequency_that_contradicts_a_payload_costs_it_its_gain() -> None:

@@ -52,9 +52,9 @@ def hypothesis(name: str, place: Place = TIP) -> Hypothesis:
 
 
 def fit_of(name: str, *theta: float, deviation: float = 1e-3, gain: float = 100.0) -> Fit:
-    size = len(theta)
-    covariance = deviation**2 * np.eye(size)
-    return Fit((hypothesis(name),), (np.array(theta),), covariance, np.ones(size), gain, at_bound=False)
+    scales = np.array([parameter.scale for parameter in EFFECTS[name].parameters])
+    covariance = np.diag((deviation / scales) ** 2)
+    return Fit((hypothesis(name),), (np.array(theta),), covariance, gain, at_bound=False)
 
 
 def candidate(fit: Fit, delta_bic: float, number: int = 0) -> Candidate:
@@ -227,8 +227,8 @@ def test_a_weak_second_effect_has_to_be_told_from_none():
     strong, weak = fit_of("tip_payload", 1.0, deviation=1.0), fit_of("line_lag", 1.0, deviation=1.0)
     both = strong.joined(weak)
     for told in (0.9, 1.1):
-        size = np.full(2, 1.0 / (told * TOLD))
-        fit = replace(both, covariance=np.diag(size**2), scales=np.ones(2))
+        sizes = [1.0 / (told * TOLD) / h.effect.parameters[0].scale for h in both.hypotheses]
+        fit = replace(both, covariance=np.diag(np.square(sizes)))
         for share in (0.9, 1.1):
             accepted = (
                 Accepted(candidate(strong, 100.0), judgement(), ()),

@@ -94,7 +94,7 @@ def search() -> Search:
 
 def fitted() -> Fit:
     payload = Hypothesis(EFFECTS["tip_payload"], Place(section="tip"))
-    return Fit((payload,), (np.array([0.01]),), np.eye(1) * 1e-12, np.ones(1), 50.0, at_bound=False)
+    return Fit((payload,), (np.array([0.01]),), np.eye(1) * 1e-12, 50.0, at_bound=False)
 
 
 def test_the_truth_lies_within_two_deviations_of_a_size_though_the_model_errs(search):
@@ -116,14 +116,14 @@ def test_a_size_of_the_other_sign_is_no_estimate_of_the_same_effect():
     assert not reversed_sign(fit, replace(fit, thetas=(np.array([0.05]),)))
     assert reversed_sign(fit, replace(fit, thetas=(np.array([-0.001]),)))
     force = Hypothesis(EFFECTS["external_force"], Place(section="tip"))
-    pulled = Fit((force,), (np.array([0.2, 0.01, 0.0]),), np.eye(3), np.ones(3), 1.0, at_bound=False)
+    pulled = Fit((force,), (np.array([0.2, 0.01, 0.0]),), np.eye(3), 1.0, at_bound=False)
     assert not reversed_sign(pulled, replace(pulled, thetas=(np.array([0.2, -0.01, 0.0]),)))
 
 
 def test_a_size_that_turns_out_reversed_stays_and_is_less_certain(search):
     """The choice saw a weaker chamber, where these columns would make it a stronger one."""
     weaker = Hypothesis(EFFECTS["chamber_gain"], Place(chamber=0))
-    fit = Fit((weaker,), (np.array([-0.02]),), np.eye(1) * 1e-12, np.ones(1), 50.0, at_bound=False)
+    fit = Fit((weaker,), (np.array([-0.02]),), np.eye(1) * 1e-12, 50.0, at_bound=False)
     found = sized(search, fit)
     assert found.thetas[0][0] == -0.02
     assert found.stds(0)[0] > 1e-4
@@ -133,7 +133,7 @@ def test_the_weakest_of_uncertain_effects_is_taken_back_first(monkeypatch):
     names = ("tip_payload", "chamber_gain", "segment_stiffness")
     places = (Place(section="tip"), Place(chamber=0), Place(segment="lower"))
     hypotheses = tuple(Hypothesis(EFFECTS[n], p) for n, p in zip(names, places, strict=True))
-    fit = Fit(hypotheses, (np.array([0.1]),) * 3, 1e-4 * np.eye(3), np.ones(3), 100.0, at_bound=False)
+    fit = Fit(hypotheses, (np.array([0.1]),) * 3, 1e-4 * np.eye(3), 100.0, at_bound=False)
     strong, weak, weaker = (SimpleNamespace(candidate=SimpleNamespace(delta_bic=d)) for d in (90, 20, 10))
     choice = SimpleNamespace(fit=fit, accepted=(strong, weak, weaker))
 

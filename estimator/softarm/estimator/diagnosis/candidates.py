@@ -89,11 +89,11 @@ def surprise(fit: Fit) -> float:
 
 
 def is_told(fit: Fit, number: int) -> bool:
-    """Return whether some amplitude of an effect is told from none."""
-    effect, theta, stds = fit.hypotheses[number].effect, fit.thetas[number], fit.stds(number)
-    sizes = [
-        abs(value) / max(std, 1e-300)
-        for parameter, value, std in zip(effect.parameters, theta, stds, strict=True)
-        if parameter.role == "amplitude"
-    ]
+    """Return whether some amplitude of an effect is told from none, or from the softest that may be rigid."""
+    effect, theta, stds = fit.hypotheses[number].effect, fit.thetas[number], fit.scaled_stds(number)
+    sizes = []
+    for parameter, value, std in zip(effect.parameters, theta.tolist(), stds.tolist(), strict=True):
+        if parameter.role == "amplitude":
+            none = parameter.scaled(parameter.lower) if parameter.transform == "inverse" else 0.0
+            sizes.append(abs(parameter.scaled(value) - none) / max(std, 1e-300))
     return bool(max(sizes) >= TOLD)

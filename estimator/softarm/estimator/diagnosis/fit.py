@@ -104,7 +104,6 @@ class Fit:
         hypotheses: The effects and their places.
         thetas: Their parameters.
         covariance: Of all parameters, in the units of the fit, shape (parameters, parameters).
-        scales: Derivative of each parameter by its unit of the fit, shape (parameters,).
         gain: By how much they lower the cost against none of them.
         at_bound: Whether an amplitude ended at a bound that is not its neutral value.
         exact: Whether it rests on the model itself and not on its linearisation.
@@ -113,7 +112,6 @@ class Fit:
     hypotheses: tuple[Hypothesis, ...]
     thetas: tuple[Floats, ...]
     covariance: Floats
-    scales: Floats
     gain: float
     at_bound: bool
     exact: bool = False
@@ -126,9 +124,15 @@ class Fit:
 
     def stds(self, number: int) -> Floats:
         """Give the standard deviations of one effect's parameters, shape (parameters,)."""
+        parameters, theta = self.hypotheses[number].effect.parameters, self.thetas[number]
+        entries = zip(parameters, theta.tolist(), self.scaled_stds(number).tolist(), strict=True)
+        return np.array([p.deviation(value, std) for p, value, std in entries])
+
+    def scaled_stds(self, number: int) -> Floats:
+        """Give the same in units of the fit."""
         ends = np.cumsum([0, *(len(theta) for theta in self.thetas)])
         own = slice(int(ends[number]), int(ends[number + 1]))
-        stds: Floats = (np.sqrt(np.maximum(np.diag(self.covariance), 0.0)) * self.scales)[own]
+        stds: Floats = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))[own]
         return stds
 
 
@@ -192,7 +196,6 @@ def fit_effects(
         tuple(hypotheses),
         thetas,
         np.asarray(np.linalg.inv(matrix), dtype=np.float64),
-        parametrisation.slopes(values),
         gain,
         parametrisation.at_bound(values),
         exact,
@@ -292,50 +295,33 @@ class Parametrisation:
         parameters = tuple(p for h in hypotheses for p in h.effect.parameters)
         return cls(parameters, tuple(len(h.effect.parameters) for h in hypotheses))
 
-    def _unit(self, parameter: ParameterSpec) -> float:
-        return abs(parameter.typical) or parameter.spread or 1.0
-
     def units(self, theta: Floats) -> Floats:
         """Turn parameters into units of the fit, shape (parameters,)."""
-        found = [
-            np.log(max(value, 1e-12)) if p.transform == "log" else value / self._unit(p)
-            for p, value in zip(self.parameters, theta.tolist(), strict=True)
-        ]
-        return np.array(found)
+        return np.array([p.scaled(v) for p, v in zip(self.parameters, theta.tolist(), strict=True)])
 
     def split(self, values: Floats) -> list[Floats]:
         """Turn units of the fit into the parameters of each effect."""
-        theta = np.array(
-            [
-                np.exp(value) if p.transform == "log" else value * self._unit(p)
-                for p, value in zip(self.parameters, values.tolist(), strict=True)
-            ]
-        )
+        theta = np.array([p.value(v) for p, v in zip(self.parameters, values.tolist(), strict=True)])
         return [np.array(part) for part in np.split(theta, np.cumsum(self.sizes)[:-1])]
 
     def slopes(self, values: Floats) -> Floats:
         """Give the derivative of each parameter by its unit of the fit, shape (parameters,)."""
-        found = [
-            np.exp(value) if p.transform == "log" else self._unit(p)
-            for p, value in zip(self.parameters, values.tolist(), strict=True)
-        ]
-        return np.array(found)
+        return np.array([p.slope(v) for p, v in zip(self.parameters, values.tolist(), strict=True)])
 
     @property
     def lower(self) -> Floats:
         """Least values, shape (parameters,)."""
-        return self.units(np.array([p.lower for p in self.parameters]))
+        return np.array([min(p.scaled(p.lower), p.scaled(p.upper)) for p in self.parameters])
 
     @property
     def upper(self) -> Floats:
         """Largest values, shape (parameters,)."""
-        return self.units(np.array([p.upper for p in self.parameters]))
+        return np.array([max(p.scaled(p.lower), p.scaled(p.upper)) for p in self.parameters])
 
     @property
     def centres(self) -> Floats:
         """Middle of the priors, shape (parameters,)."""
-        middle = [0.0 if p.role == "amplitude" else p.typical for p in self.parameters]
-        return self.units(np.array(middle))
+        return np.array([0.0 if p.role == "amplitude" else p.scaled(p.typical) for p in self.parameters])
 
     @property
     def spreads(self) -> Floats:
@@ -343,7 +329,7 @@ class Parametrisation:
         found = [
             p.spread
             if p.transform == "log"
-            else (10.0 if p.role == "amplitude" else 3.0) * p.spread / self._unit(p)
+            else (10.0 if p.role == "amplitude" else 3.0) * p.spread / p.scale
             for p in self.parameters
         ]
         return np.asarray(np.maximum(np.array(found), 1e-3), dtype=np.float64)
@@ -358,7 +344,8 @@ class Parametrisation:
         return np.array([p.role == "amplitude" for p in self.parameters])
 
     def at_bound(self, values: Floats) -> bool:
-        """Return whether an amplitude is at a bound that is not its neutral value."""
-        near = np.minimum(values - self.lower, self.upper - values) < 1e-6
+        """Return whether an amplitude is at a bound that is not its neutral value, nor that of rigidity."""
+        rigid = np.array([p.transform == "inverse" for p in self.parameters], dtype=bool)
+        near = np.minimum(np.where(rigid, np.inf, values - self.lower), self.upper - values) < 1e-6
         neutral = np.abs(values - self.centres) < 1e-6
         return bool((near & ~neutral & self.amplitudes).any())

@@ -58,7 +58,8 @@ class NaturalFrequency:
         free = fit.covariance.shape[0]
         sizes = [len(theta) for theta in fit.thetas]
         fixed, before = np.split(np.concatenate(fit.thetas), [sum(sizes) - free])
-        scale = np.ones(free) * fit.scales
+        parameters = [p for hypothesis in fit.hypotheses for p in hypothesis.effect.parameters][-free:]
+        scale = np.array([p.slope(p.scaled(v)) for p, v in zip(parameters, before.tolist(), strict=True)])
         values, vectors = np.linalg.eigh(fit.covariance + np.diag((ONE_POSE * before / scale) ** 2))
         whitener = vectors / np.sqrt(np.maximum(values, ROUNDING * values[-1]))
 
@@ -69,9 +70,9 @@ class NaturalFrequency:
             left = self.ratio - self.predicted(fit.hypotheses, parts(change))
             return np.append(change @ whitener, left / SIGMA)
 
-        parameters = [p for hypothesis in fit.hypotheses for p in hypothesis.effect.parameters][-free:]
         lower, upper = np.array([(p.lower, p.upper) for p in parameters]).T
-        bounds = np.minimum((lower - before) / scale, 0.0), np.maximum((upper - before) / scale, 0.0)
+        least, most = np.sort([(lower - before) / scale, (upper - before) / scale], axis=0)
+        bounds = np.minimum(least, 0.0), np.maximum(most, 0.0)
         found = least_squares(residual, np.zeros(free), bounds=bounds, x_scale=np.sqrt(values.max()))
         thetas = tuple(parts(found.x))
         total = self.gain(self.predicted(fit.hypotheses, thetas)) - float(found.fun[:-1] @ found.fun[:-1])

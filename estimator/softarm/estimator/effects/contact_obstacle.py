@@ -31,7 +31,7 @@ EFFECT = Effect(
     name="contact_obstacle",
     hook="load",
     parameters=(
-        ParameterSpec("stiffness", "N/m", 30.0, SOFTEST, 5000.0, spread=100.0),
+        ParameterSpec("stiffness", "N/m", 30.0, SOFTEST, 5000.0, transform="inverse", spread=100.0),
         ParameterSpec("distance", "m", 0.01, -0.5, 0.5, "shape", "linear", spread=0.1),
         ParameterSpec(
             "azimuth", "rad", 0.0, -3.141592653589793, 3.141592653589793, "shape", "linear", spread=2.0

@@ -5,6 +5,7 @@ left behind, so one function serves whole recordings and a live service that ste
 An effect whose amplitudes are zero changes nothing.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -71,7 +72,8 @@ class ParameterSpec:
         lower: Lower bound.
         upper: Upper bound.
         role: An ``amplitude`` of zero means that the effect is absent; a ``shape`` has no such value.
-        transform: Scale on which it is fitted and its prior is normal.
+        transform: Scale on which it is fitted and its prior is normal; ``inverse`` is for a stiffness
+            that may be far above that of the arm, for its yielding is what shows.
         spread: Standard deviation of the prior, about 0 for a linear amplitude, else about ``typical``, in
             the unit or, on the log scale, in natural logarithms.
     """
@@ -82,8 +84,42 @@ class ParameterSpec:
     lower: float
     upper: float
     role: Literal["amplitude", "shape"] = "amplitude"
-    transform: Literal["linear", "log"] = "linear"
+    transform: Literal["linear", "log", "inverse"] = "linear"
     spread: float = 1.0
+
+    @property
+    def scale(self) -> float:
+        """Size of a value that is 1 on its scale, unless that is logarithmic."""
+        return abs(self.typical) or self.spread or 1.0
+
+    def scaled(self, value: float) -> float:
+        """Express a value on the scale on which it is fitted."""
+        if self.transform == "log":
+            return math.log(max(value, 1e-12))
+        return value / self.scale if self.transform == "linear" else self.scale / max(value, 1e-12)
+
+    def value(self, scaled: float) -> float:
+        """Return the value that is so much on its scale."""
+        if self.transform == "log":
+            return math.exp(scaled)
+        return scaled * self.scale if self.transform == "linear" else self.scale / max(scaled, 1e-12)
+
+    def slope(self, scaled: float) -> float:
+        """Return the derivative of the value by what it is on its scale."""
+        value = self.value(scaled)
+        return {"log": value, "linear": self.scale, "inverse": -(value**2) / self.scale}[self.transform]
+
+    def deviation(self, value: float, scaled: float) -> float:
+        """Return the standard deviation of a value from that on its scale, in its unit.
+
+        What may be rigid has a skewed distribution: half of what two deviations allow on its larger side, so
+        that two of either reach as far.
+        """
+        at = self.scaled(value)
+        if self.transform == "inverse":
+            rigid, soft = max(at - 2.0 * scaled, self.scaled(self.upper)), at + 2.0 * scaled
+            return max(self.value(rigid) - value, value - self.value(soft)) / 2.0
+        return abs(self.slope(at)) * scaled
 
 
 @dataclass(frozen=True)
