@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.unknowns import Alignment, BaseMount
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.gaussian import Gaussian
@@ -39,12 +39,13 @@ def with_poses(evidence: RegressionProblem, weights: Weights, prior: Gaussian) -
     if not any(stage.session.nominal for stage in evidence.stages):
         return evidence
     moving = np.where(_moves_arm(evidence), prior.mean, 0.0)
-    stages = [
-        stage
-        if stage.session.nominal
-        else replace(stage, seen=seen_arm(stage, own @ moving, np.array([weights.scale[k] for k in names])))
-        for stage, own, names in zip(evidence.stages, evidence.columns, evidence.names, strict=True)
-    ]
+    stages = []
+    for stage, columns, names in zip(evidence.stages, evidence.columns, evidence.names, strict=True):
+        if not stage.session.nominal:
+            correction = np.asarray(columns @ moving, dtype=np.float64)
+            noise = np.array([weights.scale[name] for name in names])
+            stage = replace(stage, seen=seen_arm(stage, correction, noise))
+        stages.append(stage)
     return replace(evidence, stages=tuple(stages))
 
 
@@ -66,7 +67,7 @@ def seen_arm(stage: Stage, correction: Floats, noise: Floats) -> LinearisedArm:
     return replace(stage.arm, baseline=moved)
 
 
-def _moves_arm(evidence: RegressionProblem) -> np.ndarray:
+def _moves_arm(evidence: RegressionProblem) -> Flags:
     """Return which common coefficients move the arm and not what sensors or the base make of it."""
     hooks = [evidence.library.hypotheses[d.hypothesis].effect.hook for d in evidence.library.directions]
     calibrated = [not isinstance(u, Alignment | BaseMount) for u in evidence.fitted.layout.unknowns]
