@@ -47,3 +47,19 @@ def test_the_condition_of_the_arm_widens_the_noise_and_scales_the_forces(arm):
     tip_alone = np.array([1.0, 1.0, 0.5, 0.5])
     np.testing.assert_allclose(deviations({"vented pulls on tip": 0.5}, 0.0), tip_alone * vented)
     np.testing.assert_allclose(deviations(halved, 1e4), pressurised)
+
+
+def test_a_force_where_nobody_pulled_is_known_to_a_share_of_itself(arm):
+    def deviation(force):
+        settings = TrackerSettings(
+            LoadProcess(np.full(4, 10.0), 0.0), ActuationMap.identity(6), np.full(6, 65e3),
+            model_error=ModelError.of({}, {"vented pulls on tip": 1.0}),
+        )  # fmt: skip
+        inputs = Inputs(np.zeros(6), force * np.array([1.0, 0.0, 0.0, 0.0]), GRAVITY)
+        readings = SUITE.predict(Scene(arm.frames(arm.solve(inputs, arm.rest())[0]), inputs.loads))
+        estimate = Estimator(arm, SUITE, settings).update(0.0, readings, inputs.pressures, GRAVITY)
+        plain = estimate.covariance[6:, 6:]
+        return np.sqrt(np.diag(estimate.load_covariance - plain))
+
+    np.testing.assert_allclose(deviation(0.1)[0], 0.05 * 0.1, rtol=0.05)
+    np.testing.assert_allclose(deviation(0.1)[2:], 0.0, atol=1e-9)

@@ -40,6 +40,7 @@ class ArmEstimate(Generic[State]):
         last: That state with its linearisation, for the search that follows.
         force_ratios: Factors on the deviations of the loads beside what the rows' noise makes of them, shape
             (loads,).
+        relative_errors: Of the loads, beside that deviation, shape (loads,).
     """
 
     unknowns: Unknowns
@@ -56,6 +57,7 @@ class ArmEstimate(Generic[State]):
     residual_norm: float
     last: Linearised[State]
     force_ratios: Floats | float = 1.0
+    relative_errors: Floats | float = 0.0
 
     @property
     def vector(self) -> Floats:
@@ -82,7 +84,7 @@ class ArmEstimate(Generic[State]):
         chambers = self.unknowns.chambers
         ratios = np.broadcast_to(self.force_ratios, len(self.covariance) - chambers)
         covariance: Floats = ratios[:, None] * self.covariance[chambers:, chambers:] * ratios
-        return covariance
+        return covariance + np.diag((self.relative_errors * self.inputs.loads) ** 2)
 
     @cached_property
     def frame_covariance(self) -> Floats:

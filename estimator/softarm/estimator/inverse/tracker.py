@@ -147,8 +147,12 @@ class Estimator(Generic[State, Step]):
             self._failures = 0
             covariance, last = estimate.covariance, estimate.last
             self._memory = _Memory(time, estimate.state, estimate.inputs, covariance, last)
-        ratios = np.array([condition.force_ratio(load.section) for load in self._model.loads])
-        return replace(estimate, force_ratios=ratios)
+        sections = [load.section for load in self._model.loads]
+        return replace(
+            estimate,
+            force_ratios=np.array([condition.force_ratio(section) for section in sections]),
+            relative_errors=np.array([condition.relative_error(section) for section in sections]),
+        )
 
     def _predict(self, time: float, acting: Floats, gravity: Floats) -> tuple[Prior, Inputs]:
         """Carry the last estimate to this instant: the prior, and the inputs to begin the search with."""

@@ -19,6 +19,13 @@ PRESSURISED_PULLS = "pressurised pulls"
 """Names of the conditions in the scatter of a calibration, as in ``frame_tip rotation, vented pulls``."""
 ON = " on "
 """Between condition and section in the force ratios of a calibration, as in ``vented pulls on tip``."""
+UNPULLED_ERROR = 0.05
+"""Relative error of a force on a section that no calibration pulled.
+
+A calibration by pulls at the tip takes shear for bending; half way up that is wrong. Of the deflection of an
+incompressible round cantilever of diameter d and length L, 0.625 (d / L)^2 is shear (S. P. Timoshenko, Phil.
+Mag. 41, 1921): a twentieth for segments three to four diameters long.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +46,10 @@ class Condition:
     def force_ratio(self, section: str | None) -> float:
         """Return the ratio on a section; the largest known, and no less than 1, where nobody has pulled."""
         return self.force_ratios.get(section or "", max((1.0, *self.force_ratios.values())))
+
+    def relative_error(self, section: str | None) -> float:
+        """Return the relative error of a force on a section: none beside the scatter where it was pulled."""
+        return 0.0 if section in self.force_ratios else UNPULLED_ERROR
 
 
 @dataclass(frozen=True)
