@@ -307,7 +307,7 @@ async def _strike_once(target: Target, fault: Any, board: Any, dice: random.Rand
 
 async def _revive(target: Target) -> None:
     """Do what an operator does after an error that is not retried: connect again."""
-    if target.device.state is ConnectionState.FAULT and not target.device.supervisor.retrying:  # type: ignore[attr-defined]
+    if target.device.state is ConnectionState.FAULT and not target.device.supervisor.retrying:
         await target.device.close()
         with contextlib.suppress(DeviceErrors):
             await target.device.connect()

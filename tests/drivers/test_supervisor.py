@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from softarm.drivers.alarms import Alarms
 from softarm.drivers.backoff import Backoff
-from softarm.drivers.device import SupervisedDevice, close_all, connect_all
+from softarm.drivers.device import Device, close_all, connect_all
 from softarm.drivers.errors import ConfigurationError, ConnectionLost, DeviceError, DeviceErrors
 from softarm.drivers.health import Health
 from softarm.drivers.supervisor import STALE, TRANSITIONS, ConnectionState, Supervisor, Timing
@@ -289,7 +289,7 @@ def test_waits_never_exceed_the_cap_and_its_jitter(first, cap, jitter, seed):
         assert first * (1 - jitter) <= delay <= cap * (1 + jitter)
 
 
-class ScriptedDevice(SupervisedDevice):
+class ScriptedDevice(Device):
     def __init__(self, name, virtual, error):
         super().__init__(name, f"test://{name}", timing=Timing(stale_after_s=1e5), clock=virtual.clock)
         self.error = error

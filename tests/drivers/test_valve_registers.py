@@ -57,7 +57,7 @@ def test_a_vtem_slot_that_does_not_regulate_shows(block):
 
 
 def test_a_vtem_status_word_comes_apart():
-    assert SlotStatus.decode(0x0583) == SlotStatus(mode=3, state=2, app_state=5)
+    assert SlotStatus.decode(0x0583) == SlotStatus(mode=3, state=2)
     assert SlotStatus.decode(0x0083).regulating
     assert not SlotStatus.decode(0x00C3).regulating
 

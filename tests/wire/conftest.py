@@ -69,6 +69,38 @@ class Wire:
         readings = Readings()
         return config.build(readings, self.clock, **options), readings
 
+    def session(
+        self,
+        body: Callable[[Rig, Any, Readings], Awaitable[None]],
+        fake: dict[str, Any],
+        table: dict[str, Any],
+        *,
+        speed: float,
+        connect: bool = True,
+        **keys: Any,
+    ) -> None:
+        """Run ``body(rig, driver, readings)`` on one fake device, with its driver connected if asked."""
+
+        async def main() -> None:
+            async with self.bench(fake, **keys) as rig:
+                driver, readings = self.driver({"name": fake["name"], **_address(rig, fake["name"]), **table})
+                if connect:
+                    await driver.connect()
+                    first = "valid" if fake["name"] in rig.qtm_servers else "all"
+                    await self.until(lambda: getattr(readings, first), what="first reading")
+                try:
+                    await body(rig, driver, readings)
+                finally:
+                    await driver.close()
+
+        self.run(main, speed)
+
+    async def more(self, readings: Readings, count: int = 10) -> list[Any]:
+        """Wait for more valid readings and return them."""
+        had = len(readings.valid)
+        await self.until(lambda: len(readings.valid) >= had + count, what=f"{count} more valid readings")
+        return readings.valid[had:]
+
     @staticmethod
     async def until(fact: Callable[[], Any], within: float = 3.0, what: str = "") -> Any:
         """Wait in virtual time until a fact holds."""
@@ -81,6 +113,12 @@ class Wire:
     @staticmethod
     def counts(rig: Rig, device: str) -> dict[str, int]:
         return rig.boards[device].counts
+
+
+def _address(rig: Rig, name: str) -> dict[str, Any]:
+    if name in rig.qtm_servers:
+        return {"host": "127.0.0.1", "port": rig.qtm_servers[name].port}
+    return {"port": str(rig.serial_ports[name].link)}
 
 
 @pytest.fixture(scope="session")

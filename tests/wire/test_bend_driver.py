@@ -15,25 +15,7 @@ VALVES = {"name": "valves", "kind": "festo_mpa"}
 
 def session(wire, body, *, fake=None, **driver):
     """Run ``body(rig, sensors, readings)`` with the driver connected."""
-
-    async def main():
-        async with wire.bench({**FAKE, **(fake or {})}, step_s=0.02) as rig:
-            port = str(rig.serial_ports["bend"].link)
-            sensors, readings = wire.driver({"name": "bend", "kind": "bendlabs", "port": port, **driver})
-            await sensors.connect()
-            await wire.until(lambda: readings.all, what="first reading")
-            try:
-                await body(rig, sensors, readings)
-            finally:
-                await sensors.close()
-
-    wire.run(main, SPEED)
-
-
-async def more(wire, readings, count=20):
-    had = len(readings.valid)
-    await wire.until(lambda: len(readings.valid) >= had + count, what=f"{count} more valid readings")
-    return readings.valid[had:]
+    wire.session(body, {**FAKE, **(fake or {})}, {"kind": "bendlabs", **driver}, speed=SPEED, step_s=0.02)
 
 
 def test_angles_come_in_chain_order_and_radians(wire):
@@ -42,7 +24,7 @@ def test_angles_come_in_chain_order_and_radians(wire):
             port = str(rig.serial_ports["bend"].link)
             sensors, readings = wire.driver({"name": "bend", "kind": "bendlabs", "port": port})
             await sensors.connect()
-            await more(wire, readings, 30)
+            await wire.more(readings, 30)
             value = readings.last.value
             assert len(value.angles) == 3
             assert value.valid == (True, True, True)
@@ -58,7 +40,7 @@ def test_angles_come_in_chain_order_and_radians(wire):
 
 def test_the_dead_zone_repeats_values_and_is_no_staleness(wire):
     async def body(rig, sensors, readings):
-        fresh = await more(wire, readings, 100)
+        fresh = await wire.more(readings, 100)
         same = sum(a.value.angles == b.value.angles for a, b in pairwise(fresh))
         assert same > 80
         assert sensors.state is ConnectionState.STREAMING
@@ -70,22 +52,19 @@ def test_the_dead_zone_repeats_values_and_is_no_staleness(wire):
 def test_a_sensor_that_drops_out_silently_cannot_be_seen_and_is_not_invented(wire):
     async def body(rig, sensors, readings):
         rig.inject("bend", "dropout", {"sensor": 2})
-        for reading in await more(wire, readings, 50):
+        for reading in await wire.more(readings, 50):
             assert reading.valid
         assert sensors.state is ConnectionState.STREAMING
 
     session(wire, body)
 
 
-def test_a_restart_of_the_board_is_a_new_epoch_and_asks_for_a_zero(wire):
+def test_a_restart_of_the_board_is_a_new_epoch_and_asks_for_calibration(wire):
     async def body(rig, sensors, readings):
-        await sensors.set_zero(lines=10)
         epoch = readings.last.epoch
         rig.inject("bend", "reboot")
         await wire.until(lambda: readings.last.epoch > epoch)
         assert "recalibrate" in readings.last.flags
-        await sensors.set_zero(lines=10)
-        assert "recalibrate" not in (await more(wire, readings))[-1].flags
         assert sensors.health.events["board restarted"] == 1
         assert sensors.health.connections == 1
 
@@ -96,7 +75,7 @@ def test_a_sensor_that_cannot_be_reached_is_invalid_alone(wire):
     async def body(rig, sensors, readings):
         rig.inject("bend", "cannot_connect", {"sensor": 2})
         await wire.until(lambda: "absent" in sensors.health.alarms)
-        last = (await more(wire, readings))[-1]
+        last = (await wire.more(readings, 20))[-1]
         assert last.value.valid == (True, False, True)
         assert "absent:2" in last.flags
         rig.boards["bend"].clear()
@@ -112,7 +91,7 @@ def test_malformed_lines_are_refused_and_counted(wire, kind):
     async def body(rig, sensors, readings):
         for _ in range(3):
             rig.inject("bend", "malformed", {"kind": kind})
-            await more(wire, readings, 3)
+            await wire.more(readings, 3)
         assert rig.boards["bend"].counts["malformed"] == 3
         assert sensors.health.malformed + sensors.health.rejected == (0 if kind == "empty" else 3)
         assert sensors.health.connections == 1
@@ -127,7 +106,7 @@ def test_a_damaged_line_costs_at_most_two_lines(wire, fault):
     async def body(rig, sensors, readings):
         for _ in range(5):
             rig.inject("bend", fault)
-            await more(wire, readings, 3)
+            await wire.more(readings, 3)
         for reading in readings.valid:
             assert np.abs(np.array(reading.value.angles)).max() < 0.1
         assert sensors.health.malformed >= (0 if fault == "stall" else 4)
@@ -143,7 +122,7 @@ def test_unplugged_and_plugged_in_again(wire):
         epoch = readings.last.epoch
         rig.boards["bend"].clear()
         await wire.until(lambda: sensors.state is ConnectionState.STREAMING, within=10)
-        last = (await more(wire, readings))[-1]
+        last = (await wire.more(readings, 20))[-1]
         assert last.epoch > epoch
         assert "recalibrate" in last.flags
         assert sensors.health.reconnects == 1

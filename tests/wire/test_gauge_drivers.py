@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from softarm.drivers.errors import DeviceErrors, InterlockError
+from softarm.drivers.errors import DeviceErrors
 from softarm.drivers.supervisor import ConnectionState
 
 LUTRON = ({"kind": "lutron"}, {"kind": "lutron"})
@@ -22,32 +22,21 @@ CORD = {"section": "tip", "hook_m": (0.0, 0.0, -0.5), "length_m": 0.209}
 def session(wire, body, pair, *, connect=True, **driver):
     """Run ``body(rig, gauge, readings)`` with the driver connected and the cord taut."""
     fake, table = pair
-
-    async def main():
-        async with wire.bench({"name": "gauge", **fake}, cord=CORD, step_s=0.02) as rig:
-            port = str(rig.serial_ports["gauge"].link)
-            gauge, readings = wire.driver({"name": "gauge", "port": port, **table, **driver})
-            if connect:
-                await gauge.connect()
-                await wire.until(lambda: readings.all, what="first reading")
-            try:
-                await body(rig, gauge, readings)
-            finally:
-                await gauge.close()
-
-    wire.run(main, SPEED)
-
-
-async def more(wire, readings, count=5):
-    had = len(readings.valid)
-    await wire.until(lambda: len(readings.valid) >= had + count, what=f"{count} more valid readings")
-    return readings.valid[had:]
+    wire.session(
+        body,
+        {"name": "gauge", **fake},
+        {**table, **driver},
+        speed=SPEED,
+        connect=connect,
+        cord=CORD,
+        step_s=0.02,
+    )
 
 
 @ALL
 def test_the_pull_of_the_cord_is_read_with_its_sign(wire, pair):
     async def body(rig, gauge, readings):
-        for reading in await more(wire, readings):
+        for reading in await wire.more(readings, 5):
             assert reading.value.force == pytest.approx(rig.state.cord_force, abs=0.05)
             assert reading.value.force > 1.0
             assert reading.valid
@@ -66,7 +55,7 @@ def test_a_gauge_that_is_unplugged_comes_back_in_a_new_epoch(wire, pair):
         await wire.until(lambda: "is not there" in str(gauge.health.last_error))
         rig.boards["gauge"].clear()
         await wire.until(lambda: gauge.state is ConnectionState.STREAMING, within=10)
-        assert all(reading.epoch > epoch for reading in (await more(wire, readings)))
+        assert all(reading.epoch > epoch for reading in (await wire.more(readings, 5)))
         assert gauge.health.reconnects == 1
         assert len(readings.all) > count
 
@@ -96,7 +85,7 @@ def test_over_range_is_invalid_and_flagged(wire, pair):
         assert not readings.last.valid
         assert "over_range" in readings.last.flags
         rig.boards["gauge"].clear()
-        await more(wire, readings)
+        await wire.more(readings, 5)
         assert "over_range" not in gauge.health.alarms
 
     session(wire, body, pair)
@@ -119,10 +108,10 @@ def test_zero_pressed_by_the_operator_is_an_event(wire, pair):
 )
 def test_another_unit_is_an_event_and_the_force_stays(wire, pair, unit):
     async def body(rig, gauge, readings):
-        before = (await more(wire, readings))[-1].value
+        before = (await wire.more(readings, 5))[-1].value
         rig.inject("gauge", "unit", {"unit": unit})
         await wire.until(lambda: gauge.health.events["unit_changed"] == 1)
-        after = (await more(wire, readings))[-1].value
+        after = (await wire.more(readings, 5))[-1].value
         assert after.unit != before.unit
         assert after.force == pytest.approx(before.force, abs=0.06)
         for reading in readings.valid:
@@ -137,7 +126,7 @@ def test_a_damaged_line_costs_a_frame_and_gives_no_wrong_force(wire, pair, fault
     async def body(rig, gauge, readings):
         for _ in range(3):
             rig.inject("gauge", fault)
-            await more(wire, readings, 3)
+            await wire.more(readings, 3)
         assert rig.boards["gauge"].counts[fault] == 3
         for reading in readings.valid:
             assert reading.value.force == pytest.approx(rig.state.cord_force, abs=0.05)
@@ -154,7 +143,7 @@ def test_lutron_frames_that_are_none(wire, fault):
     async def body(rig, gauge, readings):
         for _ in range(3):
             rig.inject("gauge", fault)
-            await more(wire, readings, 3)
+            await wire.more(readings, 3)
         assert rig.boards["gauge"].counts[fault] == 3
         assert gauge.health.resyncs + gauge.health.malformed + gauge.health.rejected >= 3
         for reading in readings.valid:
@@ -167,7 +156,7 @@ def test_lutron_frames_that_are_none(wire, fault):
 def test_lines_that_are_no_number(wire, kind):
     async def body(rig, gauge, readings):
         rig.inject("gauge", "malformed", {"kind": kind}, times=3)
-        await more(wire, readings, 10)
+        await wire.more(readings, 10)
         assert gauge.health.malformed == (0 if kind == "empty" else 3)
         assert gauge.health.connections == 1
 
@@ -189,7 +178,7 @@ def test_mark10_polarity_changed_in_the_menu_is_found_and_not_believed(wire):
 def test_mark10_without_units(wire):
     async def body(rig, gauge, readings):
         rig.inject("gauge", "no_unit")
-        for reading in (await more(wire, readings, 10))[5:]:
+        for reading in (await wire.more(readings, 10))[5:]:
             assert reading.value.force == pytest.approx(rig.state.cord_force, abs=0.05)
 
     session(wire, body, MARK10)
@@ -199,7 +188,7 @@ def test_mark10_without_units(wire):
 def test_a_request_that_fails_is_made_again(wire, pair, fault):
     async def body(rig, gauge, readings):
         rig.inject("gauge", fault, times=2)
-        await more(wire, readings, 5)
+        await wire.more(readings, 5)
         assert gauge.health.rejected + gauge.health.timeouts == 2
         assert gauge.health.round_trip.count > 5
 
@@ -240,20 +229,6 @@ def test_a_gauge_that_says_nothing_is_told_from_a_wrong_speed(wire):
     session(wire, body, LUTRON, connect=False)
 
 
-def test_tare_over_the_wire(wire):
-    async def body(rig, gauge, readings):
-        zero = await gauge.tare(readings=10)
-        assert gauge.health.events["tared"] == 1
-        assert zero == pytest.approx(rig.state.cord_force, abs=0.02)
-        assert (await more(wire, readings))[-1].value.force == pytest.approx(0.0, abs=0.05)
-        rig.inject("gauge", "over_range")
-        with pytest.raises(InterlockError):
-            await gauge.tare(timeout_s=0.5)
-        assert gauge.scale.tare == zero
-
-    session(wire, body, LINE)
-
-
 @ALL
 def test_bit_flips_never_look_like_a_load_out_of_the_blue(wire, pair):
     """Digits have no checksum, so a flipped digit is a wrong number; what is not a digit must be refused."""
@@ -262,7 +237,7 @@ def test_bit_flips_never_look_like_a_load_out_of_the_blue(wire, pair):
         rig.inject("gauge", "bit_flip", {"per_byte": 0.02})
         await asyncio.sleep(1.5)
         rig.boards["gauge"].clear()
-        await more(wire, readings)
+        await wire.more(readings, 5)
         health = gauge.health
         assert health.resyncs + health.malformed + health.rejected + health.timeouts > 0
         assert health.failures <= 1

@@ -21,26 +21,8 @@ COUNTED = pytest.mark.parametrize("pair", [BNO, XBUS], ids=["bno", "xbus"])
 def session(wire, body, pair, *, connect=True, **driver):
     """Run ``body(rig, imu, readings)`` with the driver connected."""
     fake, table = pair
-
-    async def main():
-        async with wire.bench({"name": "imu", "noise_rad": 1e-4, **fake}, step_s=0.02) as rig:
-            port = str(rig.serial_ports["imu"].link)
-            imu, readings = wire.driver({"name": "imu", "port": port, **table, **driver})
-            if connect:
-                await imu.connect()
-                await wire.until(lambda: readings.all, what="first reading")
-            try:
-                await body(rig, imu, readings)
-            finally:
-                await imu.close()
-
-    wire.run(main, SPEED)
-
-
-async def more(wire, readings, count=10):
-    had = len(readings.valid)
-    await wire.until(lambda: len(readings.valid) >= had + count, what=f"{count} more valid readings")
-    return readings.valid[had:]
+    fake = {"name": "imu", "noise_rad": 1e-4, **fake}
+    wire.session(body, fake, {**table, **driver}, speed=SPEED, connect=connect, step_s=0.02)
 
 
 def tilt(quaternion):
@@ -57,7 +39,7 @@ def check(rig, reading, tolerance=0.02):
 @ALL
 def test_orientations_arrive(wire, pair):
     async def body(rig, imu, readings):
-        for reading in await more(wire, readings):
+        for reading in await wire.more(readings):
             check(rig, reading)
         assert imu.state is ConnectionState.STREAMING
         assert imu.health.gaps == imu.health.bad_checksum == imu.health.malformed == 0
@@ -71,7 +53,7 @@ def test_a_damaged_frame_is_counted_and_costs_one_frame(wire, pair, fault):
     async def body(rig, imu, readings):
         for _ in range(3):
             rig.inject("imu", fault)
-            await more(wire, readings, 4)
+            await wire.more(readings, 4)
         assert rig.boards["imu"].counts[fault] == 3
         assert imu.health.bad_checksum + imu.health.resyncs >= 3
         assert imu.health.gaps <= 6
@@ -85,7 +67,7 @@ def test_a_false_header_is_seen_through(wire):
     async def body(rig, imu, readings):
         rig.inject("imu", "false_header")
         await wire.until(lambda: rig.boards["imu"].counts["false_header"] >= 1, within=5)
-        await more(wire, readings)
+        await wire.more(readings)
         assert imu.health.gaps == 0
 
     session(wire, body, BNO)
@@ -98,7 +80,7 @@ def test_a_jump_of_the_index_is_lost_samples(wire, pair):
         rig.inject("imu", "index_gap", {"frames": 5})
         await wire.until(lambda: imu.health.gaps)
         assert imu.health.gaps == 5
-        await more(wire, readings)
+        await wire.more(readings)
         assert readings.last.epoch == epoch
         numbers = [reading.sequence for reading in readings.all]
         assert numbers == sorted(set(numbers))
@@ -109,11 +91,11 @@ def test_a_jump_of_the_index_is_lost_samples(wire, pair):
 @COUNTED
 def test_a_restart_of_the_unit_is_a_new_epoch(wire, pair):
     async def body(rig, imu, readings):
-        await more(wire, readings, 40)
+        await wire.more(readings, 40)
         epoch = readings.last.epoch
         rig.inject("imu", "reset")
         await wire.until(lambda: readings.last.epoch > epoch)
-        fresh = await more(wire, readings, 20)
+        fresh = await wire.more(readings, 20)
         assert {reading.epoch for reading in fresh} == {epoch + 1}
         assert imu.health.events["unit restarted"] == 1
         assert imu.health.connections == 1
@@ -136,7 +118,7 @@ def test_a_wrong_rate_is_an_alarm_with_both_rates(wire):
 def test_a_wit_unit_of_the_factory_is_set_and_not_stored(wire):
     async def body(rig, imu, readings):
         assert imu.health.events["configured"] == 1
-        fresh = await more(wire, readings, 50)
+        fresh = await wire.more(readings, 50)
         elapsed = fresh[-1].host_monotonic_ns - fresh[0].host_monotonic_ns
         assert 49 / (elapsed * 1e-9) == pytest.approx(50, rel=0.1)
         assert fresh[-1].value.acceleration is not None
@@ -148,7 +130,7 @@ def test_a_wit_unit_that_forgets_is_set_again(wire):
     async def body(rig, imu, readings):
         rig.inject("imu", "forgets")
         await wire.until(lambda: imu.health.events["configured"] == 2, within=8)
-        await more(wire, readings, 50)
+        await wire.more(readings, 50)
         await wire.until(lambda: "content" not in imu.health.alarms, within=8)
 
     session(wire, body, WIT)
@@ -195,14 +177,14 @@ def test_an_xbus_error_is_counted(wire):
     async def body(rig, imu, readings):
         rig.inject("imu", "error")
         await wire.until(lambda: imu.health.rejected == 1)
-        await more(wire, readings)
+        await wire.more(readings)
 
     session(wire, body, XBUS)
 
 
 def test_xbus_times_follow_the_clock_of_the_unit(wire):
     async def body(rig, imu, readings):
-        fresh = await more(wire, readings, 100)
+        fresh = await wire.more(readings, 100)
         steps = np.diff([reading.device_time_ns for reading in fresh])
         assert steps == pytest.approx(np.full(99, 1e7), abs=2e5)
         assert all(reading.age_ns(reading.host_monotonic_ns) >= 0 for reading in fresh)
@@ -225,7 +207,7 @@ def test_lines_that_are_no_quaternion(wire, kind):
     async def body(rig, imu, readings):
         rig.inject("imu", "malformed", {"kind": kind})
         await wire.until(lambda: imu.health.malformed + imu.health.rejected == 1)
-        await more(wire, readings, 3)
+        await wire.more(readings, 3)
 
     session(wire, body, LINE)
 
@@ -238,7 +220,7 @@ def test_unplugged_and_plugged_in_again(wire, pair):
         epoch = readings.last.epoch
         rig.boards["imu"].clear()
         await wire.until(lambda: imu.state is ConnectionState.STREAMING, within=15)
-        assert (await more(wire, readings, 3))[0].epoch > epoch
+        assert (await wire.more(readings, 3))[0].epoch > epoch
         assert imu.health.reconnects == 1
 
     session(wire, body, pair)
@@ -272,7 +254,7 @@ def test_a_bad_line_gives_no_orientation_that_is_none(wire, pair):
         rig.inject("imu", "byte_loss", {"per_byte": 0.02})
         await asyncio.sleep(2)
         rig.boards["imu"].clear()
-        await more(wire, readings, 3)
+        await wire.more(readings, 3)
         health = imu.health
         assert health.bad_checksum + health.resyncs + health.malformed + health.rejected > 0
         for reading in readings.valid:

@@ -15,32 +15,8 @@ NAMES = {"base", "intermediate", "tip"}
 
 def session(wire, body, *, connect=True, fake=None, **driver):
     """Run ``body(rig, capture, readings)`` with the driver connected."""
-
-    async def main():
-        async with wire.bench({**FAKE, **(fake or {})}, step_s=0.01) as rig:
-            table = {
-                "name": "qtm",
-                "kind": "qualisys",
-                "host": "127.0.0.1",
-                "port": rig.qtm_servers["qtm"].port,
-            }
-            capture, readings = wire.driver({**table, **driver})
-            if connect:
-                await capture.connect()
-                await wire.until(lambda: readings.valid, what="first valid reading")
-            try:
-                await body(rig, capture, readings)
-            finally:
-                await capture.close()
-
-    wire.run(main, SPEED)
-
-
-async def more(wire, readings, count=10):
-    """Wait for more valid readings and return them."""
-    had = len(readings.valid)
-    await wire.until(lambda: len(readings.valid) >= had + count, what=f"{count} more valid readings")
-    return readings.valid[had:]
+    fake = {**FAKE, **(fake or {})}
+    wire.session(body, fake, {"kind": "qualisys", **driver}, speed=SPEED, connect=connect, step_s=0.01)
 
 
 def check_tip(rig, reading):
@@ -53,7 +29,7 @@ def check_tip(rig, reading):
 
 def test_poses_arrive_with_names_and_times(wire):
     async def body(rig, capture, readings):
-        for reading in await more(wire, readings, 50):
+        for reading in await wire.more(readings, 50):
             assert set(reading.value.poses) == NAMES
             check_tip(rig, reading)
         numbers = [reading.sequence for reading in readings.all]
@@ -150,11 +126,11 @@ def test_a_gap_is_counted_and_passed_on_with_the_true_time(wire):
 @pytest.mark.parametrize("announced", [False, True])
 def test_a_restarted_measurement_is_a_new_epoch_with_a_fresh_clock_map(wire, announced):
     async def body(rig, capture, readings):
-        await more(wire, readings, 100)
+        await wire.more(readings, 100)
         epoch = readings.last.epoch
         rig.inject("qtm", "restart", {"announced": announced})
         await wire.until(lambda: readings.valid[-1].epoch > epoch)
-        fresh = await more(wire, readings, 20)
+        fresh = await wire.more(readings, 20)
         assert fresh[0].sequence < 60
         assert {reading.epoch for reading in fresh} == {epoch + 1}
         assert all(reading.age_ns(reading.host_monotonic_ns) < 20e6 for reading in fresh)
@@ -172,7 +148,7 @@ def test_no_more_data_waits_and_the_next_capture_streams_again(wire):
         await asyncio.sleep(2)
         assert len(readings.all) == count
         rig.boards["qtm"].clear()
-        await more(wire, readings)
+        await wire.more(readings)
         assert "waiting" not in capture.health.alarms
         assert capture.health.connections == 1
 
@@ -185,7 +161,7 @@ def test_changed_settings_rename_and_never_mislabel(wire, action):
         rig.inject("qtm", "settings_changed", {"action": action})
         await wire.until(lambda: capture.health.events["names read"] == 2)
         left = NAMES if action == "rotate" else NAMES - {"tip"}
-        fresh = await more(wire, readings, 20)
+        fresh = await wire.more(readings, 20)
         assert set(fresh[-1].value.poses) == left
         for reading in readings.valid:
             check_tip(rig, reading)
@@ -203,7 +179,7 @@ def test_shutting_down_is_a_loss_and_the_driver_comes_back(wire):
         await wire.until(lambda: "cannot be reached" in str(capture.health.last_error))
         rig.boards["qtm"].clear()
         await wire.until(lambda: capture.state is ConnectionState.STREAMING, within=10)
-        await more(wire, readings)
+        await wire.more(readings)
         assert readings.last.epoch > epoch
         assert capture.health.reconnects == 1
 
@@ -215,7 +191,7 @@ def test_a_reset_connection_comes_back(wire):
         rig.inject("qtm", "reset_connection")
         await capture.supervisor.wait_for(ConnectionState.FAULT)
         await capture.supervisor.wait_for(ConnectionState.STREAMING)
-        await more(wire, readings)
+        await wire.more(readings)
         assert capture.health.failures == 1
 
     session(wire, body)
@@ -229,7 +205,7 @@ def test_a_hostile_header_costs_one_connection(wire, fault):
         assert "not in step, or not QTM" in str(capture.health.last_error)
         assert capture.health.malformed == 1
         await capture.supervisor.wait_for(ConnectionState.STREAMING)
-        await more(wire, readings)
+        await wire.more(readings)
 
     session(wire, body)
 
@@ -240,7 +216,7 @@ def test_unknown_packets_and_broken_components_are_counted(wire):
         rig.inject("qtm", "truncated_component", times=2)
         await wire.until(lambda: capture.health.malformed == 2)
         await wire.until(lambda: capture.health.events["unknown packets"] == 1)
-        await more(wire, readings)
+        await wire.more(readings)
         assert capture.health.connections == 1
 
     session(wire, body)
@@ -250,7 +226,7 @@ def test_unknown_packets_and_broken_components_are_counted(wire):
 def test_segments_do_not_matter(wire, fault):
     async def body(rig, capture, readings):
         rig.inject("qtm", fault)
-        await more(wire, readings, 40)
+        await wire.more(readings, 40)
         assert rig.boards["qtm"].counts[fault]
         assert capture.health.malformed == capture.health.gaps == 0
 
@@ -270,7 +246,7 @@ def test_a_frozen_preview_gets_old(wire):
 
 def test_latency_shows_in_the_age(wire):
     async def body(rig, capture, readings):
-        await more(wire, readings, 50)
+        await wire.more(readings, 50)
         rig.inject("qtm", "latency", {"seconds": 0.2})
         late = await wire.until(lambda: [r for r in readings.all if r.age_ns(r.host_monotonic_ns) > 0.15e9])
         assert late[0].epoch == readings.all[0].epoch
@@ -286,7 +262,7 @@ def test_silence_is_noticed_and_survived(wire):
         assert "does not answer GetState" in str(capture.health.last_error)
         rig.boards["qtm"].clear()
         await wire.until(lambda: capture.state is ConnectionState.STREAMING, within=10)
-        await more(wire, readings)
+        await wire.more(readings)
 
     session(wire, body)
 
@@ -314,11 +290,11 @@ def test_several_clients_at_once(wire):
         }
         second, seen = wire.driver({**table, "bodies": {"tip": "end"}, "divisor": 2})
         await second.connect()
-        await more(wire, seen)
+        await wire.more(seen)
         assert set(seen.last.value.poses) == {"end"}
         assert second.health.gaps == 0
         await second.close()
-        await more(wire, readings)
+        await wire.more(readings)
 
     session(wire, body)
 

@@ -52,7 +52,7 @@ class Alarms:
         limit: Scalar = None,
         unit: str = "",
     ) -> bool:
-        """Raise an alarm, or renew its words.
+        """Raise an alarm, or update its text.
 
         Returns:
             Whether it is new.
@@ -65,7 +65,7 @@ class Alarms:
         return before is None
 
     def clear(self, key: str) -> bool:
-        """Take an alarm back.
+        """Clear an alarm.
 
         Returns:
             Whether it stood.
@@ -76,7 +76,7 @@ class Alarms:
         return stood
 
     def clear_all(self) -> None:
-        """Take every alarm back: nothing is known of a device that is gone."""
+        """Clear every alarm: nothing is known of a device that is gone."""
         if self._standing:
             self._standing.clear()
             self.observer()

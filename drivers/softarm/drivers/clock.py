@@ -45,7 +45,7 @@ class PollTicker:
         self._index = 0
 
     async def wait(self) -> PollTick:
-        """Wait for the next tick and tell how late it came."""
+        """Wait for the next tick and return how late it came."""
         due = self._index + 1
         passed = (self._clock() - self._start_ns) // self.period_ns
         skipped = max(0, passed - due + 1) if passed >= due else 0

@@ -33,7 +33,7 @@ class ClockMap:
         self._points: list[Point] = []
 
     def update(self, device_ns: int, host_ns: int, epoch: int = 0) -> int:
-        """Take one arrival and tell when it was measured.
+        """Update the map with one arrival and return when its sample was measured.
 
         Args:
             device_ns: Device time of the sample [ns].
@@ -54,7 +54,7 @@ class ClockMap:
         return min(host_ns, self.to_host(device_ns))
 
     def to_host(self, device_ns: int) -> int:
-        """Map device time to host monotonic time [ns] with what is known so far."""
+        """Map device time to host monotonic time [ns] by the present offset and skew."""
         time_ns = device_ns - self._origin[0]
         return self._origin[1] + time_ns + round(self.offset_ns + self.skew * time_ns)
 
@@ -85,8 +85,8 @@ class ClockMap:
         self.skew = 0.0
         if points[-1][0] - points[0][0] >= SKEW_SPAN_NS:
             mean_ns = sum(time for time, _ in points) / len(points)
-            left, right = _edge_under(_lower_hull(points), mean_ns)
-            slope = (right[1] - left[1]) / (right[0] - left[0])
+            start, end = _edge_under(_lower_hull(points), mean_ns)
+            slope = (end[1] - start[1]) / (end[0] - start[0])
             self.skew = slope if abs(slope) <= SKEW_LIMIT else 0.0
         self.offset_ns = min(delay - self.skew * time for time, delay in points)
 
@@ -107,5 +107,5 @@ def _turns_right(first: Point, second: Point, third: Point) -> bool:
 
 
 def _edge_under(hull: list[Point], time_ns: float) -> tuple[Point, Point]:
-    right = min(max(bisect_right([time for time, _ in hull], time_ns), 1), len(hull) - 1)
-    return hull[right - 1], hull[right]
+    end = min(max(bisect_right([time for time, _ in hull], time_ns), 1), len(hull) - 1)
+    return hull[end - 1], hull[end]

@@ -1,4 +1,4 @@
-"""What every device says of itself in the configuration."""
+"""Settings that every device has in the configuration."""
 
 from abc import ABC, abstractmethod
 from typing import Annotated
@@ -17,9 +17,9 @@ class DriverConfig(BaseModel, ABC):
     """Base of the configuration of a device; each driver adds its fields and a literal ``kind``.
 
     Attributes:
-        name: What readings, errors and logs call the device.
+        name: Name of the device in readings, errors and logs.
         kind: Which driver it takes.
-        simulated: Whether the peer is a fake; its readings then say so in their source.
+        simulated: Whether the peer is a fake; the source of its readings then begins with ``fake+``.
         stale_after_s: Without a valid reading for so long the device counts as degraded [s].
         lost_after_s: Without a sign of life for so long the connection counts as lost [s].
     """
@@ -38,7 +38,7 @@ class DriverConfig(BaseModel, ABC):
 
     @property
     def source(self) -> str:
-        """The address as readings carry it: a fake says that it is one."""
+        """The address as readings carry it, with ``fake+`` before that of a fake."""
         return f"fake+{self.address()}" if self.simulated else self.address()
 
     @abstractmethod

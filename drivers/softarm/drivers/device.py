@@ -4,7 +4,7 @@ import asyncio
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from random import Random
-from typing import Any, Protocol
+from typing import Any
 
 from softarm.drivers.alarms import Alarms
 from softarm.drivers.backoff import Backoff
@@ -16,50 +16,11 @@ from softarm.drivers.stream import ReadingStream
 from softarm.drivers.supervisor import ALIVE, ConnectionState, DeviceSession, Supervisor, Timing
 
 
-class Device(Protocol):
-    """What every driver offers."""
-
-    @property
-    def name(self) -> str:
-        """The device, as the configuration names it."""
-
-    @property
-    def source(self) -> str:
-        """Where its readings come from."""
-
-    @property
-    def state(self) -> ConnectionState:
-        """Where it stands."""
-
-    @property
-    def health(self) -> Health:
-        """Counters and alarms."""
-
-    @property
-    def failure(self) -> DeviceError | None:
-        """Why it is not connected, ``None`` while it is or was not tried yet."""
-
-    @property
-    def gave_up(self) -> bool:
-        """Whether it is not connected and no further attempt is made."""
-
-    async def connect(self) -> None:
-        """Open, identify and start streaming.
-
-        Raises:
-            DeviceErrors: The first attempt failed. Unless it was a configuration error, attempts go on
-                until `close`.
-        """
-
-    async def close(self) -> None:
-        """Leave the device safe and let it go."""
-
-
-class SupervisedDevice(ABC):
-    """A device whose sessions a supervisor keeps alive; a driver gives `open`.
+class Device(ABC):
+    """A device whose sessions a supervisor keeps alive; a driver implements `open`.
 
     Args:
-        name: What readings, errors and logs call the device.
+        name: Name of the device in readings, errors and logs.
         source: Where its readings come from.
         timing: Deadlines.
         clock: Host monotonic time.
@@ -107,9 +68,9 @@ class SupervisedDevice(ABC):
 
     @abstractmethod
     async def open(self) -> DeviceSession:
-        """Open the transport and give the session on it."""
+        """Open the transport and return the session on it."""
 
-    def on_state(self, before: ConnectionState, after: ConnectionState) -> None:  # noqa: B027  a driver need not care
+    def on_state(self, before: ConnectionState, after: ConnectionState) -> None:  # noqa: B027  optional in a driver
         """Follow a change of state; the driver may act on it."""
 
     @property

@@ -73,7 +73,7 @@ class DeviceErrors(ExceptionGroup[DeviceError]):
         return DeviceErrors(self.message, excs)
 
     def leaves(self) -> Iterator[DeviceError]:
-        """Go through the failures, whatever the nesting."""
+        """Iterate over the failures, whatever the nesting."""
         for error in self.exceptions:
             if isinstance(error, DeviceErrors):
                 yield from error.leaves()
@@ -87,9 +87,9 @@ class DeviceErrors(ExceptionGroup[DeviceError]):
 
 def _quantities(value: Scalar, limit: Scalar, unit: str) -> str:
     suffix = f" {unit}" if unit else ""
-    told = [
+    parts = [
         f"{name} {quantity}{suffix}"
         for name, quantity in (("value", value), ("limit", limit))
         if quantity is not None
     ]
-    return f" ({', '.join(told)})" if told else ""
+    return f" ({', '.join(parts)})" if parts else ""

@@ -1,6 +1,6 @@
 """Incremental framing of byte streams: what every codec of a serial instrument is built on.
 
-A parser takes bytes in any portions and returns the frames that are complete and the faults that it saw. It
+A parser takes bytes in any portions and returns the complete frames and the faults. It
 holds at most one frame, never raises whatever the bytes, gives the same result however the stream is split,
 and finds the next good frame after a bad one, because a candidate that fails its check costs one byte and not
 its length.
@@ -57,7 +57,7 @@ class Codec(Protocol[FrameT]):
         ...
 
     def feed(self, data: bytes) -> Decoded[FrameT]:
-        """Take the next bytes of the stream."""
+        """Decode the next bytes of the stream."""
         ...
 
     def reset(self) -> None:
@@ -66,7 +66,7 @@ class Codec(Protocol[FrameT]):
 
 
 class FrameRule(Protocol[FrameT_co]):
-    """How one kind of binary frame begins, how long it is and what it says."""
+    """How one kind of binary frame begins, how long it is and how to decode it."""
 
     @property
     def start(self) -> bytes:
@@ -78,7 +78,7 @@ class FrameRule(Protocol[FrameT_co]):
         ...
 
     def decode(self, frame: bytes) -> FrameT_co | FrameFault:
-        """Return what a frame of the right length says, or why it is not one."""
+        """Decode a frame of the right length, or return why it is not one."""
         ...
 
 
@@ -114,18 +114,18 @@ class FrameParser(Generic[FrameT]):
         self._joined = False
 
     def feed(self, data: bytes) -> Decoded[FrameT]:
-        """Take the next bytes and return the frames and faults that they complete."""
+        """Decode the next bytes and return the frames and faults that they complete."""
         self.counts.received += len(data)
         self.counts.since_frame += len(data)
         self._buffer += data
         decoded: Decoded[FrameT] = Decoded([], [])
         at = 0
-        while (found := self._seek(at, decoded)) is not None:
-            length = self.rule.length(bytes(self._buffer[found : found + self.head]))
-            if length is None or found + max(length, 1) > len(self._buffer):
-                at = found
+        while (start := self._seek(at, decoded)) is not None:
+            length = self.rule.length(bytes(self._buffer[start : start + self.head]))
+            if length is None or start + max(length, 1) > len(self._buffer):
+                at = start
                 break
-            at = self._take(found, length, decoded)
+            at = self._take(start, length, decoded)
         else:
             at = len(self._buffer) - self._partial_start(at)
         del self._buffer[:at]
@@ -133,11 +133,11 @@ class FrameParser(Generic[FrameT]):
 
     def _seek(self, at: int, decoded: Decoded[FrameT]) -> int | None:
         """Return where the next start bytes stand at or after `at`, counting what is passed over."""
-        found = self._buffer.find(self.rule.start, at)
-        end = found if found >= 0 else len(self._buffer) - self._partial_start(at)
+        start = self._buffer.find(self.rule.start, at)
+        end = start if start >= 0 else len(self._buffer) - self._partial_start(at)
         if end > at:
             self._lose(end - at, decoded)
-        return found if found >= 0 else None
+        return start if start >= 0 else None
 
     def _partial_start(self, at: int) -> int:
         """Return how many bytes at the end, but none before `at`, may be the beginning of a start."""
@@ -203,7 +203,7 @@ class LineParser:
         self._dropping = self.discard_first
 
     def feed(self, data: bytes) -> Decoded[TextLine]:
-        """Take the next bytes and return the lines completed, without their ends and without empty ones."""
+        """Decode the next bytes and return the lines completed, without their ends and without empty ones."""
         self.counts.since_frame += len(data)
         decoded: Decoded[TextLine] = Decoded([], [])
         *pieces, rest = data.split(self.end)
@@ -239,10 +239,10 @@ class LineParser:
 
 @dataclass(slots=True)
 class LineCodec(Generic[FrameT]):
-    """Lines, and what each of them says.
+    """Decodes a stream of lines, one by one.
 
     Args:
-        parse: Returns what one line without its end says, or why it says nothing.
+        parse: Decodes one line without its end, or returns why it cannot.
         lines: Cuts the stream.
     """
 
@@ -264,7 +264,7 @@ class LineCodec(Generic[FrameT]):
         self.lines.reset()
 
     def feed(self, data: bytes) -> Decoded[FrameT]:
-        """Take the next bytes and return what the completed lines say, and the faults."""
+        """Decode the next bytes and return the decoded lines and the faults."""
         lines = self.lines.feed(data)
         decoded: Decoded[FrameT] = Decoded([], lines.faults)
         for line in lines.frames:

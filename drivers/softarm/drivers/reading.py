@@ -45,4 +45,4 @@ Sink = Callable[[Reading[Any]], None]
 
 
 def ignore(reading: Reading[Any]) -> None:
-    """Take a reading and do nothing: the sink of a device that is only asked for its latest."""
+    """Ignore a reading: the sink of a device of which only the latest reading is used."""

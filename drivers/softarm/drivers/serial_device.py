@@ -8,7 +8,7 @@ from pydantic import Field
 
 from softarm.drivers.clock import NANOSECONDS, Clock
 from softarm.drivers.config import DriverConfig
-from softarm.drivers.device import SupervisedDevice
+from softarm.drivers.device import Device
 from softarm.drivers.errors import ConnectionLost, ProtocolError
 from softarm.drivers.framing import Codec, Decoded, FrameFault
 from softarm.drivers.reading import Sink, Value
@@ -25,7 +25,7 @@ GARBAGE_LIMIT = 2048
 """Bytes without a good frame after which that is so although there were good ones before."""
 
 PREPARE_S = 3.0
-"""Time for questions and settings after the first good frame [s]."""
+"""Time for queries and settings after the first good frame [s]."""
 
 
 class SerialConfig(DriverConfig):
@@ -63,8 +63,8 @@ class SerialConfig(DriverConfig):
         return Timing(self.stale_after_s, self.lost_after_s, identify_s=self.identify_s + PREPARE_S)
 
 
-class SerialDevice(SupervisedDevice, Generic[FrameT, Value]):
-    """An instrument that sends frames of its own accord; a driver gives `codec` and `take`.
+class SerialDevice(Device, Generic[FrameT, Value]):
+    """An instrument that sends frames of its own accord; a driver adds `codec` and `take`.
 
     Args:
         config: Its settings.
@@ -109,7 +109,7 @@ class SerialDevice(SupervisedDevice, Generic[FrameT, Value]):
 
     @abstractmethod
     def take(self, frame: FrameT, arrival_ns: int) -> None:
-        """Make of one good frame a reading, an event or an alarm."""
+        """Convert one good frame to a reading, an event or an alarm."""
 
     def receive(self, data: bytes, arrival_ns: int) -> None:
         """Decode a portion of bytes."""
@@ -128,10 +128,10 @@ class SerialDevice(SupervisedDevice, Generic[FrameT, Value]):
         """Forget what held before the connection: sequence, device time."""
 
     async def begin(self, link: SerialLink) -> None:
-        """Ask until the first good frame comes."""
+        """Request data until the first good frame comes."""
 
     async def prepare(self, link: SerialLink) -> None:
-        """Ask and set what is needed, after the first good frame."""
+        """Query and configure the instrument after the first good frame."""
 
     async def run(self, link: SerialLink) -> None:
         """Exchange data until the link is lost."""
@@ -169,7 +169,7 @@ class SerialSession:
         link.on_bytes = self._on_bytes
 
     async def identify(self) -> None:
-        """Wait for the first good frame, then let the driver ask and set.
+        """Wait for the first good frame, then let the driver query and configure.
 
         Raises:
             ConnectionLost: Nothing comes, or the device is unplugged.

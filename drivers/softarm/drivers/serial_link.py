@@ -69,11 +69,6 @@ class SerialLink:
         self._reading = True
         self._loop.add_reader(port.fileno(), self._on_readable)
 
-    @property
-    def baud(self) -> int:
-        """Speed [bit/s]."""
-        return int(self._port.baudrate)
-
     def write(self, data: bytes) -> None:
         """Send a command.
 
@@ -203,7 +198,7 @@ def _open(settings: SerialSettings) -> serial.Serial:
 
 
 def _keep_control_lines(descriptor: int) -> None:
-    """Let the lines stand when the port is closed: an edge at the next opening would reset an Arduino."""
+    """Keep the lines when the port is closed: an edge at the next opening would reset an Arduino."""
     attributes = termios.tcgetattr(descriptor)
     attributes[2] &= ~termios.HUPCL
     termios.tcsetattr(descriptor, termios.TCSANOW, attributes)

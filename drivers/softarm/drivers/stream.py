@@ -56,7 +56,7 @@ class ReadingStream(Generic[Value]):
         self._count = 0
 
     def start_epoch(self, reason: str) -> None:
-        """Say that device time and counter may start again from here.
+        """Begin an epoch: device time and counter may start again from here.
 
         Args:
             reason: Why, for the counters, such as ``measurement restarted``.
@@ -76,7 +76,7 @@ class ReadingStream(Generic[Value]):
         valid: bool = True,
         flags: tuple[str, ...] = (),
     ) -> Reading[Value]:
-        """Pass one sample on.
+        """Publish one sample.
 
         Args:
             value: The sample, in SI units.

@@ -22,7 +22,7 @@ STALE = "stale"
 
 
 class ConnectionState(StrEnum):
-    """Where a device stands."""
+    """State of the connection to a device."""
 
     DISCONNECTED = "disconnected"
     CONNECTING = "connecting"
@@ -58,7 +58,7 @@ class DeviceSession(Protocol):
     """One connection, from open to close."""
 
     async def identify(self) -> None:
-        """Make sure that the peer is what the configuration says, and prepare it."""
+        """Check that the peer is what the configuration names, and prepare it."""
 
     async def stream(self) -> None:
         """Exchange data until the connection is lost; raises the `DeviceError` that ended it."""
@@ -176,7 +176,7 @@ class Supervisor:
         return await future
 
     def heard(self, valid: bool = True) -> None:
-        """Take a sign of life.
+        """Record a sign of life.
 
         Args:
             valid: Whether it was a valid reading, which also ends staleness.

@@ -73,23 +73,23 @@ def _row(count: int, model: str, seconds: float, advance: Callable[[float], None
         with ExitStack() as stack:
             arms = [stack.enter_context(armed_rig(model, RATE_HZ, PATIENCE)) for _ in range(count)]
             with ThreadPoolExecutor(count) as threads:
-                found = list(threads.map(lambda arm: cost_of(arm[0], arm[1], seconds), arms))
+                costs = list(threads.map(lambda arm: cost_of(arm[0], arm[1], seconds), arms))
     except WorkFailedError as error:
         return {"arms": count, "outcome": str(error)}
     finally:
         advance(1)
-    latencies = np.concatenate([one.measured.latencies_ms for one in found])
-    duration = sum(one.measured.duration_s for one in found)
+    latencies = np.concatenate([one.measured.latencies_ms for one in costs])
+    duration = sum(one.measured.duration_s for one in costs)
     return {
         "arms": count,
         "estimates_per_s": len(latencies) / duration,
         "median_ms": float(np.median(latencies)),
         "p99_ms": float(np.quantile(latencies, 0.99)),
-        "service_cores": sum(one.service_s for one in found) / duration,
-        "fakes_cores": sum(one.fakes_s for one in found) / duration,
+        "service_cores": sum(one.service_s for one in costs) / duration,
+        "fakes_cores": sum(one.fakes_s for one in costs) / duration,
         "late_ticks_percent": 100.0
-        * sum(one.measured.late for one in found)
-        / sum(one.measured.ticks + one.measured.late for one in found),
+        * sum(one.measured.late for one in costs)
+        / sum(one.measured.ticks + one.measured.late for one in costs),
         "outcome": "all moved",
     }
 

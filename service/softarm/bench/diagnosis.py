@@ -52,18 +52,18 @@ def command(folder: Path, answers: Path | None, out: Path, jobs: int, as_json: b
     Example: softarm bench diagnosis --trials TRIALS --answers ANSWERS
     """
     trials = read_trials(folder)
-    known = None if answers is None else {trial.name: read_answer(answers, trial.name) for trial in trials}
+    truth = None if answers is None else {trial.name: read_answer(answers, trial.name) for trial in trials}
     with progress(f"diagnosing {len(trials)} trials", len(trials)) as advance:
         outcomes = run_trials(trials, out, jobs, advance)
     tables = [_said(outcomes)]
-    if known is not None:
-        tables += score_tables([score(outcome, known[outcome.trial]) for outcome in outcomes])
+    if truth is not None:
+        tables += score_tables([score(outcome, truth[outcome.trial]) for outcome in outcomes])
     show(*tables, as_json=as_json)
     return int(not all(outcome.report for outcome in outcomes))
 
 
 def _said(outcomes: list[TrialOutcome]) -> Table:
-    """List what each diagnosis said."""
+    """List the verdict of each diagnosis."""
     rows: list[dict[str, Cell]] = [
         {
             "trial": outcome.trial,

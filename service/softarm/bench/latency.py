@@ -146,21 +146,21 @@ def _refusal() -> str | None:
     return None
 
 
-def row_of(case: LatencyCase, found: Measured) -> dict[str, Cell]:
+def row_of(case: LatencyCase, measured: Measured) -> dict[str, Cell]:
     """Write a measurement as a row; a busy machine has no limit."""
-    median = float(np.median(found.latencies_ms)) if len(found.latencies_ms) else math.nan
+    median = float(np.median(measured.latencies_ms)) if len(measured.latencies_ms) else math.nan
     limit = None if case.busy else LIMITS_MS[case.model]
     return {
         "model": case.model,
         "rate_hz": case.rate_hz,
         "machine": "one process computes" if case.busy else "idle but for the rig",
-        "estimates_per_s": len(found.latencies_ms) / found.duration_s,
+        "estimates_per_s": len(measured.latencies_ms) / measured.duration_s,
         "median_ms": median,
-        "p99_ms": float(np.quantile(found.latencies_ms, 0.99)) if len(found.latencies_ms) else math.nan,
-        "solve_median_ms": float(np.median(found.solve_ms)) if len(found.solve_ms) else math.nan,
-        "converged_percent": 100.0 * found.converged,
-        "ticks": found.ticks,
-        "late_ticks": found.late,
+        "p99_ms": float(np.quantile(measured.latencies_ms, 0.99)) if len(measured.latencies_ms) else math.nan,
+        "solve_median_ms": float(np.median(measured.solve_ms)) if len(measured.solve_ms) else math.nan,
+        "converged_percent": 100.0 * measured.converged,
+        "ticks": measured.ticks,
+        "late_ticks": measured.late,
         "limit_ms": limit,
         "passes": None if limit is None else bool(median <= limit),
     }

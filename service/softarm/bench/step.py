@@ -77,10 +77,10 @@ def motion(model: FiniteElementModel, suite: SensorSuite, gravity: Floats, sampl
         t = k / RATE_HZ
         pressures = 1.2e4 * (1.0 - np.cos(0.8 * t + np.arange(model.chambers) * 2.0))
         loads = 0.25 * np.sin(0.9 * t + np.arange(len(model.loads)))
-        found = Inputs(pressures, loads, gravity)
-        state, _ = model.solve(found, state)
-        frames = model.linearise(state, found).frames
-        inputs.append(found)
+        sample = Inputs(pressures, loads, gravity)
+        state, _ = model.solve(sample, state)
+        frames = model.linearise(state, sample).frames
+        inputs.append(sample)
         readings.append(suite.predict(Scene(frames, gravity)))
     return TimedRun(tuple(inputs), np.array(readings))
 
@@ -144,11 +144,11 @@ def follow(
             readings = readings + NOISE_RAD * random.standard_normal(readings.shape)
             pressures = pressures + NOISE_PA * random.standard_normal(pressures.shape)
         begin = time.thread_time()
-        found = estimator.update(k / RATE_HZ, readings, pressures, inputs.gravity)
+        estimate = estimator.update(k / RATE_HZ, readings, pressures, inputs.gravity)
         spent.append(1e3 * (time.thread_time() - begin))
-        errors.append(found.inputs.loads - inputs.loads)
-        iterations.append(found.iterations)
-        converged += found.converged
+        errors.append(estimate.inputs.loads - inputs.loads)
+        iterations.append(estimate.iterations)
+        converged += estimate.converged
     kept = np.array(spent[10:])
     cells: dict[str, Cell] = {
         **figures(kept),
@@ -215,11 +215,11 @@ def growth(
     meshes: Sequence[Mesh], specimen: Specimen, done: Callable[[float], None]
 ) -> list[dict[str, Cell]]:
     """Time assembly, factor and solution as the mesh grows, with the exponent of each over the nodes."""
-    found = []
+    costs = []
     for mesh in meshes:
-        found.append((float(len(mesh.points)), *_costs(model_on_mesh(specimen, mesh))))
+        costs.append((float(len(mesh.points)), *_costs(model_on_mesh(specimen, mesh))))
         done(1)
-    rows = np.array(sorted(found))
+    rows = np.array(sorted(costs))
     slopes = [float(np.polyfit(np.log(rows[:, 0]), np.log(column), 1)[0]) for column in rows[:, 1:].T]
     table = [_growth_row(int(row[0]), row[1:]) for row in rows]
     return [*table, {**_growth_row("exponent", np.array(slopes)), "ratio": None}]

@@ -132,13 +132,13 @@ def tracking_parts(
 
 
 def _row(name: str, spent: dict[str, list[float]], iterations: list[int], converged: int) -> dict[str, Cell]:
-    own, whole = np.array(spent[name][STARTING:]), np.array(spent["nothing"][STARTING:])
-    p99 = float(np.percentile(own, 99))
+    part, whole = np.array(spent[name][STARTING:]), np.array(spent["nothing"][STARTING:])
+    p99 = float(np.percentile(part, 99))
     return {
         "without": name,
-        "median_ms": float(np.median(own)),
+        "median_ms": float(np.median(part)),
         "p99_ms": p99,
-        "median_ratio": float(np.median(own / whole)),
+        "median_ratio": float(np.median(part / whole)),
         "p99_ratio": p99 / float(np.percentile(whole, 99)),
         "linearisations": float(np.mean(iterations[STARTING:])),
         "converged_percent": 100.0 * converged / len(iterations),
@@ -166,9 +166,9 @@ def solvers(
     }
     work["SuperLU"] = lambda: _timed(lambda: splu(matrix), lambda f: f.solve(forces.T))
     spent: dict[str, list[tuple[float, float]]] = {name: [] for name in work}
-    for turn in range(repeats + 1):
+    for repeat in range(repeats + 1):
         for name, measure in work.items():
-            if name != "SuperLU" or turn <= repeats // 8 + 1:
+            if name != "SuperLU" or repeat <= repeats // 8 + 1:
                 spent[name].append(measure())
     reference = np.median(np.array(spent["multifrontal"][1:]), axis=0).sum()
     return [_solver_row(name, np.array(times[1:]), float(reference)) for name, times in spent.items()]

@@ -58,14 +58,14 @@ def trusted_rod(specimen: Specimen, progress: Progress | None = None) -> Calibra
 
 def trusted(fitted: FittedRod) -> bool:
     """Return whether a rod is near enough to the finite elements to stand in for them."""
-    found = fitted.report.trained
-    return found.lost == 0 and found.force_rms <= LARGEST_FORCE_ERROR
+    report = fitted.report.trained
+    return report.lost == 0 and report.force_rms <= LARGEST_FORCE_ERROR
 
 
 def known_trusted_rod(specimen: Specimen) -> CalibratedRod | None:
     """Return the rod of a specimen where it is known and may stand in for the finite elements."""
-    found = known_rod(specimen)
-    return adapted(found.rod, specimen) if found is not None and trusted(found) else None
+    fitted = known_rod(specimen)
+    return adapted(fitted.rod, specimen) if fitted is not None and trusted(fitted) else None
 
 
 def known_rod(specimen: Specimen, recipe: Recipe | None = None) -> FittedRod | None:
@@ -78,9 +78,9 @@ def fitted_rod(
     specimen: Specimen, progress: Progress | None = None, recipe: Recipe | None = None
 ) -> FittedRod:
     """Return the rod of a specimen's shape with its report; one that is fitted is kept in the cache."""
-    found = known_rod(specimen, recipe)
-    if found is not None:
-        return found
+    fitted = known_rod(specimen, recipe)
+    if fitted is not None:
+        return fitted
     fitted = fit_now(specimen, progress, recipe)
     key = shape_key(specimen, recipe)
     with contextlib.suppress(OSError):
@@ -103,8 +103,8 @@ def _cached(key: str) -> FittedRod | None:
         data = _path(key).read_bytes()
     except OSError:
         return None
-    found = from_bytes(data)
-    return found[0] if found is not None and found[1] == key else None
+    stored = from_bytes(data)
+    return stored[0] if stored is not None and stored[1] == key else None
 
 
 def _keep(data: bytes, path: Path) -> None:

@@ -163,9 +163,9 @@ def _specimen(document: Mapping[str, Any], folder: Path, errors: list[str]) -> S
     name = document.get("specimen")
     if not isinstance(name, str):
         return None
-    beside = folder / name
+    local = folder / name
     try:
-        return load_specimen(beside if beside.is_file() else name)
+        return load_specimen(local if local.is_file() else name)
     except InputError as error:
         errors.append(f"specimen: {error}")
         return None
@@ -204,11 +204,11 @@ def _tables(value: Any) -> list[dict[str, Any]]:
 
 
 def _rooted(config: ServiceConfig, folder: Path) -> ServiceConfig:
-    """Resolve paths; those that are left out are the unit's own, where systemd starts the service."""
-    state, given = state_directory(), config.model_fields_set
+    """Resolve paths; those that are left out are the unit's, where systemd starts the service."""
+    state, configured = state_directory(), config.model_fields_set
     folders = {
-        name: state / own if state and name not in given else folder / getattr(config, name)
-        for name, own in UNIT_FOLDERS.items()
+        name: state / default if state and name not in configured else folder / getattr(config, name)
+        for name, default in UNIT_FOLDERS.items()
     }
     network = config.network.beside(folder)
     if network.zenoh_config is None:

@@ -14,7 +14,7 @@ from softarm.daemon.control.estimates import Estimates
 from softarm.daemon.control.estimator_state import EstimatorState
 from softarm.daemon.control.lateness import Lateness
 from softarm.daemon.control.poses import PoseStore
-from softarm.daemon.control.publishing import Picture, Publisher
+from softarm.daemon.control.publishing import Publisher, StateInputs
 from softarm.daemon.control.readings import Readings, channel
 from softarm.daemon.control.recorder import Recorder
 from softarm.daemon.control.recording_header import recording_header
@@ -213,9 +213,9 @@ class ControlLoop:
 
     def _publish_state(self, now_ns: int) -> None:
         self._published_ns = now_ns
-        self._reporter.state(self._picture(now_ns), self.estimates.test)
+        self._reporter.state(self._state_inputs(now_ns), self.estimates.test)
 
-    def _picture(self, now_ns: int) -> Picture:
+    def _state_inputs(self, now_ns: int) -> StateInputs:
         bank, sensors = self.instruments.bank, self._setup.config.sensors
         measured = self.readings.fresh(bank, now_ns)
         ages = {
@@ -223,7 +223,7 @@ class ControlLoop:
             for sensor in sensors
         }
         recording = self.recorder.path
-        return Picture(
+        return StateInputs(
             applied=self.instruments.applied,
             measured=None if measured is None else np.array(measured.value),
             gauges_n=self._gauges(now_ns),

@@ -35,7 +35,7 @@ class Notifier:
 
     @classmethod
     def from_environment(cls) -> Self:
-        """Take the address that systemd gave to the process."""
+        """Read the address that systemd passed to the process."""
         return cls(os.environ.get("NOTIFY_SOCKET"))
 
     def _send(self, text: str) -> bool:
@@ -53,7 +53,7 @@ class Notifier:
         self._unsent = "" if self._send(report) else report
 
     def status(self, status: str) -> None:
-        """Say in one line what the service does."""
+        """Report in one line what the service does."""
         self._send(f"STATUS={status}")
 
     def watchdog(self, starting: bool = False) -> None:
@@ -73,11 +73,11 @@ class Notifier:
             self.extend(STARTING_S)
 
     def extend(self, seconds: float) -> None:
-        """Ask for more time to start, from now on; systemd would end a start that takes too long."""
+        """Request more time to start, from now on; systemd would end a start that takes too long."""
         self._send(f"EXTEND_TIMEOUT_USEC={round(seconds * 1e6)}")
 
     def stopping(self) -> None:
-        """Say that the service is going down."""
+        """Report that the service is going down."""
         self._send("STOPPING=1")
 
     def close(self) -> None:

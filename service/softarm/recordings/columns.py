@@ -120,15 +120,15 @@ def nearest(column: str, known: Iterable[str] = ()) -> str:
 
 
 def _refuse_duplicates(source: str, columns: Sequence[str]) -> None:
-    seen: dict[str, int] = {}
+    places: dict[str, int] = {}
     for number, column in enumerate(columns, start=1):
-        if column in seen:
+        if column in places:
             raise InputError(
                 f"{source}, column {column}",
-                f"stands twice, in places {seen[column]} and {number}",
+                f"stands twice, in places {places[column]} and {number}",
                 "rename or remove one of them",
             )
-        seen[column] = number
+        places[column] = number
 
 
 def _misnamed(source: str, column: str) -> InputError:

@@ -81,14 +81,14 @@ def save_recording(
         with whole_files(path) as (draft,), draft.open("wb") as file:
             write_recording(recording, file, attachments)
         return (path,)
-    beside = [path.parent / name for name in attachments or {}]
-    with whole_files(sidecar(path), *beside, path) as drafts:
+    siblings = [path.parent / name for name in attachments or {}]
+    with whole_files(sidecar(path), *siblings, path) as drafts:
         drafts[0].write_bytes(format_info(recording.info))
         for draft, data in zip(drafts[1:-1], (attachments or {}).values(), strict=True):
             draft.write_bytes(data)
         write = write_csv if path.suffix == ".csv" else write_parquet
         write(recording, drafts[-1])
-    return (path, sidecar(path), *beside)
+    return (path, sidecar(path), *siblings)
 
 
 def read_attachments(path: Path) -> dict[str, bytes]:

@@ -24,7 +24,7 @@ CUT_OFF = "the file was cut off; read up to its last whole chunk"
 
 @dataclass
 class Contents:
-    """What a pass over a file found.
+    """Result of a pass over a file.
 
     Args:
         samples: Column to its times [s] and values, in the file's order.
@@ -54,7 +54,7 @@ def _span(begin_s: float, end_s: float) -> str:
 
 
 def read_mcap(path: Path, name: str) -> Recording:
-    """Read a recording; ``info["recovered"]`` and ``info["lost_s"]`` say what of it could not be read.
+    """Read a recording; ``info["recovered"]`` and ``info["lost_s"]`` state what could not be read.
 
     Raises:
         InputError: It is no MCAP file or holds no stream of a recording.
@@ -141,7 +141,7 @@ class _Pass:
         self._last_s = time
 
     def finish(self) -> Contents:
-        """Return what was found."""
+        """Return the result."""
         if self.damaged:
             self.contents.lost.append((self._last_s, np.inf))
         for message in self._unannounced:

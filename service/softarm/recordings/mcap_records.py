@@ -50,12 +50,12 @@ def walk(data: mmap.mmap | bytes) -> Iterator[McapRecord | Damage | CutOff]:
     while not _is_end(data, position):
         end = _end_of_record(data, position)
         if end is None:
-            found = _next_chunk(data, position + 1)
-            if found is None:
+            following = _next_chunk(data, position + 1)
+            if following is None:
                 yield Damage() if data[-len(MAGIC) :] == MAGIC else CutOff()
                 return
             yield Damage()
-            position = found
+            position = following
             continue
         yield from _records_at(data, position, end)
         position = end
@@ -74,8 +74,8 @@ def _end_of_record(data: mmap.mmap | bytes, position: int) -> int | None:
         return None
     kind, length = HEAD.unpack(head)
     end = position + HEAD.size + int(length)
-    known = kind in Opcode._value2member_map_ or _is_chunk(data, position)
-    return end if known and end <= len(data) else None
+    plausible = kind in Opcode._value2member_map_ or _is_chunk(data, position)
+    return end if plausible and end <= len(data) else None
 
 
 def _is_chunk(data: mmap.mmap | bytes, position: int) -> bool:

@@ -121,14 +121,14 @@ def _leading(path: Path, header: Mapping[str, list[str]], table: Floats, wanted:
 
 
 def _marker(name: str, block: Floats) -> dict[str, Floats]:
-    """Take a marker's three cells; three zeros are a lost marker."""
+    """Parse a marker's three cells; three zeros are a lost marker."""
     lost = (block == 0).all(axis=1)
     positions = np.where(lost[:, None], np.nan, block * MILLIMETRE)
     return {f"marker_{name}_{suffix}": positions[:, i].copy() for i, suffix in enumerate(MARKER_SUFFIXES)}
 
 
 def _body(name: str, block: Floats) -> dict[str, Floats]:
-    """Take a body's sixteen cells; a body without a rotation is lost."""
+    """Parse a body's sixteen cells; a body without a rotation is lost."""
     matrices = block[:, 7:16].reshape(-1, 3, 3).swapaxes(1, 2)
     good = np.isfinite(block).all(axis=1) & (np.abs(np.linalg.det(np.nan_to_num(matrices)) - 1.0) < 0.01)
     pose = np.full((len(block), 7), np.nan)

@@ -16,8 +16,8 @@ def summary(recording: Recording) -> list[Row]:
     """
     rows: list[Row] = []
     for topic, fields in streams_of(recording.columns).items():
-        seen = np.isfinite(recording.stack(tuple(fields.values()))).any(axis=1)
-        times = recording.time[seen]
+        measured = np.isfinite(recording.stack(tuple(fields.values()))).any(axis=1)
+        times = recording.time[measured]
         steps = np.diff(times)
         rows.append(
             {

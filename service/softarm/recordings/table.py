@@ -95,7 +95,7 @@ def _frame(recording: Recording) -> pl.DataFrame:
 
 
 def _read_cell_by_cell(path: Path, header: list[str]) -> dict[str, Floats]:
-    """Read a table that the fast reader refused, to say which cell is at fault."""
+    """Read a table that the fast reader refused, to name the cell at fault."""
     columns: list[list[float]] = [[] for _ in header]
     # what is no text becomes a cell that is no number, whose row is then named
     with path.open(encoding="utf-8-sig", newline="", errors="replace") as file:

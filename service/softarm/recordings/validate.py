@@ -32,7 +32,7 @@ def checked_recording(
         name: What reports call it.
         source: The file, for messages.
         columns: Column name to values, each of shape (samples,); NaN is a lost reading.
-        info: What ``recording.toml`` says of the run.
+        info: Facts of the run from ``recording.toml``.
         units_checked: Whether values that only another unit explains are refused.
 
     Raises:
@@ -58,7 +58,7 @@ def checked_recording(
 
 
 def row(source: str, index: int) -> str:
-    """Say where a sample stands in its file."""
+    """Name the place of a sample in its file."""
     line = f" (line {index + LINE_OF_FIRST_ROW})" if source.endswith(".csv") else ""
     return f"row {index + 1}{line}"
 

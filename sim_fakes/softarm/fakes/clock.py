@@ -8,7 +8,7 @@ class Clock(Protocol):
     """What the fakes know of time."""
 
     def now(self) -> float:
-        """Give the seconds since the start."""
+        """Return the seconds since the start."""
 
     async def sleep_until(self, time: float) -> None:
         """Return at ``time`` [s], or at once (after a turn of the loop) when it has passed."""
@@ -26,7 +26,7 @@ class LoopClock:
         self._start = self._loop.time()
 
     def now(self) -> float:
-        """Give the seconds since the clock was made or restarted."""
+        """Return the seconds since the clock was made or restarted."""
         return self._loop.time() - self._start
 
     async def sleep_until(self, time: float) -> None:

@@ -82,7 +82,7 @@ def serve(rig: Rig, line: bytes) -> dict[str, Any]:
         line: One JSON object; an ``id`` in it comes back in the reply.
 
     Returns:
-        The reply: ``ok`` and what was asked for, or ``ok`` false and ``error``.
+        The reply: ``ok`` and the result, or ``ok`` false and ``error``.
     """
     try:
         request = json.loads(line)

@@ -69,7 +69,7 @@ class DeviceSurroundings:
 
 
 def seed_of(seed: int, name: str) -> int:
-    """Give a device its own seed, whatever other devices there are."""
+    """Return a device its own seed, whatever other devices there are."""
     return zlib.crc32(f"{seed}/{name}".encode())
 
 

@@ -40,7 +40,7 @@ class ActiveFault:
     parameters: Mapping[str, Value]
 
     def __getitem__(self, name: str) -> Value:
-        """Give one parameter."""
+        """Return one parameter."""
         return self.parameters[name]
 
 
@@ -102,11 +102,11 @@ class FaultBoard:
                 self._notify(active, active=False)
 
     def active(self, name: str) -> ActiveFault | None:
-        """Give a fault that is on with its parameters, else None; counts nothing."""
+        """Return a fault that is on with its parameters, else None; counts nothing."""
         return self._active.get(name)
 
     def hit(self, name: str) -> ActiveFault | None:
-        """Give a fault that is on with its parameters and count that it showed, else None.
+        """Return a fault that is on with its parameters and count that it showed, else None.
 
         A fault that acts once is used up by as many hits as it was set for.
         """
@@ -133,7 +133,7 @@ class FaultBoard:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Say which known name was probably meant."""
+    """Return the known name that was probably meant."""
     names = list(known)
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     return f"did you mean {close[0]!r}?" if close else f"there are: {', '.join(names)}"

@@ -31,7 +31,7 @@ def build_plant(part: PlantPart, seed: int) -> MountedArm:
     """Build the arm of a scenario, without its concealed effects.
 
     Args:
-        part: What the scenario says of it.
+        part: Its entry in the scenario.
         seed: Draws the tolerances of an arm that plays a specimen, where ``variant`` does not.
 
     Raises:

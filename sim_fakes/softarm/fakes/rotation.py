@@ -23,19 +23,19 @@ def conjugate(q: Quaternion) -> Quaternion:
 
 def rotate(q: Quaternion, v: Vector) -> Vector:
     """Turn a vector by a unit quaternion."""
-    turned = multiply(multiply(q, (0.0, *v)), conjugate(q))
-    return turned[1], turned[2], turned[3]
+    rotated = multiply(multiply(q, (0.0, *v)), conjugate(q))
+    return rotated[1], rotated[2], rotated[3]
 
 
 def matrix(q: Quaternion) -> tuple[Vector, Vector, Vector]:
-    """Give the rotation matrix as rows; its columns are the turned axes."""
+    """Return the rotation matrix as rows; its columns are the rotated axes."""
     columns = [rotate(q, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
     x, y, z = columns
     return (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
 
 
 def roll_pitch_yaw(q: Quaternion) -> Vector:
-    """Give the angles [rad] of R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    """Return the angles [rad] of R = Rz(yaw) Ry(pitch) Rx(roll)."""
     w, x, y, z = q
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
@@ -43,8 +43,8 @@ def roll_pitch_yaw(q: Quaternion) -> Vector:
     return roll, pitch, yaw
 
 
-def turn(rotation_vector: Vector) -> Quaternion:
-    """Give the rotation about an axis by its length [rad]."""
+def from_rotation_vector(rotation_vector: Vector) -> Quaternion:
+    """Return the rotation about an axis by its length [rad]."""
     angle = math.hypot(*rotation_vector)
     if angle < 1e-12:
         return (1.0, 0.0, 0.0, 0.0)

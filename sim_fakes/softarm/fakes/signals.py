@@ -67,7 +67,7 @@ class ConcealedSignals:
 
 
 def by_valve(see: See, valve_map: Sequence[int]) -> See:
-    """Let a signal of the chambers act on the values of the valves that feed them.
+    """Apply a signal of the chambers to the values of the valves that feed them.
 
     Args:
         see: Sees values in chamber order.

@@ -112,7 +112,7 @@ class StillArm:
 
 
 def _arc(bend_x: float, bend_y: float, length: float) -> tuple[Vector, Quaternion]:
-    """Give the end of a circular arc, its chord and its rotation, in the frame of its start."""
+    """Return the end of a circular arc, its chord and its rotation, in the frame of its start."""
     angle = math.hypot(bend_x, bend_y)
     if angle < 1e-9:
         return (0.0, 0.0, length), (1.0, 0.0, 0.0, 0.0)

@@ -58,5 +58,5 @@ class WarpLoop(asyncio.SelectorEventLoop):
         super().__init__(self._warp)
 
     def time(self) -> float:
-        """Give the virtual time [s]."""
+        """Return the virtual time [s]."""
         return self._warp.now

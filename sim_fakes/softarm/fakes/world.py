@@ -21,7 +21,7 @@ class Actuator(Protocol):
         """Advance to ``time`` [s]."""
 
     def pressures(self) -> Floats:
-        """Give the gauge pressures at the outlets [Pa], shape (valves,)."""
+        """Return the gauge pressures at the outlets [Pa], shape (valves,)."""
 
 
 class FakeArmWorld:

@@ -1,13 +1,11 @@
 """BendLabs sensors as a device: chain order, zero, restarts, absent sensors."""
 
-import asyncio
 from math import radians
 from typing import Any
 
 import pytest
 
 from softarm.drivers.bend.device import BendAngles, BendConfig, BendSensors
-from softarm.drivers.errors import InterlockError
 from softarm.drivers.reading import Reading
 
 LINE = b"1.00,2.00,3.00,4.00,5.00,6.00\r\n"
@@ -74,23 +72,6 @@ def test_a_configured_zero_is_in_chain_order() -> None:
 def test_a_zero_of_the_wrong_length_is_refused() -> None:
     with pytest.raises(ValueError, match="1 pairs for 3 sensors"):
         BendConfig(name="bend", port="/dev/none", zero_deg=((0.0, 0.0),))
-
-
-async def test_the_zero_is_the_mean_of_lines() -> None:
-    device, readings = board()
-    zeroing = asyncio.create_task(device.set_zero(lines=2))
-    await asyncio.sleep(0)
-    with pytest.raises(InterlockError, match="being taken"):
-        await device.set_zero()
-    device.receive(LINE, 0)
-    device.receive(b"3.00,2.00,3.00,4.00,5.00,6.00\r\n", 0)
-    assert (await zeroing)[2] == pytest.approx((radians(2), radians(2)))
-    device.receive(LINE, 0)
-    assert list(readings[-1].value.angles) == [
-        pytest.approx(pair, abs=1e-12) for pair in ((0, 0), (0, 0), (radians(-1), 0))
-    ]
-    with pytest.raises(InterlockError, match="too few lines"):
-        await device.set_zero(timeout_s=0.01)
 
 
 def test_a_sensor_that_the_board_cannot_reach_is_invalid_alone() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from softarm.drivers.errors import ConnectionLost, InterlockError
+from softarm.drivers.errors import ConnectionLost
 from softarm.drivers.gauges.device import LineGaugeConfig, LutronConfig, StreamingGauge
 from softarm.drivers.gauges.force import Force, ForceScale
 from softarm.drivers.gauges.polled import Mark10Config, Mark10Gauge, PolledGauge, SauterConfig, SauterGauge
@@ -99,28 +99,6 @@ def test_other_displays_and_faults_are_counted_and_never_read() -> None:
     assert [round(reading.value.gross / 9.80665e-3) for reading in readings] == [1, 2]
     assert device.health.rejected == 2
     assert device.health.resyncs == 1
-
-
-async def test_tare_is_the_mean_of_valid_readings() -> None:
-    device, readings = gauge()
-    taring = asyncio.create_task(device.tare(readings=2))
-    await asyncio.sleep(0)
-    with pytest.raises(InterlockError, match="already running"):
-        await device.tare()
-    for grams in (100, 99999999, 102):
-        device.receive(lutron(grams), 0)
-    assert await taring == pytest.approx(101 * 9.80665e-3)
-    device.receive(lutron(101), 0)
-    assert readings[-1].value.force == pytest.approx(0, abs=1e-12)
-    assert readings[-1].value.gross == pytest.approx(101 * 9.80665e-3)
-    assert device.health.events["tared"] == 1
-
-
-async def test_a_tare_without_readings_keeps_the_old_zero() -> None:
-    device, _ = gauge(tare_n=0.5)
-    with pytest.raises(InterlockError, match="too few valid readings"):
-        await device.tare(timeout_s=0.01)
-    assert device.scale.tare == 0.5
 
 
 def test_a_board_that_does_not_tell_its_unit_is_not_believed() -> None:

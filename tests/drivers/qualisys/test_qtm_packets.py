@@ -111,7 +111,6 @@ def test_unknown_kinds_are_passed_over_without_being_kept() -> None:
     packets, faults = feed_all(parser, [good + large[:1000], large[1000:500_000], large[500_000:] + good])
     assert packets == [(6, good)] * 2
     assert faults == ["unknown"]
-    assert parser.skipped_packets == 1
 
 
 wire_packets = st.one_of(

@@ -11,9 +11,6 @@ from typing import Final
 
 from softarm.drivers.framing import FrameFault, LineCodec
 
-DEAD_ZONE_DEG: Final = 0.5
-"""Change [degree] below which the Arduino library repeats its last output."""
-
 _ANGLE: Final = re.compile(r"[+-]?\d{1,4}(?:\.\d{0,6})?")
 _ABSENT: Final = re.compile(r"cannot connect to sensor\s*(\d+)", re.IGNORECASE)
 _LIMIT_DEG: Final = 360.0
@@ -49,7 +46,7 @@ def bend_codec(sensors: int = 3) -> LineCodec[BendLine | BendStatus]:
 
 
 def parse_line(line: bytes, sensors: int = 3) -> BendLine | BendStatus | FrameFault:
-    """Return what one line says, without its end."""
+    """Decode one line, without its end."""
     if not line.isascii() or not (text := line.decode("ascii").strip()).isprintable():
         return FrameFault("text", f"bytes that are no text: {line[:40]!r}")
     fields = [part.strip() for part in text.split(",")]

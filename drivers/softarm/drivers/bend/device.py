@@ -1,11 +1,9 @@
 """BendLabs sensors on the lab's Arduino, in chain order and radians.
 
 The same value again is no sign of a fault: the firmware repeats its output until an axis has moved by half a
-degree. The reading counts as fresh with every line. The dead zone belongs to the noise of the sensor, for
-which `DEAD_ZONE_DEG` stands in `softarm.drivers.bend.bendlabs`.
+degree. The reading counts as fresh with every line.
 """
 
-import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import radians
@@ -15,7 +13,6 @@ from pydantic import Field, model_validator
 
 from softarm.drivers.bend.bendlabs import BendLine, BendStatus, bend_codec
 from softarm.drivers.clock import Clock, monotonic
-from softarm.drivers.errors import InterlockError
 from softarm.drivers.reading import Sink, ignore
 from softarm.drivers.serial_device import SerialConfig, SerialDevice
 
@@ -87,53 +84,22 @@ class BendSensors(SerialDevice[BendLine | BendStatus, BendAngles]):
         self._absent: set[int] = set()
         self._talked = False
         self._recalibrate = False
-        self._zeroing: tuple[int, list[tuple[Pair, ...]], asyncio.Future[None]] | None = None
-
-    @property
-    def zero(self) -> tuple[Pair, ...]:
-        """Angles that count as zero, from the base on [rad]."""
-        return self._zero
-
-    async def set_zero(self, lines: int = 20, timeout_s: float = 5.0) -> tuple[Pair, ...]:
-        """Make the mean of the next lines the zero of each sensor, and return it [rad].
-
-        Raises:
-            InterlockError: Too few lines with all sensors came in time, or it is under way; the old zero
-                stays.
-        """
-        if self._zeroing is not None:
-            raise InterlockError(self.name, "a zero is being taken", "wait for it")
-        future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        collected: list[tuple[Pair, ...]] = []
-        self._zeroing = (lines, collected, future)
-        try:
-            async with asyncio.timeout(timeout_s):
-                await future
-        except TimeoutError:
-            what, cure = "cannot take the zero: too few lines with all sensors", "check the sensors"
-            raise InterlockError(self.name, what, cure, value=len(collected), limit=lines) from None
-        finally:
-            self._zeroing = None
-        self._zero = tuple(_mean(pairs) for pairs in zip(*collected, strict=True))
-        self._recalibrate = False
-        self.health.events["zeroed"] += 1
-        return self._zero
 
     def restarted(self) -> None:
-        """Ask for a new zero if the sensors may have lost power."""
+        """Flag readings `recalibrate` from now on if the sensors may have lost power."""
         self._recalibrate = self._recalibrate or self._talked
         self._talked = False
         self._absent.clear()
 
     def take(self, frame: BendLine | BendStatus, arrival_ns: int) -> None:
-        """Publish angles; take text as the status that it is."""
+        """Publish a line of angles; follow a line of text."""
         if isinstance(frame, BendStatus):
             self._on_status(frame)
         else:
             self._publish(frame, arrival_ns)
 
     def _on_status(self, status: BendStatus) -> None:
-        """Follow what the sketch says when it starts."""
+        """Follow the messages of the sketch when it starts."""
         self.health.facts["status"] = status.text
         self.health.events["status"] += 1
         if self._talked:
@@ -153,7 +119,6 @@ class BendSensors(SerialDevice[BendLine | BendStatus, BendAngles]):
         valid = tuple(number not in self._absent for number in range(1, self._sensors + 1))
         if self._distal_first:
             gross, valid = gross[::-1], valid[::-1]
-        self._collect(gross, valid)
         angles = tuple((a - za, b - zb) for (a, b), (za, zb) in zip(gross, self._zero, strict=True))
         absent = tuple(f"absent:{number}" for number in sorted(self._absent))
         self.stream.publish(
@@ -164,19 +129,7 @@ class BendSensors(SerialDevice[BendLine | BendStatus, BendAngles]):
             flags=(*absent, RECALIBRATE) if self._recalibrate else absent,
         )
 
-    def _collect(self, gross: tuple[Pair, ...], valid: tuple[bool, ...]) -> None:
-        if self._zeroing is None or not all(valid):
-            return
-        wanted, collected, future = self._zeroing
-        collected.append(gross)
-        if len(collected) >= wanted and not future.done():
-            future.set_result(None)
-
 
 def _pairs(angles_deg: Sequence[float]) -> tuple[Pair, ...]:
     values = [radians(angle) for angle in angles_deg]
     return tuple(zip(values[::2], values[1::2], strict=True))
-
-
-def _mean(pairs: Sequence[Pair]) -> Pair:
-    return sum(a for a, _ in pairs) / len(pairs), sum(b for _, b in pairs) / len(pairs)

@@ -1,18 +1,16 @@
-"""A force gauge that streams, and what it shares with one that is asked."""
+"""Force gauges: what all share, and those that stream."""
 
-import asyncio
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from softarm.drivers.clock import Clock, monotonic
-from softarm.drivers.errors import InterlockError
 from softarm.drivers.framing import Codec
 from softarm.drivers.gauges.force import Force, ForceScale
 from softarm.drivers.gauges.line import line_gauge_codec
 from softarm.drivers.gauges.lutron import lutron_codec
 from softarm.drivers.gauges.sample import GaugeSample
-from softarm.drivers.reading import Reading, Sink, ignore
+from softarm.drivers.reading import Sink, ignore
 from softarm.drivers.serial_device import FrameT, SerialConfig, SerialDevice
 
 UnitName = Literal["N", "mN", "kN", "g", "kg", "tf", "lb", "klb", "oz"]
@@ -59,38 +57,10 @@ class ForceGauge(SerialDevice[FrameT, Force]):
         super().__init__(config, codec, expected, sink, clock, observe=observe)
         self.config = config
         self.scale = ForceScale(config.pull_sign, config.unit, config.tare_n)
-        self._taring: tuple[int, list[float], asyncio.Future[float]] | None = None
 
     def restarted(self) -> None:
         """Forget the last sample."""
         self.scale.restart()
-
-    async def tare(self, readings: int = 10, timeout_s: float = 5.0) -> float:
-        """Make the mean of the next valid readings the zero, and return it [N].
-
-        Raises:
-            InterlockError: Too few valid readings came in time, or a tare is under way; the old zero stays.
-        """
-        if self._taring is not None:
-            raise InterlockError(self.name, "a tare is already running", "wait for it")
-        future: asyncio.Future[float] = asyncio.get_running_loop().create_future()
-        collected: list[float] = []
-        self._taring = (readings, collected, future)
-        try:
-            async with asyncio.timeout(timeout_s):
-                self.scale.tare = await future
-        except TimeoutError:
-            raise InterlockError(
-                self.name,
-                "cannot tare: too few valid readings",
-                "check the gauge",
-                value=len(collected),
-                limit=readings,
-            ) from None
-        finally:
-            self._taring = None
-        self.health.events["tared"] += 1
-        return self.scale.tare
 
     def publish(
         self, sample: GaugeSample, arrival_ns: int, *, unit: str | None = None, trusted: bool = True
@@ -108,14 +78,13 @@ class ForceGauge(SerialDevice[FrameT, Force]):
             self.health.events[event] += 1
         self._alarm(sample, judged.force)
         flags = judged.flags if trusted else (*judged.flags, "settings")
-        reading = self.stream.publish(
+        self.stream.publish(
             judged.force,
             host_ns=arrival_ns,
             measured_ns=arrival_ns - self.latency_ns,
             valid=judged.valid and trusted,
             flags=flags,
         )
-        self._collect(reading)
 
     def _alarm(self, sample: GaugeSample, force: Force) -> None:
         alarms = self.health.alarms
@@ -128,14 +97,6 @@ class ForceGauge(SerialDevice[FrameT, Force]):
             alarms.set(UNIT, "the gauge does not send its unit", "let it send the unit, or set `unit`")
         elif UNIT in alarms:
             alarms.clear(UNIT)
-
-    def _collect(self, reading: Reading[Force]) -> None:
-        if self._taring is None or not reading.valid:
-            return
-        wanted, collected, future = self._taring
-        collected.append(reading.value.gross)
-        if len(collected) >= wanted and not future.done():
-            future.set_result(sum(collected) / len(collected))
 
 
 class StreamingGauge(ForceGauge[GaugeSample]):

@@ -18,7 +18,7 @@ class Force:
         gross: Pull on the gauge as it shows [N].
         resolution: One step of its display [N].
         unit: Unit of its display.
-        stable: What the gauge says of its own settling, where it does.
+        stable: Whether the gauge reports that it has settled, where it does.
     """
 
     force: float
@@ -40,7 +40,7 @@ class Judged:
 
 @dataclass(slots=True)
 class ForceScale:
-    """Turns samples into forces and notices what the operator changes on the instrument.
+    """Converts samples to forces and notices what the operator changes on the instrument.
 
     Args:
         pull_sign: Sign of a pull on the display, +1 or -1.
@@ -69,19 +69,19 @@ class ForceScale:
             sample: What the instrument sent.
             unit: Its unit, where the sample lacks it and the instrument reported it otherwise.
         """
-        known = sample.unit or unit or self.unit
-        per = NEWTON_PER.get(known or "", 0.0)
+        unit = sample.unit or unit or self.unit or ""
+        per = NEWTON_PER.get(unit, 0.0)
         gross = self.gross(sample, unit)
-        force = Force(gross - self.tare, gross, per / 10**sample.decimals, known or "", sample.stable)
+        force = Force(gross - self.tare, gross, per / 10**sample.decimals, unit, sample.stable)
         flags = [
             flag for flag, holds in (("over_range", sample.over_range), ("unit_unknown", not per)) if holds
         ]
-        events = self._changes(sample, known, gross, force.resolution) if not flags else []
+        events = self._changes(sample, unit, gross, force.resolution) if not flags else []
         return Judged(force, not flags, (*flags, *events), tuple(events))
 
-    def _changes(self, sample: GaugeSample, unit: str | None, gross: float, resolution: float) -> list[str]:
-        """Name what differs from the sample before."""
-        shown = (unit or "", sample.decimals)
+    def _changes(self, sample: GaugeSample, unit: str, gross: float, resolution: float) -> list[str]:
+        """Name what has changed since the sample before."""
+        shown = (unit, sample.decimals)
         before, self._shown = self._shown, shown
         last, self._last = self._last, gross
         events = []

@@ -1,6 +1,6 @@
 """A plain line protocol: one reading per line, as HX711 boards, balances and home-made sketches print it.
 
-Accepted are a number with or without a unit (`1.234`, `-12.5 g`), the same among separated columns, the
+It accepts a number with or without a unit (`1.234`, `-12.5 g`), the same among separated columns, the
 stability words of balances (`S S 100.00 g`, `S D`, `ST,GS,+0012.3 g`, `US,NT,...`) and their overload words
 (`S +`, `S -`).
 """
@@ -54,8 +54,8 @@ def _number(text: str, stable: bool | None) -> GaugeSample | FrameFault:
     if match is None:
         return FrameFault("text", f"not a reading: {text[:40]!r}")
     sign, whole, fraction, unit = match.groups()
-    known = unit_named(unit) if unit else None
-    if unit and known is None:
+    key = unit_named(unit) if unit else None
+    if unit and key is None:
         return FrameFault("unit", f"unit {unit!r} is none that a force gauge shows")
     value = float(f"{whole}.{fraction or 0}")
-    return GaugeSample(-value if sign == "-" else value, known, len(fraction or ""), stable=stable)
+    return GaugeSample(-value if sign == "-" else value, key, len(fraction or ""), stable=stable)

@@ -9,7 +9,6 @@ from softarm.drivers.gauges.sample import GaugeSample, unit_named
 
 READ: Final = b"?\r\n"
 LIST: Final = b"LIST\r\n"
-ZERO: Final = b"Z\r\n"
 
 _READING: Final = re.compile(rb"([+-]?)(\d{1,9})(?:\.(\d{0,6}))?(?:\s+([A-Za-z]{1,4}))?")
 _OVERLOAD: Final = re.compile(rb"-{3,9}(?:\s+[A-Za-z]{1,4})?")
@@ -37,20 +36,9 @@ class Mark10Settings:
         return next((unit for unit in map(unit_named, self.fields[1:-1]) if unit), None)
 
     @property
-    def sends_unit(self) -> bool:
-        """Whether readings carry their unit."""
-        return "FULL" in self.fields
-
-    @property
     def sends_polarity(self) -> bool:
         """Whether readings carry their sign, negative for tension; inverted and omitted both say no."""
         return "POL" in self.fields
-
-    @property
-    def battery(self) -> int | None:
-        """0 full to 3 nearly empty."""
-        last = self.fields[-1]
-        return int(last[1]) if re.fullmatch(r"B[0-3]", last) else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +47,7 @@ class Mark10Error:
 
     Args:
         code: The reply.
-        meaning: What the manual says of it.
+        meaning: Its meaning in the manual.
     """
 
     code: str
@@ -87,8 +75,8 @@ def parse_reply(line: bytes) -> Mark10Reply | FrameFault:
     if match is None:
         return FrameFault("text", f"neither a reading nor a reply: {text[:40]!r}")
     sign, whole, fraction, unit = match.groups()
-    known = unit_named(unit.decode("ascii")) if unit else None
-    if unit and known is None:
+    key = unit_named(unit.decode("ascii")) if unit else None
+    if unit and key is None:
         return FrameFault("unit", f"unit {unit!r} is none that a force gauge shows")
     value = float(whole + b"." + (fraction or b"0"))
-    return GaugeSample(-value if sign == b"-" else value, known, len(fraction or b""))
+    return GaugeSample(-value if sign == b"-" else value, key, len(fraction or b""))

@@ -1,4 +1,4 @@
-"""Force gauges that answer when asked: Mark-10 (GCL2) and Sauter FH."""
+"""Force gauges that are polled: Mark-10 (GCL2) and Sauter FH."""
 
 import asyncio
 from abc import abstractmethod
@@ -18,15 +18,15 @@ from softarm.drivers.serial_device import FrameT
 from softarm.drivers.serial_link import SerialLink
 
 POLARITY = "polarity"
-TURNED_N = 0.2
-"""Load [N] on both sides of zero from which on a turn makes the settings doubtful."""
+REVERSAL_N = 0.2
+"""Smallest load [N] before and after a change of sign that makes the settings doubtful."""
 
 
 class PolledConfig(GaugeConfig):
-    """Settings of a gauge that is asked.
+    """Settings of a polled gauge.
 
     Attributes:
-        poll_hz: How often [Hz].
+        poll_hz: Rate of the polls [Hz].
         answer_s: Time for an answer [s].
     """
 
@@ -35,35 +35,35 @@ class PolledConfig(GaugeConfig):
 
 
 class PolledGauge(ForceGauge[FrameT], Generic[FrameT]):
-    """A gauge that is asked for each reading; one question is open at a time."""
+    """A gauge that is polled for each reading; one request is open at a time."""
 
     config: PolledConfig
     _pending: asyncio.Future[FrameT] | None = None
 
     @abstractmethod
     async def poll(self, link: SerialLink) -> bool:
-        """Ask for a reading, and return whether an answer came."""
+        """Request a reading, and return whether an answer came."""
 
     async def begin(self, link: SerialLink) -> None:
-        """Ask until a first answer comes."""
+        """Poll until a first answer comes."""
         while not await self.poll(link):
             pass
 
     async def run(self, link: SerialLink) -> None:
-        """Ask at the configured rate."""
+        """Poll at the configured rate."""
         ticker = PollTicker(round(NANOSECONDS / self.config.poll_hz), self.clock)
         while True:
             tick = await ticker.wait()
             self.health.overruns += tick.skipped
             await self.poll(link)
 
-    async def ask(self, link: SerialLink, question: bytes) -> FrameT | None:
-        """Send a question and return its answer, or None if none comes in time; both are counted."""
+    async def ask(self, link: SerialLink, request: bytes) -> FrameT | None:
+        """Send a request and return its answer, or None if none comes in time; both are counted."""
         link.flush()
         self.codec.reset()
         self._pending = asyncio.get_running_loop().create_future()
-        asked_ns = self.clock()
-        link.write(question)
+        sent_ns = self.clock()
+        link.write(request)
         try:
             async with asyncio.timeout(self.config.answer_s):
                 answer = await self._pending
@@ -72,11 +72,11 @@ class PolledGauge(ForceGauge[FrameT], Generic[FrameT]):
             return None
         finally:
             self._pending = None
-        self.health.round_trip.add(self.clock() - asked_ns)
+        self.health.round_trip.add(self.clock() - sent_ns)
         return answer
 
     def answered(self, frame: FrameT) -> None:
-        """Hand an answer to whoever asked."""
+        """Complete the open request with its answer."""
         if self._pending is not None and not self._pending.done():
             self._pending.set_result(frame)
 
@@ -84,9 +84,8 @@ class PolledGauge(ForceGauge[FrameT], Generic[FrameT]):
 class Mark10Gauge(PolledGauge[Mark10Reply]):
     """A Mark-10 gauge. Its readings are trusted while `LIST` says that they carry their sign.
 
-    Whether somebody has inverted the sign cannot be seen in a reading, but a load that turns over from one
-    reading to the next is what it would look like: then the settings are asked for before anything is trusted
-    again.
+    A reading does not show whether somebody has inverted its sign, but a load that changes sign from one
+    reading to the next may come from that: no reading is then trusted until the settings are read again.
     """
 
     def __init__(self, config: "Mark10Config", sink: Sink, clock: Clock, *, observe: bool) -> None:
@@ -110,13 +109,13 @@ class Mark10Gauge(PolledGauge[Mark10Reply]):
         await super().begin(link)
 
     async def poll(self, link: SerialLink) -> bool:
-        """Ask for the displayed reading; from time to time for the settings before."""
+        """Request the displayed reading; from time to time the settings before it."""
         if self._doubtful or self.clock() - self._checked_ns > self._check_ns:
             await self._check_settings(link)
         return isinstance(await self.ask(link, mark10.READ), GaugeSample)
 
     def take(self, frame: Mark10Reply, arrival_ns: int) -> None:
-        """Publish a reading, which may also come unasked; keep settings; count errors."""
+        """Publish a reading, which may also come unrequested; keep settings; count errors."""
         if isinstance(frame, GaugeSample):
             self._publish(frame, arrival_ns)
         elif isinstance(frame, Mark10Error):
@@ -128,7 +127,7 @@ class Mark10Gauge(PolledGauge[Mark10Reply]):
         settings = self._settings
         unit = settings.unit if settings else None
         gross = self.scale.gross(sample, unit)
-        if min(abs(gross), abs(self._last_gross)) >= TURNED_N and gross * self._last_gross < 0:
+        if min(abs(gross), abs(self._last_gross)) >= REVERSAL_N and gross * self._last_gross < 0:
             self._doubtful = True
         self._last_gross = gross
         trusted = settings is not None and settings.sends_polarity and not self._doubtful
@@ -158,7 +157,7 @@ class SauterGauge(PolledGauge[GaugeSample]):
         self._timer: asyncio.TimerHandle | None = None
 
     async def poll(self, link: SerialLink) -> bool:
-        """Ask for the displayed reading."""
+        """Request the displayed reading."""
         self._stop_timer()
         try:
             return await self.ask(link, sauter.REQUEST) is not None

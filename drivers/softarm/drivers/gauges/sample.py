@@ -1,4 +1,4 @@
-"""What every force gauge says: a number, its unit, and whether it may be believed."""
+"""A sample of any force gauge: a number, its unit, and whether it may be used."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -47,7 +47,7 @@ class GaugeSample:
         unit: A key of `NEWTON_PER`, or None if the protocol does not carry it.
         decimals: Digits after the decimal point: the resolution that the operator has set.
         over_range: The instrument says that it cannot measure this load; the value means nothing.
-        stable: What a balance says of its own settling; None if the protocol does not carry it.
+        stable: Whether a balance reports that it has settled; None if the protocol does not carry it.
         display: 1 for the main display, 2 for a second one.
     """
 

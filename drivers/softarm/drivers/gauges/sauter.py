@@ -13,7 +13,6 @@ from softarm.drivers.framing import ByteCounts, Decoded, FrameFault
 from softarm.drivers.gauges.sample import GaugeSample
 
 REQUEST: Final = b"9"
-ZERO: Final = b"2"
 REPLY_LENGTH: Final = 7
 _REPLY: Final = re.compile(rb"([01])([ ]{0,4}\d{1,6}(?:\.\d{0,5})?)")
 
@@ -37,7 +36,7 @@ class SauterCodec:
         self._excess = False
 
     def feed(self, data: bytes) -> Decoded[GaugeSample]:
-        """Take the next bytes; nothing is complete before the silence."""
+        """Collect the next bytes; nothing is complete before the silence."""
         self.counts.received += len(data)
         self.counts.since_frame += len(data)
         room = REPLY_LENGTH - len(self._buffer)
@@ -45,13 +44,8 @@ class SauterCodec:
         self._excess = self._excess or len(data) > room
         return Decoded([], [])
 
-    @property
-    def complete(self) -> bool:
-        """Whether a whole reply has come, if no more bytes follow."""
-        return len(self._buffer) == REPLY_LENGTH and not self._excess
-
     def silence(self) -> Decoded[GaugeSample]:
-        """Say that no byte has come for longer than a character takes, and return what came before."""
+        """End the reply: no byte has come for longer than a character takes."""
         reply, excess = bytes(self._buffer), self._excess
         self.reset()
         outcome = FrameFault("overlong", "more than 7 characters") if excess else parse_reply(reply)
@@ -63,7 +57,7 @@ class SauterCodec:
 
 
 def parse_reply(reply: bytes) -> GaugeSample | FrameFault:
-    """Return what the seven characters say: '0' compression (minus) or '1' tension, then the number."""
+    """Decode the seven characters: '0' compression (minus) or '1' tension, then the number."""
     if not reply:
         return FrameFault("silent", "no reply to the request")
     if len(reply) != REPLY_LENGTH:

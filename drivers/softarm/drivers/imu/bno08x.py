@@ -31,7 +31,7 @@ class RvcRule:
             return FrameFault("range", f"yaw {yaw}, pitch {pitch}, roll {roll} in 0.01 degree")
         ax, ay, az = (value * _MILLI_G for value in acceleration)
         quaternion = quaternion_from_yaw_pitch_roll(yaw / 100, pitch / 100, roll / 100)
-        return ImuSample(quaternion, index, INDEX_MODULUS, acceleration=(ax, ay, az))
+        return ImuSample(quaternion, index, acceleration=(ax, ay, az))
 
 
 def bno08x_codec() -> FrameParser[ImuSample]:

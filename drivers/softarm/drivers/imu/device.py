@@ -92,13 +92,13 @@ class Imu(SerialDevice[FrameT, ImuSample], Generic[FrameT]):
             self._check_rate()
 
     def publish(self, sample: ImuSample, arrival_ns: int, sequence: int | None) -> None:
-        """Pass a sample on; without a clock of its own it counts as measured on arrival, less the latency."""
+        """Publish a sample; without a device time it counts as measured on arrival, less the latency."""
         self.stream.publish(
             sample, host_ns=arrival_ns, measured_ns=arrival_ns - self.latency_ns, sequence=sequence
         )
 
     def begin_epoch(self) -> None:
-        """The unit has started anew."""
+        """Begin an epoch: the unit has started anew."""
         self.stream.start_epoch(RESTARTED)
 
     def _follow(self, sample: ImuSample, arrival_ns: int) -> int | None:
@@ -135,12 +135,12 @@ class XbusImu(Imu[ImuSample | XbusMessage]):
         self._time = _UnwrappedTime(xbus.TIME_MODULUS)
 
     async def begin(self, link: SerialLink) -> None:
-        """Let it measure; a unit that measures already ignores it."""
+        """Start the measurement; a unit that measures already ignores it."""
         if not self.observe:
             link.write(xbus.encode_message(xbus.GO_TO_MEASUREMENT))
 
     async def run(self, link: SerialLink) -> None:
-        """Let it measure again when it has fallen silent."""
+        """Start the measurement again when the unit has fallen silent."""
         while True:
             before = self.health.frames
             await asyncio.sleep(SILENT_S)
@@ -154,7 +154,7 @@ class XbusImu(Imu[ImuSample | XbusMessage]):
         self._time.restart()
 
     def publish(self, sample: ImuSample, arrival_ns: int, sequence: int | None) -> None:
-        """Pass a sample on with its own time."""
+        """Publish a sample with its device time."""
         if sample.device_time is None:
             super().publish(sample, arrival_ns, sequence)
             return

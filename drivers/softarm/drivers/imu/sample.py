@@ -1,10 +1,10 @@
-"""What every inertial unit says: an orientation as a unit quaternion, and what else it sends."""
+"""A sample of any inertial unit: an orientation as a unit quaternion, and what else it sends."""
 
 from dataclasses import dataclass
 from math import cos, isfinite, radians, sin, sqrt
 
 Quaternion = tuple[float, float, float, float]
-"""(w, x, y, z), unit length: turns vectors of the sensor's axes into those of its reference frame."""
+"""(w, x, y, z), unit length: rotates vectors from the sensor's axes to its reference frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,7 +14,6 @@ class ImuSample:
     Args:
         quaternion: (w, x, y, z), unit length.
         index: Sequence number as the instrument sends it, or None.
-        index_modulus: Where the sequence number starts again, or None.
         device_time: Time of the instrument [s], wrapping or not, or None.
         acceleration: [m/s2] in the sensor's axes, or None.
         unit: Which of several sensors on one line, counted from 1.
@@ -22,14 +21,13 @@ class ImuSample:
 
     quaternion: Quaternion
     index: int | None = None
-    index_modulus: int | None = None
     device_time: float | None = None
     acceleration: tuple[float, float, float] | None = None
     unit: int = 1
 
 
 def quaternion_from_yaw_pitch_roll(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Quaternion:
-    """Return q = q_z(yaw) q_y(pitch) q_x(roll): yaw first, about axes that turn along; angles in degrees."""
+    """Return q = q_z(yaw) q_y(pitch) q_x(roll): yaw first, about body axes; angles in degrees."""
     cy, sy = _half(yaw_deg)
     cp, sp = _half(pitch_deg)
     cr, sr = _half(roll_deg)

@@ -51,7 +51,7 @@ class IndexTracker:
         self._last = None
 
     def step(self, index: int, arrival_ns: int) -> SequenceStep:
-        """Take the number of a sample and its arrival."""
+        """Compare the number and arrival of a sample with those of the last one."""
         last, self._last = self._last, (index, arrival_ns)
         if last is None:
             self._index = 0
@@ -67,8 +67,8 @@ class IndexTracker:
         """Return whether so many samples fit the time."""
         if self.period_ns is None or elapsed_ns <= SILENCE_NS:
             return True
-        off = (elapsed_ns / self.period_ns - passed + self.modulus / 2) % self.modulus - self.modulus / 2
-        return abs(off) <= _SLACK
+        error = (elapsed_ns / self.period_ns - passed + self.modulus / 2) % self.modulus - self.modulus / 2
+        return abs(error) <= _SLACK
 
 
 @dataclass(slots=True)

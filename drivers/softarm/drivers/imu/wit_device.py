@@ -15,7 +15,7 @@ from softarm.drivers.reading import Sink, ignore
 from softarm.drivers.serial_link import SerialLink
 
 SETTLE_S = 0.6
-"""Time over which kinds and rate of frames are looked at [s]."""
+"""Time over which kinds and rate of frames are counted [s]."""
 
 COMMAND_GAP_S = 0.1
 """Time that the unit needs between commands [s]."""
@@ -79,35 +79,35 @@ class WitImu(Imu[ImuSample]):
         self._may_configure = config.configure and not observe
 
     async def begin(self, link: SerialLink) -> None:
-        """Look at what it sends, and set it if that is not what is wanted.
+        """Check what the unit sends, and configure it if that is wrong.
 
         Raises:
             ProtocolError: It sends something else, and may not be set or does not take it. Tried again: on a
                 bad line it may only look so.
         """
-        seen = await self._look(SETTLE_S)
-        if not seen or self._right(seen, SETTLE_S):
+        counts = await self._count_frames(SETTLE_S)
+        if not counts or self._as_configured(counts, SETTLE_S):
             return
         if not self._may_configure:
-            raise self._refusal(seen, SETTLE_S)
+            raise self._refusal(counts, SETTLE_S)
         await self._configure(link)
-        seen = await self._look(SETTLE_S)
-        if not self._right(seen, SETTLE_S):
-            raise self._refusal(seen, SETTLE_S)
+        counts = await self._count_frames(SETTLE_S)
+        if not self._as_configured(counts, SETTLE_S):
+            raise self._refusal(counts, SETTLE_S)
 
     async def run(self, link: SerialLink) -> None:
-        """Keep looking: a unit that lost its power for a moment falls back to what it has stored."""
+        """Check again and again: a unit that lost its power for a moment falls back to what it has stored."""
         while True:
-            seen = await self._look(RATE_WINDOW_S)
-            if self._right(seen, RATE_WINDOW_S):
+            counts = await self._count_frames(RATE_WINDOW_S)
+            if self._as_configured(counts, RATE_WINDOW_S):
                 self.health.alarms.clear(CONTENT)
-            elif seen:
-                refusal = self._refusal(seen, RATE_WINDOW_S)
+            elif counts:
+                refusal = self._refusal(counts, RATE_WINDOW_S)
                 self.health.alarms.set(CONTENT, refusal.what, refusal.cure)
                 if self._may_configure:
                     await self._configure(link)
 
-    async def _look(self, seconds: float) -> dict[int, int]:
+    async def _count_frames(self, seconds: float) -> dict[int, int]:
         """Count the frames of each kind for a while."""
         self._codec.kinds.clear()
         await asyncio.sleep(seconds)
@@ -124,13 +124,15 @@ class WitImu(Imu[ImuSample]):
             link.write(command)
             await asyncio.sleep(COMMAND_GAP_S)
 
-    def _right(self, seen: dict[int, int], seconds: float) -> bool:
+    def _as_configured(self, counts: dict[int, int], seconds: float) -> bool:
         expected = self.rate_hz * seconds
         slack = max(2.0, RATE_TOLERANCE * expected)
-        return all(abs(seen.get(kind, 0) - expected) <= slack for kind in self._wanted)
+        return all(abs(counts.get(kind, 0) - expected) <= slack for kind in self._wanted)
 
-    def _refusal(self, seen: dict[int, int], seconds: float) -> ProtocolError:
-        sends = ", ".join(f"{kind:#04x} at {count / seconds:.0f} Hz" for kind, count in sorted(seen.items()))
+    def _refusal(self, counts: dict[int, int], seconds: float) -> ProtocolError:
+        sends = ", ".join(
+            f"{kind:#04x} at {count / seconds:.0f} Hz" for kind, count in sorted(counts.items())
+        )
         wants = ", ".join(f"{kind:#04x}" for kind in sorted(self._wanted))
         cure = f"set the unit to {wants} at {self.rate_hz:g} Hz, or allow `configure`"
         return ProtocolError(self.name, f"the unit sends {sends}", cure)

@@ -23,8 +23,6 @@ RATES: Final = {0.2: 1, 0.5: 2, 1: 3, 2: 4, 5: 5, 10: 6, 20: 7, 50: 8, 100: 9, 1
 UNLOCK: Final = bytes.fromhex("ff aa 69 88 b5")
 """Opens the configuration for ten seconds."""
 
-SAVE: Final = bytes.fromhex("ff aa 00 00 00")
-
 _WORDS: Final = struct.Struct("<4h")
 
 
@@ -88,7 +86,7 @@ class WitCodec:
         self._acceleration = None
 
     def feed(self, data: bytes) -> Decoded[ImuSample]:
-        """Take the next bytes and return the samples and faults that they complete."""
+        """Decode the next bytes and return the samples and faults that they complete."""
         frames = self.frames.feed(data)
         decoded: Decoded[ImuSample] = Decoded([], frames.faults)
         for frame in frames.frames:

@@ -104,7 +104,6 @@ def _sample(groups: dict[int, bytes]) -> ImuSample | FrameFault:
     return ImuSample(
         quaternion,
         index=int.from_bytes(counter[:2], "big") if len(counter) == 3 else None,
-        index_modulus=INDEX_MODULUS if len(counter) == 3 else None,
         device_time=int.from_bytes(ticks[:4], "big") * TICK if len(ticks) == 5 else None,
         acceleration=(acceleration[0], acceleration[1], acceleration[2]) if acceleration else None,
     )

@@ -1,4 +1,4 @@
-"""One TCP connection to QTM: packets in, commands out, each reply to whoever asked."""
+"""One TCP connection to QTM: packets in, commands out, each reply to its request."""
 
 import asyncio
 from collections import deque
@@ -25,28 +25,28 @@ class QtmError(ProtocolError):
 
 
 class Listener(Protocol):
-    """Takes what QTM sends unasked; nothing may be raised."""
+    """Receives what QTM sends without a request; no method may raise."""
 
     def on_data(self, packet: bytes, arrival_ns: int) -> None:
-        """Take a data packet with its header."""
+        """Handle a data packet with its header."""
 
     def on_event(self, event: int) -> None:
-        """Take an event that answers nobody."""
+        """Handle an event that answers no request."""
 
     def on_no_more_data(self) -> None:
-        """Take that no measurement runs."""
+        """Handle the report that no measurement runs."""
 
     def on_error(self, text: str) -> None:
-        """Take an error that answers no open request."""
+        """Handle an error that answers no open request."""
 
     def on_fault(self, fault: FrameFault) -> None:
-        """Take that the stream held something that is no packet of use."""
+        """Handle bytes of the stream that are no packet of use."""
 
     def on_unexpected(self, text: str) -> None:
-        """Take a reply that nobody waits for."""
+        """Handle a reply without a request."""
 
     def on_lost(self) -> None:
-        """Take that the connection has ended; `Connection.error` says why."""
+        """Handle the end of the connection; its cause is `Connection.error`."""
 
 
 class _Request(NamedTuple):
@@ -87,7 +87,7 @@ class Connection(asyncio.Protocol):
         """Wait for the greeting.
 
         Raises:
-            Refused: QTM takes no more clients.
+            QtmError: QTM takes no more clients.
             DeviceError: The connection was lost.
         """
         return packet_text(await self._welcome)
@@ -96,7 +96,7 @@ class Connection(asyncio.Protocol):
         """Send a command and return the packet that answers it.
 
         Raises:
-            Refused: QTM answered with an error.
+            QtmError: QTM answered with an error.
             DeviceError: The connection was lost.
         """
         answer = self.expect(kind)
@@ -104,7 +104,7 @@ class Connection(asyncio.Protocol):
         return await answer
 
     def expect(self, kind: PacketKind) -> asyncio.Future[bytes]:
-        """Stand in line for the next packet of a kind, or an error."""
+        """Return a future for the next packet of a kind, or an error."""
         answer: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
         if self.error is not None:
             answer.set_exception(self.error)
@@ -113,7 +113,7 @@ class Connection(asyncio.Protocol):
         return answer
 
     def withdraw(self, answer: asyncio.Future[bytes]) -> None:
-        """Leave the line: the answer, should it still come, is nobody's."""
+        """Withdraw a request: its answer, should it still come, is an unexpected reply."""
         self._requests = deque(request for request in self._requests if request.answer is not answer)
 
     def send(self, command: str) -> None:
@@ -137,7 +137,7 @@ class Connection(asyncio.Protocol):
             self.listener.on_lost()
 
     def close(self) -> None:
-        """Say goodbye and end the connection."""
+        """Stop the stream and end the connection."""
         self.listener = None
         if self.error is None and self._transport is not None:
             self.send("StreamFrames Stop")
@@ -150,12 +150,12 @@ class Connection(asyncio.Protocol):
         self._transport = cast(asyncio.Transport, transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Fail what is open."""
+        """Fail the open requests."""
         why = f": {exc}" if exc else ""
         self.fail(ConnectionLost(self.device, f"QTM closed the connection{why}", "check that QTM runs"))
 
     def data_received(self, data: bytes) -> None:
-        """Pass packets on."""
+        """Dispatch the packets that these bytes complete."""
         self.heard_ns = arrival_ns = self._clock()
         decoded = self._parser.feed(data)
         for kind, packet in decoded.frames:

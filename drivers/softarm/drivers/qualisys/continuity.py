@@ -1,4 +1,4 @@
-"""What time stamps and frame numbers show: lost frames, a new measurement, a picture that stands still."""
+"""Check time stamps and frame numbers for lost frames, a new measurement and a frozen picture."""
 
 from dataclasses import dataclass
 
@@ -21,8 +21,8 @@ class FrameStep:
 class Continuity:
     """Follows the frames of one connection.
 
-    A live preview may number all its frames 1, so a frame number that stands still says nothing; a time stamp
-    that stands still does.
+    A live preview may number all its frames 1, so a repeated frame number means nothing; a repeated time
+    stamp does.
 
     Args:
         stride: Frame numbers from one frame to the next, as asked for.
@@ -33,7 +33,7 @@ class Continuity:
         self._last: tuple[int, int] | None = None
 
     def step(self, timestamp_us: int, frame: int) -> FrameStep:
-        """Take time stamp [us] and number of a frame."""
+        """Compare time stamp [us] and number of a frame with those of the last one."""
         last, self._last = self._last, (timestamp_us, frame)
         if last is None:
             return FrameStep()

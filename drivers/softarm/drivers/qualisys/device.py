@@ -7,7 +7,7 @@ from pydantic import Field, field_validator
 
 from softarm.drivers.clock import NANOSECONDS, Clock, monotonic
 from softarm.drivers.config import DriverConfig, Seconds
-from softarm.drivers.device import SupervisedDevice
+from softarm.drivers.device import Device
 from softarm.drivers.errors import ConnectionLost
 from softarm.drivers.qualisys.connection import PORT_CURE, Connection
 from softarm.drivers.qualisys.motion import MotionFrame
@@ -69,7 +69,7 @@ class QualisysConfig(DriverConfig):
         return MotionCapture(self, sink, clock)
 
 
-class MotionCapture(SupervisedDevice):
+class MotionCapture(Device):
     """The motion capture.
 
     Args:

@@ -1,4 +1,4 @@
-"""Finds QTM hosts: a question by UDP to one given address, answered with the host's name and base port."""
+"""Finds QTM hosts: a UDP request to one address, answered with the host's name and base port."""
 
 import asyncio
 import struct
@@ -9,7 +9,7 @@ from softarm.drivers.framing import FrameFault
 from softarm.drivers.qualisys.packets import PacketKind
 
 DISCOVERY_PORT: Final = 22226
-_QUESTION: Final = struct.Struct("<II")
+_REQUEST: Final = struct.Struct("<II")
 _LARGEST_REPLY: Final = 2048
 
 
@@ -20,7 +20,7 @@ class QtmHost:
     Args:
         address: Its IP address.
         base_port: The port that the others count from; little-endian is one above.
-        description: Its name, version and cameras, as it says.
+        description: Its name, version and cameras, as it reports them.
     """
 
     address: str
@@ -29,15 +29,15 @@ class QtmHost:
 
 
 def encode_discover(reply_port: int) -> bytes:
-    """Return the question; the port alone is big-endian."""
-    return _QUESTION.pack(10, PacketKind.DISCOVER) + reply_port.to_bytes(2, "big")
+    """Encode the request; the port alone is big-endian."""
+    return _REQUEST.pack(10, PacketKind.DISCOVER) + reply_port.to_bytes(2, "big")
 
 
 def parse_reply(data: bytes, address: str) -> QtmHost | FrameFault:
     """Return the host that a reply describes, or what is wrong with it."""
     if not 11 <= len(data) <= _LARGEST_REPLY:
         return FrameFault("size", f"a discovery reply of {len(data)} bytes")
-    size, kind = _QUESTION.unpack_from(data)
+    size, kind = _REQUEST.unpack_from(data)
     text, end, _ = data[8:-2].partition(b"\0")
     if size != len(data) or kind != PacketKind.COMMAND or not end:
         return FrameFault("discovery", "not a discovery reply")
@@ -45,10 +45,10 @@ def parse_reply(data: bytes, address: str) -> QtmHost | FrameFault:
 
 
 async def discover(address: str, port: int = DISCOVERY_PORT, wait_s: float = 0.3) -> list[QtmHost]:
-    """Ask the given address, of one host or a broadcast, and collect replies.
+    """Send the request to one address, of a host or a broadcast, and collect replies.
 
     Args:
-        address: Where the question goes, and nowhere else.
+        address: Where the request goes, and nowhere else.
         port: Port that QTM listens on.
         wait_s: How long to collect [s].
 
@@ -60,8 +60,8 @@ async def discover(address: str, port: int = DISCOVERY_PORT, wait_s: float = 0.3
         _Replies, local_addr=("0.0.0.0", 0), allow_broadcast=True
     )
     try:
-        own_port: int = transport.get_extra_info("sockname")[1]
-        transport.sendto(encode_discover(own_port), (address, port))
+        reply_port: int = transport.get_extra_info("sockname")[1]
+        transport.sendto(encode_discover(reply_port), (address, port))
         await asyncio.sleep(wait_s)
     finally:
         transport.close()

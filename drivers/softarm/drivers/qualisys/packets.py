@@ -27,7 +27,7 @@ class PacketKind(IntEnum):
 
 
 class QtmEvent(IntEnum):
-    """What an event packet says."""
+    """Events that QTM reports."""
 
     CONNECTED = 1
     CONNECTION_CLOSED = 2
@@ -79,7 +79,7 @@ _new = tuple.__new__  # a named tuple's own constructor costs twice as much
 class PacketParser:
     """Cuts the stream of one connection into packets; holds at most one packet of the kinds in `SIZES`."""
 
-    __slots__ = ("_buffer", "_idle", "_needed", "_to_skip", "broken", "skipped_packets")
+    __slots__ = ("_buffer", "_idle", "_needed", "_to_skip", "broken")
 
     def __init__(self) -> None:
         self._buffer = bytearray()
@@ -87,10 +87,9 @@ class PacketParser:
         self._to_skip = 0
         self._idle = True
         self.broken = False
-        self.skipped_packets = 0
 
     def feed(self, data: bytes) -> Decoded[Packet]:
-        """Take the next bytes and return the packets and faults that they complete."""
+        """Decode the next bytes and return the packets and faults that they complete."""
         if self._idle and _DATA_SMALLEST <= len(data) <= _DATA_LARGEST:
             size, kind = _unpack_header(data)
             if size == len(data) and kind == _DATA:
@@ -121,7 +120,6 @@ class PacketParser:
                 return
             if kind not in SIZES:
                 faults.append(FrameFault("unknown", f"a packet of kind {kind}, {size} bytes"))
-                self.skipped_packets += 1
                 self._to_skip = max(0, at + size - end)
                 at = min(at + size, end)
                 continue

@@ -1,4 +1,4 @@
-"""What the settings of QTM say of rigid bodies: their names in the order of the data, and the Euler angles.
+"""Rigid bodies in the settings of QTM: their names in the order of the data, and the Euler angles.
 
 Up to protocol 1.20 the angle names stand in `The_6D/Euler`, from 1.21 as attributes of `General/EulerAngles`;
 from 1.24 a body can be disabled.
@@ -21,8 +21,8 @@ class Parameters:
     Args:
         bodies: Names, in the order of the settings.
         enabled: Of those, the ones that are not switched off, in the same order.
-        euler: Names of the three angles, or empty if the settings do not say.
-        frequency: Capture rate [Hz], or None if the settings do not say.
+        euler: Names of the three angles, or empty if the settings lack them.
+        frequency: Capture rate [Hz], or None if the settings lack it.
     """
 
     bodies: tuple[str, ...]
@@ -39,7 +39,7 @@ class Parameters:
 
 
 def parse_parameters(text: str) -> Parameters | FrameFault:
-    """Return what an XML packet says, in either layout, or what is wrong with it."""
+    """Parse an XML packet in either layout, or return what is wrong with it."""
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         return FrameFault("xml", "settings with a document type: not from QTM")
     try:

@@ -20,8 +20,8 @@ class BodyPose:
 
     Args:
         position: Origin of the body [m].
-        quaternion: (w, x, y, z), unit length, w >= 0: turns vectors of the body's axes into those of the
-            room.
+        quaternion: (w, x, y, z), unit length, w >= 0: rotates vectors from the body's axes to those of
+            the room.
         residual: Mean distance of its markers from the fitted body [m], or None if not streamed.
     """
 

@@ -13,7 +13,7 @@ from softarm.drivers.stream import ReadingStream
 
 BODIES = "bodies"
 SETTLE_NS = NANOSECONDS // 10
-"""How long frames in the old order may still come after QTM has said that its settings have changed [ns]."""
+"""How long frames in the old order may still come after QTM has reported a change of its settings [ns]."""
 
 
 class MotionPublisher:
@@ -51,27 +51,27 @@ class MotionPublisher:
         self._labels: list[tuple[int, str]] | None = None
         self._count = -1
         self._named_from_ns = 0
-        self._seen_ns: dict[str, int] = {}
+        self._last_visible_ns: dict[str, int] = {}
 
     def connected(self) -> None:
-        """Begin with a new connection: nothing is known."""
+        """Begin with a new connection, without names."""
         self._continuity = Continuity(self._stride)
         self._stream.start_epoch("connected")
-        self._seen_ns.clear()
+        self._last_visible_ns.clear()
         self.forget_names()
 
     def forget_names(self, now_ns: int | None = None) -> None:
-        """Names may stand for other bodies now.
+        """Forget the names: they may stand for other bodies now.
 
         Args:
-            now_ns: When QTM said so [ns]; frames that were on their way then come in the old order.
+            now_ns: When QTM reported it [ns]; frames that were on their way then come in the old order.
         """
         self._parameters = None
         self._labels = None
         self._named_from_ns = 0 if now_ns is None else now_ns + SETTLE_NS
 
     def learn_names(self, parameters: Parameters) -> None:
-        """Take settings that hold from now on."""
+        """Use settings that hold from now on."""
         self._parameters = parameters
         self._labels = None
         self._count = -1
@@ -90,8 +90,8 @@ class MotionPublisher:
         self._health.gaps += step.lost
         known = self._fit(len(frame.values))
         named = known and arrival_ns >= self._named_from_ns
-        found = poses(frame) if named else []
-        by_name = {name: found[index] for index, name in (self._labels or ()) if named}
+        measured = poses(frame) if named else []
+        by_name = {name: measured[index] for index, name in (self._labels or ()) if named}
         device_ns = frame.timestamp_us * 1000
         measured_ns = (
             self._stream.clock_map.update(device_ns, arrival_ns, self._stream.epoch) - self._latency_ns
@@ -124,17 +124,17 @@ class MotionPublisher:
         return self._labels is not None
 
     def _lost(self, by_name: Mapping[str, BodyPose | None], measured_ns: int) -> dict[str, float]:
-        """Return how long bodies have been lost [s], and raise or take back their alarms."""
+        """Return how long bodies have been lost [s], and raise or clear their alarms."""
         lost: dict[str, float] = {}
         alarms = self._health.alarms
         for name, pose in by_name.items():
             key = f"lost:{name}"
             if pose is not None:
-                self._seen_ns[name] = measured_ns
+                self._last_visible_ns[name] = measured_ns
                 if key in alarms:
                     alarms.clear(key)
                 continue
-            age_ns = measured_ns - self._seen_ns.setdefault(name, measured_ns)
+            age_ns = measured_ns - self._last_visible_ns.setdefault(name, measured_ns)
             lost[name] = age_ns / NANOSECONDS
             if age_ns >= self._lost_after_ns and key not in alarms:
                 cure = "check that its markers are attached and visible to the cameras"

@@ -1,4 +1,4 @@
-"""One session with QTM: version, names, stream, and what to do when QTM says that something has changed."""
+"""One session with QTM: version, names, stream, and what follows when its settings change."""
 
 import asyncio
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ _STARTING: Final = frozenset({QtmEvent.CAPTURE_STARTED, QtmEvent.RT_FROM_FILE_ST
 
 @dataclass(frozen=True, slots=True)
 class SessionOptions:
-    """What a session asks for.
+    """Options of a session.
 
     Args:
         component: 6D, 6DRes, 6DEuler or 6DEulerRes.
@@ -53,7 +53,7 @@ class QtmSession:
         connection: The connection.
         publisher: Takes frames and names.
         health: Counters and alarms.
-        options: What to ask for.
+        options: Rate, component and deadlines.
         clock: Host monotonic time.
     """
 
@@ -75,7 +75,7 @@ class QtmSession:
         self._wake = asyncio.Event()
         self._names_due = False
         self._stream_due = False
-        self._asked_names_ns = 0
+        self._names_requested_ns = 0
         connection.listener = self
 
     async def identify(self) -> None:
@@ -96,7 +96,7 @@ class QtmSession:
         self._start_stream()
 
     async def stream(self) -> None:
-        """Follow what QTM says until the connection is lost, and raise what ended it."""
+        """Serve the session until the connection is lost, and raise what ended it."""
         while True:
             try:
                 async with asyncio.timeout(self._options.heartbeat_s):
@@ -111,19 +111,19 @@ class QtmSession:
         self._connection.close()
 
     async def _follow(self) -> None:
-        """Do what is due: fail, read names, ask for the stream, ask whether QTM is alive."""
+        """Do what is due: fail, read names, request the stream, check that QTM is alive."""
         if self._connection.error is not None:
             raise self._connection.error
         now_ns = self._clock()
         if now_ns - self._connection.heard_ns >= self._pause_ns:
             await self._check_alive(now_ns)
-        if self._names_due and now_ns - self._asked_names_ns >= self._pause_ns:
+        if self._names_due and now_ns - self._names_requested_ns >= self._pause_ns:
             await self._read_names()
         if self._stream_due:
             self._start_stream()
 
-    async def _check_alive(self, asked_ns: int) -> None:
-        """Ask for the state; anything that comes meanwhile is a sign of life as good as the answer."""
+    async def _check_alive(self, now_ns: int) -> None:
+        """Request the state; anything that comes meanwhile is a sign of life as good as the answer."""
         answer = self._connection.expect(PacketKind.EVENT)
         self._connection.send("GetState")
         try:
@@ -131,7 +131,7 @@ class QtmSession:
                 await answer
         except TimeoutError:
             self._health.timeouts += 1
-            if self._connection.heard_ns <= asked_ns:
+            if self._connection.heard_ns <= now_ns:
                 raise self._unanswered("GetState") from None
             self._connection.withdraw(answer)
 
@@ -142,8 +142,8 @@ class QtmSession:
 
     def _start_stream(self) -> None:
         self._stream_due = False
-        share = "AllFrames" if self._options.divisor == 1 else f"FrequencyDivisor:{self._options.divisor}"
-        self._connection.send(f"StreamFrames {share} {self._options.component}")
+        rate = "AllFrames" if self._options.divisor == 1 else f"FrequencyDivisor:{self._options.divisor}"
+        self._connection.send(f"StreamFrames {rate} {self._options.component}")
 
     async def _greet(self) -> None:
         try:
@@ -176,9 +176,9 @@ class QtmSession:
         )
 
     async def _read_names(self) -> None:
-        """Read the settings; what they name holds only if nothing changed meanwhile."""
+        """Read the settings; their names hold only if nothing changed meanwhile."""
         self._names_due = False
-        self._asked_names_ns = self._clock()
+        self._names_requested_ns = self._clock()
         try:
             packet = await self._ask("GetParameters General 6D", PacketKind.XML)
         except QtmError as refusal:
@@ -207,14 +207,14 @@ class QtmSession:
             raise ConfigurationError(self._device, what, "stream 6D, or restore the standard angles in QTM")
 
     async def _ask(self, command: str, kind: PacketKind) -> bytes:
-        asked_ns = self._clock()
+        sent_ns = self._clock()
         try:
             async with asyncio.timeout(self._options.answer_s):
                 packet = await self._connection.request(command, kind)
         except TimeoutError:
             self._health.timeouts += 1
             raise self._unanswered(command) from None
-        self._health.round_trip.add(self._clock() - asked_ns)
+        self._health.round_trip.add(self._clock() - sent_ns)
         return packet
 
     def _unanswered(self, command: str) -> ConnectionLost:
@@ -239,7 +239,7 @@ class QtmSession:
             self._wake.set()
 
     def on_event(self, event: int) -> None:
-        """Follow what QTM says of itself."""
+        """Follow an event of QTM."""
         self._health.events[_event_name(event)] += 1
         if event == QtmEvent.SHUTTING_DOWN:
             self._connection.fail(ConnectionLost(self._device, "QTM is shutting down", "start QTM"))
@@ -247,21 +247,21 @@ class QtmSession:
         if event in _RENAMING:
             self._publisher.forget_names(self._clock())
             self._names_due = True
-            self._asked_names_ns -= self._pause_ns
+            self._names_requested_ns -= self._pause_ns
         if event in _STARTING:
             self._stream_due = True
         if event in _RENAMING or event in _STARTING:
             self._wake.set()
 
     def on_no_more_data(self) -> None:
-        """No measurement runs: wait for one."""
+        """Raise the alarm that no measurement runs."""
         self._health.events["no more data"] += 1
         self._health.alarms.set(
             WAITING, "no measurement runs in QTM", "start a capture or the preview in QTM"
         )
 
     def on_error(self, text: str) -> None:
-        """Count an error that answers no request: it can only be about the stream."""
+        """Fail the connection: an error that answers no request can only be about the stream."""
         self._health.rejected += 1
         self._connection.fail(
             ProtocolError(self._device, f"QTM refuses the stream: {text!r}", "check `component`")
@@ -275,7 +275,7 @@ class QtmSession:
             self._health.malformed += 1
 
     def on_unexpected(self, text: str) -> None:
-        """Count a reply that nobody waits for."""
+        """Count a reply without a request."""
         self._health.rejected += 1
         self._health.facts["unexpected reply"] = text
 

@@ -2,6 +2,6 @@
 
 from softarm.drivers.valves.bank import ValveBank
 from softarm.drivers.valves.config import MpaConfig, VtemConfig
-from softarm.drivers.valves.pressures import AppliedPressures, BankReading
+from softarm.drivers.valves.pressures import BankReading
 
-__all__ = ["AppliedPressures", "BankReading", "MpaConfig", "ValveBank", "VtemConfig"]
+__all__ = ["BankReading", "MpaConfig", "ValveBank", "VtemConfig"]

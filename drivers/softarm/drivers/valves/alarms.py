@@ -1,4 +1,4 @@
-"""What the valve bank finds wrong, and what it says of it."""
+"""Alarms of the valve bank: what is wrong and what to do."""
 
 from softarm.drivers.alarms import Alarms
 from softarm.drivers.valves.pressures import Pressures

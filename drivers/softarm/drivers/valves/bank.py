@@ -4,7 +4,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from random import Random
 
 from softarm.drivers.clock import Clock, monotonic
-from softarm.drivers.device import SupervisedDevice
+from softarm.drivers.device import Device
 from softarm.drivers.errors import InterlockError
 from softarm.drivers.reading import Reading, Sink, ignore
 from softarm.drivers.stream import ReadingStream
@@ -13,7 +13,7 @@ from softarm.drivers.valves.alarms import BLOCKING, reports_fault
 from softarm.drivers.valves.limits import PressureLimits
 from softarm.drivers.valves.link import RegisterLink
 from softarm.drivers.valves.outputs import Outputs
-from softarm.drivers.valves.pressures import AppliedPressures, BankReading, ChamberMap
+from softarm.drivers.valves.pressures import BankReading, ChamberMap
 from softarm.drivers.valves.registers import RegisterLayout
 from softarm.drivers.valves.session import BankSession, CycleSettings
 from softarm.drivers.valves.terminal import Terminal
@@ -22,22 +22,23 @@ from softarm.drivers.valves.vtem import ACKNOWLEDGE_S
 OpenLink = Callable[["ValveBank"], Awaitable[RegisterLink]]
 
 
-class ValveBank(SupervisedDevice):
+class ValveBank(Device):
     """Proportional valves that fill the chambers of an arm.
 
     A set-point lives for a stated time; without renewal the chambers vent, and the bank stays armed: the next
-    set-point fills them again from zero, at the rate of the slew limit. Who cannot have that, as the service
-    that holds a pose, looks at the event ``set-point expired`` and disarms. The chambers also vent when the
-    terminal cleared its outputs, when another master writes, when the connection breaks, and on `close`.
-    After each of these only `arm` makes the bank take set-points again: nothing moves by itself.
+    set-point fills them again from zero, at the rate of the slew limit. A caller that must not
+    refill them, as the service that holds a pose, watches the event ``set-point expired`` and disarms. The
+    chambers also vent when the terminal cleared its outputs, when another master writes, when the connection
+    breaks, and on `close`.
+    After each of these only `arm` makes the bank accept set-points again: nothing moves by itself.
 
     Args:
-        name: What readings, errors and logs call the device.
+        name: Name of the device in readings, errors and logs.
         source: Where its readings come from.
         open_link: Opens the connection to the registers.
         layout: Where the terminal keeps its valves.
         chambers: Which valve feeds which chamber.
-        limits: What the chambers bear.
+        limits: Limits of the chambers.
         settings: How to talk to the terminal.
         timing: Deadlines of the connection.
         sink: Takes each reading.
@@ -106,7 +107,7 @@ class ValveBank(SupervisedDevice):
         self._outputs.vent(reason)
 
     def acknowledge(self) -> bool:
-        """Have the terminal let go of the errors that its slots keep; nothing else ever does.
+        """Clear the errors that the slots of the terminal keep; nothing else ever does.
 
         Returns:
             Whether there are any; the valves regulate again after a second or two. A terminal that keeps
@@ -132,23 +133,6 @@ class ValveBank(SupervisedDevice):
             LimitError: A pressure or the lifetime is out of range; nothing changes.
         """
         self._outputs.command(setpoint, lifetime_s)
-
-    async def set_pressures(self, setpoint: Sequence[float], lifetime_s: float) -> AppliedPressures:
-        """Put a set-point in force and wait until the terminal has taken it.
-
-        Args:
-            setpoint: Gauge pressure of each chamber [Pa].
-            lifetime_s: After so long the chambers vent unless it is renewed [s].
-
-        Returns:
-            What was asked and what was written: less while the slew limit holds it back.
-
-        Raises:
-            InterlockError: The bank is not armed, or vented before the write.
-            LimitError: A pressure or the lifetime is out of range; nothing changes.
-        """
-        self.command(setpoint, lifetime_s)
-        return await self._outputs.written()
 
     async def open(self) -> BankSession:
         """Open the connection to the terminal."""

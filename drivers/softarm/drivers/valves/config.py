@@ -24,7 +24,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 def _listed(value: Any) -> Any:
-    """Take one number as a list of one, so that an error in it is reported once."""
+    """Return one number as a list of one, so that an error in it is reported once."""
     return (value,) if isinstance(value, (int, float)) else value
 
 
@@ -50,7 +50,7 @@ class ValveConfig(DriverConfig):
         reach_s: Time in which a set-point must be reached [s].
         tracking_tolerance_pa: Allowed deviation of a measured pressure [Pa].
         tracking_confirm_s: A deviation counts once it has lasted so long [s].
-        pascal_per_count: What a count of the terminal's words is worth [Pa]; 100 where it counts in mbar.
+        pascal_per_count: Pressure of one count of the terminal [Pa]; 100 where it counts in mbar.
     """
 
     host: Annotated[str, Field(min_length=1)]

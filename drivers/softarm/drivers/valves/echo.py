@@ -7,7 +7,7 @@ Counts = tuple[int, ...]
 
 
 class Verdict(Enum):
-    """What the echo says."""
+    """Whose set-points the echo shows."""
 
     OURS = "ours"
     ZEROED = "zeroed"
@@ -31,14 +31,14 @@ class EchoMonitor:
         self._answered = True
 
     def attempted(self, counts: Counts, now_ns: int) -> None:
-        """Take a write that was sent, whether or not it was confirmed."""
+        """Record a write that was sent, whether or not it was confirmed."""
         if self._writes and self._writes[-1][1] == counts:
             return
         self._writes.append((now_ns, counts))
         self._answered = False
 
     def answered(self, now_ns: int) -> None:
-        """Take the answer to the last write: a request may have waited before the terminal took it."""
+        """Record the answer to the last write: a request may have waited before the terminal took it."""
         if not self._answered:
             self._writes[-1] = now_ns, self._writes[-1][1]
             self._answered = True

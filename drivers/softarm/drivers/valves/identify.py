@@ -36,7 +36,7 @@ async def look(terminal: Terminal, device: str, health: Health) -> tuple[int, ..
         what = f"has no {terminal.layout.valves} valves where its kind has them: {refusal.what}"
         raise ConfigurationError(device, what, "check kind and unit of the terminal") from refusal
     standing = (await terminal.read()).inputs.echo
-    health.facts["set-points found"] = "cannot be read" if standing is None else _found(standing)
+    health.facts["set-points found"] = "cannot be read" if standing is None else _nonzero(standing)
     health.facts["modules"] = await _modules(terminal)
     return standing
 
@@ -66,9 +66,8 @@ async def look_at_watchdog(terminal: Terminal, health: Health) -> WatchdogState:
     return state
 
 
-def _found(echo: tuple[int, ...]) -> str:
-    standing = [f"valve {valve}: {count}" for valve, count in enumerate(echo) if count]
-    return ", ".join(standing) if standing else "all zero"
+def _nonzero(echo: tuple[int, ...]) -> str:
+    return ", ".join(f"valve {valve}: {count}" for valve, count in enumerate(echo) if count) or "all zero"
 
 
 async def _modules(terminal: Terminal) -> str:
@@ -79,12 +78,12 @@ async def _modules(terminal: Terminal) -> str:
         (status,) = await terminal.link.read(TERMINAL_STATUS, 1)
     except ModbusExceptionError:
         return "not reported"
-    told = f"{len(present)} present, with error: {', '.join(map(str, faulty)) or 'none'}"
+    summary = f"{len(present)} present, with error: {', '.join(map(str, faulty)) or 'none'}"
     if status & STATUS_FORCE_ACTIVE:
-        told += "; FORCE ACTIVE: outputs do not follow the host"
+        summary += "; FORCE ACTIVE: outputs do not follow the host"
     if status & STATUS_WRITE_PROTECTED:
-        told += "; parameters write-protected"
-    return told
+        summary += "; parameters write-protected"
+    return summary
 
 
 def _bits(words: tuple[int, ...]) -> list[int]:

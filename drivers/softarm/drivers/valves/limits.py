@@ -1,4 +1,4 @@
-"""The one place where a set-point is held against the limits, before any write."""
+"""The one place that checks a set-point against the limits, before any write."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from softarm.drivers.errors import LimitError
 
 @dataclass(frozen=True, slots=True)
 class PressureLimits:
-    """What the chambers bear.
+    """Limits of the chambers.
 
     Attributes:
         maximum: Highest gauge pressure of each chamber [Pa]; the lowest is zero.
@@ -27,7 +27,7 @@ def check_setpoint(device: str, setpoint: Sequence[float], maximum: Sequence[flo
 
     Args:
         device: The device, for errors.
-        setpoint: Gauge pressure asked of each chamber [Pa].
+        setpoint: Gauge pressure of each chamber [Pa].
         maximum: Highest gauge pressure of each chamber [Pa].
 
     Raises:
@@ -37,11 +37,11 @@ def check_setpoint(device: str, setpoint: Sequence[float], maximum: Sequence[flo
         what = "set-point has the wrong number of chambers"
         count = len(maximum)
         raise LimitError(device, what, f"give {count} pressures", value=len(setpoint), limit=count)
-    for chamber, (asked, most) in enumerate(zip(setpoint, maximum, strict=True)):
-        if not (math.isfinite(asked) and 0.0 <= asked <= most):
-            what = f"set-point of chamber {chamber} is out of range ({asked:g} Pa)"
+    for chamber, (pressure, most) in enumerate(zip(setpoint, maximum, strict=True)):
+        if not (math.isfinite(pressure) and 0.0 <= pressure <= most):
+            what = f"set-point of chamber {chamber} is out of range ({pressure:g} Pa)"
             cure = f"ask for 0 to {most:g} Pa gauge"
-            raise LimitError(device, what, cure, value=asked, limit=float(most), unit="Pa")
+            raise LimitError(device, what, cure, value=pressure, limit=float(most), unit="Pa")
 
 
 def limit_step(
@@ -54,9 +54,9 @@ def limit_step(
 
     Args:
         device: The device, for errors.
-        setpoint: Gauge pressure asked of each chamber [Pa].
+        setpoint: Gauge pressure of each chamber [Pa].
         previous: Gauge pressure applied so far [Pa].
-        limits: What the chambers bear.
+        limits: Limits of the chambers.
         seconds: Time for this step [s].
 
     Returns:
@@ -69,8 +69,8 @@ def limit_step(
     check_setpoint(device, setpoint, limits.maximum)
     step = limits.slew * seconds
     return tuple(
-        before + min(max(asked - before, -step), step)
-        for asked, before in zip(setpoint, previous, strict=True)
+        before + min(max(target - before, -step), step)
+        for target, before in zip(setpoint, previous, strict=True)
     )
 
 

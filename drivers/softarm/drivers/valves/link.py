@@ -51,7 +51,8 @@ class RegisterLink(Protocol):
     """Holding registers at the other end of a connection.
 
     Every method raises `NoAnswer` after the time-out, `ConnectionLost` at once when the connection breaks,
-    `Refused` on an exception reply and `ProtocolError` on an answer that does not fit the request.
+    `ModbusExceptionError` on an exception reply and `ProtocolError` on an answer that does not fit its
+    request.
     """
 
     @property

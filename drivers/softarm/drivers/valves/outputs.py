@@ -1,13 +1,12 @@
 """The set-point of the valves: it expires, behind an interlock that never arms itself."""
 
-import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from softarm.drivers.clock import NANOSECONDS, Clock, monotonic
-from softarm.drivers.errors import DeviceError, InterlockError
+from softarm.drivers.errors import InterlockError
 from softarm.drivers.valves.limits import PressureLimits, limit_lifetime, limit_step
-from softarm.drivers.valves.pressures import AppliedPressures, ChamberMap, Pressures
+from softarm.drivers.valves.pressures import ChamberMap, Pressures
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,18 +14,16 @@ class OutputWrite:
     """One write.
 
     Attributes:
-        setpoint: What was asked [Pa]; None when the chambers are to be vented.
+        setpoint: The set-point [Pa]; None when the chambers are to be vented.
         applied: What the counts amount to [Pa].
         counts: Set-point of every valve [counts].
-        slewing: Whether the slew limit still holds back more than a count.
         expired: Whether a set-point ran out just now.
-        acknowledge: Whether to have the terminal let go of errors that it keeps.
+        acknowledge: Whether to clear the errors that the terminal keeps.
     """
 
     setpoint: Pressures | None
     applied: Pressures
     counts: tuple[int, ...]
-    slewing: bool = False
     expired: bool = False
     acknowledge: bool = False
 
@@ -36,7 +33,7 @@ class Outputs:
 
     Args:
         device: The device, for errors.
-        limits: What the chambers bear.
+        limits: Limits of the chambers.
         chambers: Which valve feeds which chamber.
         clock: Host monotonic time.
     """
@@ -54,7 +51,6 @@ class Outputs:
         self._deadline_ns = 0
         self._acknowledge_until_ns = clock()
         self._level: Pressures = (0.0,) * len(limits.maximum)
-        self._waiting: list[asyncio.Future[AppliedPressures]] = []
 
     def arm(self) -> None:
         """Accept set-points from now on; the chambers stay vented until one comes."""
@@ -70,10 +66,10 @@ class Outputs:
         if self.armed:
             self.armed = False
             self.reason = reason
-        self._drop(InterlockError(self._device, f"was vented: {reason}", "clear the cause and arm it again"))
+        self._drop()
 
     def acknowledge(self, seconds: float) -> None:
-        """Have the terminal let go of errors that it keeps, in the passes of a time [s].
+        """Clear the errors that the terminal keeps, in the passes of the next ``seconds``.
 
         Raises:
             InterlockError: The bank is armed; acknowledging interrupts regulation.
@@ -100,12 +96,6 @@ class Outputs:
         self._setpoint = tuple(float(pressure) for pressure in setpoint)
         self._deadline_ns = self._clock() + round(lifetime_s * NANOSECONDS)
 
-    def written(self) -> asyncio.Future[AppliedPressures]:
-        """Return the outcome of the next write of the set-point in force."""
-        future: asyncio.Future[AppliedPressures] = asyncio.get_running_loop().create_future()
-        self._waiting.append(future)
-        return future
-
     def plan(self, seconds: float) -> OutputWrite:
         """Decide what to write now.
 
@@ -114,41 +104,15 @@ class Outputs:
         """
         expired = self._setpoint is not None and self._clock() >= self._deadline_ns
         if expired:
-            self._drop(InterlockError(self._device, "set-point expired", "renew it within its lifetime"))
+            self._drop()
         if self._setpoint is not None:
             self._level = limit_step(self._device, self._setpoint, self._level, self.limits, seconds)
         counts = self.chambers.to_counts(self._level, self.limits.maximum)
         applied = self.chambers.to_pressures(counts)
         acknowledge = not self.armed and self._clock() < self._acknowledge_until_ns
-        return OutputWrite(self._setpoint, applied, counts, self._slewing(), expired, acknowledge)
+        return OutputWrite(self._setpoint, applied, counts, expired, acknowledge)
 
-    def confirm(self, plan: OutputWrite) -> None:
-        """Notify those who wait that this plan was written."""
-        if plan.setpoint is None:
-            return
-        answer = AppliedPressures(plan.setpoint, plan.applied, self._clock(), plan.slewing)
-        for future in self._take_waiting():
-            future.set_result(answer)
-
-    def fail(self, error: DeviceError) -> None:
-        """Notify those who wait that nobody knows what was written."""
-        for future in self._take_waiting():
-            future.set_exception(error)
-
-    def _slewing(self) -> bool:
-        if self._setpoint is None:
-            return False
-        count = self.chambers.pascal_per_count
-        return any(
-            abs(asked - level) > count for asked, level in zip(self._setpoint, self._level, strict=True)
-        )
-
-    def _drop(self, error: InterlockError) -> None:
+    def _drop(self) -> None:
         self._setpoint = None
-        # Also without a pass in between: whoever arms and commands at once starts from zero.
+        # Also without a pass in between: a caller that arms and commands at once starts from zero.
         self._level = (0.0,) * len(self._level)
-        self.fail(error)
-
-    def _take_waiting(self) -> list[asyncio.Future[AppliedPressures]]:
-        waiting, self._waiting = self._waiting, []
-        return [future for future in waiting if not future.done()]

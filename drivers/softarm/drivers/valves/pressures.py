@@ -1,4 +1,4 @@
-"""What the valve bank says of its chambers."""
+"""The pressures that the valve bank reports, chamber by chamber."""
 
 from dataclasses import dataclass
 
@@ -10,9 +10,9 @@ class BankReading:
     """Pressures of all chambers, gauge, in Pa.
 
     Attributes:
-        setpoint: What was asked; None while nothing is asked and the chambers are vented.
+        setpoint: The set-point; None while the chambers are vented.
         applied: What was last written, after limits, slew and the resolution of a count.
-        echo: What stands in the terminal; None where it does not say.
+        echo: The set-point in the terminal; None where it does not report it.
         readback: What the terminal measures.
         diagnosis: Diagnosis word of each chamber's valve; zero is healthy.
         armed: Whether set-points are accepted.
@@ -27,26 +27,8 @@ class BankReading:
 
 
 @dataclass(frozen=True, slots=True)
-class AppliedPressures:
-    """Answer to a command: the set-points that the valves received.
-
-    Attributes:
-        setpoint: Gauge pressure asked of each chamber [Pa].
-        applied: Gauge pressure written [Pa]; differs from the set-point while slew holds it back,
-            and by up to half a count.
-        written_ns: Host monotonic time of the write [ns].
-        slewing: Whether the slew limit still holds back more than a count.
-    """
-
-    setpoint: Pressures
-    applied: Pressures
-    written_ns: int
-    slewing: bool
-
-
-@dataclass(frozen=True, slots=True)
 class ChamberMap:
-    """Which valve feeds which chamber, and what a count of its words is worth.
+    """Which valve feeds which chamber, and the pressure of one count.
 
     Attributes:
         valve_of: Index of the valve of each chamber.
@@ -69,9 +51,9 @@ class ChamberMap:
         return tuple(counts)
 
     def to_pressures(self, counts: tuple[int, ...]) -> Pressures:
-        """Pick the chambers out of the counts of every valve [Pa]."""
+        """Convert the counts of every valve to the pressure of each chamber [Pa]."""
         return tuple(counts[valve] * self.pascal_per_count for valve in self.valve_of)
 
     def pick(self, words: tuple[int, ...]) -> tuple[int, ...]:
-        """Pick the chambers out of the words of every valve."""
+        """Select the words of the chambers from those of every valve."""
         return tuple(words[valve] for valve in self.valve_of)

@@ -165,8 +165,8 @@ class VtemLayout:
 
     def acknowledge(self, counts: Sequence[int], diagnosis: Sequence[int]) -> list[int]:
         """Write the set-points; a slot that does not regulate is asked to release its error."""
-        regulate, let_go = VTEM_PRESSURE_APP | VTEM_BOTH_VALVES << 6, VTEM_ACKNOWLEDGE | 1 << 6
-        return self._encode([let_go if word else regulate for word in diagnosis[0::2]], counts)
+        regulate, clear = VTEM_PRESSURE_APP | VTEM_BOTH_VALVES << 6, VTEM_ACKNOWLEDGE | 1 << 6
+        return self._encode([clear if word else regulate for word in diagnosis[0::2]], counts)
 
     def _encode(self, commands: Sequence[int], counts: Sequence[int]) -> list[int]:
         words: list[int] = []
@@ -186,17 +186,15 @@ class SlotStatus:
     Attributes:
         mode: App that runs, such as 3 for pressure regulation.
         state: 0 not ready, 1 ready, 2 running, 3 error.
-        app_state: High byte, the app's own.
     """
 
     mode: int
     state: int
-    app_state: int
 
     @classmethod
     def decode(cls, word: int) -> "SlotStatus":
-        """Take the word apart."""
-        return cls(word & 0x3F, (word >> 6) & 3, word >> 8)
+        """Decode a status word."""
+        return cls(word & 0x3F, (word >> 6) & 3)
 
     @property
     def regulating(self) -> bool:

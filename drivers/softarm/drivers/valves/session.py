@@ -135,7 +135,7 @@ class BankSession:
             self._terminal.link.close()
 
     async def run_pass(self, tick: PollTick) -> None:
-        """Run one pass: look, write, look again, and pass on what was measured."""
+        """Run one pass: read, write, check the echo, and publish what was measured."""
         self._verdict = Verdict.OURS
         try:
             sample = await self._read() if self._must_read(tick) else None
@@ -182,7 +182,6 @@ class BankSession:
         self._unknown = False
         self._echo.answered(self._clock() if sample is None else sample.arrival_ns)
         self._applied, self._setpoint = plan.applied, plan.setpoint
-        self._outputs.confirm(plan)
         if sample is not None:
             self._judge(sample)
         return sample
@@ -244,9 +243,7 @@ class BankSession:
                 break
             await asyncio.sleep(self._settings.echo_lag_s / CLOSE_ATTEMPTS)
         else:
-            told = self._watchdog.fact
-            raise ConnectionLost(
-                self._device, f"could not be vented (watchdog: {told})", "shut off the supply"
-            )
+            what = f"could not be vented (watchdog: {self._watchdog.fact})"
+            raise ConnectionLost(self._device, what, "shut off the supply")
         if isinstance(terminal.layout, VtemLayout):
             await deactivate(terminal.link, terminal.layout, self._device, self._clock)

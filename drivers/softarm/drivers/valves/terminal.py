@@ -54,11 +54,11 @@ class Terminal:
         return replace(sample, inputs=replace(sample.inputs, echo=self.layout.echo_of_outputs(outputs)))
 
     async def write(self, counts: tuple[int, ...], acknowledge: bool = False) -> TimedInputs | None:
-        """Write the set-points; gives the inputs too where one request does both.
+        """Write the set-points, and return the inputs too where one request does both.
 
         Args:
             counts: Set-point of every valve.
-            acknowledge: Have the terminal let go of errors that it keeps; those valves rest meanwhile.
+            acknowledge: Clear the errors that the terminal keeps; those valves rest meanwhile.
         """
         layout = self.layout
         words = layout.acknowledge(counts, self._diagnosis) if acknowledge else layout.encode(counts)

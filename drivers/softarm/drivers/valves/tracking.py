@@ -1,4 +1,4 @@
-"""Commanded but not reached: the measured pressure must stay inside what was asked of late."""
+"""Commanded but not reached: the measured pressure must stay between the recent set-points."""
 
 from collections import deque
 
@@ -29,7 +29,7 @@ class TrackingMonitor:
         self._outside_since: list[int | None] = [None] * chambers
 
     def update(self, applied: Pressures, readback: Pressures, now_ns: int) -> tuple[float | None, ...]:
-        """Take one pass.
+        """Compare the measurements of one pass with the recent set-points.
 
         Args:
             applied: Gauge pressure written to each chamber [Pa].
@@ -41,19 +41,19 @@ class TrackingMonitor:
             lies above (positive) or below what was asked [Pa].
         """
         return tuple(
-            self._judge(chamber, told, measured, now_ns)
-            for chamber, (told, measured) in enumerate(zip(applied, readback, strict=True))
+            self._judge(chamber, setpoint, measured, now_ns)
+            for chamber, (setpoint, measured) in enumerate(zip(applied, readback, strict=True))
         )
 
-    def _judge(self, chamber: int, told: float, measured: float, now_ns: int) -> float | None:
+    def _judge(self, chamber: int, setpoint: float, measured: float, now_ns: int) -> float | None:
         oldest_ns = now_ns - self._reach_ns
         if not self._started[chamber]:
             # What was asked before is not known; the chamber may be on its way from where it is.
             self._started[chamber] = True
             self._lowest[chamber].push(now_ns, measured, oldest_ns)
             self._highest[chamber].push(now_ns, measured, oldest_ns)
-        low = self._lowest[chamber].push(now_ns, told, oldest_ns)
-        high = self._highest[chamber].push(now_ns, told, oldest_ns)
+        low = self._lowest[chamber].push(now_ns, setpoint, oldest_ns)
+        high = self._highest[chamber].push(now_ns, setpoint, oldest_ns)
         deviation = max(0.0, measured - high) + min(0.0, measured - low)
         if abs(deviation) <= self._tolerance:
             self._outside_since[chamber] = None
@@ -77,7 +77,7 @@ class Extreme:
         self._before: float | None = None
 
     def push(self, now_ns: int, value: float, oldest_ns: int) -> float:
-        """Take a sample and give the extreme since ``oldest_ns``."""
+        """Add a sample and return the extreme since ``oldest_ns``."""
         if self._before is None:
             self._before = value
         # The value held until now counts up to now, so that a jump is inside the window for its whole length.

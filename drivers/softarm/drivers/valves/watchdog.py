@@ -9,7 +9,7 @@ from softarm.drivers.valves.registers import WATCHDOG
 
 @dataclass(frozen=True, slots=True)
 class WatchdogState:
-    """What the terminal says of its time-out.
+    """The time-out of the terminal.
 
     Attributes:
         milliseconds: Time-out in force; 0 never fires; None where the terminal has no such register.
@@ -28,7 +28,7 @@ async def read_watchdog(link: RegisterLink) -> WatchdogState:
         if refusal.busy:
             raise
         return WatchdogState(None, f"host side only: the terminal has no register {WATCHDOG}")
-    return WatchdogState(milliseconds, _tell(milliseconds))
+    return WatchdogState(milliseconds, _fact(milliseconds))
 
 
 async def set_watchdog(link: RegisterLink, device: str, wanted_ms: int) -> WatchdogState:
@@ -63,5 +63,5 @@ async def set_watchdog(link: RegisterLink, device: str, wanted_ms: int) -> Watch
     return state
 
 
-def _tell(milliseconds: int) -> str:
+def _fact(milliseconds: int) -> str:
     return f"vents after {milliseconds} ms of silence" if milliseconds else "never fires (0 ms)"

@@ -1,7 +1,7 @@
 """Folders of blind trials and of their answers.
 
 ``TRIALS/<name>/trial.toml`` names the specimen; ``nominal/<run>/`` and ``questioned/<run>/`` hold recordings.
-``ANSWERS/<name>.toml`` says what was concealed. Only the scorer opens the answers.
+``ANSWERS/<name>.toml`` lists what was concealed. Only the scorer opens the answers.
 """
 
 import tomllib
@@ -22,7 +22,7 @@ class Trial:
 
     Args:
         name: Of its folder.
-        specimen: Name or path of the specimen that the diagnosis is given.
+        specimen: Name or path of the specimen for the diagnosis.
         nominal: Recordings of the arm in its known state; may be empty.
         questioned: Recordings in question.
     """
@@ -71,10 +71,10 @@ def read_trials(folder: Path) -> tuple[Trial, ...]:
     """
     if not folder.is_dir():
         raise InputError(str(folder), "is not a folder", "give the folder that holds one folder per trial")
-    found = tuple(_read_trial(path.parent) for path in sorted(folder.glob(f"*/{TRIAL_FILE}")))
-    if not found:
+    trials = tuple(_read_trial(path.parent) for path in sorted(folder.glob(f"*/{TRIAL_FILE}")))
+    if not trials:
         raise InputError(str(folder), f"holds no trial: no */{TRIAL_FILE}", "see docs/diagnosis-proof.md")
-    return found
+    return trials
 
 
 def _read_trial(folder: Path) -> Trial:
@@ -82,13 +82,13 @@ def _read_trial(folder: Path) -> Trial:
     specimen = table.get("specimen")
     if not isinstance(specimen, str):
         raise InputError(str(folder / TRIAL_FILE), "names no specimen", 'add specimen = "..."')
-    beside = folder / specimen
+    local = folder / specimen
     questioned = _recordings(folder / "questioned")
     if not questioned:
         raise InputError(str(folder), "has no recording in question", "put recordings into questioned/")
     return Trial(
         folder.name,
-        str(beside) if beside.is_file() else specimen,
+        str(local) if local.is_file() else specimen,
         _recordings(folder / "nominal"),
         questioned,
     )

@@ -1,4 +1,4 @@
-"""Runs ``softarm diagnose`` on blind trials, each in a process of its own, and keeps what it gave."""
+"""Runs ``softarm diagnose`` on blind trials, each in a process of its own, and keeps the outcomes."""
 
 import json
 import subprocess
@@ -41,7 +41,7 @@ def run_trials(
         The outcomes of all trials, those of earlier runs included.
     """
     results = out / RESULTS
-    known = {outcome.trial: outcome for outcome in read_outcomes(results)}
+    outcomes = {outcome.trial: outcome for outcome in read_outcomes(results)}
     writing = Lock()
 
     def one(trial: Trial) -> None:
@@ -50,15 +50,15 @@ def run_trials(
         after(trial)
         with writing:
             add_outcome(outcome, results)
-            known[trial.name] = outcome
+            outcomes[trial.name] = outcome
 
-    waiting = [trial for trial in trials if trial.name not in known]
+    waiting = [trial for trial in trials if trial.name not in outcomes]
     advance(len(trials) - len(waiting))
     with ThreadPoolExecutor(jobs) as pool:
         for future in as_completed([pool.submit(one, trial) for trial in waiting]):
             future.result()
             advance(1)
-    return [known[trial.name] for trial in trials]
+    return [outcomes[trial.name] for trial in trials]
 
 
 def diagnose_trial(trial: Trial, out: Path, extra: Sequence[str] = ()) -> TrialOutcome:

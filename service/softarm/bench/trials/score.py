@@ -1,4 +1,4 @@
-"""Scoring: what the diagnosis said against what was concealed. Only this opens the answers."""
+"""Scores diagnoses against the concealed effects. Only this module opens the answers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,19 +25,19 @@ class SizeHit:
     Args:
         parameter: Its name.
         true: As concealed.
-        found: As stated.
+        stated: In the report.
         deviation: Its standard deviation, as stated.
     """
 
     parameter: str
     true: float
-    found: float
+    stated: float
     deviation: float
 
     @property
     def deviations(self) -> float:
         """By how many stated deviations it is off."""
-        return (self.found - self.true) / max(self.deviation, 1e-300)
+        return (self.stated - self.true) / max(self.deviation, 1e-300)
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Hit:
     Args:
         effect: Its name.
         named: Whether a finding bears its name.
-        in_set: Whether a finding bears it or lists it among what the data cannot tell from it.
+        in_set: Whether a finding names it or lists it among what the data cannot tell from it.
         placed: Whether that finding is at its place; ``None`` where it was not named.
         size: Its size; ``None`` where it was not placed or is defined otherwise.
         taken_for: What was named instead; empty where it was named or nothing was.
@@ -63,7 +63,7 @@ class Hit:
     @property
     def error(self) -> float | None:
         """Relative error of its size."""
-        return None if self.size is None else abs(self.size.found - self.size.true) / self.size.true
+        return None if self.size is None else abs(self.size.stated - self.size.true) / self.size.true
 
     @property
     def inside(self) -> bool | None:
@@ -163,9 +163,9 @@ def _hit(one: Concealment, findings: Sequence[Mapping[str, Any]]) -> Hit:
     return Hit(one.effect, True, True, placed, _size(one, best) if placed else None, "")
 
 
-def _placed(wanted: Mapping[str, Any], found: Mapping[str, Any]) -> bool:
+def _placed(wanted: Mapping[str, Any], stated: Mapping[str, Any]) -> bool:
     """Return whether a place is the right one; a direction in the cross-section is not compared."""
-    return all(str(wanted[kind]) == str(found.get(kind)) for kind in PLACES if wanted.get(kind) is not None)
+    return all(str(wanted[kind]) == str(stated.get(kind)) for kind in PLACES if wanted.get(kind) is not None)
 
 
 def _size(one: Concealment, finding: Mapping[str, Any]) -> SizeHit | None:

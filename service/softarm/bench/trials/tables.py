@@ -66,9 +66,9 @@ def _counts(kind: str, scores: Sequence[Score]) -> list[tuple[str, int, int]]:
         return [("false alarms", sum(s.false_alarm for s in scores), len(scores))]
     if kind == "foreign":
         return [("called unknown", sum(s.called_unknown for s in scores), len(scores))]
-    known = [hit for hit in hits if hit.effect != ALIKE]
+    identifiable = [hit for hit in hits if hit.effect != ALIKE]
     counts = [
-        (IDENTIFIABLE, sum(hit.right for hit in known), len(known)),
+        (IDENTIFIABLE, sum(hit.right for hit in identifiable), len(identifiable)),
         ("effects named and placed", sum(hit.right for hit in hits), len(hits)),
         ("effects in the set", sum(hit.in_set for hit in hits), len(hits)),
         ("trials with a surplus name", sum(bool(s.surplus) for s in scores), len(scores)),
@@ -97,18 +97,18 @@ def _row(kind: str, motion: str, what: str, hits: int, count: int) -> dict[str, 
 
 
 def by_effect(scores: Sequence[Score]) -> Table:
-    """Say of each effect how often it was found, where, how large, and what it was taken for."""
+    """Tabulate for each effect how often it was named, where, how large, and what was named instead."""
     rows: list[dict[str, Cell]] = []
-    found = [(s.answer.motion, hit) for s in scores if s.answer.kind != "foreign" for hit in s.hits]
-    for name in sorted({hit.effect for _, hit in found}):
+    pairs = [(s.answer.motion, hit) for s in scores if s.answer.kind != "foreign" for hit in s.hits]
+    for name in sorted({hit.effect for _, hit in pairs}):
         row: dict[str, Cell] = {"effect": name}
         for motion in motions(scores):
-            hits = [hit for where, hit in found if where == motion and hit.effect == name]
+            hits = [hit for where, hit in pairs if where == motion and hit.effect == name]
             row[f"{motion or 'all'}_trials"] = len(hits)
             row[f"{motion or 'all'}_named"] = sum(hit.named for hit in hits)
             row[f"{motion or 'all'}_in_set"] = sum(hit.in_set for hit in hits)
             row[f"{motion or 'all'}_placed"] = sum(bool(hit.placed) for hit in hits)
-        every = [hit for _, hit in found if hit.effect == name]
+        every = [hit for _, hit in pairs if hit.effect == name]
         errors = [100.0 * hit.error for hit in every if hit.error is not None]
         inside = [hit.inside for hit in every if hit.inside is not None]
         row["size_inside_2_std"] = f"{sum(inside)} of {len(inside)}" if inside else None
@@ -123,29 +123,29 @@ def by_effect(scores: Sequence[Score]) -> Table:
 
 def sizes(scores: Sequence[Score]) -> Table:
     """Compare the sizes of named effects with the truth."""
-    found = [(s.outcome.trial, hit, hit.size) for s in scores for hit in s.hits if hit.size is not None]
+    sizes = [(s.outcome.trial, hit, hit.size) for s in scores for hit in s.hits if hit.size is not None]
     rows: list[dict[str, Cell]] = [
         {
             "trial": trial,
             "effect": hit.effect,
             "parameter": size.parameter,
             "true": size.true,
-            "found": size.found,
+            "found": size.stated,
             "deviation": size.deviation,
             "deviations_off": size.deviations,
         }
-        for trial, hit, size in found
+        for trial, hit, size in sizes
     ]
-    errors = [hit.error for _, hit, _ in found if hit.error is not None]
-    inside = sum(bool(hit.inside) for _, hit, _ in found)
-    words = f"{inside} of {len(found)} within two stated deviations (aim 90 %)"
+    errors = [hit.error for _, hit, _ in sizes if hit.error is not None]
+    inside = sum(bool(hit.inside) for _, hit, _ in sizes)
+    words = f"{inside} of {len(sizes)} within two stated deviations (aim 90 %)"
     if errors:
         words += f"; median error {100.0 * float(np.median(errors)):.1f} % (aim at most 10 %)"
     return Table("Sizes", rows, (f"{words}.",))
 
 
 def improvement(scores: Sequence[Score]) -> Table:
-    """Say how much better held-out data are predicted, by kind of trial."""
+    """Tabulate how much better held-out data are predicted, by kind of trial."""
     rows: list[dict[str, Cell]] = []
     for motion in motions(scores):
         unchanged = [score.heldout[1] for score in _of(scores, "null", motion) if score.ran]

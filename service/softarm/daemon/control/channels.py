@@ -21,7 +21,7 @@ gauge one force, a valve bank the measured pressures.
 
 @singledispatch
 def parts(value: Any) -> Iterator[tuple[str, tuple[float, ...]]]:
-    """Take a device's value apart into channels; what is invalid in it is left out.
+    """Split a device's value into channels, without its invalid parts.
 
     Raises:
         TypeError: No driver makes values of this type.

@@ -1,4 +1,4 @@
-"""Commands: checked, carried out, and answered once."""
+"""Checks and carries out commands, with one answer each."""
 
 import asyncio
 import logging
@@ -42,13 +42,13 @@ from softarm_client.commands import (
 
 logger = logging.getLogger(__name__)
 RELEASE_LIFETIME_S = 2.0
-"""After a release the pressures live on for so long: time for the client to send its own."""
+"""Lifetime of the pressures after a release [s]: time for the client to send its own."""
 
 CLOCKS_DIFFER_S = 1.0
-"""A command of a client whose clock is further ahead would outlive its caller."""
+"""Largest lead of a client's clock [s]: beyond it a command would outlive its caller."""
 FARTHEST_DEADLINE_S = 60.0
 ANSWER_S = 0.1
-"""A command that waits for an estimate is answered so long before its caller gives up."""
+"""Time before its deadline at which a command that waits for an estimate is answered [s]."""
 SET_CLOCKS = "set the clocks of both hosts by NTP (timedatectl)"
 
 Answer = dict[str, object]
@@ -79,17 +79,12 @@ WAY_OUT: Mapping[Mode, str] = {
     Mode.FAULTED: "clear the fault with clear, then arm",
     Mode.STOPPING: "wait until the service has been started again",
 }
-"""What leads on from a mode in which a command is refused."""
-
-
-def way_out(mode: Mode) -> str:
-    """Return what leads on from a mode in which a command is refused."""
-    return WAY_OUT[mode]
+"""Hint for a command that is refused in a mode: how to leave it."""
 
 
 @dataclass(frozen=True)
 class CommandContext:
-    """What the commands act on.
+    """The parts of the service that the commands act on.
 
     Args:
         controller: Mode, lease and set-points.
@@ -118,7 +113,7 @@ class CommandHandler:
     """Carries out commands.
 
     Args:
-        context: What they act on.
+        context: The parts of the service that they act on.
     """
 
     def __init__(self, context: CommandContext) -> None:
@@ -146,7 +141,7 @@ class CommandHandler:
             code: ErrorCode = "lease_held" if refusal.code == "lease_held" else "no_lease"
             return Refused(verb=verb, code=code, message=str(refusal), hint=refusal.hint)
         except TransitionRefusedError as refusal:
-            hint = way_out(refusal.mode)
+            hint = WAY_OUT[refusal.mode]
             return Refused(verb=verb, code="wrong_mode", message=str(refusal), hint=hint)
         except LimitError as refusal:
             return Refused(verb=verb, code="out_of_limit", message=refusal.what, hint=refusal.cure)
@@ -189,31 +184,31 @@ class CommandHandler:
             if not self._context.controller.lease.accept_sequence(request.sequence):
                 raise RefusalError("stale", f"sequence {request.sequence} is not new", "count upwards")
         if isinstance(request, GuardedRequest):
-            self._refuse_beside_holder(request)
+            self._check_holder(request)
         return request
 
-    def _refuse_beside_holder(self, request: Request) -> None:
-        """Refuse what would disturb another client that holds the lease."""
+    def _check_holder(self, request: Request) -> None:
+        """Refuse a command that would disturb another client, which holds the lease."""
         lease, now_ns = self._context.controller.lease, self._context.clock_ns()
         if lease.holder(now_ns) is not None:
             lease.check(request.lease, now_ns)
 
     def _refuse_stale(self, request: Request) -> None:
-        """Refuse a command whose caller has left, or cannot be told to have left because clocks differ."""
+        """Refuse a command after its deadline, or when the clocks of both hosts differ."""
         now_ns = self._context.unix_ns()
-        left_s = (request.deadline_unix_ns - now_ns) * 1e-9
+        remaining_s = (request.deadline_unix_ns - now_ns) * 1e-9
         late_s = 0.0 if request.sent_unix_ns is None else (now_ns - request.sent_unix_ns) * 1e-9
         if late_s < -CLOCKS_DIFFER_S:
             message = f"the clock of the client's host is {-late_s:.1f} s ahead of the service's"
             raise RefusalError("stale", message, SET_CLOCKS)
-        if left_s < 0.0 and late_s > CLOCKS_DIFFER_S:
+        if remaining_s < 0.0 and late_s > CLOCKS_DIFFER_S:
             message = f"the command was sent {late_s:.1f} s ago, or the clock of its host is that far behind"
             raise RefusalError("stale", message, SET_CLOCKS)
-        if left_s < 0.0:
+        if remaining_s < 0.0:
             hint = f"send it again with a later deadline; if this repeats, {SET_CLOCKS}"
-            raise RefusalError("stale", f"the deadline passed {-left_s:.3f} s ago", hint)
-        if left_s > FARTHEST_DEADLINE_S:
-            message = f"the deadline is {left_s:.1f} s ahead, more than {FARTHEST_DEADLINE_S:g} s"
+            raise RefusalError("stale", f"the deadline passed {-remaining_s:.3f} s ago", hint)
+        if remaining_s > FARTHEST_DEADLINE_S:
+            message = f"the deadline is {remaining_s:.1f} s ahead, more than {FARTHEST_DEADLINE_S:g} s"
             raise RefusalError("stale", message, f"send a nearer deadline; if it was near, {SET_CLOCKS}")
 
     def _refuse_blocked(self, mode: Mode, what: str = "") -> None:
@@ -233,7 +228,7 @@ class CommandHandler:
         return {"asked_pa": self._context.controller.asked.tolist()}
 
     def _clear(self, request: Request) -> Answer:
-        """Go on after a fault; errors that valves keep until then are acknowledged, and clear themselves."""
+        """Clear a fault; errors that the valves keep are acknowledged, and clear themselves."""
         controller = self._context.controller
         cause = controller.modes.fault_cause
         acknowledged = controller.modes.allows(Trigger.CLEAR) and controller.acknowledge()
@@ -246,7 +241,7 @@ class CommandHandler:
         controller = self._context.controller
         if controller.modes.mode not in (Mode.ARMED, Mode.EXPERIMENT):
             message = f"set-points are not taken in {controller.modes.mode}"
-            raise RefusalError("wrong_mode", message, way_out(controller.modes.mode))
+            raise RefusalError("wrong_mode", message, WAY_OUT[controller.modes.mode])
         asked = controller.want(np.array(request.pressures_pa), request.lifetime_s, self._context.clock_ns())
         return {"asked_pa": asked.tolist(), "lifetime_s": request.lifetime_s}
 
@@ -257,7 +252,7 @@ class CommandHandler:
 
     async def _teach_hold(self, request: TeachHold) -> Answer:
         self._refuse_blocked(Mode.HOLDING)
-        hold, pose = await self._known_hold(request)
+        hold, pose = await self._wait_for_hold(request)
         goal = HoldGoal(hold.pressures, pose)
         self._begin_hold(goal, request, f"{request.client} holds")
         return {
@@ -267,8 +262,8 @@ class CommandHandler:
             "note": hold.note,
         }
 
-    async def _known_hold(self, request: Request) -> tuple[HoldAnswer, PoseTarget]:
-        """Return the pressures that hold the pose, and the pose; wait for the estimate as the caller does.
+    async def _wait_for_hold(self, request: Request) -> tuple[HoldAnswer, PoseTarget]:
+        """Wait for the pressures that hold the pose, and return both.
 
         Raises:
             RefusalError: There are none, or the mode changed while the command waited.
@@ -276,11 +271,11 @@ class CommandHandler:
         estimator_state, modes = self._context.estimator_state, self._context.controller.modes
         changes = modes.changes
         if modes.mode in (Mode.TEACH, Mode.HOLDING):
-            left_s = (request.deadline_unix_ns - self._context.unix_ns()) * 1e-9
-            await estimator_state.wait_for_hold(left_s - ANSWER_S, lambda: modes.changes != changes)
+            remaining_s = (request.deadline_unix_ns - self._context.unix_ns()) * 1e-9
+            await estimator_state.wait_for_hold(remaining_s - ANSWER_S, lambda: modes.changes != changes)
         if modes.changes != changes:
             message = f"the arm changed to {modes.mode} while the command waited for an estimate"
-            raise RefusalError("wrong_mode", message, way_out(modes.mode))
+            raise RefusalError("wrong_mode", message, WAY_OUT[modes.mode])
         if estimator_state.held is not None:
             return estimator_state.held
         if estimator_state.hold_answer is not None:
@@ -290,7 +285,7 @@ class CommandHandler:
             message = "the estimator gave no pressures for this pose in time"
             raise RefusalError("not_available", message, "see the service's findings, then try again")
         cause = f" ({modes.fault_cause})" if modes.fault_cause else ""
-        hint = "begin with teach/start" if modes.mode in PRESSURISED else way_out(modes.mode)
+        hint = "begin with teach/start" if modes.mode in PRESSURISED else WAY_OUT[modes.mode]
         message = f"no pressures that hold the pose are computed in {modes.mode}{cause}"
         raise RefusalError("wrong_mode", message, hint)
 
@@ -299,7 +294,7 @@ class CommandHandler:
         self._context.controller.begin_hold(goal, request.ramp_s, now_ns, cause, request.client)
 
     async def _teach_save(self, request: TeachSave) -> Answer:
-        hold, _ = await self._known_hold(request)
+        hold, _ = await self._wait_for_hold(request)
         sections = self._context.estimator_state.sections
         controller = self._context.controller
         held = controller.modes.mode is Mode.HOLDING
@@ -313,8 +308,12 @@ class CommandHandler:
         )
         async with self._saving:  # one after the other: each writes the whole file
             await off_loop(lambda: self._context.poses.save(request.name, pose))
-        told = {"reachable": pose.reachable, "note": pose.note}
-        return {"name": request.name, "pressures_pa": list(pose.pressures_pa), **told}
+        return {
+            "name": request.name,
+            "pressures_pa": list(pose.pressures_pa),
+            "reachable": pose.reachable,
+            "note": pose.note,
+        }
 
     def _teach_list(self, request: Request) -> Answer:
         del request
@@ -379,7 +378,7 @@ class CommandHandler:
     async def _record_stop(self, request: Request) -> Answer:
         """End the recording; that of the holder of the lease is ended by the holder alone."""
         if self._context.controller.lease.is_current(self._recording_lease, self._context.clock_ns()):
-            self._refuse_beside_holder(request)
+            self._check_holder(request)
         path, dropped = await off_loop(self._context.recorder.stop)
         return {"path": str(path), "dropped": dropped}
 

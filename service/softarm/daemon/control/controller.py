@@ -38,7 +38,7 @@ class ValveOutputs(Protocol):
 
 @dataclass(frozen=True)
 class Wanted:
-    """A set-point that somebody asked for.
+    """A set-point of a client.
 
     Args:
         pressures: Gauge pressures [Pa], shape (chambers,).
@@ -80,7 +80,7 @@ class Controller:
 
     @property
     def asked(self) -> Floats:
-        """Gauge pressures asked of the valves [Pa], shape (chambers,)."""
+        """Set-points of the valves, gauge [Pa], shape (chambers,)."""
         return self._asked
 
     @property
@@ -132,7 +132,7 @@ class Controller:
             now_ns: Monotonic time.
 
         Returns:
-            What was asked of the valves [Pa].
+            The set-points of the valves [Pa].
 
         Raises:
             LimitError: A pressure is out of range; nothing changes.
@@ -145,7 +145,7 @@ class Controller:
     def begin_hold(
         self, goal: HoldGoal, ramp_s: float, now_ns: int, cause: str, by: str = SERVICE
     ) -> Transition:
-        """Ramp from what is asked now to a goal and hold it."""
+        """Ramp from the present set-points to a goal and hold it."""
         transition = self.fire(Trigger.HOLD, cause, by)
         self._hold = begin_hold(goal, self._asked, now_ns, ramp_s)
         return transition
@@ -156,10 +156,10 @@ class Controller:
         Args:
             now_ns: Monotonic time.
             interval_s: Time since the last tick [s].
-            measured: What the newest estimate says of holding the pose, when it is known.
+            measured: Answer of the newest estimate on holding the pose, when there is one.
 
         Returns:
-            The change of mode when the lease ran out, or when a hold asks for more than the limits.
+            The change of mode when the lease ran out, or when a hold exceeds the limits.
         """
         gone = self.lease.expire(now_ns)
         if gone is not None and self.modes.allows(Trigger.LEASE_LOST):
@@ -192,5 +192,5 @@ class Controller:
         return self._wanted.pressures
 
     def keep_asked(self, now_ns: int, lifetime_s: float) -> None:
-        """Let what is asked now live on for a while: leaving a hold must not vent at once."""
+        """Keep the present set-points for a while: leaving a hold must not vent at once."""
         self._wanted = Wanted(self._asked, now_ns + round(lifetime_s * 1e9))

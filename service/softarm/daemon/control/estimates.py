@@ -17,7 +17,7 @@ from softarm.daemon.safety.observation import EstimatorHealth
 
 SHAPE_RATE_HZ = 10.0
 CONTACT_EVERY_NS = 2_000_000_000
-"""Placing a push takes the estimator a few solves more, so it is asked for no more often."""
+"""Time between two requests to locate a contact, which takes the estimator a few solves more."""
 
 
 class Estimates:
@@ -106,7 +106,7 @@ class Estimates:
         return due
 
     def take(self, result: EstimationResult) -> None:
-        """Take a result of the estimator: publish it, follow contacts and the test of the model."""
+        """Handle a result of the estimator: publish it, follow contacts and the test of the model."""
         self._last_result_ns = self._clocks.monotonic_ns()
         unix_ns = self._clocks.unix_ns()
         before = self._estimator_state.contact_since_unix_ns

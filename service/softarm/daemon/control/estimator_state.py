@@ -1,4 +1,4 @@
-"""What the service knows of the arm: the newest estimate, the tare, contacts, and the running mismatch."""
+"""State of the estimator in the service: the newest estimate, the tare and the contact."""
 
 import asyncio
 import contextlib
@@ -17,11 +17,11 @@ CONTACT_BEGINS = 4.0
 CONTACT_ENDS = 2.5
 """Normalised force (Mahalanobis distance) at which a contact begins and ends."""
 CONTACT_FLOOR_N = 0.02
-"""Added to the estimate's own deviation: rubber that creeps and remembers seems pushed by so much."""
+"""Added to the standard deviation of the estimate: creep and hysteresis look like a force of this size."""
 SPANNED = 1e-6
 """An axis is estimated when the loads' directions span it up to this."""
 RECENT_S = 0.5
-"""A command may use what was known of the pose so long before: one search that fails says nothing of it."""
+"""Age up to which a command may use an earlier answer for the pose [s]: one search may fail."""
 
 
 @dataclass(frozen=True)
@@ -51,40 +51,40 @@ class LoadMap:
         return tuple(
             f"force on {section} along {axis}: it is not estimated"
             for section in self.sections
-            for axis, known in zip("xyz", self._known(section), strict=True)
-            if not known
+            for axis, spanned in zip("xyz", self._spanned(section), strict=True)
+            if not spanned
         )
 
-    def _known(self, section: str) -> tuple[bool, ...]:
-        """Whether the loads of a section span each axis of the base frame."""
+    def _spanned(self, section: str) -> tuple[bool, ...]:
+        """Return whether the loads of a section span each axis of the base frame."""
         index = self.sections.index(section)
         directions = self.directions[[row for row, place in enumerate(self.rows) if place == index]]
         projection = np.linalg.pinv(directions) @ directions
         return tuple(bool(entry > 1.0 - SPANNED) for entry in np.diag(projection))
 
     def forces(self, amplitudes: Floats, covariance: Floats) -> tuple[LoadEstimate, ...]:
-        """Turn load amplitudes into one force and covariance a section."""
-        found = []
+        """Convert load amplitudes to one force with covariance per section."""
+        estimates = []
         for index, section in enumerate(self.sections):
             members = [row for row, place in enumerate(self.rows) if place == index]
             directions = self.directions[members]
             force = amplitudes[members] @ directions
-            spread = directions.T @ covariance[np.ix_(members, members)] @ directions
-            known = self._known(section)
-            found.append(
+            cartesian = directions.T @ covariance[np.ix_(members, members)] @ directions
+            spanned = self._spanned(section)
+            estimates.append(
                 LoadEstimate(
                     section=section,
                     force_n=_vector(force),
                     covariance_n2=tuple(
                         tuple(
-                            float(spread[row, column]) if known[row] and known[column] else None
+                            float(cartesian[row, column]) if spanned[row] and spanned[column] else None
                             for column in range(3)
                         )
                         for row in range(3)
                     ),
                 )
             )
-        return tuple(found)
+        return tuple(estimates)
 
 
 class EstimatorState:
@@ -130,7 +130,7 @@ class EstimatorState:
         if self.contact_since_unix_ns is None:
             self.contact = None
         elif result.request.want_contact:
-            self.contact = self._placed(result, self.contact_since_unix_ns)
+            self.contact = self._contact(result, self.contact_since_unix_ns)
         self._updated.set()
 
     async def wait_for_hold(self, seconds: float, pointless: Callable[[], bool]) -> None:
@@ -147,7 +147,7 @@ class EstimatorState:
                     await self._updated.wait()
 
     def wake(self) -> None:
-        """Let whoever waits look whether there is still something to wait for."""
+        """Make those who wait check whether there is still something to wait for."""
         self._updated.set()
 
     @property
@@ -158,7 +158,7 @@ class EstimatorState:
 
     @property
     def hold_answer(self) -> HoldAnswer | None:
-        """What the newest estimate says of holding the pose, also where it found no pressures."""
+        """Answer of the newest estimate on holding the pose, also where it found no pressures."""
         return None if self.result is None else self.result.hold
 
     @property
@@ -179,22 +179,17 @@ class EstimatorState:
             SectionPose(
                 section=name,
                 position_m=_vector(position),
-                quaternion_wxyz=(
-                    float(turn[0]),
-                    float(turn[1]),
-                    float(turn[2]),
-                    float(turn[3]),
-                ),
-                position_std_m=_vector(spread[:3]),
-                rotation_std_rad=_vector(spread[3:]),
+                quaternion_wxyz=(float(w), float(x), float(y), float(z)),
+                position_std_m=_vector(std[:3]),
+                rotation_std_rad=_vector(std[3:]),
             )
-            for name, position, turn, spread in zip(
+            for name, position, (w, x, y, z), std in zip(
                 self._names, result.positions, result.quaternions, result.frame_std, strict=True
             )
         )
 
     def tare_now(self) -> Floats | None:
-        """Take the present force as zero and return it; nothing changes without a converged estimate."""
+        """Make the present force the zero and return it; nothing changes without a converged estimate."""
         if self.result is None or not self.result.converged:
             return None
         self.tare = self.result.loads.copy()
@@ -202,28 +197,28 @@ class EstimatorState:
         return self.tare
 
     def align_at_rest(self) -> tuple[str, ...]:
-        """Align the inertial units: the arm hangs at rest as the model says."""
+        """Align the inertial units with the model of the arm, which hangs at rest."""
         if self.result is None:
             return self._align({name: np.eye(3) for name in self._names})
-        turns = (from_quaternions(turn) for turn in self.result.quaternions)
-        return self._align(dict(zip(self._names, turns, strict=True)))
+        rotations = map(from_quaternions, self.result.quaternions)
+        return self._align(dict(zip(self._names, rotations, strict=True)))
 
     @staticmethod
-    def _placed(result: EstimationResult, since_unix_ns: int) -> Contact | None:
-        place = result.contact
-        if place is None or not place.located:
+    def _contact(result: EstimationResult, since_unix_ns: int) -> Contact | None:
+        contact = result.contact
+        if contact is None or not contact.located:
             return None
         return Contact(
-            height_m=place.height,
-            height_std_m=place.deviation,
-            force_n=(float(place.force[0]), float(place.force[1])),
+            height_m=contact.height,
+            height_std_m=contact.deviation,
+            force_n=(float(contact.force[0]), float(contact.force[1])),
             since_unix_ns=since_unix_ns,
         )
 
     def _follow_contact(self, result: EstimationResult, unix_ns: int) -> None:
         net = result.loads - self.tare
-        spread = result.load_covariance + CONTACT_FLOOR_N**2 * np.eye(len(net))
-        distance = float(np.sqrt(net @ np.linalg.pinv(spread) @ net / max(len(net), 1)))
+        covariance = result.load_covariance + CONTACT_FLOOR_N**2 * np.eye(len(net))
+        distance = float(np.sqrt(net @ np.linalg.pinv(covariance) @ net / max(len(net), 1)))
         if self.contact_since_unix_ns is None and distance > CONTACT_BEGINS:
             self.contact_since_unix_ns = unix_ns
         elif distance < CONTACT_ENDS:

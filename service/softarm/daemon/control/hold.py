@@ -23,7 +23,7 @@ class HoldGoal:
 
 @dataclass(frozen=True)
 class HoldControl:
-    """A hold in progress; each step gives the next one.
+    """A hold in progress; each step returns the next one.
 
     Args:
         goal: What to hold.
@@ -67,7 +67,7 @@ def begin_hold(goal: HoldGoal, applied: Floats, now_ns: int, ramp_s: float) -> H
 def advance_hold(
     hold: HoldControl, towards: Floats | None, now_ns: int, interval_s: float, limits: HoldLimits
 ) -> tuple[HoldControl, Floats]:
-    """Take one step of a hold.
+    """Compute one step of a hold.
 
     The set-point follows s(t) start + (1 - s(t)) goal with s a cubic from 1 to 0, so that it begins and ends
     without a jump of its rate. After the ramp an integral drives the estimated pose to the goal:
@@ -82,7 +82,7 @@ def advance_hold(
         limits: What feedback may do.
 
     Returns:
-        The hold and the pressures to ask for [Pa], shape (chambers,).
+        The hold and its set-points [Pa], shape (chambers,).
     """
     progress = hold.progress(now_ns)
     if progress >= 1.0 and towards is not None:

@@ -1,4 +1,4 @@
-"""Looks at the host once a second from a thread of its own: a disk that hangs must not hang the loop."""
+"""Checks the host once a second in a separate thread: a disk that hangs must not hang the loop."""
 
 import shutil
 import threading
@@ -14,10 +14,10 @@ LOOK_EVERY_S = 1.0
 
 @dataclass(frozen=True)
 class HostLoad:
-    """What the host was like when it was last looked at.
+    """State of the host at the last check.
 
     Args:
-        free_bytes: Space left where recordings go; ``None`` before the first look.
+        free_bytes: Space left where recordings go; ``None`` before the first check.
         starved_percent: Share of time in which programs waited for a processor [%]; ``None`` when unknown.
     """
 
@@ -26,7 +26,7 @@ class HostLoad:
 
 
 class HostWatch:
-    """Keeps the newest look at the host; use it as a context manager.
+    """Keeps the newest state of the host; use it as a context manager.
 
     Args:
         directory: Where recordings go.

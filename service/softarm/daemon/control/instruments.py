@@ -116,12 +116,12 @@ class LiveInstruments:
         return np.zeros(self._chambers) if latest is None else np.array(latest.value.applied)
 
     def valve_alarms(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Sort the valve bank's alarms."""
+        """Return the fatal alarms of the valve bank, and the others."""
         standing = self._bank.health.alarms.standing
-        told = [(_fatal(alarm.key), f"{alarm.what}; {alarm.cure}") for alarm in standing]
+        alarms = [(_fatal(alarm.key), f"{alarm.what}; {alarm.cure}") for alarm in standing]
         return (
-            tuple(text for fatal, text in told if fatal),
-            tuple(text for fatal, text in told if not fatal),
+            tuple(text for fatal, text in alarms if fatal),
+            tuple(text for fatal, text in alarms if not fatal),
         )
 
     @property

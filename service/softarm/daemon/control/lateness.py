@@ -10,7 +10,7 @@ import numpy as np
 WINDOW_NS = 5_000_000_000
 RECENT_NS = 500_000_000
 LATE_NS = 20_000_000
-"""A tick that is later than this says that the processor kept the loop waiting."""
+"""Lateness of a tick from which the processor must have kept the loop waiting."""
 STARVED_PERCENT = 20.0
 """Above this share of time some program that could run had to wait for a processor."""
 PRESSURE = Path("/proc/pressure/cpu")
@@ -71,13 +71,13 @@ class Lateness:
         return ""
 
 
-def pressure_files(own_groups: Path = Path("/proc/self/cgroup")) -> tuple[Path, ...]:
-    """List where Linux counts waiting: for the host, which a unit may not see, and for the own unit."""
+def pressure_files(cgroup_file: Path = Path("/proc/self/cgroup")) -> tuple[Path, ...]:
+    """List the pressure files of Linux: of the host, which a unit may not see, and of this unit."""
     try:
-        own = [line for line in own_groups.read_text().splitlines() if line.startswith("0::/")]
+        groups = [line for line in cgroup_file.read_text().splitlines() if line.startswith("0::/")]
     except OSError:
-        own = []
-    return PRESSURE, *(CGROUPS / line.removeprefix("0::/") / "cpu.pressure" for line in own)
+        groups = []
+    return PRESSURE, *(CGROUPS / line.removeprefix("0::/") / "cpu.pressure" for line in groups)
 
 
 def read_pressure(paths: Iterable[Path] | None = None) -> float | None:

@@ -22,7 +22,7 @@ class MismatchSettings:
 
 @dataclass(frozen=True)
 class MismatchTest:
-    """A one-sided cumulative sum of the normalised innovations; each update gives the next one.
+    """A one-sided cumulative sum of the normalised innovations; each update returns the next one.
 
     With s the sum, r the innovation squared over its expectation and dt the time since the last update:
     s' = min(max(s + (min(r, largest) - 1 - slack) dt, 0), cap) (Page 1954). Inconsistent once s passes
@@ -63,7 +63,7 @@ class MismatchTest:
         innovations: dict[str, float],
         unix_ns: int,
     ) -> "MismatchTest":
-        """Take the innovations of one estimate.
+        """Update the test with the innovations of one estimate.
 
         Args:
             time_s: Time of the readings [s].

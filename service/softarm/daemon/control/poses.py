@@ -35,7 +35,7 @@ class SavedPose(BaseModel):
 
     @property
     def target(self) -> PoseTarget | None:
-        """The pose for the feedback; ``None`` when no section was known."""
+        """The pose for the feedback; ``None`` when no section was estimated."""
         return target_of(self.sections)
 
 

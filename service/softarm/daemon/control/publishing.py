@@ -1,4 +1,4 @@
-"""Builds the messages of the streams from what the service knows."""
+"""Builds the messages of the streams."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -33,8 +33,8 @@ Kind = Literal["mode", "contact_begin", "contact_end", "finding", "finding_clear
 
 
 @dataclass(frozen=True)
-class Picture:
-    """What the state says besides mode, lease and estimate.
+class StateInputs:
+    """The parts of the state message besides mode, lease and estimate.
 
     Args:
         applied: Gauge pressures last written [Pa], shape (chambers,).
@@ -99,33 +99,33 @@ class Publisher:
             source=self._source,
         )
 
-    def state(self, picture: Picture) -> State:
+    def state(self, inputs: StateInputs) -> State:
         """Build the state of the arm."""
         controller, answer = self._controller, self._estimator_state.hold_answer
         now_ns = self._clock_ns()
-        told = answer if controller.modes.mode in (Mode.TEACH, Mode.HOLDING) else None
+        hold = answer if controller.modes.mode in (Mode.TEACH, Mode.HOLDING) else None
         return State(
             stamp=self._stamp("state"),
             mode=controller.modes.mode,
             fault_cause=controller.modes.fault_cause,
             findings=tuple(self._findings()),
             asked_pa=tuple(controller.asked.tolist()),
-            applied_pa=tuple(picture.applied.tolist()),
-            measured_pa=self._measured(picture.measured),
+            applied_pa=tuple(inputs.applied.tolist()),
+            measured_pa=self._measured(inputs.measured),
             sections=self._estimator_state.sections,
-            gauges_n=dict(picture.gauges_n),
-            ages_s=dict(picture.ages_s),
+            gauges_n=dict(inputs.gauges_n),
+            ages_s=dict(inputs.ages_s),
             lease=LeaseState(
                 holder=controller.lease.holder(now_ns), remaining_s=controller.lease.remaining_s(now_ns)
             ),
-            ticks=picture.ticks,
-            overruns=picture.overruns,
-            drift_median_s=None if picture.drift is None else picture.drift.median_s,
-            drift_p99_s=None if picture.drift is None else picture.drift.p99_s,
-            recording=picture.recording,
-            teach_pressures_pa=tuple(told.pressures.tolist()) if told and told.known else None,
-            teach_reachable=told.reachable if told else None,
-            teach_note=told.note if told else None,
+            ticks=inputs.ticks,
+            overruns=inputs.overruns,
+            drift_median_s=None if inputs.drift is None else inputs.drift.median_s,
+            drift_p99_s=None if inputs.drift is None else inputs.drift.p99_s,
+            recording=inputs.recording,
+            teach_pressures_pa=tuple(hold.pressures.tolist()) if hold and hold.known else None,
+            teach_reachable=hold.reachable if hold else None,
+            teach_note=hold.note if hold else None,
         )
 
     def _measured(self, measured: Floats | None) -> tuple[float | None, ...]:
@@ -154,7 +154,7 @@ class Publisher:
         """Return the message with the external force.
 
         Args:
-            result: What the estimator found.
+            result: The newest result.
         """
         net, request = result.loads - self._estimator_state.tare, result.request
         dof = result.degrees_of_freedom
@@ -197,5 +197,5 @@ class Publisher:
         return f"end the recording with record/stop, then run: {diagnose}"
 
     def occurrence(self, kind: Kind, where: str, text: str, by: str) -> Event:
-        """Build the message of something that happened, and who asked for it."""
+        """Build the message of an event and its client."""
         return Event(stamp=self._stamp("event"), kind=kind, where=where, text=text, by=by)

@@ -21,11 +21,11 @@ class Snapshot:
     """A time-aligned set of readings.
 
     Args:
-        time_s: Mean measurement time of what is in it [s], monotonic.
+        time_s: Mean measurement time of its readings [s], monotonic.
         newest_arrival_ns: Arrival of the newest reading in it, 0 when there is none.
         readings: Stacked readings in the base frame, NaN where absent, shape (readings,).
         used: Names of the sensors in it.
-        lost: Names of those that are not.
+        lost: Names of the other sensors.
     """
 
     time_s: float
@@ -41,11 +41,11 @@ class Readings:
     Args:
         sensors: Sensors in the order of the estimator's readings; gauges are ignored.
         base_body: Channel of the motion-capture body on the base, empty for none.
-        safety: Deadline of what has none of its own.
+        safety: Default deadline of a channel.
         on_reading: Takes every reading of a channel as it comes.
-        on_packet: Called when a packet of the leading device is complete: an estimate is best started then,
-            for whatever waits for the next tick is older by then.
-        deadlines_s: Deadlines of channels that have their own [s].
+        on_packet: Called when a packet of the leading device is complete: an estimate started then uses
+            the newest readings.
+        deadlines_s: Deadlines of channels that differ from the default [s].
     """
 
     def __init__(
@@ -70,12 +70,12 @@ class Readings:
         self._references: dict[str, Floats] = {}
 
     def take(self, reading: Reading[Any]) -> None:
-        """Take a reading from a driver; this is the drivers' sink."""
+        """Store a reading of a driver; this is the drivers' sink."""
         for entry in channel_readings(reading):
             self.put(entry)
 
     def put(self, reading: ChannelReading) -> None:
-        """Take a reading of a channel."""
+        """Store a reading of a channel."""
         name = reading.device
         self._latest[name] = reading
         self._device_ns[name.split("/")[0]] = reading.host_monotonic_ns
@@ -113,11 +113,11 @@ class Readings:
         return None if sample is None else max(now_ns - sample.measured_ns, 0) * 1e-9
 
     def inputs(self, now_ns: int, troubles: Mapping[str, str]) -> tuple[Input, ...]:
-        """Picture every sensor for the health checks.
+        """Return the state of every sensor for the health checks.
 
         Args:
             now_ns: Monotonic time.
-            troubles: What each device, or channel of one, says is wrong.
+            troubles: What is wrong with a device, or a channel of one.
         """
         return tuple(
             Input(
@@ -149,7 +149,7 @@ class Readings:
         return tuple(aligned)
 
     def snapshot(self, now_ns: int) -> Snapshot:
-        """Gather what is fresh, in the base frame."""
+        """Return the fresh readings in the base frame."""
         base = self._latest.get(self._base_body)  # it does not move: an old reading is as good as a new one
         parts, used, lost, times, arrivals = [], [], [], [], [0]
         for sensor in self._sensors:
@@ -211,9 +211,9 @@ def relative_pose(base: Floats, pose: Floats) -> Floats:
     Returns:
         Position [m] and quaternion in the base frame, shape (7,).
     """
-    turn = from_quaternions(base[3:]).T
-    quaternion = to_quaternions(turn @ from_quaternions(pose[3:]))
-    return np.concatenate([turn @ (pose[:3] - base[:3]), quaternion])
+    rotation = from_quaternions(base[3:]).T
+    quaternion = to_quaternions(rotation @ from_quaternions(pose[3:]))
+    return np.concatenate([rotation @ (pose[:3] - base[:3]), quaternion])
 
 
 def _is_inertial(sensor: SensorSettings, sample: ChannelReading | None) -> bool:

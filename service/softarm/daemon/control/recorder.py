@@ -22,8 +22,8 @@ from softarm.recordings.mcap_writer import INFO_FILE, STARTED, RecordTimes, Star
 logger = logging.getLogger(__name__)
 
 QUEUE_LENGTH = 8192
-LOOK_EVERY_S = 1.0
-"""Time between two looks at the free space of the disk."""
+SPACE_CHECK_S = 1.0
+"""Time between two checks of the free space of the disk [s]."""
 OPEN_S = 5.0
 CLOSE_S = 10.0
 PART_SUFFIX = ".part"
@@ -97,7 +97,7 @@ def _create(path: Path) -> IO[bytes]:
     return path.open("xb")
 
 
-def _look(directory: Path) -> int:
+def _free_space(directory: Path) -> int:
     return shutil.disk_usage(directory).free
 
 
@@ -128,7 +128,7 @@ class Recorder:
         free_bytes: Callable[[], int | None] = lambda: None,
         *,
         header: Mapping[str, Any] | None = None,
-        look: Callable[[Path], int] = _look,
+        look: Callable[[Path], int] = _free_space,
         clocks: Callable[[], Start] = _clocks,
     ) -> None:
         self._directory = directory
@@ -155,7 +155,7 @@ class Recorder:
         return None if run is None or run.path is None or run.error else run.start
 
     def health(self) -> RecorderHealth:
-        """Picture the recorder for the health checks."""
+        """Return the state of the recorder for the health checks."""
         run = self._run
         dropped = self._dropped if run is None else run.dropped
         return RecorderHealth(self.path is not None, dropped, self._error, self._free_bytes())
@@ -191,7 +191,7 @@ class Recorder:
             raise RecorderError(f"{self._directory}: the disk did not answer within {OPEN_S:g} s") from None
 
     def put(self, item: Sample | Document | Drawing) -> None:
-        """Take a message; when the disk cannot keep up it is dropped and counted."""
+        """Queue a message; when the disk cannot keep up it is dropped and counted."""
         run = self._run
         if run is None or run.path is None or run.error or self.closing:
             return
@@ -255,7 +255,7 @@ class Recorder:
         self._directory.mkdir(parents=True, exist_ok=True)
         free_bytes = self._look(self._directory)
         if free_bytes < RESERVE_BYTES:
-            raise RecorderError(f"{self._directory}: {_left(free_bytes)}")
+            raise RecorderError(f"{self._directory}: {_disk_full(free_bytes)}")
         path = _free_path(self._directory, run.name)
         part = path.with_name(path.name + PART_SUFFIX)
         with self._create(part) as file:
@@ -278,24 +278,24 @@ class Recorder:
 
     def _write_items(self, writer: StreamWriter, run: _Run) -> str:
         """Write until the recording is stopped, or return why it ends by itself."""
-        known: set[str] = set()
-        looked_s = time.monotonic()
+        added: set[str] = set()
+        checked_s = time.monotonic()
         while True:
             try:
-                item = run.queue.get(timeout=LOOK_EVERY_S)
+                item = run.queue.get(timeout=SPACE_CHECK_S)
             except queue.Empty:
                 pass
             else:
                 if item is None:
                     return ""
-                _write_item(writer, item, known)
-            if time.monotonic() - looked_s > LOOK_EVERY_S:
-                looked_s, free_bytes = time.monotonic(), self._look(self._directory)
+                _write_item(writer, item, added)
+            if time.monotonic() - checked_s > SPACE_CHECK_S:
+                checked_s, free_bytes = time.monotonic(), self._look(self._directory)
                 if free_bytes < RESERVE_BYTES:
-                    return _left(free_bytes)
+                    return _disk_full(free_bytes)
 
 
-def _left(free_bytes: int) -> str:
+def _disk_full(free_bytes: int) -> str:
     return f"{free_bytes / 1e6:.0f} MB are left on its disk, of which {RESERVE_BYTES / 1e6:.0f} MB stay free"
 
 
@@ -308,16 +308,16 @@ def _clock_info(start: Start) -> dict[str, Any]:
     }
 
 
-def _write_item(writer: StreamWriter, item: Sample | Document | Drawing, known: set[str]) -> None:
+def _write_item(writer: StreamWriter, item: Sample | Document | Drawing, added: set[str]) -> None:
     if isinstance(item, Drawing):
         writer.write_message(item.topic, item.draw(writer.unix_ns(item.stamp)), item.stamp)
         return
     if isinstance(item, Document):
         writer.write_document(item.topic, item.content, item.stamp)
         return
-    if item.topic.name not in known:
+    if item.topic.name not in added:
         writer.add_topic(item.topic)
-        known.add(item.topic.name)
+        added.add(item.topic.name)
     writer.write(item.topic.name, item.values, item.stamp)
 
 

@@ -1,4 +1,4 @@
-"""What every recording of a service says of where it comes from."""
+"""The header of every recording of a service: where it comes from."""
 
 import platform
 from importlib.metadata import PackageNotFoundError, version
@@ -12,10 +12,10 @@ def recording_header(setup: Setup) -> dict[str, Any]:
 
     The specimen is the name of a shipped one or the path of a file, as ``--specimen`` takes it.
     """
-    beside = setup.path.parent / setup.config.specimen
+    local = setup.path.parent / setup.config.specimen
     return {
         "arm": setup.config.arm,
-        "specimen": str(beside.resolve()) if beside.is_file() else setup.config.specimen,
+        "specimen": str(local.resolve()) if local.is_file() else setup.config.specimen,
         "configuration": str(setup.path.resolve()),
         "softarm_version": _version(),
         "host": platform.node(),

@@ -37,7 +37,7 @@ class ReplayedValves:
         """Do nothing: no pressure is applied."""
 
     def acknowledge(self) -> bool:
-        """Nothing is kept."""
+        """Return False: there are no errors to clear."""
         return False
 
     def command(self, setpoint: Sequence[float], lifetime_s: float) -> None:  # noqa: ARG002
@@ -93,13 +93,13 @@ class ReplayedInstruments:
         return np.zeros(self._chambers)
 
     def valve_alarms(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """A recording raises no live alarm."""
+        """Return no alarms: a recording raises none."""
         return (), ()
 
     expiries = 0
 
     def devices(self) -> tuple[DeviceStatus, ...]:
-        """A recording has no devices."""
+        """Return no devices: a recording has none."""
         return ()
 
     async def reconnect(self, name: str) -> None:
@@ -111,7 +111,7 @@ class ReplayedInstruments:
         raise KeyError(name)
 
     def troubles(self) -> dict[str, str]:
-        """A recording raises no live alarm."""
+        """Return no troubles: a recording raises none."""
         return {}
 
     async def connect(self) -> None:
@@ -134,7 +134,7 @@ class ReplayedInstruments:
                 self._put(Reading(name, numbers, device_ns, now_ns, now_ns, index, 0, True, "replay"))
 
     async def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no device is open."""
 
 
 def _tracks(

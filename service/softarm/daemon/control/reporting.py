@@ -4,7 +4,7 @@ import logging
 from collections.abc import Mapping
 
 from softarm.daemon.control.mismatch import MismatchTest
-from softarm.daemon.control.publishing import Kind, Picture, Publisher
+from softarm.daemon.control.publishing import Kind, Publisher, StateInputs
 from softarm.daemon.control.streams import RecordedStreams, estimate_columns
 from softarm.daemon.control.surroundings import Outlet
 from softarm.daemon.estimation.messages import EstimationResult
@@ -35,10 +35,10 @@ class Reporter:
         """Whether anybody listens to the shape, or a recording takes one."""
         return self._outlet.shape_wanted or self._streams.shape_wanted
 
-    def state(self, picture: Picture, test: MismatchTest) -> None:
+    def state(self, inputs: StateInputs, test: MismatchTest) -> None:
         """Publish the state of the arm and of the test of its model."""
-        self._outlet.publish("state", self._publisher.state(picture))
-        self._outlet.publish("mismatch", self._publisher.mismatch(test, picture.recording))
+        self._outlet.publish("state", self._publisher.state(inputs))
+        self._outlet.publish("mismatch", self._publisher.mismatch(test, inputs.recording))
 
     def estimate(self, result: EstimationResult) -> None:
         """Publish and record an estimate."""
@@ -51,7 +51,7 @@ class Reporter:
         self._streams.drawn(sections, estimate.loads, result.nodes, time_s)
 
     def transition(self, transition: Transition) -> None:
-        """Report a change of mode, and who asked for it."""
+        """Report a change of mode and its client."""
         before, after, cause = transition.before, transition.after, transition.cause
         level = logging.WARNING if transition.trigger in (Trigger.FAULT, Trigger.LEASE_LOST) else logging.INFO
         logger.log(level, "%s -> %s: %s (asked for by %s)", before, after, cause, transition.by)

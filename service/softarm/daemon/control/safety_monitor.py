@@ -18,7 +18,7 @@ SECOND_NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class SafetyInputs:
-    """What the safety monitor looks at.
+    """Inputs of the safety monitor.
 
     Args:
         instruments: Where readings come from and set-points go.
@@ -26,8 +26,8 @@ class SafetyInputs:
         controller: Mode, lease and set-points.
         estimator_state: The newest estimate.
         health: Keeps the diagnostics.
-        estimator: Pictures the estimator's process at a monotonic time.
-        recorder: Pictures the recorder.
+        estimator: Returns the state of the estimator process at a monotonic time.
+        recorder: Returns the state of the recorder.
         valve_deadline_s: A valve bank that does not answer for so long is lost.
         report: Takes a diagnostic and whether it is new (or has cleared itself).
         busy: Describes how the processor keeps the service waiting, empty when it does not.
@@ -49,7 +49,7 @@ class SafetyMonitor:
     """Advances the controller and ends a pressurised mode as soon as something forbids it.
 
     Args:
-        inputs: What it looks at.
+        inputs: What it checks.
     """
 
     def __init__(self, inputs: SafetyInputs) -> None:
@@ -123,7 +123,7 @@ class SafetyMonitor:
         return None if cause is None else controller.fire(Trigger.FAULT, cause)
 
     def _cause(self, now_ns: int) -> str | None:
-        """Say what forbids that the chambers hold pressure."""
+        """Return the faults that forbid pressure in the chambers."""
         for finding in self._inputs.health.present_faults:
             return f"{finding.where}: {finding.message}"
         if not self._inputs.instruments.valves.armed:
@@ -140,7 +140,7 @@ class SafetyMonitor:
         return self._inputs.health.faults(self.observe(now_ns, mode))
 
     def observe(self, now_ns: int, mode: Mode) -> ServiceHealth:
-        """Picture the service.
+        """Return a snapshot of the service for the health checks.
 
         Args:
             now_ns: Monotonic time.

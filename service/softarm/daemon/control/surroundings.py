@@ -21,7 +21,7 @@ class EstimatorProcess(Protocol):
         """What became of the process."""
 
     def submit(self, request: EstimationRequest) -> None:
-        """Hand over a request; one that still waits is replaced by the newer one."""
+        """Queue a request; one that still waits is replaced by the newer one."""
 
     def watch(self) -> None:
         """Kill a process that is stuck; called at every tick."""
@@ -60,12 +60,12 @@ class Surroundings:
 
     Args:
         instruments: Builds the instruments, which feed their samples into the readings.
-        estimator: Builds the estimator's process, which passes each result to the function it is given.
+        estimator: Builds the estimator's process, which passes each result to the given function.
         outlet: Takes the streams.
         base_body: Channel of the pose of the base, empty for none.
         ready: Called once, as soon as the estimator has started or has given up.
         clocks: The clocks.
-        host: Returns the newest look at the host.
+        host: Returns the newest state of the host.
     """
 
     instruments: Callable[[Readings], Instruments]

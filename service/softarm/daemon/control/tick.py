@@ -1,4 +1,4 @@
-"""The control tick: a fixed rate that skips what it missed and says so."""
+"""The control tick: a fixed rate that skips and counts missed periods."""
 
 import asyncio
 import threading
@@ -46,7 +46,7 @@ class TickSchedule:
         return self._start_ns + self._next * self._interval_ns
 
     def take(self, now_ns: int) -> Tick:
-        """Take the newest deadline that has passed.
+        """Return the newest deadline that has passed.
 
         Args:
             now_ns: Monotonic time, not before the next deadline.

@@ -1,1 +1,1 @@
-"""The estimator in a process of its own."""
+"""The estimator in a separate process."""

@@ -17,7 +17,7 @@ class PoseTarget:
     Args:
         positions: Section origins in the base frame [m], shape (sections, 3).
         quaternions: Section orientations (w, x, y, z), shape (sections, 4).
-        residuals: What the estimate left unexplained there, by sensor.
+        residuals: Residuals of the estimate there, by sensor.
     """
 
     positions: Floats
@@ -69,7 +69,7 @@ class HoldAnswer:
         known: Whether there is an answer; otherwise the pressures mean nothing and only the note counts.
         towards: Change of the commanded pressures that would bring the arm to the target [Pa], shape
             (chambers,); ``None`` without a target.
-        residuals: What the estimate left unexplained in the measured pose, by sensor.
+        residuals: Residuals of the estimate in the measured pose, by sensor.
     """
 
     pressures: Floats
@@ -82,7 +82,7 @@ class HoldAnswer:
 
 @dataclass(frozen=True)
 class EstimationResult:
-    """What the estimator found.
+    """Result of the estimator for one request.
 
     Args:
         request: What it answers.
@@ -96,9 +96,9 @@ class EstimationResult:
         degrees_of_freedom: Its expectation when the model is right.
         sensor_innovations: Root mean square of each sensor's residual over its standard deviation.
         unobservable: What these readings do not determine, in words.
-        hold: Pressures that hold the pose, when they were asked for.
-        contact: Place of a single push, when it was asked for and the sensors can tell.
-        nodes: Position [m] and stress [Pa] of the surface's nodes, shape (nodes, 4), when asked for.
+        hold: Pressures that hold the pose, when requested.
+        contact: Place of a single push, when requested and observable.
+        nodes: Position [m] and stress [Pa] of the surface's nodes, shape (nodes, 4), when requested.
         solve_s: Time taken.
         rod_off_rad: Angle by which the calibrated rod was off the finite elements when last compared.
     """

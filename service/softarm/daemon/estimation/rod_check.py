@@ -1,4 +1,4 @@
-"""Holds the calibrated rod against the finite elements now and then, beside the estimates."""
+"""Compares the calibrated rod with the finite elements now and then, in parallel to the estimates."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ INTERVAL_S = 10.0
 
 
 class RodCheck(Background[tuple[Inputs, Frames], float | None]):
-    """Solves the finite elements for inputs at which the rod has given frames.
+    """Solves the finite elements for inputs at which the frames of the rod are known.
 
     Args:
         model: Finite elements with the loads of the rod, and pressures that act as on it.
@@ -43,13 +43,13 @@ class RodCheck(Background[tuple[Inputs, Frames], float | None]):
             self._next_s = time_s + self._interval_s
             self.ask((inputs, frames))
 
-    def _compare(self, given: tuple[Inputs, Frames]) -> float | None:
-        inputs, frames = given
-        state, found = self._model.solve(inputs, self._state)
-        if not found:
+    def _compare(self, sample: tuple[Inputs, Frames]) -> float | None:
+        inputs, frames = sample
+        state, converged = self._model.solve(inputs, self._state)
+        if not converged:
             self._state = self._model.rest()
             return None
         self._state = state
         truth = self._model.linearise(state, inputs).frames
-        turned = log(np.swapaxes(truth.rotations, -1, -2) @ frames.rotations)
-        return float(np.linalg.norm(turned, axis=-1).max())
+        rotations = log(np.swapaxes(truth.rotations, -1, -2) @ frames.rotations)
+        return float(np.linalg.norm(rotations, axis=-1).max())

@@ -109,8 +109,8 @@ class Solver:
         self._limits = np.array(specimen.pressure_limits)
         sigma = np.full(len(self._model.loads), settings.control.load_std_n)
         process = LoadProcess(sigma, settings.control.load_time_constant_s)
-        known = specimen.calibration
-        error = ModelError.of(known.scatter, known.force_ratio)
+        calibration = specimen.calibration
+        error = ModelError.of(calibration.scatter, calibration.force_ratio)
         tracker = TrackerSettings(process, self._actuation, self._limits, model_error=error, tolerances=LIVE)
         self._rod = trusted_rod(specimen) if settings.control.model == "rod" else None
         self._threads = ExitStack()
@@ -177,7 +177,7 @@ class Solver:
             innovation_squared=estimate.normalised_innovation_squared,
             degrees_of_freedom=estimate.degrees_of_freedom,
             sensor_innovations=self._innovations(request, estimate),
-            unobservable=self._unseen(request, estimate),
+            unobservable=self._unobservable_directions(request, estimate),
             hold=hold,
             contact=contact,
             nodes=self._nodes(estimate) if request.want_mesh else None,
@@ -185,44 +185,46 @@ class Solver:
             rod_off_rad=None if self._check is None else self._check.departure,
         )
 
-    def _unseen(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> tuple[str, ...]:
+    def _unobservable_directions(
+        self, request: EstimationRequest, estimate: ArmEstimate[Any]
+    ) -> tuple[str, ...]:
         """Return what these sensors do not determine; a recent answer serves while they are the same."""
-        since_s, sensors, told = self._unobservable
+        since_s, sensors, directions = self._unobservable
         if not np.isfinite(estimate.motion).all():
             return ()
         if sensors != request.used or not since_s <= request.time_s < since_s + OBSERVED_EVERY_S:
-            told = estimate.unobservable_directions
-            self._unobservable = (request.time_s, request.used, told)
-        return told
+            directions = estimate.unobservable_directions
+            self._unobservable = (request.time_s, request.used, directions)
+        return directions
 
     def _innovations(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> dict[str, float]:
-        found = {}
+        innovations = {}
         for sensor in self._estimator.suite_at(request.pressures).measurements:
             reading = request.readings[self._suite.reading_slices[sensor.name]]
             residual = estimate.residuals[sensor.name]
             if np.isfinite(residual).all():
                 sigma = np.sqrt(np.diag(sensor.covariance(reading)))
-                found[sensor.name] = float(np.sqrt(np.mean((residual / sigma) ** 2)))
-        return found
+                innovations[sensor.name] = float(np.sqrt(np.mean((residual / sigma) ** 2)))
+        return innovations
 
     def _held(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> HoldAnswer | None:
-        """Find the pressures that hold the pose while they are asked for."""
+        """Compute the pressures that hold the pose while they are requested."""
         if not request.want_hold:
             return None
         tare = np.zeros(len(self._model.loads)) if request.tare is None else request.tare
         return self._holding.answer(estimate, tare, request.target)
 
     def _contact(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> ContactPlace | None:
-        """Place the push that the estimate's loads stand for."""
+        """Locate the contact force that the estimated loads amount to."""
         if not estimate.converged:
             return None
         tare = np.zeros(len(self._model.loads)) if request.tare is None else request.tare
         inputs = estimate.inputs
         loads = np.concatenate([inputs.loads, np.zeros(len(self._profile.loads))])
-        pushed = Inputs(inputs.pressures, loads, inputs.gravity)
+        extended = Inputs(inputs.pressures, loads, inputs.gravity)
         state = estimate.state
         if self._rod is None:
-            state = FiniteElementState(state.displacement, pushed)
+            state = FiniteElementState(state.displacement, extended)
         suite = self._estimator.suite_at(request.pressures)
         return self._profile.place(self._pushed, state, suite, request.readings, estimate, tare)
 
@@ -232,8 +234,8 @@ class Solver:
         The rod has no stress: it is 0 there.
         """
         if self._rod is not None:
-            moved = skin(self._model.mesh.points[self._drawn], self._rod.chain, estimate.state)
-            return np.column_stack([moved, np.zeros(len(moved))]).astype(np.float32)
+            positions = skin(self._model.mesh.points[self._drawn], self._rod.chain, estimate.state)
+            return np.column_stack([positions, np.zeros(len(positions))]).astype(np.float32)
         positions = self._model.mesh.points + estimate.state.displacement
         state = FiniteElementState(estimate.state.displacement, estimate.inputs)
         _, stress = self._model.energy_and_stress(state)

@@ -204,7 +204,7 @@ class Worker(Generic[Request, Result]):
             await self._changed.wait()
 
     def submit(self, request: Request) -> None:
-        """Hand over a request; one that still waits is replaced by the newer one."""
+        """Queue a request; one that still waits is replaced by the newer one."""
         if self._busy or self._child is None:
             self.replaced += self._waiting is not None
             self._waiting = request

@@ -155,14 +155,14 @@ class Bus:
             query.reply_err(refused.model_dump_json().encode(), encoding=encoding)
 
     def _on_command(self, query: zenoh.Query) -> None:
-        asked = str(query.key_expr)
-        if asked.endswith(STOP_SUFFIX):  # also softarm/@v1/*/command/stop, which stops every arm
+        key_expression = str(query.key_expr)
+        if key_expression.endswith(STOP_SUFFIX):  # also softarm/@v1/*/command/stop, which stops every arm
             self._hand_over_stop(query)
             return
         key = self.keys.command("")
         size = 0 if query.payload is None else len(query.payload)
         payload = bytes(query.payload) if query.payload is not None and size <= LARGEST_REQUEST_BYTES else b""
-        call = Call(asked.removeprefix(key), payload, query, asked, self.stops_seen)
+        call = Call(key_expression.removeprefix(key), payload, query, key_expression, self.stops_seen)
         if size > LARGEST_REQUEST_BYTES:
             message = f"the request has {size} bytes, more than {LARGEST_REQUEST_BYTES}"
             call.refuse("malformed", message, "send the fields of docs/api.md and nothing else")

@@ -25,7 +25,7 @@ class Inbox(Generic[Item]):
         self._closed = False
 
     def offer(self, item: Item) -> bool:
-        """Hand over an item from any thread; false when it was refused."""
+        """Add an item from any thread; return false when it was refused."""
         if self._closed or len(self._items) >= self._capacity:
             return False
         self._items.append(item)
@@ -48,9 +48,9 @@ class Inbox(Generic[Item]):
     def close(self) -> tuple[Item, ...]:
         """Refuse everything from now on and return what still waits."""
         self._closed = True
-        left = tuple(self._items)
+        waiting = tuple(self._items)
         self._items.clear()
-        return left
+        return waiting
 
 
 async def serve_each(

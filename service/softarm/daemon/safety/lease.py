@@ -59,10 +59,10 @@ class LeaseManager:
         return max(lease.expires_ns - now_ns, 0) / NANOSECONDS if lease is not None else 0.0
 
     def acquire(self, holder: str, now_ns: int, token: str | None = None) -> Lease:
-        """Give or renew the lease.
+        """Grant or renew the lease.
 
         Args:
-            holder: Who asks.
+            holder: The client.
             now_ns: Monotonic time.
             token: The token of a lease to renew.
 
@@ -84,7 +84,7 @@ class LeaseManager:
         return self._lease
 
     def release(self, token: str, now_ns: int) -> None:
-        """Give the lease back.
+        """Release the lease.
 
         Raises:
             LeaseError: The token is not that of the lease.

@@ -11,7 +11,7 @@ from softarm_client.modes import Mode as Mode
 
 logger = logging.getLogger(__name__)
 SERVICE = "service"
-"""Who changes the mode where no client asked for it."""
+"""Originator of a change of mode that no client requested."""
 
 
 class Trigger(StrEnum):
@@ -75,7 +75,7 @@ class Transition:
     """One change of mode.
 
     Args:
-        before: The mode that was left.
+        before: The mode before.
         after: The mode that was entered.
         trigger: What caused it.
         cause: The reason in words.

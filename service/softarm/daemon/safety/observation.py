@@ -1,4 +1,4 @@
-"""What the health checks look at: one frozen picture of the service, taken every tick."""
+"""Inputs of the health checks: one frozen snapshot of the service, taken every tick."""
 
 from dataclasses import dataclass
 
@@ -45,7 +45,7 @@ class Input:
         needed: Whether pressurised modes that follow the pose cannot do without it.
         age_s: Age of its last valid reading; ``None`` before the first.
         deadline_s: Age from which it counts as stale.
-        trouble: What its device says is wrong, empty when nothing is.
+        trouble: What is wrong with its device, empty when nothing is.
     """
 
     name: str

@@ -191,7 +191,7 @@ class FakeArm:
         return self._start + self._steps * self._parameters.step
 
     def _step(self, inputs: PlantInputs, settling: bool = False) -> None:
-        """Take one internal step; kinematics are up to date before and after it."""
+        """Integrate one internal step; kinematics are up to date before and after it."""
         self._pressures = self._lines.step(self._pressures, inputs.valve_pressures)
         worth = self._muscles.effective(self._pressures)
         slides = self._data.qpos[self._chain.slide_positions]
@@ -227,7 +227,7 @@ class FakeArm:
             self._chain.model.dof_damping[:] = (1.0 + self._parameters.damping_rise * slow) * self._damping
 
     def _modulus_factor(self) -> float:
-        """Give the scale of all moduli at this temperature."""
+        """Return the scale of all moduli at this temperature."""
         warming = self._parameters.warming
         return 1.0 - warming.change * float(np.expm1(-self._time / warming.time))
 
@@ -288,7 +288,7 @@ class FakeArm:
         self._data.xfrc_applied[body, 3:] += (y * fz - z * fy, z * fx - x * fz, x * fy - y * fx)
 
     def _velocity(self, index: int) -> Floats:
-        """Give the velocity of a section's origin in the base frame [m/s]."""
+        """Return the velocity of a section's origin in the base frame [m/s]."""
         twist = np.zeros(6)
         mujoco.mj_objectVelocity(
             self._chain.model, self._data, OBJECT, int(self._chain.sections[index]), twist, 0
@@ -296,7 +296,7 @@ class FakeArm:
         return twist[3:]
 
     def _link_velocities(self) -> Floats:
-        """Give the velocities of the links' origins in the base frame [m/s], shape (links, 3)."""
+        """Return the velocities of the links' origins in the base frame [m/s], shape (links, 3)."""
         bodies, root = self._chain.bodies, self._chain.model.body_rootid[self._chain.bodies[0]]
         away = self._data.xpos[bodies] - self._data.subtree_com[root]
         twists = self._data.cvel[bodies]

@@ -93,7 +93,7 @@ def build(parameters: ArmParameters) -> PlantChain:
 
 
 def gravity_in_base(parameters: ArmParameters) -> Floats:
-    """Give the gravitational acceleration in the base frame [m/s2]."""
+    """Return the gravitational acceleration in the base frame [m/s2]."""
     into_base = rotation_matrix(np.array(parameters.mount.quaternion)).T
     return np.asarray(into_base @ np.array([0.0, 0.0, -GRAVITY]))
 
@@ -183,7 +183,7 @@ def _link(
 
 
 def rest_stiffness(segment: PlantSegment, joint: Joint) -> tuple[float, float, float]:
-    """Give the axial [N/m], bending and torsional [N m/rad] stiffness of a joint at rest."""
+    """Return the axial [N/m], bending and torsional [N m/rad] stiffness of a joint at rest."""
     section = joint.section
     per_length = segment.modulus / joint.length
     axial = per_length * float(section.areas.sum())

@@ -79,8 +79,8 @@ def generate(laboratory: Laboratory, manoeuvre: PlantManoeuvre, seed: int) -> Ge
     concealed = laboratory.concealed
     arm = FakeArm(laboratory.arm, arm_effects(concealed), laboratory.session_start)
     valve = laboratory.valve or draw_valve(rng, arm.chambers)
-    given = outlet(valve, manoeuvre.commands, filters(concealed, "valve"))
-    run = perform(arm, manoeuvre, given)
+    pressures = outlet(valve, manoeuvre.commands, filters(concealed, "valve"))
+    run = perform(arm, manoeuvre, pressures)
     columns = observe(
         run, manoeuvre.commands, arm.sections, concealed, laboratory.instruments, laboratory.streams, rng
     )
@@ -90,7 +90,7 @@ def generate(laboratory: Laboratory, manoeuvre: PlantManoeuvre, seed: int) -> Ge
 
 
 def _info(laboratory: Laboratory, manoeuvre: PlantManoeuvre) -> dict[str, Any]:
-    """Say what a user knows of the run."""
+    """Describe the run as a user knows it."""
     mount = laboratory.arm.mount
     pulled = sorted({pull.section for pull in manoeuvre.pulls})
     info: dict[str, Any] = {
@@ -111,18 +111,19 @@ def _info(laboratory: Laboratory, manoeuvre: PlantManoeuvre) -> dict[str, Any]:
 
 
 def _truth(concealed: tuple[Concealed, ...], seed: int) -> dict[str, Any]:
-    """Say what is concealed."""
+    """Describe what is concealed."""
     return {"seed": seed, "effects": [describe(one) for one in concealed]}
 
 
 def describe(concealed: Concealed) -> dict[str, Any]:
-    """Give a concealed effect as a table: name, place, and all parameters with their units."""
-    known = effect(concealed.name)
-    numbers: Mapping[str, float] = known.numbers(concealed)
+    """Return a concealed effect as a table: name, place, and all parameters with their units."""
+    definition = effect(concealed.name)
+    numbers: Mapping[str, float] = definition.numbers(concealed)
     return {
         "effect": concealed.name,
         "where": dict(concealed.where),
         "parameters": {
-            name: {"value": value, "unit": known.quantities[name].unit} for name, value in numbers.items()
+            name: {"value": value, "unit": definition.quantities[name].unit}
+            for name, value in numbers.items()
         },
     }

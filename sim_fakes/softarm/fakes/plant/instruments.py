@@ -97,27 +97,27 @@ def observe(
     streams: Streams,
     rng: Random,
 ) -> dict[str, Floats]:
-    """Write down a run: canonical columns, each of shape (samples,); NaN where a reading was lost."""
+    """Return a run as measured: canonical columns, each of shape (samples,); NaN where a reading was lost."""
     columns: dict[str, Floats] = {}
     if streams.commanded:
         columns |= _pressures("pressure_cmd_{}_pa", commands)
     if streams.measured:
         columns |= _pressures("pressure_{}_pa", _measured(truth, concealed, instruments, rng))
-    seen = _seen_poses(truth, sections, concealed, instruments, rng)
+    poses = _measured_poses(truth, sections, concealed, instruments, rng)
     for number, section in enumerate(sections):
         if streams.frames is None or section in streams.frames:
-            columns |= _frame(section, seen[:, number])
+            columns |= _frame(section, poses[:, number])
         if streams.markers and section in MARKERS:
-            columns |= _markers(section, seen[:, number], instruments, rng)
+            columns |= _markers(section, poses[:, number], instruments, rng)
     if streams.bends != "none":
-        columns |= _bends(truth, seen, sections, concealed, instruments, streams, rng)
+        columns |= _bends(truth, poses, sections, concealed, instruments, streams, rng)
     if streams.gauge:
         columns |= _gauge(truth, concealed, instruments, rng)
     return columns
 
 
 def bends_of(quaternions: Floats) -> Floats:
-    """Give the tilt of each section in the one above [rad], shape (samples, segments, 2)."""
+    """Return the tilt of each section in the one above [rad], shape (samples, segments, 2)."""
     matrices = rotation_matrix(quaternions)
     return tilt(np.einsum("tsji,tsj->tsi", matrices[:, :-1], matrices[:, 1:, :, 2]))
 
@@ -125,7 +125,7 @@ def bends_of(quaternions: Floats) -> Floats:
 def _measured(
     truth: Truth, concealed: tuple[Concealed, ...], instruments: InstrumentQuality, rng: Random
 ) -> Floats:
-    """Give the pressures as the terminal, or sensors in the chambers, tell them [Pa]."""
+    """Return the pressures as the terminal, or sensors in the chambers, tell them [Pa]."""
     if instruments.pressure_tap == "chamber":
         source = truth.chambers
     else:
@@ -133,17 +133,17 @@ def _measured(
     return _rounded(source + rng.normal(0.0, PRESSURE_NOISE, source.shape), MILLIBAR)
 
 
-def _seen_poses(
+def _measured_poses(
     truth: Truth,
     sections: tuple[str, ...],
     concealed: tuple[Concealed, ...],
     instruments: InstrumentQuality,
     rng: Random,
 ) -> Floats:
-    """Give the poses as the motion capture saw them, shape (samples, sections, 7)."""
-    seen = _delayed(truth.poses, instruments.offset)
+    """Return the poses as the motion capture saw them, shape (samples, sections, 7)."""
+    poses = _delayed(truth.poses, instruments.offset)
     for number, section in enumerate(sections):
-        body = seen[:, number]
+        body = poses[:, number]
         if len(instruments.alignments):
             body[:, 3:] = product(body[:, 3:], vector_quaternion(instruments.alignments[number]))
         body[:] = _filtered(truth.time, body, filters(concealed, "pose", f"frame_{section}"))
@@ -154,7 +154,7 @@ def _seen_poses(
         turn += _wander(rng, count, 3, instruments.angle_wander, instruments.wander_time)
         body[:, 3:] = _normalised(product(body[:, 3:], np.column_stack([np.ones(count), 0.5 * turn])))
         body[_lost(rng, count, instruments)] = np.nan
-    return seen
+    return poses
 
 
 def _delayed(poses: Floats, offset: float) -> Floats:
@@ -227,21 +227,21 @@ def _markers(section: str, poses: Floats, instruments: InstrumentQuality, rng: R
 
 def _bends(
     truth: Truth,
-    seen: Floats,
+    poses: Floats,
     sections: tuple[str, ...],
     concealed: tuple[Concealed, ...],
     instruments: InstrumentQuality,
     streams: Streams,
     rng: Random,
 ) -> dict[str, Floats]:
-    """Give the bends: from the poses seen, or from strips, which repeat a value within half a degree."""
+    """Return the bends: from measured poses, or from strips, which repeat a value within half a degree."""
     strips = streams.bends == "strips"
-    bends = bends_of(truth.poses[..., 3:] if strips else seen[..., 3:])
+    bends = bends_of(truth.poses[..., 3:] if strips else poses[..., 3:])
     columns: dict[str, Floats] = {}
     for number, section in enumerate(sections[1:]):
         sensor = f"bend_{section}"
-        own = tuple(one for one in concealed if strips or one.where.get("sensor") == sensor)
-        values = _filtered(truth.time, bends[:, number], filters(own, "bend", sensor))
+        acting = tuple(one for one in concealed if strips or one.where.get("sensor") == sensor)
+        values = _filtered(truth.time, bends[:, number], filters(acting, "bend", sensor))
         if strips:
             values = _repeated(
                 values + rng.normal(0.0, instruments.strip_noise, values.shape), STRIP_DEAD_ZONE
@@ -262,7 +262,7 @@ def _repeated(values: Floats, zone: float) -> Floats:
 def _gauge(
     truth: Truth, concealed: tuple[Concealed, ...], instruments: InstrumentQuality, rng: Random
 ) -> dict[str, Floats]:
-    """Give the readings of the gauge, in whole grams at its own rate, and its hook as a marker."""
+    """Return the readings of the gauge, in whole grams at its own rate, and its hook as a marker."""
     pull = truth.cord_force + rng.normal(0.0, instruments.gauge_noise, len(truth.cord_force))
     pull = _filtered(truth.time, pull[:, None], filters(concealed, "gauge", "gauge_cord"))[:, 0]
     pull = _rounded(pull, GRAM)

@@ -27,7 +27,7 @@ class TautLine:
     damping: float = 0.0
 
     def pull(self, knot: Floats, velocity: Floats, end: Floats) -> tuple[Floats, float]:
-        """Give the force on the knot [N], shape (3,), and the tension [N].
+        """Return the force on the knot [N], shape (3,), and the tension [N].
 
         Args:
             knot: Where it is tied to the arm [m], shape (3,).
@@ -45,13 +45,13 @@ class TautLine:
 
 
 def grasp(force: Floats, target: Floats, stiffness: float, position: Floats, velocity: Floats) -> Floats:
-    """Give the force of a hand [N]: a constant, and a spring damped as if it held 50 g critically."""
+    """Return the force of a hand [N]: a constant, and a spring damped as if it held 50 g critically."""
     damping = 2.0 * np.sqrt(stiffness * HAND_MASS)
     return np.asarray(force + stiffness * (target - position) - damping * velocity)
 
 
 def strength(force: ForceLoad, time: float) -> float:
-    """Give the share of its amplitude that a force has at a time [s]."""
+    """Return the share of its amplitude that a force has at a time [s]."""
     if time < force.start:
         return 0.0
     if force.period <= 0.0:
@@ -60,7 +60,7 @@ def strength(force: ForceLoad, time: float) -> float:
 
 
 def contact(obstacle: Obstacle, points: Floats, radii: Floats, velocities: Floats) -> Floats:
-    """Give the forces of an obstacle on spheres [N], shape (points, 3).
+    """Return the forces of an obstacle on spheres [N], shape (points, 3).
 
     Args:
         obstacle: Plane or cylinder; it yields like a damped spring and rubs like Coulomb.

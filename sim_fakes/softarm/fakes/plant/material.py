@@ -106,7 +106,7 @@ def fresh_memory(table: FibreTable) -> FibreMemory:
 
 
 def _moduli(segment: PlantSegment, joint: Joint) -> Floats:
-    """Give the modulus of each fibre of a joint [Pa], defects included."""
+    """Return the modulus of each fibre of a joint [Pa], defects included."""
     azimuth = np.arctan2(joint.section.fibres[:, 1], joint.section.fibres[:, 0])
     moduli = np.full(len(azimuth), segment.modulus)
     for defect in segment.defects:
@@ -117,7 +117,7 @@ def _moduli(segment: PlantSegment, joint: Joint) -> Floats:
 
 
 def _law(segment: PlantSegment, joint: Joint) -> list[float]:
-    """Give the row of ``FibreTable.law`` of a joint."""
+    """Return the row of ``FibreTable.law`` of a joint."""
     _, bending, torsion = rest_stiffness(segment, joint)
     return [
         segment.exponent,
@@ -141,8 +141,10 @@ def _padded_chambers(joints: tuple[Joint, ...]) -> Floats:
     """Stack the chambers of each joint, those that it lacks without an area."""
     table = np.zeros((len(joints), max(len(joint.section.chamber_areas) for joint in joints), 3))
     for index, joint in enumerate(joints):
-        own = joint.section
-        table[index, : len(own.chamber_areas)] = np.column_stack([own.chambers, own.chamber_areas])
+        section = joint.section
+        table[index, : len(section.chamber_areas)] = np.column_stack(
+            [section.chambers, section.chamber_areas]
+        )
     return table
 
 
@@ -155,7 +157,7 @@ def joint_forces(
     modulus_factor: float,
     settling: bool,
 ) -> Floats:
-    """Give the force of the slide and the torque of the ball of each joint, and step the memory.
+    """Return the force of the slide and the torque of the ball of each joint, and step the memory.
 
     Args:
         table: Constants.
@@ -227,7 +229,7 @@ def _joint_forces(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _elastic(strain, exponent, stiffening, softening):  # type: ignore[no-untyped-def]
-    """Give the long-term stress over the modulus."""
+    """Return the long-term stress over the modulus."""
     stretch = 1.0 + strain
     share = abs(strain) / REFERENCE_STRAIN
     shape = (1.0 + stiffening * share * share) / (1.0 + softening * share)
@@ -238,7 +240,7 @@ def _elastic(strain, exponent, stiffening, softening):  # type: ignore[no-untype
 
 @njit(cache=True, nogil=True)
 def _relaxing(strain, strengths, follow, relaxed, settling):  # type: ignore[no-untyped-def]
-    """Give the stress of the Maxwell branches over the modulus, and step them."""
+    """Return the stress of the Maxwell branches over the modulus, and step them."""
     stress = 0.0
     for i in range(len(strengths)):
         relaxed[i] += (1.0 if settling else follow[i]) * (strain - relaxed[i])
@@ -248,7 +250,7 @@ def _relaxing(strain, strengths, follow, relaxed, settling):  # type: ignore[no-
 
 @njit(cache=True, nogil=True)
 def _slipping(change, strengths, widths, sharpness, slipped, settling):  # type: ignore[no-untyped-def]
-    """Give the stress of the elastic-slip elements over the modulus, and step them."""
+    """Return the stress of the elastic-slip elements over the modulus, and step them."""
     stress = 0.0
     for k in range(len(strengths)):
         moved = slipped[k] + change
@@ -261,7 +263,7 @@ def _slipping(change, strengths, widths, sharpness, slipped, settling):  # type:
 
 @njit(cache=True, nogil=True)
 def _rotation_vector(quaternion):  # type: ignore[no-untyped-def]
-    """Give the rotation vector of a unit quaternion."""
+    """Return the rotation vector of a unit quaternion."""
     w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     if w < 0.0:
         w, x, y, z = -w, -x, -y, -z

@@ -36,7 +36,7 @@ def lines(actuation: Actuation, step: float) -> Lines:
 
 @dataclass(frozen=True)
 class Muscles:
-    """What each chamber's pressure is worth to the arm.
+    """The effective pressure of each chamber.
 
     Args:
         mixing: Gains on the diagonal, cross-talk beside it, shape (chambers, chambers).
@@ -49,16 +49,16 @@ class Muscles:
     actuation: Actuation
 
     def effective(self, pressures: Floats) -> Floats:
-        """Turn chamber pressures into those that would push as much on the drawn area [Pa]."""
-        own = self.actuation
-        worth = pressures * (1.0 + own.growth * pressures / REFERENCE_PRESSURE)
-        if own.buckling_pressure > 0.0:
-            past = (pressures / own.buckling_pressure - 1.0) / BUCKLING_WIDTH
-            worth = worth * (1.0 + 0.5 * own.buckling * (1.0 + np.tanh(past)))
-        if own.product != 0.0:
+        """Return the pressures that would push as much on the drawn area [Pa]."""
+        actuation = self.actuation
+        effective = pressures * (1.0 + actuation.growth * pressures / REFERENCE_PRESSURE)
+        if actuation.buckling_pressure > 0.0:
+            past = (pressures / actuation.buckling_pressure - 1.0) / BUCKLING_WIDTH
+            effective = effective * (1.0 + 0.5 * actuation.buckling * (1.0 + np.tanh(past)))
+        if actuation.product != 0.0:
             others = self.neighbours @ pressures
-            worth = worth * (1.0 + own.product * others / REFERENCE_PRESSURE)
-        return self.mixing @ worth
+            effective = effective * (1.0 + actuation.product * others / REFERENCE_PRESSURE)
+        return self.mixing @ effective
 
 
 def muscles(arm: ArmParameters) -> Muscles:

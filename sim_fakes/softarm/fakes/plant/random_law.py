@@ -68,7 +68,7 @@ class RandomLaw:
         return cls(strength, chosen, waves, phases, direction, time, np.zeros(chambers))
 
     def push(self, pressures: Floats, bends: Floats, step: float) -> Floats:
-        """Give the pressures that would push as much, and remember those of this step.
+        """Return the pressures that would push as much, and remember those of this step.
 
         Args:
             pressures: In the chambers [Pa], shape (chambers,).

@@ -53,7 +53,7 @@ def product(first: Floats, second: Floats) -> Floats:
 
 
 def tilt(axis: Floats) -> Floats:
-    """Give the two-axis tilt of unit vectors: angle to z times direction in the plane [rad], (..., 2)."""
+    """Return the two-axis tilt of unit vectors: angle to z times direction in the plane [rad], (..., 2)."""
     across = np.hypot(axis[..., 0], axis[..., 1])
     angle = np.arctan2(across, axis[..., 2])
     scale = np.where(across > 0.0, angle / np.where(across > 0.0, across, 1.0), 0.0)

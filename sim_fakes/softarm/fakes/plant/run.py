@@ -49,7 +49,7 @@ class _Track(Generic[Event]):
     origins: dict[int, Floats] = field(default_factory=dict)
 
     def at(self, sample: int, state: PlantState) -> tuple[Event, Floats, int] | None:
-        """Give the event of a sample, the section's position at its start [m], and the samples since."""
+        """Return the event of a sample, the section's position at its start [m], and the samples since."""
         for event in self.events:
             since = sample - event.start
             if 0 <= since < event.samples:

@@ -138,19 +138,19 @@ def draw(seed: int, kind: str, background: float = 1.0, only: tuple[str, ...] = 
     return PlantTrial(seed, kind, concealed, runs)
 
 
-def draw_effect(rng: Random, known: ConcealedEffect) -> Concealed:
+def draw_effect(rng: Random, definition: ConcealedEffect) -> Concealed:
     """Draw the place and the size of one effect; sizes of one sign are even on a logarithmic scale."""
-    where = {place: _choose(rng, DRAWN[place]) for place in known.places if place in DRAWN}
-    if "sensor" in known.places:
+    where = {place: _choose(rng, DRAWN[place]) for place in definition.places if place in DRAWN}
+    if "sensor" in definition.places:
         where["sensor"] = _choose(rng, SENSORS["pose"])
-    numbers = {name: _size(rng, quantity) for name, quantity in known.quantities.items()}
-    return Concealed(known.name, where, numbers)
+    numbers = {name: _size(rng, quantity) for name, quantity in definition.quantities.items()}
+    return Concealed(definition.name, where, numbers)
 
 
 def _names(rng: Random, kind: str, only: tuple[str, ...]) -> tuple[str, ...]:
     """Draw the names of the effects, without repeats."""
-    known = [FOREIGN] if kind == "foreign" else [*ARM_EFFECTS, *INSTRUMENT_EFFECTS]
-    pool = sorted(only or known)
+    names = [FOREIGN] if kind == "foreign" else [*ARM_EFFECTS, *INSTRUMENT_EFFECTS]
+    pool = sorted(only or names)
     count = {"null": 0, "single": 1, "pair": 2, "triple": 3, "foreign": 1}[kind]
     if count > len(pool):
         raise InputError("only", f"{len(pool)} names for {count} effects", "give more names")
@@ -179,14 +179,14 @@ def _runs(
     """Lay out the runs of an arm, one session with pauses."""
     runs, clock = [], 0.0
     for number, (name, mount) in enumerate(plan):
-        own = [seed, number, len(plan)]
-        manoeuvre = SHORT[name](np.random.default_rng(own))
+        stream = [seed, number, len(plan)]
+        manoeuvre = SHORT[name](np.random.default_rng(stream))
         runs.append(
             TrialRun(
                 f"{prefix}_{number:02d}_{name}_{mount}",
                 replace(laboratory.mounted(MOUNTS[mount]), session_start=clock),
                 manoeuvre,
-                int(np.random.default_rng([*own, 1]).integers(2**31)),
+                int(np.random.default_rng([*stream, 1]).integers(2**31)),
             )
         )
         clock += manoeuvre.duration + PAUSE

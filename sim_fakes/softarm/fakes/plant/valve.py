@@ -40,7 +40,7 @@ def draw_valve(rng: np.random.Generator, chambers: int) -> ValveConstants:
 
 
 def outlet(valve: ValveConstants, commands: Floats, filters: tuple[Filter, ...]) -> Floats:
-    """Give the pressures at the outlets [Pa] for commands at 100 Hz, both of shape (samples, chambers).
+    """Return the pressures at the outlets [Pa] for commands at 100 Hz, both of shape (samples, chambers).
 
     Args:
         valve: Constants.

@@ -39,7 +39,7 @@ class Discovery(asyncio.DatagramProtocol):
         self._transport: asyncio.DatagramTransport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Keep the way back."""
+        """Keep the transport for the reply."""
         # asyncio's own datagram transport does not derive from this class before Python 3.12.
         self._transport = cast(asyncio.DatagramTransport, transport)
 

@@ -8,7 +8,7 @@ import numpy as np
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.qtm.packets import MeasuredFrame, PacketBody
-from softarm.fakes.rotation import Quaternion, Vector, matrix, multiply, rotate, turn
+from softarm.fakes.rotation import Quaternion, Vector, from_rotation_vector, matrix, multiply, rotate
 from softarm.fakes.signals import See, plainly
 
 MILLIMETRES = 1e3
@@ -36,7 +36,7 @@ class MarkerBody:
     @property
     def axes(self) -> Quaternion:
         """Rotation from the body's axes to the section's."""
-        return multiply(turn(self.misalignment), turn(self.rotation))
+        return multiply(from_rotation_vector(self.misalignment), from_rotation_vector(self.rotation))
 
 
 @dataclass(frozen=True)
@@ -129,13 +129,13 @@ class MotionMeasurement:
         self._number = 0
 
     def next_time(self) -> float:
-        """Give the time of the next exposure [s] on the fakes' clock."""
+        """Return the time of the next exposure [s] on the fakes' clock."""
         return self.start_time + (self._number + 1) / (
             self.cameras.rate * (1 + 1e-6 * self.cameras.clock_ppm)
         )
 
     def capture(self, state: PlantState) -> MeasuredFrame | None:
-        """Take the next frame of a snapshot; None when it is the first of a gap."""
+        """Measure the next frame of a snapshot; None when it is the first of a gap."""
         if gap := self._faults.hit("frame_gap"):
             self._number += int(gap["frames"])
             return None
@@ -163,10 +163,10 @@ class MotionMeasurement:
             self._number += behind
 
     def _named(self, fault: str) -> set[str]:
-        """Give the bodies that a fault strikes; it shows only if one of them is in the project."""
-        found = self._faults.active(fault)
+        """Return the bodies that a fault strikes; it shows only if one of them is in the project."""
+        active = self._faults.active(fault)
         struck = (
-            {body.name for body in self.bodies} & set(str(found["bodies"]).split(",")) if found else set()
+            {body.name for body in self.bodies} & set(str(active["bodies"]).split(",")) if active else set()
         )
         if struck:
             self._faults.hit(fault)
@@ -175,13 +175,13 @@ class MotionMeasurement:
     def _pose(self, body: MarkerBody, state: PlantState) -> PacketBody:
         index = self._sections.index(body.section)
         true = np.concatenate([state.positions[index], state.quaternions[index]])
-        seen = self._see("pose", f"frame_{body.section}", state.time, true)
-        w, x, y, z = (float(c) for c in seen[3:])
+        measured = self._see("pose", f"frame_{body.section}", state.time, true)
+        w, x, y, z = (float(c) for c in measured[3:])
         section: Quaternion = (w, x, y, z)
-        origin = seen[:3] + np.array(rotate(section, body.offset))
+        origin = measured[:3] + np.array(rotate(section, body.offset))
         noise = self._random.standard_normal(7)
         origin = (origin + self.cameras.position_noise * noise[:3]) * MILLIMETRES
-        wobble = turn(tuple(self.cameras.angle_noise * noise[3:6]))
+        wobble = from_rotation_vector(tuple(self.cameras.angle_noise * noise[3:6]))
         rows = matrix(multiply(multiply(section, body.axes), wobble))
         by_columns = tuple(rows[row][column] for column in range(3) for row in range(3))
         residual = abs(float(noise[6])) * self.cameras.position_noise * MILLIMETRES

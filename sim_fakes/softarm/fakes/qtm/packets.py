@@ -118,7 +118,7 @@ def _timecode(frame: MeasuredFrame) -> bytes:
 
 
 def euler_angles(rotation: Matrix) -> tuple[float, float, float]:
-    """Give roll, pitch, yaw [degrees] of R = Rx(roll) Ry(pitch) Rz(yaw), QTM's own choice."""
+    """Return roll, pitch, yaw [degrees] of R = Rx(roll) Ry(pitch) Rz(yaw), QTM's own choice."""
     r00, r01, r02 = rotation[0], rotation[3], rotation[6]
     r12, r22 = rotation[7], rotation[8]
     pitch = math.asin(max(-1.0, min(1.0, r02)))

@@ -82,7 +82,6 @@ class QtmServer:
         self.master: ClientSession | None = None
         self.last_event = CAPTURE_STARTED
         self.last_frame: MeasuredFrame | None = None
-        self.dropped_frames = 0
         self._state = state
         self._clock = clock
         self._latency = latency
@@ -124,7 +123,7 @@ class QtmServer:
             self._datagrams = None
 
     async def run(self) -> None:
-        """Take and send frames, forever."""
+        """Measure and send frames, forever."""
         self.begin()
         while True:
             await self._clock.sleep_until(self.measurement.next_time())
@@ -295,14 +294,12 @@ class _Client(asyncio.Protocol):
                 self.send(self.session.answer(words.decode(errors="replace")))
 
     def send_frame(self, data: bytes, stream: FrameStream) -> None:
-        """Send a frame the way the client has asked for."""
+        """Send a frame over the transport that the client chose."""
         if self._server.faults.hit("silence"):
             return
         if stream.udp is not None:
             self._server.send_datagram(data, stream, self.session.peer)
-        elif self._transport is not None and self._transport.get_write_buffer_size() > BACKLOG_LIMIT:
-            self._server.dropped_frames += 1
-        else:
+        elif self._transport is None or self._transport.get_write_buffer_size() <= BACKLOG_LIMIT:
             self._send_cut(data)
 
     def send(self, data: bytes) -> None:

@@ -32,7 +32,7 @@ class FrameStream:
     credit: float = 0.0
 
     def __post_init__(self) -> None:
-        """Let the next frame be the first."""
+        """Restart the frame number at 1."""
         self.credit = 1.0 - self.share
 
     def due(self) -> bool:
@@ -85,7 +85,7 @@ class ClientSession:
 
     Args:
         software: What all clients share.
-        peer: Address of the client, as others are told it.
+        peer: Address of the client, as reported to others.
     """
 
     def __init__(self, software: Software, peer: str) -> None:

@@ -19,7 +19,7 @@ def parameters(version: Version, kinds: Sequence[str], bodies: Sequence[str], ra
         rate_hz: Camera rate [Hz].
 
     Returns:
-        The XML, or None when nothing of what was asked exists.
+        The XML, or None when none of the requested settings exist.
     """
     sections = []
     if {"all", "general"} & set(kinds):

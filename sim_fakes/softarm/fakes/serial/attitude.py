@@ -6,7 +6,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.fakes.plant.state import PlantState
-from softarm.fakes.rotation import Quaternion, Vector, multiply, roll_pitch_yaw, rotate, turn
+from softarm.fakes.rotation import Quaternion, Vector, from_rotation_vector, multiply, roll_pitch_yaw, rotate
 
 
 @dataclass(frozen=True)
@@ -39,18 +39,18 @@ class Attitude:
 
     def __init__(self, mounting: Mounting, seed: int, *, zero_heading: bool = True) -> None:
         self._mounting = mounting
-        self._mount = turn(mounting.rotation)
+        self._mount = from_rotation_vector(mounting.rotation)
         self._random = np.random.default_rng(seed)
         self._zero_heading = zero_heading
         self._heading: float | None = None
         self._since = 0.0
 
     def reset(self) -> None:
-        """Take the next heading for zero."""
+        """Make the next heading the zero."""
         self._heading = None
 
     def orientation(self, state: PlantState) -> Quaternion:
-        """Sense the orientation: what turns the unit's axes into its own idea of the laboratory's."""
+        """Measure the orientation: the rotation from the unit's axes to its estimate of the laboratory's."""
         w, x, y, z = (float(c) for c in state.quaternions[self._mounting.section])
         true = multiply((w, x, y, z), self._mount)
         if self._heading is None:
@@ -58,17 +58,17 @@ class Attitude:
             self._since = state.time
         drift = self._mounting.drift * (state.time - self._since)
         wobble: Floats = self._mounting.noise * self._random.standard_normal(3)
-        about_up = turn((0.0, 0.0, drift - self._heading))
-        small = turn((float(wobble[0]), float(wobble[1]), float(wobble[2])))
+        about_up = from_rotation_vector((0.0, 0.0, drift - self._heading))
+        small = from_rotation_vector((float(wobble[0]), float(wobble[1]), float(wobble[2])))
         return multiply(multiply(about_up, true), small)
 
     def acceleration(self, state: PlantState) -> Vector:
         """Sense the specific force in the unit's axes [m/s2]."""
         x, y, z = (float(c) for c in state.specific_forces[self._mounting.section])
         w, a, b, c = self._mount
-        turned = rotate((w, -a, -b, -c), (x, y, z))
+        gravity = rotate((w, -a, -b, -c), (x, y, z))
         noise = self._mounting.acceleration_noise * self._random.standard_normal(3)
-        return (turned[0] + float(noise[0]), turned[1] + float(noise[1]), turned[2] + float(noise[2]))
+        return (gravity[0] + float(noise[0]), gravity[1] + float(noise[1]), gravity[2] + float(noise[2]))
 
     def angular_velocity(self, state: PlantState) -> Vector:
         """Sense the angular velocity in the unit's axes [rad/s]."""

@@ -1,4 +1,4 @@
-"""The steady beat of an instrument that speaks of its own accord."""
+"""The steady beat of an instrument that speaks without a request."""
 
 
 class Beat:
@@ -13,7 +13,7 @@ class Beat:
         self.next = 0.0
 
     def start(self, time: float) -> None:
-        """Let the next beat fall at ``time`` [s]."""
+        """Set the next beat to ``time`` [s]."""
         self.next = time
 
     def take(self, time: float) -> None:

@@ -54,7 +54,7 @@ def bend_faults(sensors: int) -> tuple[Fault, ...]:
 
 
 def biquad(cutoff: float, rate: float) -> tuple[Floats, Floats]:
-    """Give numerator and denominator of a second-order Butterworth low-pass (bilinear transform)."""
+    """Return numerator and denominator of a second-order Butterworth low-pass (bilinear transform)."""
     k = math.tan(math.pi * cutoff / rate)
     norm = 1.0 / (1.0 + math.sqrt(2.0) * k + k * k)
     numerator = np.array([k * k, 2.0 * k * k, k * k]) * norm
@@ -137,8 +137,8 @@ class BendBoard(Instrument):
         angles = [0.0, 0.0] * len(self._where)
         for sensor, segment in enumerate(self._where):
             if segment is not None:
-                seen = self._see("bend", self._sensors[segment], state.time, state.bends[segment])
-                angles[2 * sensor : 2 * sensor + 2] = [float(angle) for angle in seen]
+                measured = self._see("bend", self._sensors[segment], state.time, state.bends[segment])
+                angles[2 * sensor : 2 * sensor + 2] = [float(angle) for angle in measured]
         raw = np.degrees(np.array(angles) + self._random.normal(0.0, self._noise, len(angles)))
         numerator, denominator = self._filter
         if not self._greeted:

@@ -40,25 +40,25 @@ class Instrument:
         self._beat = Beat(rate)
 
     def power_on(self, time: float) -> bytes:
-        """Start at ``time`` [s]; return what it says at once."""
+        """Start at ``time`` [s]; return what it sends at once."""
         self._beat.start(time)
         return b""
 
     def next_time(self) -> float | None:
-        """Give the time of the next output of its own [s]; None while it only answers."""
+        """Return the time of the next output of its own [s]; None while it only answers."""
         return self._beat.next
 
     def update(self, time: float, state: PlantState) -> bytes:  # noqa: ARG002
-        """Give what it sends at ``time`` [s] of its own accord."""
+        """Return what it sends at ``time`` [s] without a request."""
         return b""
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
-        """Take bytes from the host at ``time`` [s] and give the answer."""
+        """Handle bytes from the host at ``time`` [s] and return the answer."""
         return b""
 
 
 def spoiled(frame: bytes, faults: FaultBoard) -> bytes:
-    """Give a frame as the faults ``bad_checksum`` and ``byte_slip`` leave it."""
+    """Return a frame as the faults ``bad_checksum`` and ``byte_slip`` leave it."""
     if faults.hit("bad_checksum"):
         frame = frame[:-1] + bytes([frame[-1] ^ 0x55])
     return frame[:2] + frame[3:] if faults.hit("byte_slip") else frame

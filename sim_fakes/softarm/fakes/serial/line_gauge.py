@@ -55,7 +55,7 @@ class LineGauge(Instrument):
         return f"{value:.{self._decimals}f}{unit}\r\n".encode()
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
-        """Take ``t`` for tare."""
+        """Handle ``t``, the tare command."""
         if b"t" in data:
             self._cell.press_zero(state)
         return b""

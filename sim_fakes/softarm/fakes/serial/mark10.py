@@ -58,7 +58,7 @@ class FakeMark10(Instrument):
         return b""
 
     def next_time(self) -> float | None:
-        """Give the time of the next reading of the continuous output [s]."""
+        """Return the time of the next reading of the continuous output [s]."""
         return self._beat.next if self._streams else None
 
     def update(self, time: float, state: PlantState) -> bytes:
@@ -67,7 +67,7 @@ class FakeMark10(Instrument):
         return b"" if self._cell.is_off() else self._reading(state)
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:
-        """Take command bytes and give the replies to the commands that they complete."""
+        """Handle command bytes and return the replies to the commands that they complete."""
         self._buffer += data.replace(b"\n", b"")
         replies = b""
         while (end := self._buffer.find(b"\r")) >= 0:

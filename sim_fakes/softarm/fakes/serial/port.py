@@ -77,7 +77,7 @@ class SerialPort:
         self._wake.set()
 
     def unplug(self) -> None:
-        """Take the terminal and its link away, with whatever was on the line."""
+        """Remove the terminal and its link, with whatever was on the line."""
         if self._controller is None:
             return
         self._detach()
@@ -87,7 +87,7 @@ class SerialPort:
         os.close(controller)
 
     async def run(self) -> None:
-        """Send what the instrument says at the speed of the line, forever."""
+        """Send the bytes of the instrument at the speed of the line, forever."""
         while True:
             now = self._clock.now()
             self._follow_host(now)
@@ -130,7 +130,7 @@ class SerialPort:
             return
 
     def _say(self, data: bytes) -> None:
-        """Queue what the instrument says, with the faults of the line."""
+        """Queue the bytes of the instrument, with the faults of the line."""
         faults = self.instrument.faults
         if not self._open or not data:
             return
@@ -200,7 +200,7 @@ class SerialPort:
         self.lost_bytes += len(chunk) - written
 
     def _on_readable(self) -> None:
-        """Hand bytes of the host to the instrument."""
+        """Pass bytes of the host to the instrument."""
         if self._controller is None:
             return
         try:

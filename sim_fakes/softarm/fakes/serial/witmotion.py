@@ -79,7 +79,7 @@ class WitMotion(Instrument):
         return b""
 
     def next_time(self) -> float | None:
-        """Give the time of the next group of frames [s]; None when the rate is off."""
+        """Return the time of the next group of frames [s]; None when the rate is off."""
         return self._beat.next if self._registers[RATE] in RATES else None
 
     def update(self, time: float, state: PlantState) -> bytes:
@@ -91,7 +91,7 @@ class WitMotion(Instrument):
         return spoiled(self._frames(time, state), self.faults)
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
-        """Take configuration commands."""
+        """Handle configuration commands."""
         self._commands += data
         while (start := self._commands.find(b"\xff\xaa")) >= 0 and len(self._commands) >= start + 5:
             register, value = struct.unpack_from("<BH", self._commands, start + 2)

@@ -64,14 +64,14 @@ class XbusModule(Instrument):
         self._buffer = bytearray()
 
     def power_on(self, time: float) -> bytes:
-        """Say WakeUp and measure after a while unless the host answers."""
+        """Send WakeUp and measure after a while unless the host answers."""
         self._buffer.clear()
         self._counter, self._start, self._measuring = 0, time, True
         self._beat.start(time + WAKE_UP_WAIT)
         return xbus_message(WAKE_UP)
 
     def next_time(self) -> float | None:
-        """Give the time of the next data message [s]; None in the configuration state."""
+        """Return the time of the next data message [s]; None in the configuration state."""
         return self._beat.next if self._measuring else None
 
     def update(self, time: float, state: PlantState) -> bytes:
@@ -95,7 +95,7 @@ class XbusModule(Instrument):
         return message
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
-        """Take messages and give their acknowledgements."""
+        """Handle messages and return their acknowledgements."""
         self._buffer += data
         replies = b""
         while (message := self._next_message()) is not None:

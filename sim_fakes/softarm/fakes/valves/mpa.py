@@ -104,11 +104,10 @@ class MpaBank(RegulatedValves):
     ) -> None:
         super().__init__(faults, valves, figures or Regulators(), seed, see)
         self.modules = valves
-        self.haywire = 0
         self._echo = [0] * valves
 
     def setpoint_word(self, channel: int) -> int:
-        """Give the output word (from word 2 on) of a channel's set-point."""
+        """Return the output word (from word 2 on) of a channel's set-point."""
         return channel
 
     def update(self, time: float, outputs: Sequence[int]) -> None:
@@ -116,14 +115,13 @@ class MpaBank(RegulatedValves):
         self._echo = list(outputs[: self.modules])
         setpoints = np.array([signed(word) for word in self._echo]) * MBAR
         wild = setpoints < 0
-        self.haywire += int(wild.any())
         setpoints = np.where(wild, self._figures.supply, setpoints)
         if broken := self._faults.active("valve_fault"):
             setpoints[int(broken["channel"])] = 0.0
         self._advance(time, setpoints)
 
     def inputs(self) -> list[int]:
-        """Give three words per valve: actual [mbar, two's complement], echo, diagnosis."""
+        """Return three words per valve: actual [mbar, two's complement], echo, diagnosis."""
         errors = self.errors()
         words: list[int] = []
         for valve, actual in enumerate(self._words()):
@@ -131,7 +129,7 @@ class MpaBank(RegulatedValves):
         return words
 
     def errors(self) -> Mapping[int, int]:
-        """Give the CPX error number of each faulty module, modules counted from 1."""
+        """Return the CPX error number of each faulty module, modules counted from 1."""
         errors: dict[int, int] = {}
         if self._faults.active("supply_missing"):
             errors = dict.fromkeys(range(1, self.modules + 1), SUPPLY_FAULTY)

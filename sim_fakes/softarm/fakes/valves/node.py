@@ -62,16 +62,16 @@ class Bank(Protocol):
         """Advance to ``time`` [s] under the output words from word 2 on."""
 
     def inputs(self) -> list[int]:
-        """Give the input words from word 3 on, each 0 to 65535."""
+        """Return the input words from word 3 on, each 0 to 65535."""
 
     def errors(self) -> Mapping[int, int]:
-        """Give the CPX error number of each faulty module, modules counted from 1."""
+        """Return the CPX error number of each faulty module, modules counted from 1."""
 
     def setpoint_word(self, channel: int) -> int:
-        """Give the index in the output words (from word 2 on) of a channel's set-point."""
+        """Return the index in the output words (from word 2 on) of a channel's set-point."""
 
     def pressures(self) -> Floats:
-        """Give the gauge pressures at the outlets [Pa], shape (valves,)."""
+        """Return the gauge pressures at the outlets [Pa], shape (valves,)."""
 
 
 class CpxNode:
@@ -125,11 +125,11 @@ class CpxNode:
         raise ModbusError(ILLEGAL_ADDRESS)
 
     def pressures(self) -> Floats:
-        """Give the gauge pressures at the outlets [Pa], shape (valves,)."""
+        """Return the gauge pressures at the outlets [Pa], shape (valves,)."""
         return self._bank.pressures()
 
     def setpoint(self, channel: int) -> int:
-        """Give the set-point that the terminal holds for a channel, as it stands in its register."""
+        """Return the set-point that the terminal holds for a channel, as it stands in its register."""
         return self._outputs[2 + self._bank.setpoint_word(channel)]
 
     def note_request(self, time: float) -> None:

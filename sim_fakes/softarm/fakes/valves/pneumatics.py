@@ -97,7 +97,7 @@ class Pneumatics:
         return self._see("pressure", None, self._time, self.pressures + settled) + noise
 
     def _target(self) -> Floats:
-        """Give what each regulator works towards: the set-point one dead time ago, less its bias."""
+        """Return what each regulator works towards: the set-point one dead time ago, less its bias."""
         due = self._time - self._dead_time
         target = self._history[0][1].copy()
         for since, setpoints in self._history[1:]:

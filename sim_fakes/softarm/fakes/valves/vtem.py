@@ -48,7 +48,7 @@ class _Slot:
     target: tuple[int, int] = (INACTIVE, READY)
 
     def command(self, time: float, word: int) -> None:
-        """Take the command word: mode in bits 0-5, which valves regulate in bits 6-7."""
+        """Handle the command word: mode in bits 0-5, which valves regulate in bits 6-7."""
         asked = word & 0xFF
         if asked != self.asked:
             self.asked = asked
@@ -95,7 +95,7 @@ class VtemBank(RegulatedValves):
         self._slots = [_Slot() for _ in range(SLOTS)]
 
     def setpoint_word(self, channel: int) -> int:
-        """Give the output word (from word 2 on) of a channel's set-point."""
+        """Return the output word (from word 2 on) of a channel's set-point."""
         return 3 * (channel // 2) + 1 + channel % 2
 
     def update(self, time: float, outputs: Sequence[int]) -> None:
@@ -115,7 +115,7 @@ class VtemBank(RegulatedValves):
         self._advance(time, setpoints * MBAR)
 
     def inputs(self) -> list[int]:
-        """Give three words per slot: status, actual of the first valve, of the second [mbar]."""
+        """Return three words per slot: status, actual of the first valve, of the second [mbar]."""
         actual = self._words()
         words: list[int] = []
         for number, slot in enumerate(self._slots):
@@ -123,5 +123,5 @@ class VtemBank(RegulatedValves):
         return words
 
     def errors(self) -> Mapping[int, int]:
-        """Give the error number of each faulty slot, slots counted from 1."""
+        """Return the error number of each faulty slot, slots counted from 1."""
         return {number + 1: VALVE_ERROR for number, slot in enumerate(self._slots) if slot.state == ERROR}

@@ -9,7 +9,7 @@ from softarm_client.modes import Mode
 
 FAILURES_ALLOWED = 20
 STEERING_BY_THE_ESTIMATE = frozenset({Mode.TEACH, Mode.HOLDING})
-"""Modes whose pressures come from the estimate; an experiment plays its own and may swing the arm."""
+"""Modes whose pressures come from the estimate; an experiment plays its own and may excite oscillations."""
 
 
 def check_estimator(observation: ServiceHealth) -> Iterator[Diagnostic]:

@@ -8,7 +8,7 @@ from softarm.fakes.plant.parameters import ArmParameters
 
 
 def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
-    """Let a ``share`` of the pressure act on the chamber of the other segment, or on the next one.
+    """Apply a ``share`` of the pressure to the chamber of the other segment, or on the next one.
 
     Without a chamber given, the lower chambers act in the upper segment, whose wall their lines run through.
     """

@@ -8,7 +8,7 @@ from softarm.fakes.plant.parameters import ArmParameters
 
 
 def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
-    """Let a share ``strength`` of the stress go over the distance ``strain`` below the largest strain."""
+    """Drop a share ``strength`` of the stress over the distance ``strain`` below the largest strain."""
     return change_memory(
         arm,
         where,

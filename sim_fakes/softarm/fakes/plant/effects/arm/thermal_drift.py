@@ -7,7 +7,7 @@ from softarm.fakes.plant.parameters import ArmParameters, Warming
 
 
 def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:  # noqa: ARG001
-    """Let all moduli change by ``change`` with the time constant ``time`` from time 0."""
+    """Change all moduli by ``change`` with the time constant ``time`` from time 0."""
     return replace(arm, warming=Warming(arm.warming.change + numbers["change"], numbers["time"]))
 
 

@@ -7,7 +7,7 @@ from softarm.fakes.plant.parameters import ArmParameters
 
 
 def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:  # noqa: ARG001
-    """Let a chamber gain ``share`` per 50 kPa in the other chambers of its segment."""
+    """Add ``share`` to the gain of a chamber per 50 kPa in the other chambers of its segment."""
     actuation = replace(arm.actuation, product=arm.actuation.product + numbers["share"])
     return replace(arm, actuation=actuation)
 

@@ -7,7 +7,7 @@ from softarm.fakes.plant.parameters import ArmParameters
 
 
 def change(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:  # noqa: ARG001
-    """Let a ``share`` of each pressure act at the next azimuth, and its negative at the one before."""
+    """Apply a ``share`` of each pressure at the next azimuth, and its negative at the one before."""
     matrix = [list(row) for row in arm.actuation.crosstalk]
     for group in arm.groups:
         for place, chamber in enumerate(group):

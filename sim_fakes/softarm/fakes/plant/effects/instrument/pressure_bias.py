@@ -12,7 +12,7 @@ from softarm.fakes.plant.effects.instrument.masks import chamber_mask
 
 @dataclass(frozen=True)
 class PressureOffset:
-    """Give more or less than asked, except when vented; the valve's own sensor does not see it."""
+    """Regulate above or below the set-point, except when vented; the valve's own sensor does not see it."""
 
     bias: float
     mask: NDArray[np.bool_]

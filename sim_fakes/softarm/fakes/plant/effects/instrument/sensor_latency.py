@@ -11,7 +11,7 @@ from softarm.fakes.plant.effects.effect import EffectParameter, Filter, Instrume
 
 @dataclass
 class Latency:
-    """Give the reading of ``delay`` ago, interpolated; the first one until there is any."""
+    """Return the reading of ``delay`` ago, interpolated; the first one until there is any."""
 
     delay: float
     past: deque[tuple[float, Floats]] = field(default_factory=deque)

@@ -12,7 +12,7 @@ from softarm.fakes.plant.effects.instrument.masks import chamber_mask
 
 @dataclass(frozen=True)
 class Deadband:
-    """Give nothing up to a width, and that much less above."""
+    """Return zero up to a width, and that much less above."""
 
     width: float
     mask: NDArray[np.bool_]
