@@ -50,7 +50,7 @@ def test_a_device_that_is_not_there_is_told_with_its_cure(tmp_path, closed_port)
     devices, findings = json.loads(result.stdout)["tables"]
     assert devices["rows"][0]["state"] == "fault"
     assert devices["rows"][0]["address"] == f"modbus+tcp://127.0.0.1:{closed_port}"
-    assert devices["notes"] == ["0 of 1 devices work. No set-point was written."]
+    assert devices["notes"][0] == "0 of 1 devices work. No set-point was written."
     assert "does not accept a connection" in findings["rows"][0]["finding"]
     assert findings["rows"][0]["remedy"] == "check address, cable and power of the terminal"
 
