@@ -1,6 +1,8 @@
 """``softarm page``: the operator page in the browser."""
 
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -80,14 +82,23 @@ def command(
         raise click.UsageError("give --arm, --config with the service's file, or --recording")
     endpoint = endpoint or (DEFAULT_ENDPOINT if known is None else _endpoint(known.network))
     zenoh_config = zenoh_config or zenoh_credential()
-    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     connect = partial(Arm, arm, endpoint, "operator page", zenoh_config)
-    with page_server(host, port, arm, origins) as server:
+    with _awaiting_signals(), page_server(host, port, arm, origins) as server:
         click.echo(f"operator page: http://{host}:{port}")
         served = wait_for_arm(server, connect, say, lambda: signal.sigtimedwait(ENDING, AGAIN_S) is not None)
         if served is not None:
             with served.client, Page(served, server):
                 signal.sigwait(ENDING)
+
+
+@contextmanager
+def _awaiting_signals() -> Iterator[None]:
+    """Keep signals that end the command for ``sigwait``; threads started meanwhile never get them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _show_recording(path: Path, specimen: str | None, host: str, port: int, origins: tuple[str, ...]) -> None:
@@ -103,9 +114,9 @@ def _show_recording(path: Path, specimen: str | None, host: str, port: int, orig
     loaded = load_recording(path)
     robot = specimen_of(specimen, [path], [loaded])
     body, mesh = Body.model_validate_json(robot.model_dump_json(by_alias=True)), build_mesh(robot)
-    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     surface = drawn_surface(mesh).message(mesh)
     with (
+        _awaiting_signals(),
         page_server(host, port, loaded.name, origins) as server,
         RecordingPage(loaded, body, surface, server),
     ):

@@ -1,5 +1,6 @@
 """The page of a recording in a real browser, and how the command refuses what it cannot show."""
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,7 @@ def test_a_recording_without_estimates_is_refused_before_a_page_is_open():
             standalone_mode=False,
             catch_exceptions=False,
         )
+    assert not signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
 def test_a_recording_and_a_running_arm_are_not_shown_on_one_page():
