@@ -116,15 +116,6 @@ def _fit_rod(specimen: Specimen) -> None:
 
 async def _serve(path: Path, replay: Replay | None) -> None:
     setup = load_config(path)
-    config = setup.config
-    logger.info(
-        "serving %s at %s: specimen %s, model %s, devices %s; the estimator is being built",
-        config.arm,
-        ", ".join(config.network.listen or config.network.connect),
-        config.specimen,
-        config.control.model,
-        ", ".join(device.name for device in setup.devices),
-    )
     notifier = Notifier.from_environment()
     service = Service(setup, notifier, replay)
     loop = asyncio.get_running_loop()

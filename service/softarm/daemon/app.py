@@ -119,6 +119,7 @@ class Service:
         server = CommandServer(self._bus, self._loop)
         with self._host, self._bus:
             self._bus.open(self._documents(), server.stop)
+            self._announce()
             try:
                 async with self._worker, asyncio.TaskGroup() as tasks:
                     background = [
@@ -134,6 +135,18 @@ class Service:
     def stop(self) -> None:
         """Ask the service to end."""
         self._stopping.set()
+
+    def _announce(self) -> None:
+        """Log what is served, once the address is ours."""
+        config = self._setup.config
+        logger.info(
+            "serving %s at %s: specimen %s, model %s, devices %s; the estimator is being built",
+            config.arm,
+            ", ".join(config.network.listen or config.network.connect),
+            config.specimen,
+            config.control.model,
+            ", ".join(device.name for device in self._setup.devices),
+        )
 
     async def _shut_down(self) -> None:
         self._notifier.stopping()
