@@ -1,21 +1,19 @@
 """``softarm page``: the operator page in the browser."""
 
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
 import click
 
 from softarm.cli.output import say, specimen_option
+from softarm.cli.signals import ENDING, awaiting_signals
 from softarm.daemon.config import load_config
 from softarm.daemon.settings import PageSettings
 from softarm.daemon.unit import zenoh_credential
 from softarm_client import Arm
 from softarm_client.session import DEFAULT_ENDPOINT, NetworkSettings
 
-ENDING = signal.SIGINT, signal.SIGTERM
 AGAIN_S = 1.0
 """Pause before a service that did not answer is asked again."""
 
@@ -83,22 +81,12 @@ def command(
     endpoint = endpoint or (DEFAULT_ENDPOINT if known is None else _endpoint(known.network))
     zenoh_config = zenoh_config or zenoh_credential()
     connect = partial(Arm, arm, endpoint, "operator page", zenoh_config)
-    with _awaiting_signals(), page_server(host, port, arm, origins) as server:
+    with awaiting_signals(), page_server(host, port, arm, origins) as server:
         click.echo(f"operator page: http://{host}:{port}")
         served = wait_for_arm(server, connect, say, lambda: signal.sigtimedwait(ENDING, AGAIN_S) is not None)
         if served is not None:
             with served.client, Page(served, server):
                 signal.sigwait(ENDING)
-
-
-@contextmanager
-def _awaiting_signals() -> Iterator[None]:
-    """Keep signals that end the command for ``sigwait``; threads started meanwhile never get them."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _show_recording(path: Path, specimen: str | None, host: str, port: int, origins: tuple[str, ...]) -> None:
@@ -116,7 +104,7 @@ def _show_recording(path: Path, specimen: str | None, host: str, port: int, orig
     body, mesh = Body.model_validate_json(robot.model_dump_json(by_alias=True)), build_mesh(robot)
     surface = drawn_surface(mesh).message(mesh)
     with (
-        _awaiting_signals(),
+        awaiting_signals(),
         page_server(host, port, loaded.name, origins) as server,
         RecordingPage(loaded, body, surface, server),
     ):

@@ -7,6 +7,7 @@ import click
 
 from softarm.cli.output import json_option, progress, say, show
 from softarm.cli.running_arm import arm_options
+from softarm.cli.signals import ENDING, awaiting_signals
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Table
 from softarm_client import Arm
@@ -41,8 +42,10 @@ def command(
 
     Example: softarm record --arm sopra --seconds 60 --name pull
     """
-    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
-    with Arm(arm, endpoint, name="softarm record", zenoh_config=zenoh_config) as client:
+    with (
+        awaiting_signals(),
+        Arm(arm, endpoint, name="softarm record", zenoh_config=zenoh_config) as client,
+    ):
         if only != "stop":
             path = client.recordings.start(name).path
             say(f"recording to {path}")
@@ -64,7 +67,7 @@ def _wait(client: Arm, seconds: float | None) -> None:
     with progress("recording", seconds) as advance:
         while left_s > 0.0:
             step_s = min(LOOK_S, left_s)
-            if signal.sigtimedwait((signal.SIGINT, signal.SIGTERM), step_s) is not None:
+            if signal.sigtimedwait(ENDING, step_s) is not None:
                 return
             left_s -= step_s
             advance(step_s)

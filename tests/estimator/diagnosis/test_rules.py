@@ -15,7 +15,7 @@ from softarm.estimator.diagnosis.candidates import (
     Accepted,
     Candidate,
     ChosenEffects,
-    is_told,
+    is_distinguishable,
     plainest_first,
     surprise,
 )
@@ -168,9 +168,9 @@ def test_only_what_predicts_the_folds_about_as_well_as_the_best_may_be_accepted(
     assert Search.likely(cast("Any", search), [], None) == []
 
 
-def test_an_amplitude_is_told_from_none_by_its_deviation():
-    assert is_told(fit_of("tip_payload", 1.1 * TOLD, deviation=1.0), 0)
-    assert not is_told(fit_of("tip_payload", 0.9 * TOLD, deviation=1.0), 0)
+def test_an_amplitude_is_distinguishable_from_zero_by_its_deviation():
+    assert is_distinguishable(fit_of("tip_payload", 1.1 * TOLD, deviation=1.0), 0)
+    assert not is_distinguishable(fit_of("tip_payload", 0.9 * TOLD, deviation=1.0), 0)
 
 
 @pytest.fixture

@@ -55,8 +55,8 @@ def force_ratios(
             flags = pulled & (vented(own.pressures) == (name == VENTED_PULLS))
             if flags.any():
                 suite = widened(setting.aligned(own.run.suite), condition.scatter)
-                for section, *square in _squares(setting, suite, at.keep(flags), own.keep(flags)):
-                    squares.setdefault(f"{name}{ON}{section}", []).append((square[0], square[1]))
+                for section, square, weight in _squares(setting, suite, at.keep(flags), own.keep(flags)):
+                    squares.setdefault(f"{name}{ON}{section}", []).append((square, weight))
     return {name: _root_mean(np.array(found)) for name, found in squares.items() if found}
 
 

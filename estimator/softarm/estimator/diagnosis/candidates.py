@@ -88,8 +88,8 @@ def surprise(fit: Fit) -> float:
     return float(min(sum(sizes), MOST_SURPRISE))
 
 
-def is_told(fit: Fit, number: int) -> bool:
-    """Return whether some amplitude of an effect is told from none, or from the softest that may be rigid."""
+def is_distinguishable(fit: Fit, number: int) -> bool:
+    """Return whether some amplitude differs significantly from zero, or from what may be rigid."""
     effect, theta, stds = fit.hypotheses[number].effect, fit.thetas[number], fit.scaled_stds(number)
     sizes = []
     for parameter, value, std in zip(effect.parameters, theta.tolist(), stds.tolist(), strict=True):

@@ -13,7 +13,7 @@ from softarm.estimator.diagnosis.candidates import (
     Accepted,
     Candidate,
     ChosenEffects,
-    is_told,
+    is_distinguishable,
     plainest_first,
     surprise,
 )
@@ -316,8 +316,8 @@ class Search:
         return self.predictions[key]
 
     def pruned(self, accepted: list[Accepted], fit: Fit) -> tuple[list[Accepted], Fit | None, frozenset[int]]:
-        """Drop effects whose sizes are no longer told from none once all are fitted together."""
-        needed = [k for k in range(len(accepted)) if is_told(fit, k) or self.missed(fit, k)]
+        """Drop effects whose sizes are no longer distinguishable from zero once all are fitted together."""
+        needed = [k for k in range(len(accepted)) if is_distinguishable(fit, k) or self.missed(fit, k)]
         if len(needed) == len(accepted):
             return accepted, fit, frozenset()
         dropped = frozenset(accepted[k].candidate.number for k in range(len(accepted)) if k not in needed)

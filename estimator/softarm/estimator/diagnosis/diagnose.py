@@ -237,7 +237,8 @@ class Decision:
 
     Args:
         choice: The effects that are reported.
-        dropped: Names of those that did not hold on data that confirm, or are told from none no longer.
+        dropped: Names of those that did not hold on data that confirm, or are no longer
+            distinguishable from zero.
         law: A law without a name that explains far more than they would.
         remainder: What no known effects explain, over the same of nominal recordings.
         changed: Whether the recordings in question have changed more than the effects say.

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.fit import Fit, Parametrisation
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.stage import Stage
 
@@ -58,8 +58,9 @@ class NaturalFrequency:
         free = fit.covariance.shape[0]
         sizes = [len(theta) for theta in fit.thetas]
         fixed, before = np.split(np.concatenate(fit.thetas), [sum(sizes) - free])
-        parameters = [p for hypothesis in fit.hypotheses for p in hypothesis.effect.parameters][-free:]
-        scale = np.array([p.slope(p.scaled(v)) for p, v in zip(parameters, before.tolist(), strict=True)])
+        parameters = Parametrisation.of(fit.hypotheses).parameters[-free:]
+        unfixed = Parametrisation(parameters, (free,))
+        scale = unfixed.slopes(unfixed.units(before))
         values, vectors = np.linalg.eigh(fit.covariance + np.diag((ONE_POSE * before / scale) ** 2))
         whitener = vectors / np.sqrt(np.maximum(values, ROUNDING * values[-1]))
 

@@ -4,7 +4,7 @@ With W the weights of a stretch's rows, r its residual and X its columns, the pr
 r^T W r answer any question about fits, predictions and their differences without touching samples again.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -65,15 +65,15 @@ def normal_equations(
         nominal: Whether the arm was in its known state.
     """
     found = []
-    for block, own, seen, weight in _stretches(residual, scale, blocks):
-        left = residual[own][seen] * weight
-        rows: NDArray[Any] = np.asarray(columns[own][seen] * weight[:, None], dtype=columns.dtype)
+    for block, samples, recorded, weight in _stretches(residual, scale, blocks):
+        weighted = residual[samples][recorded] * weight
+        rows: NDArray[Any] = np.asarray(columns[samples][recorded] * weight[:, None], dtype=columns.dtype)
         matrix = np.asarray(rows.T @ rows, dtype=np.float64)
-        vector = np.asarray(rows.T @ left, dtype=np.float64)
-        flags = bool(heldout[own].any()), bool(reported[own].any())
-        sum_of_squares = float(left @ left)
+        vector = np.asarray(rows.T @ weighted, dtype=np.float64)
+        flags = bool(heldout[samples].any()), bool(reported[samples].any())
+        sum_of_squares = float(weighted @ weighted)
         found.append(
-            NormalEquations(session, block, nominal, *flags, len(left), matrix, vector, sum_of_squares)
+            NormalEquations(session, block, nominal, *flags, len(weighted), matrix, vector, sum_of_squares)
         )
     return found
 
@@ -87,13 +87,9 @@ def renewed(
 ) -> list[NormalEquations]:
     """Compute those of a session with another residual, lost at the same places; see ``normal_equations``."""
     found = []
-    spread = np.broadcast_to(scale, residual.shape)
-    stretches = _stretches(residual, scale, blocks)
-    for part, (_, own, seen, weight) in zip(parts, stretches, strict=True):
-        left = residual[own][seen] * weight
-        scaled = np.where(seen, np.nan_to_num(residual[own]) / spread[own] ** 2, 0.0)
-        vector = _pull(columns[own], scaled.ravel())
-        found.append(replace(part, vector=vector, sum_of_squares=float(left @ left)))
+    for part, samples, present, precision in _weighted(parts, residual, scale, blocks):
+        vector = _pull(columns[samples], precision * present)
+        found.append(replace(part, vector=vector, sum_of_squares=float(present @ (precision * present))))
     return found
 
 
@@ -107,17 +103,24 @@ def with_columns(
 ) -> list[NormalEquations]:
     """Compute those of a session with more columns, shape (samples, rows, more); see ``normal_equations``."""
     found = []
+    for part, samples, present, precision in _weighted(parts, residual, scale, blocks):
+        added = np.nan_to_num(more[samples]).reshape(-1, more.shape[-1])
+        weighted = precision[:, None] * added
+        cross = _pull(columns[samples], weighted)
+        matrix = np.block([[part.matrix, cross], [cross.T, added.T @ weighted]])
+        found.append(replace(part, matrix=matrix, vector=np.concatenate([part.vector, weighted.T @ present])))
+    return found
+
+
+def _weighted(
+    parts: Sequence[NormalEquations], residual: Floats, scale: Floats, blocks: NDArray[np.int64]
+) -> Iterator[tuple[NormalEquations, Flags, Floats, Floats]]:
+    """Yield each stretch, its samples, their residuals and the inverse variances, both 0 where lost."""
     spread = np.broadcast_to(scale, residual.shape)
     stretches = _stretches(residual, scale, blocks)
-    for part, (_, own, seen, _) in zip(parts, stretches, strict=True):
-        added = np.nan_to_num(more[own]).reshape(-1, more.shape[-1])
-        weight = np.where(seen, 1.0 / spread[own] ** 2, 0.0).reshape(-1, 1)
-        cross = _pull(columns[own], weight * added)
-        inner = added.T @ (weight * added)
-        pull = (weight * added).T @ np.nan_to_num(residual[own]).ravel()
-        matrix = np.block([[part.matrix, cross], [cross.T, inner]])
-        found.append(replace(part, matrix=matrix, vector=np.concatenate([part.vector, pull])))
-    return found
+    for part, (_, samples, recorded, _) in zip(parts, stretches, strict=True):
+        precision = np.where(recorded, 1.0 / spread[samples] ** 2, 0.0)
+        yield part, samples, np.nan_to_num(residual[samples]).ravel(), precision.ravel()
 
 
 def _pull(columns: Floats | NDArray[np.float32], weighted: Floats) -> Floats:
@@ -133,10 +136,10 @@ def _stretches(
     found = []
     spread = np.broadcast_to(scale, residual.shape)
     for block in np.unique(blocks):
-        own = blocks == block
-        seen = np.isfinite(residual[own])
-        if seen.any():
-            found.append((int(block), own, seen, 1.0 / spread[own][seen]))
+        samples = blocks == block
+        recorded = np.isfinite(residual[samples])
+        if recorded.any():
+            found.append((int(block), samples, recorded, 1.0 / spread[samples][recorded]))
     return found
 
 

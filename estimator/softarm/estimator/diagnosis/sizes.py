@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.candidates import ChosenEffects, is_told
+from softarm.estimator.diagnosis.candidates import ChosenEffects, is_distinguishable
 from softarm.estimator.diagnosis.choose import EXACT_STEPS, SECOND, Search
 from softarm.estimator.diagnosis.fit import (
     Fit,
@@ -116,7 +116,7 @@ def reversed_sign(fit: Fit, other: Fit) -> bool:
 def without_fragments(
     search: Search, choice: ChosenEffects
 ) -> tuple[ChosenEffects, Fit | None, list[EffectName]]:
-    """Take weaker effects back, the weakest first, until each is told from none by its honest deviation.
+    """Take weaker effects back, the weakest first, until each differs from zero by its honest deviation.
 
     Returns:
         What is left of the choice, its sizes, and the names of what was taken back.
@@ -136,14 +136,16 @@ def without_fragments(
 def fragments(choice: ChosenEffects, fit: Fit) -> list[int]:
     """List effects that may be what the law of a stronger one leaves.
 
-    They gain less than ``SECOND`` of what it gains, and their sizes are not told from none.
+    They gain less than ``SECOND`` of what it gains, and their sizes are not distinguishable from zero.
 
     Args:
         choice: The effects.
         fit: Their sizes.
     """
     gains = [one.candidate.delta_bic for one in choice.accepted]
-    return [k for k, gain in enumerate(gains) if gain < SECOND * max(gains) and not is_told(fit, k)]
+    return [
+        k for k, gain in enumerate(gains) if gain < SECOND * max(gains) and not is_distinguishable(fit, k)
+    ]
 
 
 _NOTHING = Total(0, np.zeros((1, 1)), np.zeros(1), 0.0)

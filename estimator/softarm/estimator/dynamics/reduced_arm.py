@@ -63,7 +63,8 @@ def reduced(
         own_noise: Covariance of the sensors' own noise, shape (rows, rows) of the whole suite.
 
     Returns:
-        The reduced arm, ``None`` where no sensor was heard or the forces do not each move the arm their way.
+        The reduced arm, ``None`` where no sensor gave a reading or the forces do not each move the arm their
+        way.
     """
     if not any(row.name == "sensors" and len(row.members) for row in estimate.rows):
         return None

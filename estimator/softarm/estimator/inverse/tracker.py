@@ -1,5 +1,6 @@
 """The estimator that follows an arm through time, for the live service and for recordings alike."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Generic, TypeVar
 
@@ -15,6 +16,7 @@ from softarm.estimator.inverse.process import LoadProcess
 from softarm.estimator.inverse.unknowns import Unknowns
 from softarm.estimator.model import ArmModel, Inputs, Linearisation
 from softarm.estimator.sensing import ActuationMap, ModelError, SensorSuite, widened
+from softarm.estimator.sensing.model_error import Condition
 
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
@@ -59,6 +61,30 @@ class _Memory(Generic[State]):
     last: Linearised[State] | None = None
 
 
+@dataclass(frozen=True)
+class _Accuracy:
+    """What a calibration says of the errors in one condition of the arm.
+
+    Args:
+        suite: The sensors, as noisy as they and the model are together.
+        force_ratios: Error over deviation of the estimated force of each load, shape (loads,).
+        relative_errors: Relative error of each force beside it, shape (loads,).
+    """
+
+    suite: SensorSuite
+    force_ratios: Floats
+    relative_errors: Floats
+
+    @classmethod
+    def of(cls, condition: Condition, suite: SensorSuite, sections: Sequence[str | None]) -> "_Accuracy":
+        """Look up what holds for loads on these sections."""
+        return cls(
+            widened(suite, condition.scatter),
+            np.array([condition.force_ratio(section) for section in sections]),
+            np.array([condition.relative_error(section) for section in sections]),
+        )
+
+
 class Estimator(Generic[State, Step]):
     """Estimate loads, pressures and frames from readings in the order of their time.
 
@@ -84,7 +110,8 @@ class Estimator(Generic[State, Step]):
         self._retries = RETRIES if guide is None else 0
         self._model = model
         self._suite = suite
-        self._conditions = {c: widened(suite, c.scatter) for c in settings.model_error.conditions}
+        sections = [load.section for load in model.loads]
+        self._conditions = {c: _Accuracy.of(c, suite, sections) for c in settings.model_error.conditions}
         self._settings = settings
         self._unknowns = Unknowns.of(model.chambers, model.loads)
         self._memory: _Memory[State] | None = None
@@ -102,7 +129,7 @@ class Estimator(Generic[State, Step]):
 
     def suite_at(self, pressures: Floats) -> SensorSuite:
         """Return the sensors, as noisy as they and the model are together at measured pressures [Pa]."""
-        return self._conditions[self._settings.model_error.at(pressures)]
+        return self._conditions[self._settings.model_error.at(pressures)].suite
 
     def follow(self, model: ArmModel[State, Step]) -> None:
         """Go on with another model of the same states and inputs, such as one under known loads."""
@@ -136,8 +163,8 @@ class Estimator(Generic[State, Step]):
         """
         acting = self._settings.actuation.to_chamber(pressures)
         prior, guess = self._predict(time, acting, gravity)
-        condition = self._settings.model_error.at(pressures)
-        problem = self._problem(self._conditions[condition], readings, acting, prior, gravity)
+        accuracy = self._conditions[self._settings.model_error.at(pressures)]
+        problem = self._problem(accuracy.suite, readings, acting, prior, gravity)
         begun = None if self._memory is None or self._failures else self._memory.last
         start = self._start(problem, guess)
         estimate = problem.solve(self._model, start, self._settings.tolerances, begun)
@@ -147,12 +174,7 @@ class Estimator(Generic[State, Step]):
             self._failures = 0
             covariance, last = estimate.covariance, estimate.last
             self._memory = _Memory(time, estimate.state, estimate.inputs, covariance, last)
-        sections = [load.section for load in self._model.loads]
-        return replace(
-            estimate,
-            force_ratios=np.array([condition.force_ratio(section) for section in sections]),
-            relative_errors=np.array([condition.relative_error(section) for section in sections]),
-        )
+        return replace(estimate, force_ratios=accuracy.force_ratios, relative_errors=accuracy.relative_errors)
 
     def _predict(self, time: float, acting: Floats, gravity: Floats) -> tuple[Prior, Inputs]:
         """Carry the last estimate to this instant: the prior, and the inputs to begin the search with."""
