@@ -86,16 +86,14 @@ def test_the_conditions_are_those_of_the_unit(host, trees, supervisor, environme
     assert written == [".", "/tmp"]
 
 
-def test_the_control_loop_of_each_service_runs_and_asks_for_time_to_build_its_estimator(
-    host, trees, supervisor
-):
-    for arm in ARMS:
-        socket = supervisor(arm)
-        with unit(host, "softarm", arm).running(trees, socket.address) as process:
-            socket.wait_for("WATCHDOG=1", process)
-            socket.wait_for("EXTEND_TIMEOUT_USEC=", process)
-        assert process.returncode == 0
-        assert (host / f"var/cache/softarm/{arm}/numba").is_dir()
+def test_the_control_loop_of_a_service_runs_and_asks_for_time_to_build_its_estimator(host, trees, supervisor):
+    arm = ARMS[1]
+    socket = supervisor(arm)
+    with unit(host, "softarm", arm).running(trees, socket.address) as process:
+        socket.wait_for("WATCHDOG=1", process)
+        socket.wait_for("EXTEND_TIMEOUT_USEC=", process)
+    assert process.returncode == 0
+    assert (host / f"var/cache/softarm/{arm}/numba").is_dir()
 
 
 def test_credentials_that_are_handed_over_keep_strangers_out(host, trees, supervisor, tmp_path):
@@ -116,14 +114,14 @@ def test_credentials_that_are_handed_over_keep_strangers_out(host, trees, superv
     assert process.returncode == 0
 
 
-def test_each_page_serves_and_waits_for_its_service(host, trees, supervisor):
-    for arm in ARMS:
-        with unit(host, "softarm-page", arm).running(trees, supervisor(arm).address) as page:
-            line = page.stdout.readline()
-            assert line.startswith("operator page: http://127.0.0.1:"), page.stderr.read()
-            assert f"<title>{arm}</title>" in fetched(line.split()[-1])
-            assert "waiting for the service" in page.stderr.readline()
-        assert page.returncode == 0
+def test_a_page_serves_and_waits_for_its_service(host, trees, supervisor):
+    arm = ARMS[1]
+    with unit(host, "softarm-page", arm).running(trees, supervisor(arm).address) as page:
+        line = page.stdout.readline()
+        assert line.startswith("operator page: http://127.0.0.1:"), page.stderr.read()
+        assert f"<title>{arm}</title>" in fetched(line.split()[-1])
+        assert "waiting for the service" in page.stderr.readline()
+    assert page.returncode == 0
 
 
 def fetched(address):
