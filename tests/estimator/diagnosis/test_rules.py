@@ -168,6 +168,20 @@ def test_only_what_predicts_the_folds_about_as_well_as_the_best_may_be_accepted(
     assert Search.likely(cast("Any", search), [], None) == []
 
 
+def test_the_natural_frequency_counts_where_the_arm_at_rest_looks_alike():
+    """A weight and a force bend the arm alike; only the weight changes how fast it vibrates."""
+    none, alike = np.full(5, 400.0), np.full(5, 0.0)
+    search = SimpleNamespace(
+        rng=np.random.default_rng(0),
+        bic_penalty=5.0,
+        predicted=lambda one, _: FoldCosts(none, alike, none, none, none, none, (0.0, 1500.0)[one.number]),
+        only_moves=lambda _: False,
+    )
+    field = [candidate(fit_of("tip_payload", 0.01), 100.0, number) for number in (0, 1)]
+    likely = Search.likely(cast("Any", search), field, None)
+    assert [one.number for one in likely] == [1]
+
+
 def test_an_amplitude_is_distinguishable_from_zero_by_its_deviation():
     assert is_distinguishable(fit_of("tip_payload", 1.1 * TOLD, deviation=1.0), 0)
     assert not is_distinguishable(fit_of("tip_payload", 0.9 * TOLD, deviation=1.0), 0)

@@ -262,8 +262,9 @@ class Search:
             return []
         costs = [self.predicted(one, fit) for one in able]
         weights = probabilities(able, costs, self.bic_penalty, self.rng)
-        gains = np.array([float((own.before - own.after).sum()) for own in costs])
-        gains -= [spent(one, self.bic_penalty) for one in able]
+        gains = np.array(
+            [own.gain - spent(one, self.bic_penalty) for one, own in zip(able, costs, strict=True)]
+        )
         close = gains >= gains.max() - max(ALIKE, ALIKE_SHARE * gains.max())
         near = np.flatnonzero(close | (weights >= weights.max() / BARE)).tolist()
         near.sort(key=lambda k: (self.only_moves(able[k]), len(able[k].fit.thetas[-1]), -weights[k]))
@@ -310,10 +311,18 @@ class Search:
             widened = self.evidence.widened(
                 self.weights, lambda stage: self.change(stage, candidate.fit)[..., None], self.residuals(fit)
             )
-            self.predictions[key] = fold_costs(
+            costs = fold_costs(
                 _searched(widened), self.prior, self.weights.effective_sample_fraction, self.evidence.size
             )
+            self.predictions[key] = replace(costs, frequency_gain=self.frequency_gain(candidate, fit))
         return self.predictions[key]
+
+    def frequency_gain(self, candidate: Candidate, fit: Fit | None) -> float:
+        """Return by how much a candidate lowers the cost of the natural frequency beside a fit."""
+        if self.natural_frequency is None:
+            return 0.0
+        joint = fit.joined(candidate.fit) if fit else candidate.fit
+        return self.natural_frequency.gain_of(joint) - self.natural_frequency.gain_of(fit)
 
     def pruned(self, accepted: list[Accepted], fit: Fit) -> tuple[list[Accepted], Fit | None, frozenset[int]]:
         """Drop effects whose sizes are no longer distinguishable from zero once all are fitted together."""

@@ -49,6 +49,10 @@ class NaturalFrequency:
         """Give by how much a prediction lowers the cost against none."""
         return float((self.ratio**2 - (self.ratio - predicted) ** 2) / SIGMA**2)
 
+    def gain_of(self, fit: Fit | None) -> float:
+        """Give by how much a fit lowers the cost against none."""
+        return self.gain(self.predicted(fit.hypotheses, fit.thetas)) if fit is not None else 0.0
+
     def conditioned(self, fit: Fit) -> Fit:
         """Condition a fit, and its gain, on the frequency: the mode of the posterior, in bounds.
 

@@ -37,7 +37,7 @@ def probabilities(
     """
     # A cost is twice a logarithm.
     densities = [
-        -0.5 * (own.after + spent(one, bic_penalty) / len(own.after))
+        -0.5 * (own.after + (spent(one, bic_penalty) - own.frequency_gain) / len(own.after))
         for one, own in zip(candidates, costs, strict=True)
     ]
     return pseudo_bma(np.column_stack([*densities, -0.5 * costs[0].before]), rng)[:-1]
