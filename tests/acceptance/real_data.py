@@ -1,15 +1,20 @@
 """``softarm bench real-data``: calibrate on real recordings, predict what no fit has seen."""
 
 import os
+import subprocess
+import sys
 import time
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import click
 import numpy as np
+from scipy import constants
 
+from softarm.analysis.diagnosis.report import read_report
 from softarm.analysis.offline.alignment import quick_model
 from softarm.analysis.offline.inputs import cut, load_recordings
 from softarm.analysis.offline.resample import resample
@@ -80,7 +85,7 @@ def command(as_json: bool, quick: bool, write: Path | None) -> None:
         arm = arm_tables(folder, 60 if quick else 300, advance)
     with progress("the segment") as advance:
         segment = segment_tables(folder, advance)
-    tables = (*arm, *segment, *beam)
+    tables = (*arm, *segment, *beam, diagnosed_beam(folder))
     show(*tables, as_json=as_json)
     if write is not None:
         write.write_text(f"{PAGE}\n{as_markdown(*tables)}\n", encoding="utf-8")
@@ -337,6 +342,47 @@ def beam_tables(folder: Path, advance: Callable[[float], None]) -> tuple[Table, 
     )
 
 
+def diagnosed_beam(folder: Path) -> Table:
+    """Diagnose the loaded beam, the bare one being its known state."""
+    with TemporaryDirectory() as scratch:
+        out = Path(scratch) / "report"
+        words = [
+            str(folder / LOADED),
+            "--nominal",
+            str(folder / BARE),
+            "--specimen",
+            "beam",
+            "--out",
+            str(out),
+        ]
+        subprocess.run([sys.executable, "-m", "softarm", "diagnose", *words], check=True, capture_output=True)
+        report = read_report(out)
+    rows: list[dict[str, Cell]] = [
+        {
+            "finding": finding.effect,
+            "section": finding.where.section or "",
+            "quantity": name,
+            "value": parameter.value,
+            "std": parameter.std,
+            "unit": parameter.unit,
+            "probability": finding.probability,
+        }
+        for finding in report.findings
+        for name, parameter in finding.parameters.items()
+    ]
+    known = _weight(folder / LOADED) / constants.g
+    return Table(
+        "Silicone beam: what softarm diagnose finds, told nothing of the weight",
+        rows,
+        (f"What hangs there: {known:.4g} kg.",),
+    )
+
+
+def _weight(folder: Path) -> float:
+    """Read the weight that is known to hang at the tip [N]."""
+    return float(tomllib.loads((folder / "truth.toml").read_text())["tip_load_n"])
+
+
 def settled(recording: Recording, duration: float = 1.0) -> tuple[float, float]:
     """Return the window at the end in which the swing has died away [s]."""
     end = float(recording.time[-1])
@@ -345,7 +391,7 @@ def settled(recording: Recording, duration: float = 1.0) -> tuple[float, float]:
 
 def _beam_row(folder: Path, calibrated: Specimen, advance: Callable[[float], None]) -> dict[str, Cell]:
     (recording,) = load_recordings([folder])
-    truth = tomllib.loads((folder / "truth.toml").read_text())["tip_load_n"]
+    truth = _weight(folder)
     model = build_arm(calibrated)
     tip = model.sections.index("tip")
     ends = []
