@@ -37,8 +37,9 @@ def nearest_states(
 
 
 def _inputs(nodes: Nodes) -> Floats:
-    """Return pressures and known forces, shape (nodes, chambers + loads)."""
-    return np.column_stack([nodes.pressures, nodes.loads])
+    """Return gravity, pressures and known forces, shape (nodes, 3 + chambers + loads)."""
+    gravity = np.broadcast_to(nodes.run.gravity, (len(nodes.time), 3))
+    return np.column_stack([gravity, nodes.pressures, nodes.loads])
 
 
 def joined(
