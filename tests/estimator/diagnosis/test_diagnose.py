@@ -178,6 +178,8 @@ def test_a_segment_that_locks_is_not_called_one_that_stiffens() -> None:
     (finding,) = found[LOCKING].findings
     assert found[LOCKING].verdict == "unexplained"
     assert (finding.effect, finding.where, finding.when) == ("unknown", lower, "pose")
+    assert finding.probability is not None
+    assert finding.probability > 0.9
     assert "Something that depends on the pose acts at the lower segment." in finding.statement
 
 

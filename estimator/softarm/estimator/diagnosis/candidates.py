@@ -97,3 +97,19 @@ def is_distinguishable(fit: Fit, number: int) -> bool:
             none = parameter.scaled(parameter.lower) if parameter.transform == "inverse" else 0.0
             sizes.append(abs(parameter.scaled(value) - none) / max(std, 1e-300))
     return bool(max(sizes) >= TOLD)
+
+
+def includes(richer: Fit, plain: Fit) -> bool:
+    """Return whether a fitted law states another one at its place: as a part that is told from none."""
+    own, other = richer.hypotheses[-1], plain.hypotheses[-1]
+    amplitudes = zip(
+        own.effect.parameters,
+        richer.thetas[-1].tolist(),
+        richer.scaled_stds(len(richer.hypotheses) - 1).tolist(),
+        strict=True,
+    )
+    for parameter, value, std in amplitudes:
+        name, sign = parameter.alone or ("", 0.0)
+        if name == other.name and own.place == other.place:
+            return sign * value * plain.thetas[-1][0] > 0.0 and abs(parameter.scaled(value)) >= TOLD * std
+    return False

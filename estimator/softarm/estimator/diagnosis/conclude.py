@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.candidates import Accepted, ChosenEffects
+from softarm.estimator.diagnosis.candidates import Accepted, ChosenEffects, includes
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gaussian import Marginal
@@ -258,7 +258,9 @@ def findings_of(search: Search, choice: ChosenEffects) -> tuple[Finding, ...]:
     return tuple(finding for _, finding in sorted(found, key=lambda entry: -entry[0]))
 
 
-def unknown(left: Unexplained, heldout: Heldout, search_p: float, law: FreeLaw | None) -> Finding:
+def unknown(
+    left: Unexplained, heldout: Heldout, search_p: float, law: FreeLaw | None, probability: float
+) -> Finding:
     """Report that something is missing which no known effect explains.
 
     Args:
@@ -266,6 +268,7 @@ def unknown(left: Unexplained, heldout: Heldout, search_p: float, law: FreeLaw |
         heldout: The error on held-out data, which nothing lowers.
         search_p: Chance that the whole search finds as much where nothing is missing.
         law: A law without a name that explains it, where there is one.
+        probability: Posterior probability that what is missing has no name.
     """
     sits = f" They differ most at {describe(left.where)}, and {dependence(left.when)}." if left.when else ""
     differ = "Model and recordings differ, and no known effect improves the prediction of unseen data."
@@ -278,6 +281,7 @@ def unknown(left: Unexplained, heldout: Heldout, search_p: float, law: FreeLaw |
         evidence=Evidence(
             0.0 if law is None else law.delta_bic / 2.0, heldout.before, heldout.after, (0.0, 0.0), search_p
         ),
+        probability=probability,
     )
 
 
@@ -297,7 +301,7 @@ def _finding(
     low, high = accepted.judgement.gain_ci95
     if len(predictions.before) > 1:
         low, high = bootstrap(search.rng, predictions.before, predictions.after)
-    probable = _probable(search, choice, index)
+    probable, acts = _probable(search, choice, index)
     rivals, rejected = _rivals(search, accepted, probable)
     when = effect.when
     statement = f"{effect.tell(theta, hypothesis.place)} {sentence_on(when)}"
@@ -321,12 +325,16 @@ def _finding(
         confusable_with=rivals,
         rejected=rejected,
         exposure=_exposure(search, choice, index),
-        probability=probable[hypothesis.name, hypothesis.place],
+        probability=acts,
     )
 
 
-def _probable(search: Search, choice: ChosenEffects, index: int) -> dict[Explanation, float]:
-    """Return how probable it is that each of some effects explains what the other findings leave."""
+def _probable(search: Search, choice: ChosenEffects, index: int) -> tuple[dict[Explanation, float], float]:
+    """Return how probable it is that each of some effects explains what the other findings leave.
+
+    Returns:
+        The probability of each, and of the accepted one to act: alone, or as part of a richer law.
+    """
     fit = choice.fit
     assert fit is not None
     others = [k for k in range(len(fit.thetas)) if k != index]
@@ -340,7 +348,13 @@ def _probable(search: Search, choice: ChosenEffects, index: int) -> dict[Explana
         hypothesis = search.evidence.library.hypotheses[one.number]
         key = (hypothesis.name, hypothesis.place)
         found[key] = found.get(key, 0.0) + weight
-    return found
+    own = choice.accepted[index].candidate
+    acts = sum(
+        weight
+        for one, weight in zip(field, weights.tolist(), strict=True)
+        if one.number == own.number or includes(one.fit, own.fit)
+    )
+    return found, min(acts, 1.0)
 
 
 def _rivals(

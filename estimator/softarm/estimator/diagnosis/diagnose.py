@@ -22,7 +22,6 @@ from softarm.estimator.diagnosis.detection import detection_limits
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.form import form_columns
 from softarm.estimator.diagnosis.innovations import learnt_coefficients, residuals_of, worst_stretch
-from softarm.estimator.diagnosis.judge import HETEROGENEITY
 from softarm.estimator.diagnosis.library import Library, build_library, library_columns
 from softarm.estimator.diagnosis.locate import locate
 from softarm.estimator.diagnosis.natural_frequency import natural_frequency_of
@@ -46,10 +45,10 @@ from softarm.estimator.diagnosis.stage import Model, Stage
 from softarm.estimator.diagnosis.stuck import Stuck, find_stuck, stuck_findings, without_stuck
 from softarm.estimator.diagnosis.swapped import refuse_swapped
 from softarm.estimator.diagnosis.traces import traces_of
-from softarm.estimator.diagnosis.unnamed import FreeLaw, better_law
+from softarm.estimator.diagnosis.unnamed import FreeLaw, better_law, unnamed_probability
 from softarm.estimator.diagnosis.vibration import fit_vibration, with_vibration
 from softarm.estimator.diagnosis.words import possible
-from softarm.estimator.effects import EFFECTS, describe
+from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.errors import InputError
 from softarm.estimator.simulation.inertia import Masses
@@ -317,7 +316,6 @@ def _outcome(
 ) -> DiagnosisOutcome:
     evidence, choice, law = search.evidence, decision.choice, decision.law
     suspects = [stage for stage in evidence.stages if not stage.session.nominal]
-    notes = (*notes, *disagreement(search, choice))
     predictions = held_out(search, None, choice.fit, known=choice.fit is not None)
     findings = (*findings_of(search, choice), *stuck_findings(assembled.stuck))
     first_map = _map(search, None)
@@ -332,7 +330,7 @@ def _outcome(
         worst=worst_stretch(search, left),
     )
     if verdict == "unexplained":
-        findings = (unknown(unexplained, heldout, choice.alarm_p, law),)
+        findings = (unknown(unexplained, heldout, choice.alarm_p, law, unnamed_probability(search)),)
     diagnosis = Diagnosis(
         specimen=evidence.specimen,
         recordings=tuple(stage.session.name for stage in suspects),
@@ -357,17 +355,6 @@ def _outcome(
     placed = tuple(h.placed(world, theta) for h, theta in zip(fit.hypotheses, fit.thetas, strict=True))
     stds = tuple(tuple(fit.stds(k).tolist()) for k in range(len(placed)))
     return DiagnosisOutcome(diagnosis, placed, stds, evidence.fitted, covariance)
-
-
-def disagreement(search: Search, choice: ChosenEffects) -> list[str]:
-    """Report where the best candidate was rejected because recordings show it in different sizes."""
-    if choice.turned_down is None or choice.turned_down[1].spread <= HETEROGENEITY:
-        return []
-    hypothesis = search.evidence.library.hypotheses[choice.turned_down[0].number]
-    return [
-        f"The recordings disagree: {hypothesis.name} at {describe(hypothesis.place)} fits some of them and "
-        "not others, and so is not reported."
-    ]
 
 
 def _baseline(stages: Sequence[Stage], floors: Mapping[str, float]) -> Baseline:

@@ -82,6 +82,14 @@ class Gaussian:
         covariance[size, size] = variance
         return Gaussian(np.append(self.mean, mean), covariance)
 
+    def with_first(self, known: "Gaussian") -> "Gaussian":
+        """Replace the distribution of the first coefficients by an independent one."""
+        count = len(known.mean)
+        mean, covariance = self.mean.copy(), self.covariance.copy()
+        covariance[:count, count:], covariance[count:, :count] = 0.0, 0.0
+        mean[:count], covariance[:count, :count] = known.mean, known.covariance
+        return Gaussian(mean, covariance)
+
     def inflate(self, spreads: Floats) -> "Gaussian":
         """Add independent variation of each coefficient with standard deviations, shape (columns,)."""
         return Gaussian(self.mean, self.covariance + np.diag(spreads**2))

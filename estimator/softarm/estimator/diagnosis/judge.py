@@ -20,8 +20,6 @@ EXPLAINABLE = 0.25
 REPEATABLE = 1.0
 """Or root mean square of its change over the scatter of the residuals."""
 FALSE_ALARM = 0.01
-HETEROGENEITY = 1.0
-"""Largest spread between recordings of an effect's size, over the size."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,6 @@ class Judgement:
         gain_ci95: Bootstrap interval of 1 - after / before.
         share: Share of the explainable mismatch that it removes.
         change: Root mean square of its change over the scatter.
-        spread: Spread of its size between recordings beyond their own uncertainty, over the size.
         search_p: Chance of as much in the whole search where nothing is missing.
         delta_bic: Of the candidate.
         certain: Gain in the criterion that decides even where the gain on single folds scatters.
@@ -45,7 +42,6 @@ class Judgement:
     gain_ci95: tuple[float, float]
     share: float
     change: float
-    spread: float
     search_p: float
     delta_bic: float
     certain: float = CERTAIN
@@ -53,7 +49,7 @@ class Judgement:
     @property
     def accepted(self) -> bool:
         """Whether all of it holds."""
-        certain = self.delta_bic >= self.certain and self.after < self.before and self.spread <= HETEROGENEITY
+        certain = self.delta_bic >= self.certain and self.after < self.before
         return (
             (self.gain_ci95[0] > 0.0 or certain)
             and (self.share >= MATERIAL or self.change >= REPEATABLE)
@@ -70,8 +66,6 @@ class FoldCosts:
         after: With it.
         counts: Effective number of samples of each.
         changed: Weighted squares of the candidate's change in each, over effective samples.
-        sizes: Size that each fold shows by itself.
-        precisions: Of these sizes.
         frequency_gain: By how much it lowers the cost of the natural frequency, which belongs to no fold.
     """
 
@@ -79,8 +73,6 @@ class FoldCosts:
     after: Floats
     counts: Floats
     changed: Floats
-    sizes: Floats
-    precisions: Floats
     frequency_gain: float = 0.0
 
     @property
@@ -103,17 +95,14 @@ def fold_costs(parts: Sequence[NormalEquations], prior: Gaussian, fraction: floa
     """
     extended = prior.augment(0.0, ANY_SIZE)
     rows = []
-    for fold in _folds(parts):
+    for fold in folds_of(parts):
         rest = [part for part in parts if part not in fold]
         learnt = extended.posterior(total(rest, size + 1), fraction)
         known = prior.augment(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
         seen = total(fold, size + 1)
-        own = Marginal.of(extended, seen, fraction)
-        precision = own.matrix[-1, -1]
         before = Marginal.cost_of(prior, seen.first(size), fraction)
         after = Marginal.cost_of(known, seen, fraction)
-        count, changed = fraction * seen.count, fraction * seen.matrix[-1, -1]
-        rows.append((before, after, count, changed, own.vector[-1] / max(precision, 1e-12), precision))
+        rows.append((before, after, fraction * seen.count, fraction * seen.matrix[-1, -1]))
     return FoldCosts(*np.array(rows, dtype=np.float64).T)
 
 
@@ -134,13 +123,12 @@ def judge(costs: FoldCosts, rng: np.random.Generator, search_p: float, delta_bic
         bootstrap(rng, costs.before, costs.after),
         float(before - after) / explainable,
         float(np.sqrt(costs.changed.sum() / count)),
-        _heterogeneity(costs.sizes, costs.precisions),
         search_p,
         delta_bic,
     )
 
 
-def _folds(parts: Sequence[NormalEquations]) -> list[list[NormalEquations]]:
+def folds_of(parts: Sequence[NormalEquations]) -> list[list[NormalEquations]]:
     """Cut stretches into folds: recordings where there are three or more, else five spans of time."""
     sessions = sorted({part.session for part in parts})
     if len(sessions) >= 3:
@@ -159,17 +147,3 @@ def bootstrap(
     gains = 1.0 - np.sqrt(np.maximum(ratio, 0.0))
     low, high = np.percentile(gains, [2.5, 97.5])
     return float(low), float(high)
-
-
-def _heterogeneity(sizes: Floats, precisions: Floats) -> float:
-    """Give the spread between folds beyond their own uncertainty (DerSimonian and Laird).
-
-    Sizes are over the size that all folds together show, so 1 is agreement.
-    """
-    if len(sizes) < 2 or precisions.sum() <= 0.0:
-        return 0.0
-    mean = float((precisions * sizes).sum() / precisions.sum())
-    excess = float((precisions * (sizes - mean) ** 2).sum()) - (len(sizes) - 1)
-    weight = precisions.sum() - (precisions**2).sum() / precisions.sum()
-    between = max(excess, 0.0) / max(weight, 1e-12)
-    return float(np.sqrt(between))

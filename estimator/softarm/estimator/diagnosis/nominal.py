@@ -98,14 +98,35 @@ def evidence_of_change(
     Returns:
         Twice the log ratio of the densities, at the likeliest widths above and below ``MATERIAL``.
     """
+    little, more = (
+        [predictive(one, parts, fraction, evidence.size) for one in priors]
+        for priors in _wider(evidence, prior, width)
+    )
+    return max(more) - max(little)
 
-    def likelihood(larger: float) -> float:
-        added = float(np.sqrt(larger**2 - width**2))
-        return predictive(prior.inflate(_spreads(evidence, added)), parts, fraction, evidence.size)
 
-    tried = [width, *(w for w in (*WIDTHS, WIDEST) if w > width)]
-    little = [w for w in tried if w == width or w < MATERIAL]
-    return max(likelihood(w) for w in tried if w not in little) - max(likelihood(w) for w in little)
+def changed_prior(
+    evidence: RegressionProblem,
+    prior: Gaussian,
+    width: float,
+    parts: Sequence[NormalEquations],
+    fraction: float,
+) -> Gaussian:
+    """Return the likeliest prior of recordings in which more than a little has changed; see above."""
+    _, more = _wider(evidence, prior, width)
+    return max(more, key=lambda one: predictive(one, parts, fraction, evidence.size))
+
+
+def _wider(
+    evidence: RegressionProblem, prior: Gaussian, width: float
+) -> tuple[list[Gaussian], list[Gaussian]]:
+    """Return a prior at the widths that are tried: its own and those below ``MATERIAL``, and the others."""
+    little: list[Gaussian] = []
+    more: list[Gaussian] = []
+    for larger in (width, *(w for w in (*WIDTHS, WIDEST) if w > width)):
+        wider = prior.inflate(_spreads(evidence, float(np.sqrt(larger**2 - width**2))))
+        (little if larger == width or larger < MATERIAL else more).append(wider)
+    return little, more
 
 
 def _sandwich(covariance: Floats, matrix: Floats, root: Floats) -> Floats:
@@ -114,4 +135,4 @@ def _sandwich(covariance: Floats, matrix: Floats, root: Floats) -> Floats:
     return scaled
 
 
-__all__ = ["UNKNOWN", "evidence_of_change", "prior_before"]
+__all__ = ["UNKNOWN", "changed_prior", "evidence_of_change", "prior_before"]

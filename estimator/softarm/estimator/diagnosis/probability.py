@@ -35,12 +35,14 @@ def probabilities(
         bic_penalty: Cost of a parameter.
         rng: Of the weightings of the folds.
     """
-    # A cost is twice a logarithm.
-    densities = [
-        -0.5 * (own.after + (spent(one, bic_penalty) - own.frequency_gain) / len(own.after))
-        for one, own in zip(candidates, costs, strict=True)
-    ]
+    densities = [density(one, own, bic_penalty) for one, own in zip(candidates, costs, strict=True)]
     return pseudo_bma(np.column_stack([*densities, -0.5 * costs[0].before]), rng)[:-1]
+
+
+def density(candidate: Candidate, costs: FoldCosts, bic_penalty: float) -> Floats:
+    """Return the logarithm of the density with which a candidate predicts each fold; a cost is twice that."""
+    price = spent(candidate, bic_penalty) - costs.frequency_gain
+    return -0.5 * (costs.after + price / len(costs.after))
 
 
 def spent(candidate: Candidate, bic_penalty: float) -> float:

@@ -5,7 +5,7 @@ no physics and so claims none. Where one explains far more than all effects that
 of its coefficients, what was left out is not in the library, and the nearest name would be wrong.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -14,11 +14,16 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.candidates import ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
-from softarm.estimator.diagnosis.gaussian import Marginal
-from softarm.estimator.diagnosis.normal_equations import total
+from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
+from softarm.estimator.diagnosis.judge import folds_of
+from softarm.estimator.diagnosis.nominal import changed_prior, predictive
+from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
+from softarm.estimator.diagnosis.probability import density, pseudo_bma
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import describe
 from softarm.estimator.specimen.physics import EffectName, Place
+
+Columns = Callable[[Stage], Floats]
 
 KNOTS = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75])
 """Where a law may bend, as shares of the largest bend or pressure."""
@@ -69,18 +74,69 @@ def better_law(search: Search, choice: ChosenEffects) -> FreeLaw | None:
     return replace(best, nearest=nearest) if better else None
 
 
+def unnamed_probability(search: Search) -> float:
+    """Return how probable it is that what is missing has no name.
+
+    The free laws, and a change of everything at once, compete with every effect that was fitted alone, and
+    with nothing. Each is learnt from the other folds and predicts one.
+    """
+    fraction, size = search.weights.effective_sample_fraction, search.evidence.size
+    plain = [part for part in search.parts(None) if not part.heldout]
+    named = [
+        density(one, search.predicted(one, None), search.bic_penalty)
+        for key, one in search.tried.items()
+        if len(key) == 1 and one is not None and not one.fit.at_bound
+    ]
+    nothing = [Marginal.cost_of(search.prior, total(fold, size), fraction) for fold in folds_of(plain)]
+    known = [predictive(search.prior, fold, fraction, size) for fold in folds_of(plain)]
+    wide = changed_prior(search.evidence, search.prior, search.width, plain, fraction)
+    unnamed = [_log_densities(wide, plain, fraction)]
+    for _, _, columns in _forms(search):
+        parts, prior = _widened(search, columns)
+        unnamed.append(_log_densities(prior, parts, fraction, search.prior))
+    # All densities are over that of the prior's common coefficients, which the costs leave out.
+    offset = 0.5 * (np.array(known) + nothing)
+    densities = [*named, *(own - offset for own in unnamed), -0.5 * np.array(nothing)]
+    return float(pseudo_bma(np.column_stack(densities), search.rng)[len(named) : -1].sum())
+
+
+def _log_densities(
+    prior: Gaussian, parts: Sequence[NormalEquations], fraction: float, common: Gaussian | None = None
+) -> Floats:
+    """Return the logarithm of the density of each fold, given what the others teach, shape (folds,).
+
+    Args:
+        prior: Of all coefficients.
+        parts: Normal equations of the searched stretches.
+        fraction: Effective sample fraction: independent samples over samples.
+        common: Prior of the first coefficients, where the others teach only the rest of them.
+    """
+    size, found = len(prior.mean), []
+    for fold in folds_of(parts):
+        learnt = prior.posterior(total([part for part in parts if part not in fold], size), fraction)
+        if common is not None:
+            learnt = learnt.with_first(common)
+        found.append(0.5 * predictive(learnt, fold, fraction, size))
+    return np.array(found)
+
+
 def laws(search: Search) -> list[FreeLaw]:
     """Fit every law alone."""
+    return [_fitted(search, columns, place, regime) for place, regime, columns in _forms(search)]
+
+
+def _forms(search: Search) -> list[tuple[Place, str, Columns]]:
+    """List the laws: where each acts, what it varies with, and its columns."""
     suspects = [stage for stage in search.evidence.stages if not stage.session.nominal]
     highest = max(float(stage.session.pressures.max(initial=0.0)) for stage in suspects)
-    found = []
+    found: list[tuple[Place, str, Columns]] = []
     for index, segment in enumerate(suspects[0].world.segments):
         largest = max(float(bend(stage, index).max(initial=0.0)) for stage in suspects)
         own = partial(by_bend, segment=index, knots=KNOTS * largest)
-        found.append(_fitted(search, own, Place(segment=segment), "pose"))
+        found.append((Place(segment=segment), "pose", own))
     alone = partial(by_pressure, knots=KNOTS[1:] * highest)
     together = partial(by_neighbours, highest=highest)
-    return [*found, *(_fitted(search, one, Place(), "pressure level") for one in (alone, together))]
+    return [*found, *((Place(), "pressure level", one) for one in (alone, together))]
 
 
 def bend(stage: Stage, segment: int) -> Floats:
@@ -127,15 +183,20 @@ def by_neighbours(stage: Stage, highest: float) -> Floats:
     return np.stack(columns, axis=-1)
 
 
-def _fitted(search: Search, columns: Callable[[Stage], Floats], place: Place, regime: str) -> FreeLaw:
+def _fitted(search: Search, columns: Columns, place: Place, regime: str) -> FreeLaw:
     """Fit the coefficients of a law to the searched stretches, beside what is common to all recordings."""
-    evidence, weights = search.evidence, search.weights
-    parts = [part for part in evidence.widened(weights, columns) if not part.heldout]
+    parts, prior = _widened(search, columns)
+    seen, fraction = total(parts, len(prior.mean)), search.weights.effective_sample_fraction
+    before = Marginal.cost_of(search.prior, seen.first(search.evidence.size), fraction)
+    gain = before - Marginal.cost_of(prior, seen, fraction)
+    return FreeLaw(place, regime, gain - search.bic_penalty * (len(prior.mean) - search.evidence.size))
+
+
+def _widened(search: Search, columns: Columns) -> tuple[list[NormalEquations], Gaussian]:
+    """Return the normal equations of the searched stretches with a law's columns, and its wide prior."""
+    parts = [part for part in search.evidence.widened(search.weights, columns) if not part.heldout]
     seen = total(parts, len(parts[0].vector))
-    powers = np.diag(seen.matrix)[evidence.size :].tolist()
     prior = search.prior
-    for own_squares in powers:
+    for own_squares in np.diag(seen.matrix)[search.evidence.size :].tolist():
         prior = prior.augment(0.0, ANY_SIZE * seen.sum_of_squares / own_squares if own_squares > 0.0 else 1.0)
-    before = Marginal.cost_of(search.prior, seen.first(evidence.size), weights.effective_sample_fraction)
-    gain = before - Marginal.cost_of(prior, seen, weights.effective_sample_fraction)
-    return FreeLaw(place, regime, gain - search.bic_penalty * len(powers))
+    return parts, prior

@@ -76,6 +76,8 @@ class ParameterSpec:
             that may be far above that of the arm, for its yielding is what shows.
         spread: Standard deviation of the prior, about 0 for a linear amplitude, else about ``typical``, in
             the unit or, on the log scale, in natural logarithms.
+        alone: Plainer effect that this amplitude is by itself, and the sign of that effect's amplitude
+            where this one is positive.
     """
 
     name: str
@@ -86,6 +88,7 @@ class ParameterSpec:
     role: Literal["amplitude", "shape"] = "amplitude"
     transform: Literal["linear", "log", "inverse"] = "linear"
     spread: float = 1.0
+    alone: tuple[EffectName, float] | None = None
 
     @property
     def scale(self) -> float:

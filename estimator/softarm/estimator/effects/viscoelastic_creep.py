@@ -29,7 +29,7 @@ EFFECT = Effect(
     parameters=(
         ParameterSpec("strength", "1", 0.1, -0.5, 2.0, spread=0.2),
         ParameterSpec("time_constant", "s", 20.0, 0.5, 500.0, "shape", "log", 1.5),
-        ParameterSpec("instant_change", "1", 0.05, -0.5, 0.5, spread=0.1),
+        ParameterSpec("instant_change", "1", 0.05, -0.5, 0.5, spread=0.1, alone=("segment_stiffness", -1.0)),
     ),
     places=whole_and_segments,
     act=act,
