@@ -72,10 +72,14 @@ def test_an_effect_of_a_sensor_that_a_session_lacks_changes_nothing_there(stage:
     assert moved == {"bend_intermediate": True, "bend_tip": False}
 
 
-def test_the_model_itself_answers_to_a_cord_until_force_and_pose_agree(stage: Stage) -> None:
-    cord = PlacedEffect(
-        EFFECTS["tether_stiffness"], Spot(stage.world, Place(section="tip")), np.array([0.3, 0.0, 0.4])
-    )
+@pytest.mark.parametrize(
+    ("name", "theta"), [("tether_stiffness", (0.3, 0.0, 0.4)), ("contact_obstacle", (300.0, 0.005, 0.4))]
+)
+def test_the_model_itself_answers_to_a_load_until_force_and_pose_agree(
+    stage: Stage, name: str, theta: tuple[float, ...]
+) -> None:
+    """A hard wall taken at the depth without it would throw the arm to the other side, and so on."""
+    cord = PlacedEffect(EFFECTS[name], Spot(stage.world, Place(section="tip")), np.array(theta))
     exact = ExactModel(stage.exact, stage.drive, stage.arm.baseline, stage.world, stage.arm.baseline)
     drive, response = exact.under([cord])
     seen = signals_of(drive.at(exact.nodes), stage.world, response)

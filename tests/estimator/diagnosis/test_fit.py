@@ -11,7 +11,7 @@ from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import normal_equations, total
 from softarm.estimator.diagnosis.stage import Stage
-from softarm.estimator.effects import EFFECTS
+from softarm.estimator.effects import EFFECTS, Spot
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.simulation.straight_arm import world
@@ -65,6 +65,28 @@ class Walled:
 
     def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> np.ndarray:
         return stiffened(self.depth, float(effects[0].theta[0]))
+
+
+class Stiffening(Walled):
+    """The same, of an arm that stiffens as it is pushed back, which its linearisation does not."""
+
+    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> np.ndarray:
+        linear = super().change(effects)
+        return linear / (1.0 - 0.1 * linear) if exact else linear
+
+
+def test_a_wall_is_fitted_on_the_model_itself():
+    effect = Hypothesis(EFFECTS["contact_obstacle"], Place(section="tip"))
+    truth = PlacedEffect(effect.effect, Spot(world(), effect.place), np.array([250.0, 0.0, 0.0]))
+    left = Stiffening().change([truth], exact=True)
+    weight = np.full(SHAPE.shape, 1e3)
+    blank = np.zeros((SHAPE.size, 1), dtype=np.float32)
+    view = RecordingResidual(cast("Stage", Stiffening()), left * weight, weight, blank)
+    none = MarginalisedProblem.of([view], Gaussian(np.zeros(1), np.eye(1)), 1.0, total([], 1))
+    linear = fit_effects(none, (effect,), (np.array([60.0, 0.0, 0.0]),))
+    exact = fit_effects(none, (effect,), linear.thetas, exact=True)
+    assert float(linear.thetas[0][0]) < 150.0
+    assert float(exact.thetas[0][0]) == pytest.approx(250.0, rel=0.01)
 
 
 @pytest.mark.parametrize("stiffness", [40.0, 250.0, 1500.0])

@@ -87,7 +87,11 @@ def search() -> Search:
     return cast(
         "Search",
         SimpleNamespace(
-            evidence=evidence, weights=weights, prior=prior, natural_frequency=None, solvable=lambda _: False
+            evidence=evidence,
+            weights=weights,
+            prior=prior,
+            natural_frequency=None,
+            solvable=lambda _, **__: False,
         ),
     )
 

@@ -111,5 +111,6 @@ def includes(richer: Fit, plain: Fit) -> bool:
     for parameter, value, std in amplitudes:
         name, sign = parameter.alone or ("", 0.0)
         if name == other.name and own.place == other.place:
-            return sign * value * plain.thetas[-1][0] > 0.0 and abs(parameter.scaled(value)) >= TOLD * std
+            alike = sign * value * float(plain.thetas[-1][0]) > 0.0
+            return alike and bool(abs(parameter.scaled(value)) >= TOLD * std)
     return False

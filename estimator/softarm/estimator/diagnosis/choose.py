@@ -216,10 +216,18 @@ class Search:
         again = fit_effects(problem, fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
         return self.weighed(candidate.number, again) if again.gain > fit.gain else candidate
 
-    def solvable(self, fit: Fit) -> bool:
-        """Return whether the effects of a fit can be solved on the model itself."""
+    def solvable(self, fit: Fit, *, answering: bool = False) -> bool:
+        """Return whether the effects of a fit can be solved on the model itself.
+
+        Args:
+            fit: The effects.
+            answering: Whether loads that answer to the model, which take many solves, may be among them.
+        """
         kinds = {h.effect.hook for h in fit.hypotheses}
-        return kinds <= self.solve and not any(h.effect.responds_to_own_effect for h in fit.hypotheses)
+        fast = answering and "constitutive" in self.solve
+        return kinds <= self.solve and (
+            fast or not any(h.effect.responds_to_own_effect for h in fit.hypotheses)
+        )
 
     @cached_property
     def bic_penalty(self) -> float:

@@ -9,9 +9,10 @@ import numpy as np
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.effects import World
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
+from softarm.estimator.effects.simulate import simulate_with
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
-from softarm.estimator.simulation import Drive, RespondingArm
+from softarm.estimator.simulation import Drive, RespondingArm, Segments
 
 APART = 0.8
 """Time [s] between samples at which the model itself is solved."""
@@ -55,25 +56,46 @@ class ExactModel:
         """Solve the model under effects that see its own response.
 
         Effects keep their memory along all samples: between the nodes they see the response without them,
-        moved as at the nodes.
+        moved as at the nodes. Loads of contact have none, and are found at the nodes alone.
 
         Returns:
             What acts in the end, and the response at the nodes, without derivatives.
         """
         plain, near = self.seen, self.baseline.at(self.nodes)
-        drive = self._shaped(effects, plain)
-        response = self.arm.respond(drive.at(self.nodes), near, jacobians=False)
-        for _ in range(PASSES if effects else 0):
+        answering = [placed for placed in effects if placed.effect.responds_to_own_effect]
+        others = [placed for placed in effects if placed not in answering]
+        drive = self._shaped(others, plain)
+        loaded, response = self._answered(answering, drive, near)
+        for _ in range(PASSES if others else 0):
             strained = self.between(response.strains - drive.eigenstrains[self.nodes] - near.strains)
             moved = self.between(response.frames.positions - near.frames.positions)
             there = Frames(plain.frames.positions + moved, plain.frames.rotations)
-            again = self._shaped(effects, replace(plain, frames=there, strains=plain.strains + strained))
+            again = self._shaped(others, replace(plain, frames=there, strains=plain.strains + strained))
             if _settled(drive, again):
                 break
             drive = again
-            begun = near.with_states(response.states)
-            response = self.arm.respond(drive.at(self.nodes), begun, jacobians=False)
-        return drive, response
+            loaded, response = self._answered(answering, drive, near.with_states(response.states))
+        return loaded, response
+
+    def _answered(
+        self, answering: Sequence[PlacedEffect], drive: Drive, begun: ArmResponse
+    ) -> tuple[Drive, ArmResponse]:
+        """Solve the model at the nodes, with loads that answer to it where it would come upon them."""
+        nodes = self.nodes
+        response = self.arm.respond(drive.at(nodes), begun, jacobians=False)
+        if not answering:
+            return drive, response
+        offset = self.seen.frames.positions[nodes] - self.baseline.frames.positions[nodes]
+        signals = signals_of(drive.at(nodes), self.world, _moved(response, offset))
+        loads = [placed.act(signals, ())[0] for placed in answering]
+        met = np.flatnonzero(np.abs(loads).max(axis=(0, 2, 3)))
+        if not len(met):
+            return drive, response
+        arm, there = _SeenArm(self.arm, offset[met]), drive.at(nodes[met])
+        wrenches = drive.wrenches.copy()
+        wrenches[nodes[met]] = simulate_with(answering, arm, self.world, there).drive.wrenches
+        loaded = replace(drive, wrenches=wrenches)
+        return loaded, self.arm.respond(loaded.at(nodes), response, jacobians=False)
 
     def between(self, values: Floats) -> Floats:
         """Interpolate between nodes, shape (nodes, ...), leaving out those without a value."""
@@ -99,3 +121,25 @@ def _settled(drive: Drive, again: Drive) -> bool:
     strain = float(np.abs(again.eigenstrains - drive.eigenstrains).max(initial=0.0))
     wrench = float(np.abs(again.wrenches - drive.wrenches).max(initial=0.0))
     return strain < SETTLED_STRAIN and wrench < SETTLED_WRENCH
+
+
+@dataclass(frozen=True)
+class _SeenArm:
+    """A model whose sections effects see elsewhere: by offsets [m], shape (samples, sections, 3)."""
+
+    arm: RespondingArm
+    offset: Floats
+
+    @property
+    def segments(self) -> Segments:
+        return self.arm.segments
+
+    def respond(
+        self, drive: Drive, near: ArmResponse | None = None, *, jacobians: bool = False
+    ) -> ArmResponse:
+        return _moved(self.arm.respond(drive, near, jacobians=jacobians), self.offset)
+
+
+def _moved(response: ArmResponse, offset: Floats) -> ArmResponse:
+    frames = Frames(response.frames.positions + offset, response.frames.rotations)
+    return replace(response, frames=frames)

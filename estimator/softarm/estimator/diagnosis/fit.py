@@ -153,7 +153,8 @@ def fit_effects(
         starts: Parameters to begin with.
         free: First effect whose parameters move; those before it stay.
         exact: Solve the model itself. Derivatives begin as those of its linearisation and follow what each
-            step shows (Broyden 1965), for a strong effect changes them.
+            step shows (Broyden 1965), for a strong effect changes them. Those of a contact are taken anew at
+            each step: how hard it is shows in a twentieth of what it changes.
         iterations: Largest number of steps tried.
     """
     parametrisation = Parametrisation.of(hypotheses[free:])
@@ -165,8 +166,9 @@ def fit_effects(
 
     change = changed(values)
     gain, damping, refused = _gain(problem, change), FIRST_DAMPING, 0
-    slopes = slopes_of(problem, hypotheses, fixed, parametrisation, values)
-    if exact and not free:  # without amplitudes nothing changes
+    answering = exact and any(h.effect.responds_to_own_effect for h in hypotheses)
+    slopes = slopes_of(problem, hypotheses, fixed, parametrisation, values, exact=answering)
+    if exact and not free and not answering:  # without amplitudes nothing changes
         _secant(slopes, np.where(parametrisation.amplitudes, values - parametrisation.centres, 0.0), change)
     for _ in range(iterations):
         matrix, pull = _normal(problem, slopes, change, parametrisation, values)
@@ -177,7 +179,7 @@ def fit_effects(
         improved = (
             _gain(problem, tried) - parametrisation.penalty(trial) - gain + parametrisation.penalty(values)
         )
-        if exact:
+        if exact and not answering:
             _secant(slopes, trial - values, [t - c for t, c in zip(tried, change, strict=True)])
         if not improved > 0.0:
             damping, refused = 10.0 * damping, refused + 1
@@ -186,8 +188,8 @@ def fit_effects(
             continue
         values, change, gain, refused = trial, tried, _gain(problem, tried), 0
         damping = max(0.1 * damping, LEAST_DAMPING)
-        if not exact:
-            slopes = slopes_of(problem, hypotheses, fixed, parametrisation, values)
+        if answering or not exact:
+            slopes = slopes_of(problem, hypotheses, fixed, parametrisation, values, exact=exact)
         if improved < SETTLED:
             break
     matrix, _ = _normal(problem, slopes, change, parametrisation, values)

@@ -79,7 +79,7 @@ def sized(search: Search, fit: Fit) -> Fit:
         residuals, Gaussian(np.zeros(1), np.eye(1)), search.weights.effective_sample_fraction, _NOTHING
     )
     found = fit_effects(problem, fit.hypotheses, fit.thetas)
-    if search.solvable(fit):
+    if search.solvable(fit, answering=True):
         again = fit_effects(problem, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
         found = max(found, again, key=lambda one: one.gain)
     parametrisation = Parametrisation.of(found.hypotheses)

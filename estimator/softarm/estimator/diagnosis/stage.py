@@ -156,19 +156,20 @@ class Stage:
 
         Args:
             effects: The effects.
-            exact: Correct that by what the model itself says at some samples, but for sensors and effects
-                that answer.
+            exact: Correct that by what the model itself says at some samples, but for sensors.
         """
         answering = [placed for placed in effects if placed.effect.responds_to_own_effect]
         sensing = [placed for placed in effects if placed.effect.hook == "sensing"]
         inner = [placed for placed in effects if placed not in (*answering, *sensing)]
         none, there = np.zeros(self.residual.shape), self._there
         first: Floats = sum((there.first_order(placed) for placed in inner), none)
-        if exact and inner:
-            beyond = self._solved(inner) - self._solved_plain - first[self._exact.nodes]
+        if answering:
+            first = first + there._simulated(answering)
+        if exact and (inner or answering):
+            beyond = self._solved((*inner, *answering)) - self._solved_plain - first[self._exact.nodes]
             first = first + self._exact.between(beyond)
         others: Floats = sum((there.first_order(placed) for placed in sensing), none)
-        return first + others + (there._simulated(answering) if answering else none)
+        return first + others
 
     @cached_property
     def _there(self) -> "Stage":
