@@ -172,7 +172,7 @@ def test_the_natural_frequency_counts_where_the_arm_at_rest_looks_alike():
     search = SimpleNamespace(
         rng=np.random.default_rng(0),
         bic_penalty=5.0,
-        predicted=lambda one, _: FoldCosts(none, alike, none, none, none, none, (0.0, 1500.0)[one.number]),
+        predicted=lambda one, _: FoldCosts(none, alike, none, none, (0.0, 1500.0)[one.number]),
         only_moves=lambda _: False,
     )
     field = [candidate(fit_of("tip_payload", 0.01), 100.0, number) for number in (0, 1)]
