@@ -63,7 +63,7 @@ class ExactModel:
         """
         plain, near = self.seen, self.baseline.at(self.nodes)
         answering = [placed for placed in effects if placed.effect.responds_to_own_effect]
-        others = [placed for placed in effects if placed not in answering]
+        others = [placed for placed in effects if not placed.effect.responds_to_own_effect]
         drive = self._shaped(others, plain)
         loaded, response = self._answered(answering, drive, near)
         for _ in range(PASSES if others else 0):
