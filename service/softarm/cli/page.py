@@ -97,7 +97,7 @@ def _show_recording(path: Path, specimen: str | None, host: str, port: int, orig
     from softarm.page.body import Body
     from softarm.page.recording import RecordingPage
     from softarm.page.server import page_server
-    from softarm.recordings import load_recording
+    from softarm.recordings import load_events, load_recording
 
     loaded = load_recording(path)
     robot = specimen_of(specimen, [path], [loaded])
@@ -106,7 +106,7 @@ def _show_recording(path: Path, specimen: str | None, host: str, port: int, orig
     with (
         awaiting_signals(),
         page_server(host, port, loaded.name, origins) as server,
-        RecordingPage(loaded, body, surface, server),
+        RecordingPage(loaded, body, surface, server, load_events(path)),
     ):
         click.echo(f"page of {loaded.name}: http://{host}:{port}")
         signal.sigwait(ENDING)

@@ -74,6 +74,11 @@ class Playback:
         self.force_sizes = [np.linalg.norm(np.nan_to_num(force), axis=1) for force in forces]
         """Magnitude of each force at those times [N], each of shape (estimates,)."""
 
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """Time of the first and of the last estimate [s]."""
+        return float(self.times[0]), float(self.times[-1])
+
     def at(self, time_s: float) -> Instant:
         """Return what is known at a time of the recording [s]; before the first estimate, that estimate."""
         count = int(np.searchsorted(self._recording.time, max(time_s, self.times[0]), side="right"))

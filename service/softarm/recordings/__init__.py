@@ -3,6 +3,7 @@
 ``load_recording`` and ``save_recording`` are the door; the suffix of the path decides on the format.
 """
 
+from softarm.recordings.events import load_events
 from softarm.recordings.load import load_recording, read_attachments, save_recording
 
-__all__ = ["load_recording", "read_attachments", "save_recording"]
+__all__ = ["load_events", "load_recording", "read_attachments", "save_recording"]

@@ -35,7 +35,7 @@ def load_recording(path: Path, column_map: Path | None = None, *, units_checked:
     Raises:
         InputError: Names the file, the field and the cure.
     """
-    path = _data_file(path)
+    path = data_file(path)
     name = path.parent.name if path.stem == STEM and path.parent.name else path.stem
     if path.suffix == ".mcap" or path.name.endswith(".mcap.part"):
         return read_mcap(path, name.removesuffix(".mcap"))
@@ -93,14 +93,19 @@ def save_recording(
 
 def read_attachments(path: Path) -> dict[str, bytes]:
     """Read the files kept with a recording: inside MCAP, or the TOML files beside a table."""
-    path = _data_file(path)
+    path = data_file(path)
     if path.suffix == ".mcap":
         return {k: v for k, v in read_contents(path).attachments.items() if k != INFO_FILE}
     specimen = path.parent / "specimen.toml"
     return {specimen.name: specimen.read_bytes()} if specimen.is_file() else {}
 
 
-def _data_file(path: Path) -> Path:
+def data_file(path: Path) -> Path:
+    """Return the file that holds the data of a recording, which may be given as its folder.
+
+    Raises:
+        InputError: There is no such file, or of a format that is not read.
+    """
     if path.is_dir():
         present = [path / f"{STEM}{suffix}" for suffix in WRITTEN if (path / f"{STEM}{suffix}").is_file()]
         if len(present) != 1:

@@ -110,6 +110,11 @@ class Browser:
         self._driver.save_screenshot(str(path))
 
 
+def without_reflections(server):
+    """Leave out light from the surroundings, which takes seconds to prepare without a graphics card."""
+    server.scene.configure_environment_map(hdri=None)
+
+
 @contextlib.contextmanager
 def open_browser(address, folder):
     """Open a browser; the profile goes into the folder."""

@@ -6,7 +6,7 @@ pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
 
 from softarm_client import Arm
 from softarm_client.modes import Mode
-from tests.service.page.browser import BROWSER, DRIVER, open_browser
+from tests.service.page.browser import BROWSER, DRIVER, open_browser, without_reflections
 from tests.service.page.test_server import free_port
 
 pytestmark = [
@@ -36,6 +36,7 @@ def page(service):
         client,
         page_server("127.0.0.1", port, "page") as server,
     ):
+        without_reflections(server)
         patch.setattr("softarm.page.app.REFRESH_S", 0.4)  # without a graphics card each picture takes long
         with Page(ask_arm(client), server) as shown:
             shown.address = f"http://127.0.0.1:{port}"

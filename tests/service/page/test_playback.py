@@ -8,6 +8,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.recording import POSE_SUFFIXES, Recording
 from softarm.page.body import Body
 from softarm.page.playback import Playback, bent_surface
+from softarm.page.player import marks
 from softarm_client.messages import SectionPose
 
 LENGTH_M = 0.2
@@ -64,6 +65,11 @@ def test_each_stream_shows_its_last_reading_up_to_the_time():
     assert instant.sections[1].position_m == pytest.approx(bent(1.01)[:3])
     assert playback.at(-5.0).sections == playback.at(0.0).sections
     assert playback.force_sizes[0][-1] == pytest.approx(1.0)
+
+
+def test_a_slider_has_a_mark_for_events_that_can_be_told_apart():
+    assert marks((0.2, 0.201, 5.0, 11.0, -1.0), 0.0, 10.0) == (0.2, 5.0)
+    assert marks((), 0.0, 10.0) == ()
 
 
 def test_a_recording_without_estimates_says_how_to_get_them():

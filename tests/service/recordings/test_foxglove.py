@@ -16,7 +16,8 @@ from scipy.spatial.transform import Rotation
 from softarm.daemon.config import SensorSettings
 from softarm.daemon.control.recorder import Recorder
 from softarm.daemon.control.streams import SHAPE_EVERY_NS, RecordedStreams, estimate_columns
-from softarm.recordings import load_recording
+from softarm.recordings import load_events, load_recording, save_recording
+from softarm.recordings.events import RecordedEvent
 from softarm.recordings.mcap_writer import Start
 from softarm.recordings.scene import METRES_PER_NEWTON
 from softarm_client.messages import Estimate, LoadEstimate, SectionPose
@@ -158,6 +159,12 @@ def test_it_reads_back_with_deviations_and_poses(path):
     assert np.isnan(recording.columns["estimate_force_tip_z_std_n"]).all()
     assert np.nanmax(recording.columns["estimate_frame_tip_z_m"]) == pytest.approx(TIP[2])
     assert np.nanmax(recording.columns["estimate_frame_tip_z_std_m"]) == pytest.approx(1e-3)
+
+
+def test_events_read_back(path, tmp_path):
+    assert load_events(path) == (RecordedEvent(0.0, "mode", "sopra", "armed"),)
+    table, *_ = save_recording(load_recording(path), tmp_path / "run.csv")
+    assert load_events(table) == ()  # no table holds them
 
 
 def test_a_recording_with_null_for_lost_readings_still_reads(tmp_path):
