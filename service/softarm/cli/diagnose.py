@@ -77,7 +77,12 @@ class NominalCommand(click.Command):
     metavar="RECORDING...",
     help="Recordings of the arm in its known state; only differences from them are reported.",
 )
-@click.option("--out", "-o", type=click.Path(path_type=Path), help="Folder for report.json and report.html.")
+@click.option(
+    "--out",
+    "-o",
+    type=click.Path(path_type=Path),
+    help="Folder for report.json, report.html and what softarm page --diagnosis shows.",
+)
 @click.option(
     "--write-specimen",
     type=click.Path(path_type=Path),
@@ -119,6 +124,7 @@ def command(
     from softarm.analysis.diagnosis.done import digest_of, done_before, write_digest, write_report
     from softarm.analysis.diagnosis.html import FILE as HTML
     from softarm.analysis.diagnosis.html import write_html
+    from softarm.analysis.diagnosis.motion import write_motions
     from softarm.analysis.diagnosis.report import report_of
     from softarm.analysis.diagnosis.run import DiagnosisRequest, improved_specimen, run
     from softarm.analysis.diagnosis.sentences import summary
@@ -144,6 +150,7 @@ def command(
     if out is not None:
         say(f"wrote {write_report(report, out)}")
         say(f"wrote {write_html(outcome.diagnosis, robot, out)}")
+        say(f"wrote {write_motions(outcome.diagnosis, robot, out)}")
     if write_specimen is not None:
         save_specimen(improved_specimen(robot, outcome), write_specimen)
         say(f"wrote {write_specimen}")

@@ -3,6 +3,7 @@
 import signal
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,7 +13,14 @@ from softarm.daemon.config import load_config
 from softarm.daemon.settings import PageSettings
 from softarm.daemon.unit import zenoh_credential
 from softarm_client import Arm
+from softarm_client.messages import Surface
 from softarm_client.session import DEFAULT_ENDPOINT, NetworkSettings
+
+if TYPE_CHECKING:
+    from softarm.analysis.diagnosis.report import Report
+    from softarm.estimator.specimen import Specimen
+    from softarm.page.body import Body
+    from softarm.page.diagnosis import ShownDiagnosis
 
 AGAIN_S = 1.0
 """Pause before a service that did not answer is asked again."""
@@ -32,6 +40,12 @@ AGAIN_S = 1.0
     help="Show this recording in place of a running arm: one that the service made, or the --out of softarm "
     "estimate.",
 )
+@click.option(
+    "--diagnosis",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Show this diagnosis in place of a running arm: the --out of softarm diagnose.",
+)
 @specimen_option
 @click.option("--endpoint", help=f"zenoh endpoint of its service.  [default: {DEFAULT_ENDPOINT}]")
 @click.option("--host", help="Address to serve the page on.  [default: 127.0.0.1]")
@@ -48,6 +62,7 @@ def command(
     arm: str | None,
     path: Path | None,
     recording: Path | None,
+    diagnosis: Path | None,
     specimen: str | None,
     endpoint: str | None,
     host: str | None,
@@ -57,11 +72,14 @@ def command(
 ) -> None:
     """Serve the operator page: 3-D view, forces, pressures, health, teach and stop buttons.
 
-    With --recording, the page shows a recording with estimates at the time of a slider.
+    With --recording, the page shows a recording with estimates at the time of a slider. With --diagnosis, it
+    shows what a diagnosis found, where on the arm, and the mismatch without and with it.
 
     Example: softarm page --arm sopra
 
     Example: softarm page --recording recordings/pull.mcap
+
+    Example: softarm page --diagnosis report
     """
     from softarm.page.app import Page  # viser is heavy
     from softarm.page.server import page_server
@@ -70,14 +88,17 @@ def command(
     known = None if path is None else load_config(path).config
     settings = PageSettings() if known is None else known.page
     host, port = host or settings.host, port or settings.port
-    if recording is not None:
-        if arm is not None or path is not None:
-            raise click.UsageError("give either --recording, or --arm or --config")
-        _show_recording(recording, specimen, host, port, origins)
+    if recording is not None or diagnosis is not None:
+        if arm is not None or path is not None or None not in (recording, diagnosis):
+            raise click.UsageError("give either --recording, or --diagnosis, or --arm or --config")
+        if recording is not None:
+            _show_recording(recording, specimen, host, port, origins)
+        if diagnosis is not None:
+            _show_diagnosis(diagnosis, host, port, origins)
         return
     arm = arm or (None if known is None else known.arm)
     if arm is None:
-        raise click.UsageError("give --arm, --config with the service's file, or --recording")
+        raise click.UsageError("give --arm, --config with the service's file, --recording or --diagnosis")
     endpoint = endpoint or (DEFAULT_ENDPOINT if known is None else _endpoint(known.network))
     zenoh_config = zenoh_config or zenoh_credential()
     connect = partial(Arm, arm, endpoint, "operator page", zenoh_config)
@@ -92,17 +113,12 @@ def command(
 def _show_recording(path: Path, specimen: str | None, host: str, port: int, origins: tuple[str, ...]) -> None:
     """Serve the page of a recording until a signal ends it."""
     from softarm.analysis.offline.inputs import specimen_of
-    from softarm.daemon.surface import drawn_surface
-    from softarm.estimator.geometry import build_mesh
-    from softarm.page.body import Body
     from softarm.page.recording import RecordingPage
     from softarm.page.server import page_server
     from softarm.recordings import load_events, load_recording
 
     loaded = load_recording(path)
-    robot = specimen_of(specimen, [path], [loaded])
-    body, mesh = Body.model_validate_json(robot.model_dump_json(by_alias=True)), build_mesh(robot)
-    surface = drawn_surface(mesh).message(mesh)
+    body, surface = _drawn(specimen_of(specimen, [path], [loaded]))
     with (
         awaiting_signals(),
         page_server(host, port, loaded.name, origins) as server,
@@ -110,6 +126,62 @@ def _show_recording(path: Path, specimen: str | None, host: str, port: int, orig
     ):
         click.echo(f"page of {loaded.name}: http://{host}:{port}")
         signal.sigwait(ENDING)
+
+
+def _show_diagnosis(folder: Path, host: str, port: int, origins: tuple[str, ...]) -> None:
+    """Serve the page of a diagnosis until a signal ends it."""
+    from softarm.analysis.diagnosis.motion import load_motions, specimen_file
+    from softarm.analysis.diagnosis.report import read_report
+    from softarm.estimator.specimen import load_specimen
+    from softarm.page.diagnosis import DiagnosisPage
+    from softarm.page.server import page_server
+
+    report = read_report(folder)
+    recordings = load_motions(folder, report.recordings)
+    body, surface = _drawn(load_specimen(specimen_file(folder)))
+    with (
+        awaiting_signals(),
+        page_server(host, port, folder.resolve().name, origins) as server,
+        DiagnosisPage(shown_diagnosis(report), recordings, body, surface, server),
+    ):
+        click.echo(f"page of {folder}: http://{host}:{port}")
+        signal.sigwait(ENDING)
+
+
+def shown_diagnosis(report: "Report") -> "ShownDiagnosis":
+    """Write a report in the words of the page."""
+    from softarm.analysis.diagnosis.sentences import number, plain, quantity
+    from softarm.estimator.effects.effect import describe
+    from softarm.page.diagnosis import FindingNote, ShownDiagnosis
+
+    findings = [
+        FindingNote(
+            title=f"{plain(one.effect)}, {describe(one.where.place)}",
+            where=one.where.place,
+            statement=one.statement,
+            sizes={plain(name): quantity(size) for name, size in one.parameters.items()},
+            probability=one.probability,
+            rivals=[f"{plain(rival.effect)}, {describe(rival.where.place)}" for rival in one.confusable_with],
+        )
+        for one in report.findings
+    ]
+    error = report.heldout
+    verdict = (
+        f"{plain(report.verdict).capitalize()}. Error on unseen data: {number(error.normalised_rms_before)} "
+        f"times the noise before, {number(error.normalised_rms_after)} after."
+    )
+    return ShownDiagnosis(f"Diagnosis of {report.specimen}", verdict, findings, report.baseline.noise_floor)
+
+
+def _drawn(specimen: "Specimen") -> tuple["Body", Surface]:
+    """Return the parts and the surface of an arm, as its page draws them."""
+    from softarm.daemon.surface import drawn_surface
+    from softarm.estimator.geometry import build_mesh
+    from softarm.page.body import Body
+
+    mesh = build_mesh(specimen)
+    body = Body.model_validate_json(specimen.model_dump_json(by_alias=True))
+    return body, drawn_surface(mesh).message(mesh)
 
 
 def _endpoint(network: NetworkSettings) -> str:

@@ -21,17 +21,45 @@ class RigidSection(Message):
     frame_quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
 
+class Segment(Message):
+    """A soft segment at rest.
+
+    Args:
+        name: Its name.
+        from_m: Height at which it begins.
+        to_m: Height at which it ends.
+    """
+
+    name: str
+    from_m: float
+    to_m: float
+
+
+class Marker(Message):
+    """A marker of the motion capture.
+
+    Args:
+        name: Its name.
+        section: Section that carries it.
+    """
+
+    name: str
+    section: str
+
+
 class Chamber(Message):
     """A pressure chamber at rest.
 
     Args:
         azimuth_rad: Direction of its centre about z.
         from_m: Height at which it begins.
+        to_m: Height at which it ends.
         pressure_limit_pa: Largest safe gauge pressure.
     """
 
     azimuth_rad: float
     from_m: float
+    to_m: float
     pressure_limit_pa: float
 
 
@@ -42,11 +70,15 @@ class Body(Message):
         gravity_m_s2: Gravitational acceleration in the base frame.
         sections: Rigid sections, from base to tip.
         chambers: Chambers, in the order of their index.
+        segments: Soft segments, from base to tip.
+        markers: Markers of the motion capture.
     """
 
     gravity_m_s2: Vector = (0.0, 0.0, 9.81)
     sections: tuple[RigidSection, ...]
     chambers: tuple[Chamber, ...] = ()
+    segments: tuple[Segment, ...] = ()
+    markers: tuple[Marker, ...] = ()
 
     @property
     def pressure_limits_pa(self) -> tuple[float, ...]:

@@ -110,17 +110,28 @@ def force_curves(gui: viser.GuiApi, sections: Sequence[str], *marks: uplot.Serie
         sections: Names of the sections.
         marks: Further series.
     """
-    series = tuple(
+    series = (
         uplot.Series(label=section, stroke=readings.COLOURS[k % len(readings.COLOURS)])
         for k, section in enumerate(sections)
     )
+    return curves_over_time(gui, "force [N]", *series, *marks)
+
+
+def curves_over_time(gui: viser.GuiApi, label: str, *series: uplot.Series) -> viser.GuiUplotHandle:
+    """Add an empty plot over time.
+
+    Args:
+        gui: viser's widgets.
+        label: Quantity and unit of the upright axis.
+        series: Its curves.
+    """
     axes = (
         uplot.Axis(label="time [s]", labelSize=AXIS_PX, size=2 * AXIS_PX),
-        uplot.Axis(label="force [N]", labelSize=AXIS_PX),
+        uplot.Axis(label=label, labelSize=AXIS_PX),
     )
     return gui.add_uplot(
-        tuple(np.zeros(2) for _ in range(1 + len(series) + len(marks))),
-        (uplot.Series(label="time [s]"), *series, *marks),
+        tuple(np.zeros(2) for _ in range(1 + len(series))),
+        (uplot.Series(label="time [s]"), *series),
         scales={"x": uplot.Scale(time=False)},
         axes=axes,
         legend=uplot.Legend(show=False),

@@ -47,7 +47,8 @@ class Playback:
     """
 
     def __init__(self, recording: Recording, body: Body) -> None:
-        self._recording = recording
+        self.recording = recording
+        """The recording."""
         self._chambers = range(len(body.chambers))
         self.sections = recording.members(r"estimate_frame_(.+)_qw")
         self.loads = recording.members(r"estimate_force_(.+)_x_n")
@@ -81,13 +82,13 @@ class Playback:
 
     def at(self, time_s: float) -> Instant:
         """Return what is known at a time of the recording [s]; before the first estimate, that estimate."""
-        count = int(np.searchsorted(self._recording.time, max(time_s, self.times[0]), side="right"))
+        count = int(np.searchsorted(self.recording.time, max(time_s, self.times[0]), side="right"))
         return Instant(
             tuple(self._pose(section, count) for section in self.sections),
             tuple(self._load(load, count) for load in self.loads),
             tuple(self._last(f"pressure_cmd_{k}_pa", count) for k in self._chambers),
             tuple(self._last(f"pressure_{k}_pa", count) for k in self._chambers),
-            {name: self._last(f"gauge_{name}_n", count) for name in self._recording.gauges},
+            {name: self._last(f"gauge_{name}_n", count) for name in self.recording.gauges},
         )
 
     @staticmethod
@@ -96,7 +97,7 @@ class Playback:
 
     def _last(self, column: str, count: int) -> float | None:
         """Return the last finite value among the first samples of a column."""
-        values = self._recording.columns.get(column)
+        values = self.recording.columns.get(column)
         known = np.empty(0) if values is None else values[:count][np.isfinite(values[:count])]
         return float(known[-1]) if len(known) else None
 

@@ -31,7 +31,7 @@ def red_stress(stress: Floats) -> float:
 
 def colours(stress: Floats) -> NDArray[np.uint8]:
     """Colour nodes from blue at no stress to red, shape (nodes, 3)."""
-    top = red_stress(stress)
+    top = red_stress(stress) or float(stress.max())
     share = np.clip(stress / top, 0.0, 1.0)[:, None] if top > 0.0 else np.zeros((len(stress), 1))
     return np.asarray((1.0 - share) * COLD + share * HOT, dtype=np.uint8)
 
@@ -177,6 +177,22 @@ class ArmScene:
             opacity=0.35,
             position=tuple(points[layer].mean(axis=0)),
             visible=contact is not None,
+        )
+
+    def show_note(self, text: str, nodes: NDArray[np.bool_]) -> None:
+        """Write a text beside some nodes of the surface; without any nodes there is none.
+
+        Args:
+            text: The text.
+            nodes: Which nodes, shape (nodes,).
+        """
+        points, _ = self._shown
+        self._scene.add_label(
+            "/base/live/note",
+            text,
+            position=tuple(points[nodes].mean(axis=0)) if nodes.any() else (0.0, 0.0, 0.0),
+            anchor="center-left",
+            visible=bool(nodes.any()),
         )
 
     def show_ghost(self, sections: Sequence[SectionPose]) -> None:

@@ -7,6 +7,7 @@ from softarm.analysis.diagnosis.report import report_of
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis import diagnose as whole
 from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, diagnose
+from softarm.estimator.diagnosis.motion import HELDOUT, residual_column
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.split import hold_out
 from softarm.estimator.effects import EFFECTS, Spot
@@ -65,6 +66,20 @@ def test_a_weak_chamber_is_named_and_placed(weak: DiagnosisOutcome) -> None:
     assert finding.probability is not None
     assert finding.probability > 0.5
     assert weak.diagnosis.heldout.after < weak.diagnosis.heldout.before
+
+
+def test_recordings_in_question_are_kept_with_poses_and_residuals(weak: DiagnosisOutcome) -> None:
+    diagnosis = weak.diagnosis
+    assert tuple(one.name for one in diagnosis.motions) == diagnosis.recordings
+    for trace in diagnosis.traces:
+        motion = next(one for one in diagnosis.motions if one.name == trace.recording)
+        for which, predicted in (("before", trace.before), ("after", trace.after)):
+            left = motion.columns[residual_column(which, trace.channel, trace.unit)]
+            np.testing.assert_allclose(left, trace.measured - predicted, atol=1e-12)
+        np.testing.assert_array_equal(motion.columns[HELDOUT], trace.heldout)
+        assert motion.time[0] == 0.0
+        assert np.linalg.norm(motion.stack(("estimate_frame_tip_qw", "estimate_frame_tip_qx")), axis=1).all()
+        assert {"pressure_0_pa", "bend_tip_x_rad"} <= set(motion.columns)
 
 
 def test_an_inseparable_rival_is_named_with_what_would_tell(weak: DiagnosisOutcome) -> None:

@@ -1,6 +1,7 @@
-"""Take the pictures of the documents: ``python -m tests.service.page.picture FILE [RECORDING TIME]``.
+"""Take the pictures of the documents: ``python -m tests.service.page.picture FILE [OPTION PATH TIME]``.
 
-Without a recording it is one of the operator page, else one of the recording's page at a time [s].
+Without an option it is one of the operator page; ``--recording FILE`` and ``--diagnosis FOLDER`` are those of
+``softarm page``, at a time [s].
 """
 
 import subprocess
@@ -50,17 +51,17 @@ def take_picture(path, folder):
             force_on_fakes(rig, client, force, lambda: browser.picture(path) if next(looks) == last else None)
 
 
-def take_picture_of_recording(path, folder, recording, time_s):
-    """Take the picture of a recording's page at a time [s]."""
+def take_picture_of_past(path, folder, option, shown, time_s):
+    """Take the picture of the page of a recording or of a diagnosis at a time [s]."""
     port = free_port()
-    command = [sys.executable, "-m", "softarm", "page", "--recording", recording, "--port", str(port)]
+    command = [sys.executable, "-m", "softarm", "page", option, shown, "--port", str(port)]
     with (
         subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process,
         open_browser(f"http://127.0.0.1:{port}", folder) as browser,
     ):
         process.stdout.readline()
         browser.open()
-        browser.until_shown("External force")
+        browser.button("Play / pause")
         browser.click_away_notices()
         browser.field("Time [s]").send_keys(SELECT_ALL, str(time_s), TAB)
         browser.until(lambda: browser.field("Time [s]").get_attribute("value") == str(time_s))
@@ -74,4 +75,4 @@ if __name__ == "__main__":
         if len(sys.argv) == 2:
             take_picture(Path(sys.argv[1]), Path(folder))
         else:
-            take_picture_of_recording(Path(sys.argv[1]), Path(folder), *sys.argv[2:])
+            take_picture_of_past(Path(sys.argv[1]), Path(folder), *sys.argv[2:])

@@ -16,7 +16,8 @@ SECTIONS = (
     {"name": "base", "from_m": 0.0, "to_m": 0.0, "frame_origin_m": (0.0, 0.0, 0.0)},
     {"name": "tip", "from_m": LENGTH_M, "to_m": LENGTH_M, "frame_origin_m": (0.0, 0.0, LENGTH_M)},
 )
-BODY = Body(sections=SECTIONS, chambers=({"azimuth_rad": 0.0, "from_m": 0.0, "pressure_limit_pa": 65e3},))
+CHAMBER = {"from_m": 0.0, "to_m": LENGTH_M, "pressure_limit_pa": 65e3}
+BODY = Body(sections=SECTIONS, chambers=({"azimuth_rad": 0.0, **CHAMBER},))
 HEIGHTS = np.linspace(0.0, LENGTH_M, 9)
 LINE = np.column_stack([np.zeros((9, 2)), HEIGHTS])
 

@@ -46,7 +46,7 @@ def test_a_recording_without_estimates_is_refused_before_a_page_is_open():
 def test_a_recording_and_a_running_arm_are_not_shown_on_one_page():
     refused = CliRunner().invoke(command, ["--recording", str(EXAMPLE), "--arm", "sopra"])
     assert refused.exit_code == 2
-    assert "either --recording, or --arm" in refused.output
+    assert "either --recording, or --diagnosis, or --arm" in refused.output
 
 
 @pytest.mark.browser

@@ -20,7 +20,7 @@ SECTIONS = (
     {"name": "base", "from_m": 0.0, "to_m": 0.0, "frame_origin_m": (0.0, 0.0, 0.0)},
     {"name": "tip", "from_m": 0.2, "to_m": 0.2, "frame_origin_m": (0.0, 0.0, 0.2)},
 )
-CHAMBERS = ({"azimuth_rad": np.pi / 2, "from_m": 0.0, "pressure_limit_pa": 65e3},)
+CHAMBERS = ({"azimuth_rad": np.pi / 2, "from_m": 0.0, "to_m": 0.1, "pressure_limit_pa": 65e3},)
 
 
 def body(gravity=9.81):

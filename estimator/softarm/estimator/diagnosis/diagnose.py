@@ -24,6 +24,7 @@ from softarm.estimator.diagnosis.form import form_columns
 from softarm.estimator.diagnosis.innovations import learnt_coefficients, residuals_of, worst_stretch
 from softarm.estimator.diagnosis.library import Library, build_library, library_columns
 from softarm.estimator.diagnosis.locate import locate
+from softarm.estimator.diagnosis.motion import motions_of
 from softarm.estimator.diagnosis.natural_frequency import natural_frequency_of
 from softarm.estimator.diagnosis.nominal import evidence_of_change, prior_before
 from softarm.estimator.diagnosis.normal_equations import total
@@ -345,6 +346,7 @@ def _outcome(
         detection_limits=detection_limits(search),
         notes=tuple(notes),
         traces=traces_of(search, choice.fit),
+        motions=motions_of(search, choice.fit),
     )
     fit = choice.fit
     known = len(evidence.fitted.values)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from softarm.estimator.arrays import Flags, Floats
+from softarm.estimator.recording import Recording
 from softarm.estimator.specimen.physics import EffectName, Place
 
 Verdict = Literal["consistent", "explained", "partly_explained", "unexplained"]
@@ -396,6 +397,7 @@ class Diagnosis:
         detection_limits: How large each effect would have to be to be found.
         notes: Plain sentences on the data and on the way: gaps, clocks, what was decimated, what was assumed.
         traces: Channels before and after.
+        motions: The recordings that were diagnosed, in their order; see ``motion.py``.
         seconds: How long it took.
     """
 
@@ -412,4 +414,5 @@ class Diagnosis:
     detection_limits: tuple[DetectionLimit, ...] = ()
     notes: tuple[str, ...] = ()
     traces: tuple[Trace, ...] = field(default=(), repr=False)
+    motions: tuple[Recording, ...] = field(default=(), repr=False)
     seconds: float = 0.0

@@ -34,6 +34,11 @@ class Where(_Part):
     sensor: str | None = None
     axis: str | None = None
 
+    @property
+    def place(self) -> Place:
+        """The same in the vocabulary of effects."""
+        return Place(**self.model_dump())
+
 
 class BaselinePart(_Part):
     """The calibrated model without any effect."""

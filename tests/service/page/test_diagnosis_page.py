@@ -1,0 +1,148 @@
+"""The page of a diagnosis in a real browser, and what it is made of."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
+
+from softarm.analysis.diagnosis.done import write_report
+from softarm.analysis.diagnosis.motion import load_motions, motion_file, specimen_file, write_motions
+from softarm.analysis.diagnosis.report import read_report, report_of
+from softarm.cli.page import command, shown_diagnosis
+from softarm.estimator.diagnosis.motion import HELDOUT, residual_column
+from softarm.estimator.errors import InputError
+from softarm.estimator.specimen import load_specimen
+from softarm.estimator.specimen.physics import Place
+from softarm.page.body import Body
+from softarm.page.diagnosis import DiagnosisPage
+from softarm.page.highlight import nodes_at
+from softarm.page.mismatch import MismatchOverTime
+from softarm.page.server import page_server
+from tests.service.diagnosis.made_diagnosis import diagnosis, finding
+from tests.service.page.browser import BROWSER, DRIVER, open_browser, without_reflections
+from tests.service.page.test_playback import CHAMBER, LENGTH_M, SECTIONS, recording
+from tests.service.page.test_recording_page import END, SURFACE
+from tests.service.page.test_server import free_port
+
+ARM = Body(
+    sections=SECTIONS,
+    chambers=tuple({"azimuth_rad": k * np.pi, **CHAMBER} for k in range(2)),
+    segments=({"name": "lower", "from_m": 0.5 * LENGTH_M, "to_m": LENGTH_M},),
+    markers=({"name": "m1", "section": "tip"},),
+)
+REST = np.array(SURFACE.rest_m)
+BELOW = REST[:, 2] > 0.0
+EVERY, NONE = np.ones(len(REST), dtype=bool), np.zeros(len(REST), dtype=bool)
+CHANNEL = "bend_tip.x"
+BLOCKS = ("#about", "#finding", "#scale", ".uplot-container", "#channels", "#pressures")
+
+
+def motion(name="run_03"):
+    """A recording whose bend is off by 0.01 rad a second before, by a tenth of it after; a sample is lost."""
+    made = recording()
+    off = 0.01 * made.time
+    off[10] = np.nan
+    columns = {
+        residual_column("before", CHANNEL, "rad"): off,
+        residual_column("after", CHANNEL, "rad"): 0.1 * off,
+        HELDOUT: (made.time > 1.05).astype(float),
+    }
+    return replace(made, name=name, columns={**made.columns, **columns})
+
+
+def written(folder, **changes):
+    """Write a diagnosis to a folder as the command does."""
+    found = replace(diagnosis(), motions=(motion(), motion("day 2/run_04")), **changes)
+    found = replace(found, recordings=tuple(one.name for one in found.motions))
+    write_report(report_of(found), folder)
+    write_motions(found, load_specimen("sopra"), folder)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("where", "expected"),
+    [
+        (Place(segment="lower", axis="x"), BELOW),
+        (Place(section="base"), ~BELOW),
+        (Place(chamber=0), REST[:, 0] >= 0.0),
+        (Place(chamber=1), REST[:, 0] <= 0.0),
+        (Place(sensor="bend_tip", axis="y"), BELOW),
+        (Place(sensor="marker_m1"), BELOW),
+        (Place(sensor="pressure_0"), NONE),
+        (Place(), NONE),
+    ],
+)
+def test_the_place_of_a_finding_is_found_on_the_surface(where, expected):
+    np.testing.assert_array_equal(nodes_at(REST, ARM, where), expected)
+
+
+def test_a_mismatch_is_given_in_readable_units_and_in_multiples_of_the_noise():
+    mismatch = MismatchOverTime(motion(), {CHANNEL: 0.002, "bend_tip.y": 0.002})
+    assert mismatch.before[20] == pytest.approx(10.0)
+    assert mismatch.after[20] == pytest.approx(1.0)
+    assert mismatch.before[10] == 0.0
+    assert "<td>1.15 degrees</td><td>0.11 degrees</td>" in mismatch.at(2.0)
+    assert "No fit has used" in mismatch.at(2.0)
+    assert mismatch.at(1.0).count("lost") == 2
+    assert "The fit has used" in mismatch.at(1.0)
+
+
+def test_a_diagnosis_without_motion_is_refused_with_the_remedy(tmp_path):
+    found = written(tmp_path)
+    for name in found.recordings:
+        motion_file(tmp_path, name).unlink()
+    with pytest.raises(InputError, match="softarm diagnose --force"):
+        CliRunner().invoke(
+            command, ["--diagnosis", str(tmp_path)], standalone_mode=False, catch_exceptions=False
+        )
+
+
+def test_a_diagnosis_of_valves_leaves_no_motion_of_an_earlier_one(tmp_path):
+    found = written(tmp_path)
+    write_motions(replace(found, motions=()), load_specimen("beam"), tmp_path)
+    assert load_specimen(specimen_file(tmp_path)).name == "beam"
+    with pytest.raises(InputError, match="without motion"):
+        load_motions(tmp_path, found.recordings)
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(not (BROWSER and DRIVER), reason="no chromium: apt-get install chromium chromium-driver")
+def test_findings_are_marked_on_the_arm_beside_what_they_explain(tmp_path):
+    port = free_port()
+    sensor = replace(finding(), effect="sensor_bias", where=Place(section="base"), probability=0.42)
+    written(tmp_path / "report", findings=(replace(finding(), probability=0.98), sensor))
+    report = read_report(tmp_path / "report")
+    with (
+        page_server("127.0.0.1", port, "report") as server,
+        DiagnosisPage(
+            shown_diagnosis(report),
+            load_motions(tmp_path / "report", report.recordings),
+            ARM,
+            SURFACE,
+            server,
+        ) as page,
+        open_browser(f"http://127.0.0.1:{port}", tmp_path) as browser,
+    ):
+        without_reflections(server)
+        browser.open()
+        browser.until_shown("viscoelastic creep, the lower segment")
+        for name in BLOCKS:
+            assert browser.covering(name) == [], name
+        words = browser.text("#finding")
+        for told in ("creeps <by 15 %> & comes back", "0.152 ± 0.01", "8.1 ± 0.4 s", "98 %", "hysteresis"):
+            assert told in words
+        assert (
+            "Partly explained. Error on unseen data: 3.2 times the noise before, 1.1 after."
+            in browser.text("#about")
+        )
+        assert (page._scene._shown[1] == BELOW).all()
+
+        browser.slide(END)
+        browser.until_shown("Measured minus predicted at 2.00 s")
+        assert "1.15 degrees" in browser.text("#channels")
+        page._chosen.value = "2. sensor bias, the base section"
+        browser.until_shown("42 %")
+        browser.until(lambda: (page._scene._shown[1] == ~BELOW).all())
