@@ -88,6 +88,8 @@ def command(
     known = None if path is None else load_config(path).config
     settings = PageSettings() if known is None else known.page
     host, port = host or settings.host, port or settings.port
+    if specimen is not None and recording is None:
+        raise click.UsageError("--specimen is for --recording alone")
     if recording is not None or diagnosis is not None:
         if arm is not None or path is not None or None not in (recording, diagnosis):
             raise click.UsageError("give either --recording, or --diagnosis, or --arm or --config")
@@ -151,6 +153,7 @@ def _show_diagnosis(folder: Path, host: str, port: int, origins: tuple[str, ...]
 def shown_diagnosis(report: "Report") -> "ShownDiagnosis":
     """Write a report in the words of the page."""
     from softarm.analysis.diagnosis.sentences import number, plain, quantity
+    from softarm.estimator.diagnosis.result import Quantity
     from softarm.estimator.effects.effect import describe
     from softarm.page.diagnosis import FindingNote, ShownDiagnosis
 
@@ -159,7 +162,9 @@ def shown_diagnosis(report: "Report") -> "ShownDiagnosis":
             title=f"{plain(one.effect)}, {describe(one.where.place)}",
             where=one.where.place,
             statement=one.statement,
-            sizes={plain(name): quantity(size) for name, size in one.parameters.items()},
+            sizes={
+                plain(name): quantity(Quantity(**size.model_dump())) for name, size in one.parameters.items()
+            },
             probability=one.probability,
             rivals=[f"{plain(rival.effect)}, {describe(rival.where.place)}" for rival in one.confusable_with],
         )

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.specimen.physics import Place
-from softarm.page.body import Body
+from softarm.page.body import Body, RigidSection, Segment
 from softarm.page.scene import LAYER_M
 
 ROUNDING = 1e-9
@@ -25,11 +25,12 @@ def nodes_at(rest_m: Floats, body: Body, where: Place) -> Nodes:
     """
     if where.chamber is not None and where.chamber < len(body.chambers):
         return _sector(rest_m, body, where.chamber)
-    parts = {part.name: part for part in (*body.segments, *body.sections)}
+    parts: tuple[Segment | RigidSection, ...] = (*body.segments, *body.sections)
+    named = {part.name: part for part in parts}
     name = where.segment or where.section or _carrier(body, where.sensor or "")
-    if name not in parts:
+    if name not in named:
         return np.zeros(len(rest_m), dtype=np.bool_)
-    return _between(rest_m, parts[name].from_m, parts[name].to_m)
+    return _between(rest_m, named[name].from_m, named[name].to_m)
 
 
 def _sector(rest_m: Floats, body: Body, index: int) -> Nodes:

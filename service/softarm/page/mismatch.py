@@ -99,4 +99,4 @@ def _root_mean_square(channels: Sequence[Floats], samples: int) -> Floats:
     values = np.array(channels).reshape(-1, samples)
     finite = np.isfinite(values)
     squares = np.where(finite, values, 0.0) ** 2
-    return np.sqrt(squares.sum(axis=0) / np.maximum(finite.sum(axis=0), 1))
+    return np.asarray(np.sqrt(squares.sum(axis=0) / np.maximum(finite.sum(axis=0), 1)))

@@ -43,10 +43,18 @@ def test_a_recording_without_estimates_is_refused_before_a_page_is_open():
     assert not signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
-def test_a_recording_and_a_running_arm_are_not_shown_on_one_page():
-    refused = CliRunner().invoke(command, ["--recording", str(EXAMPLE), "--arm", "sopra"])
+@pytest.mark.parametrize(
+    ("options", "refusal"),
+    [
+        (["--recording", str(EXAMPLE), "--arm", "sopra"], "either --recording, or --diagnosis, or --arm"),
+        (["--recording", str(EXAMPLE), "--diagnosis", "out"], "either --recording, or --diagnosis"),
+        (["--diagnosis", "out", "--specimen", "sopra"], "--specimen is for --recording"),
+    ],
+)
+def test_what_does_not_fit_on_one_page_is_refused(options, refusal):
+    refused = CliRunner().invoke(command, options)
     assert refused.exit_code == 2
-    assert "either --recording, or --diagnosis, or --arm" in refused.output
+    assert refusal in refused.output
 
 
 @pytest.mark.browser
