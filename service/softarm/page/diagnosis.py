@@ -115,7 +115,7 @@ class DiagnosisPage:
     def _show_finding(self) -> None:
         finding = self._findings.get(self._chosen.value)
         place = Place() if finding is None else finding.where
-        self._marked = nodes_at(self._rest, self._body, place) & (finding is not None)
+        self._marked = nodes_at(self._rest, self._body, place)
         words = "No effect is named." if finding is None else _finding(finding)
         self._finding.content = readings.reading("finding", words, plain(self._chosen.value))
         self._player.show_again()

@@ -59,15 +59,17 @@ def take_picture_of_past(path, folder, option, shown, time_s):
         subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process,
         open_browser(f"http://127.0.0.1:{port}", folder) as browser,
     ):
-        process.stdout.readline()
-        browser.open()
-        browser.button("Play / pause")
-        browser.click_away_notices()
-        browser.field("Time [s]").send_keys(SELECT_ALL, str(time_s), TAB)
-        browser.until(lambda: browser.field("Time [s]").get_attribute("value") == str(time_s))
-        threading.Event().wait(3.0)  # without a graphics card each picture takes long
-        browser.picture(path)
-        process.terminate()
+        try:
+            process.stdout.readline()
+            browser.open()
+            browser.button("Play / pause")
+            browser.click_away_notices()
+            browser.field("Time [s]").send_keys(SELECT_ALL, str(time_s), TAB)
+            browser.until(lambda: browser.field("Time [s]").get_attribute("value") == str(time_s))
+            threading.Event().wait(3.0)  # without a graphics card each picture takes long
+            browser.picture(path)
+        finally:
+            process.terminate()
 
 
 if __name__ == "__main__":

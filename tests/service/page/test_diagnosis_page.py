@@ -1,4 +1,4 @@
-"""The page of a diagnosis in a real browser, and what it is made of."""
+"""What the page of a diagnosis is made of."""
 
 from dataclasses import replace
 
@@ -10,23 +10,23 @@ pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
 
 from softarm.analysis.diagnosis.done import write_report
 from softarm.analysis.diagnosis.motion import load_motions, motion_file, specimen_file, write_motions
-from softarm.analysis.diagnosis.report import read_report, report_of
-from softarm.cli.page import command, shown_diagnosis
+from softarm.analysis.diagnosis.report import report_of
+from softarm.cli.page import command
 from softarm.estimator.diagnosis.motion import HELDOUT, residual_column
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import load_specimen
 from softarm.estimator.specimen.physics import Place
 from softarm.page.body import Body
-from softarm.page.diagnosis import DiagnosisPage
 from softarm.page.highlight import nodes_at
 from softarm.page.mismatch import MismatchOverTime
-from softarm.page.server import page_server
-from tests.service.diagnosis.made_diagnosis import diagnosis, finding
-from tests.service.page.browser import BROWSER, DRIVER, open_browser, without_reflections
+from softarm_client.messages import Surface
+from tests.service.diagnosis.made_diagnosis import diagnosis
 from tests.service.page.test_playback import CHAMBER, LENGTH_M, SECTIONS, recording
-from tests.service.page.test_recording_page import END, SURFACE
-from tests.service.page.test_server import free_port
 
+RING = [(0.03, 0.0), (0.0, 0.03), (-0.03, 0.0), (0.0, -0.03)]
+SURFACE = Surface(
+    triangles=((0, 1, 4), (1, 5, 4)), rest_m=tuple((x, y, z) for z in (0.0, LENGTH_M) for x, y in RING)
+)
 ARM = Body(
     sections=SECTIONS,
     chambers=tuple({"azimuth_rad": k * np.pi, **CHAMBER} for k in range(2)),
@@ -37,7 +37,6 @@ REST = np.array(SURFACE.rest_m)
 BELOW = REST[:, 2] > 0.0
 EVERY, NONE = np.ones(len(REST), dtype=bool), np.zeros(len(REST), dtype=bool)
 CHANNEL = "bend_tip.x"
-BLOCKS = ("#about", "#finding", "#scale", ".uplot-container", "#channels", "#pressures")
 
 
 def motion(name="run_03"):
@@ -106,43 +105,3 @@ def test_a_diagnosis_of_valves_leaves_no_motion_of_an_earlier_one(tmp_path):
     assert load_specimen(specimen_file(tmp_path)).name == "beam"
     with pytest.raises(InputError, match="without motion"):
         load_motions(tmp_path, found.recordings)
-
-
-@pytest.mark.browser
-@pytest.mark.skipif(not (BROWSER and DRIVER), reason="no chromium: apt-get install chromium chromium-driver")
-def test_findings_are_marked_on_the_arm_beside_what_they_explain(tmp_path):
-    port = free_port()
-    sensor = replace(finding(), effect="sensor_bias", where=Place(section="base"), probability=0.42)
-    written(tmp_path / "report", findings=(replace(finding(), probability=0.98), sensor))
-    report = read_report(tmp_path / "report")
-    with (
-        page_server("127.0.0.1", port, "report") as server,
-        DiagnosisPage(
-            shown_diagnosis(report),
-            load_motions(tmp_path / "report", report.recordings),
-            ARM,
-            SURFACE,
-            server,
-        ) as page,
-        open_browser(f"http://127.0.0.1:{port}", tmp_path) as browser,
-    ):
-        without_reflections(server)
-        browser.open()
-        browser.until_shown("viscoelastic creep, the lower segment")
-        for name in BLOCKS:
-            assert browser.covering(name) == [], name
-        words = browser.text("#finding")
-        for told in ("creeps <by 15 %> & comes back", "0.152 ± 0.01", "8.1 ± 0.4 s", "98 %", "hysteresis"):
-            assert told in words
-        assert (
-            "Partly explained. Error on unseen data: 3.2 times the noise before, 1.1 after."
-            in browser.text("#about")
-        )
-        assert (page._scene._shown[1] == BELOW).all()
-
-        browser.slide(END)
-        browser.until_shown("Measured minus predicted at 2.00 s")
-        assert "1.15 degrees" in browser.text("#channels")
-        page._chosen.value = "2. sensor bias, the base section"
-        browser.until_shown("42 %")
-        browser.until(lambda: (page._scene._shown[1] == ~BELOW).all())

@@ -19,7 +19,7 @@ from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.recording import BEND_SUFFIXES, MARKER_SUFFIXES, POSE_SUFFIXES, Recording
 
-POINTS = 2000
+POINTS = 1000
 """Samples of a recording that are kept."""
 SUFFIXES = {"frame": POSE_SUFFIXES, "bend": BEND_SUFFIXES, "marker": MARKER_SUFFIXES}
 HELDOUT = "estimate_heldout"
