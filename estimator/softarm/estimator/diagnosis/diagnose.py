@@ -331,7 +331,8 @@ def _outcome(
         worst=worst_stretch(search, left),
     )
     if verdict == "unexplained":
-        findings = (unknown(unexplained, heldout, choice.alarm_p, law, unnamed_probability(search)),)
+        probability = unnamed_probability(search, CHANGED)
+        findings = (unknown(unexplained, heldout, choice.alarm_p, law, probability),)
     diagnosis = Diagnosis(
         specimen=evidence.specimen,
         recordings=tuple(stage.session.name for stage in suspects),

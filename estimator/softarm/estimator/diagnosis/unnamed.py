@@ -74,11 +74,16 @@ def better_law(search: Search, choice: ChosenEffects) -> FreeLaw | None:
     return replace(best, nearest=nearest) if better else None
 
 
-def unnamed_probability(search: Search) -> float:
+def unnamed_probability(search: Search, changed: float) -> float:
     """Return how probable it is that what is missing has no name.
 
     The free laws, and a change of everything at once, compete with every effect that was fitted alone, and
-    with nothing. Each is learnt from the other folds and predicts one.
+    with nothing. Each is learnt from the other folds and predicts one. Beforehand the odds on them are those
+    that a verdict asks for: a noise model that is too sure finds a little of any free law.
+
+    Args:
+        search: The search.
+        changed: Twice the logarithm of the odds from which everything has changed.
     """
     fraction, size = search.weights.effective_sample_fraction, search.evidence.size
     plain = [part for part in search.parts(None) if not part.heldout]
@@ -90,13 +95,15 @@ def unnamed_probability(search: Search) -> float:
     nothing = [Marginal.cost_of(search.prior, total(fold, size), fraction) for fold in folds_of(plain)]
     known = [predictive(search.prior, fold, fraction, size) for fold in folds_of(plain)]
     wide = changed_prior(search.evidence, search.prior, search.width, plain, fraction)
-    unnamed = [_log_densities(wide, plain, fraction)]
+    # What changes from run to run, a prior that allows for little learns as well.
+    little = _log_densities(search.prior, plain, fraction) + 0.5 * changed / len(known)
+    unnamed = [_log_densities(wide, plain, fraction) - little]
     for _, _, columns in _forms(search):
         parts, prior = _widened(search, columns)
-        unnamed.append(_log_densities(prior, parts, fraction, search.prior))
-    # All densities are over that of the prior's common coefficients, which the costs leave out.
-    offset = 0.5 * (np.array(known) + nothing)
-    densities = [*named, *(own - offset for own in unnamed), -0.5 * np.array(nothing)]
+        before = 0.5 * (np.array(known) + SURE / len(known))
+        unnamed.append(_log_densities(prior, parts, fraction, search.prior) - before)
+    alone = -0.5 * np.array(nothing)
+    densities = [*named, *(alone + more for more in unnamed), alone]
     return float(pseudo_bma(np.column_stack(densities), search.rng)[len(named) : -1].sum())
 
 
