@@ -10,12 +10,13 @@ from typing import Any
 import click
 import numpy as np
 
+from acceptance.forces import forces_problem, independent_prior
 from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.common.tables import Cell, Table
 from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.fem import FiniteElementModel, Material, SectionNodes
-from softarm.estimator.inverse import Tolerances, Unknowns, forces_problem, independent_prior
+from softarm.estimator.inverse import Tolerances, Unknowns
 from softarm.estimator.mesh import ElementBlock, ElementSurface, Mesh
 from softarm.estimator.model import Inputs, Load
 from softarm.estimator.sensing import MarkerPosition, SensorSuite

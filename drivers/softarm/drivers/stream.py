@@ -116,14 +116,6 @@ class ReadingStream(Generic[Value]):
         self._pass_on(reading)
         return reading
 
-    def fresh(self, now_ns: int | None = None) -> Reading[Value] | None:
-        """Return the latest valid reading, or nothing when it is older than the deadline."""
-        reading = self.latest_valid
-        if reading is None:
-            return None
-        now_ns = self._clock() if now_ns is None else now_ns
-        return reading if reading.age_ns(now_ns) <= self.stale_after_ns else None
-
     def _remember(self, reading: Reading[Value]) -> None:
         if self.latest is not None and self.latest.epoch == reading.epoch:
             self._health.interval.add(reading.host_monotonic_ns - self.latest.host_monotonic_ns)

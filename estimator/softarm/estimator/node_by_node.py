@@ -36,21 +36,6 @@ class FullLinearisation(Protocol):
         """
 
 
-class ScaledModel(Protocol):
-    """A model whose regions' stiffness can be scaled."""
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the stiffness factors."""
-
-    @property
-    def scales(self) -> Floats:
-        """Values of the stiffness factors, shape (parameters,)."""
-
-    def with_scales(self, scales: Mapping[str, float]) -> Self:
-        """Return a copy with other stiffness factors."""
-
-
 @dataclass(frozen=True)
 class SolvedSample:
     """Where the solve of a sample ended, to begin another one with.
@@ -88,7 +73,7 @@ class SolvedSample:
 class NodeByNode(ModelWrapper):
     """Solves a model sample by sample, each begun from its own last state or from that of a similar one.
 
-    It implements ``BatchArmModel``; stiffness factors are those of a ``ScaledModel``, and none of others.
+    It implements ``BatchArmModel``; stiffness factors are the model's ``parameters``, where it has any.
 
     Args:
         model: The model.
@@ -197,7 +182,7 @@ class NodeByNode(ModelWrapper):
 
 
 def _scales(model: object) -> Floats:
-    """Return the stiffness factors of a ``ScaledModel``, and none of others."""
+    """Return the model's stiffness factors, none where it has none."""
     scales: Floats = getattr(model, "scales", np.zeros(0))
     return scales
 

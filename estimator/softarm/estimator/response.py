@@ -47,11 +47,6 @@ class ArmResponse:
     states: NDArray[Any] = field(default_factory=lambda: np.zeros(0))
 
     @property
-    def samples(self) -> int:
-        """Number of samples."""
-        return len(self.converged)
-
-    @property
     def pressure_jacobian(self) -> Floats:
         """Section twists per unit of each pressure, shape (samples, 6 sections, chambers)."""
         return self.input_jacobian[..., : self.chambers]

@@ -4,10 +4,14 @@ Every function takes any number of leading axes. The kernels are compiled, since
 three-by-three matrices would cost more than the rest of an estimator step.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import njit
 
 from softarm.estimator.arrays import Floats
+
+Kernel = Callable[[Floats, Floats], None]
 
 
 @njit(cache=True, nogil=True)
@@ -146,20 +150,22 @@ def _flat(values: Floats, width: int) -> Floats:
     return np.array(values, dtype=np.float64, order="C").reshape(shape)
 
 
+def _mapped(kernel: Kernel, values: Floats, width: int, shape: tuple[int, ...]) -> Floats:
+    """Fill an array of ``shape`` for each of the values, which have ``width`` numbers each."""
+    flat = _flat(values, width)
+    filled = np.empty((len(flat), *shape))
+    kernel(flat, filled)
+    return filled.reshape(*np.shape(values)[: -2 if width == 9 else -1], *shape)
+
+
 def exp(vectors: Floats) -> Floats:
     """Compute the rotations of rotation vectors [rad], shape (..., 3), as matrices, shape (..., 3, 3)."""
-    flat = _flat(vectors, 3)
-    matrices = np.empty((len(flat), 3, 3))
-    exp_kernel(flat, matrices)
-    return matrices.reshape(*np.shape(vectors)[:-1], 3, 3)
+    return _mapped(exp_kernel, vectors, 3, (3, 3))
 
 
 def to_quaternions(rotations: Floats) -> Floats:
     """Compute unit quaternions (w, x, y, z) with w >= 0, shape (..., 4), of rotations, shape (..., 3, 3)."""
-    flat = _flat(rotations, 9)
-    quaternions = np.empty((len(flat), 4))
-    quaternion_kernel(flat, quaternions)
-    return quaternions.reshape(*np.shape(rotations)[:-2], 4)
+    return _mapped(quaternion_kernel, rotations, 9, (4,))
 
 
 def from_quaternions(quaternions: Floats) -> Floats:
@@ -167,19 +173,12 @@ def from_quaternions(quaternions: Floats) -> Floats:
 
     A quaternion of zeros, which some devices send for a lost body, gives NaN.
     """
-    flat = _flat(quaternions, 4)
-    matrices = np.empty((len(flat), 3, 3))
-    matrix_kernel(flat, matrices)
-    return matrices.reshape(*np.shape(quaternions)[:-1], 3, 3)
+    return _mapped(matrix_kernel, quaternions, 4, (3, 3))
 
 
 def log(rotations: Floats) -> Floats:
     """Compute rotation vectors [rad], angle at most pi, shape (..., 3), of matrices, shape (..., 3, 3)."""
-    flat = _flat(rotations, 9)
-    quaternions, vectors = np.empty((len(flat), 4)), np.empty((len(flat), 3))
-    quaternion_kernel(flat, quaternions)
-    rotation_vector_kernel(quaternions, vectors)
-    return vectors.reshape(*np.shape(rotations)[:-2], 3)
+    return _mapped(rotation_vector_kernel, to_quaternions(rotations), 4, (3,))
 
 
 def left_jacobian(vectors: Floats) -> Floats:
@@ -191,10 +190,7 @@ def left_jacobian(vectors: Floats) -> Floats:
     Returns:
         Matrices, shape (..., 3, 3).
     """
-    flat = _flat(vectors, 3)
-    matrices = np.empty((len(flat), 3, 3))
-    jacobian_kernel(flat, matrices)
-    return matrices.reshape(*np.shape(vectors)[:-1], 3, 3)
+    return _mapped(jacobian_kernel, vectors, 3, (3, 3))
 
 
 def inverse_left_jacobian(vectors: Floats) -> Floats:
@@ -206,10 +202,7 @@ def inverse_left_jacobian(vectors: Floats) -> Floats:
     Returns:
         Matrices, shape (..., 3, 3).
     """
-    flat = _flat(vectors, 3)
-    matrices = np.empty((len(flat), 3, 3))
-    inverse_jacobian_kernel(flat, matrices)
-    return matrices.reshape(*np.shape(vectors)[:-1], 3, 3)
+    return _mapped(inverse_jacobian_kernel, vectors, 3, (3, 3))
 
 
 def skew(vectors: Floats) -> Floats:
@@ -230,12 +223,12 @@ def without_jumps(quaternions: Floats) -> Floats:
         quaternions: (w, x, y, z) or its negative, which is the same rotation; NaN where unknown, shape
             (samples, 4).
     """
-    turned = quaternions.copy()
-    seen = np.flatnonzero(np.isfinite(turned).all(axis=1))
-    if len(seen) > 1:
-        over = (turned[seen[1:]] * turned[seen[:-1]]).sum(axis=1) < 0.0
-        turned[seen[1:]] *= np.where(np.cumsum(over) % 2, -1.0, 1.0)[:, None]
-    return turned
+    continued = quaternions.copy()
+    valid = np.flatnonzero(np.isfinite(continued).all(axis=1))
+    if len(valid) > 1:
+        flips = (continued[valid[1:]] * continued[valid[:-1]]).sum(axis=1) < 0.0
+        continued[valid[1:]] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
+    return continued
 
 
 def mean_rotation(rotations: Floats) -> Floats:

@@ -19,8 +19,8 @@ from softarm.common.tables import Table
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from softarm.analysis.offline.surface import BodySurface
     from softarm.analysis.offline.track import Track
+    from softarm.estimator.arrays import Floats
     from softarm.estimator.calibration import CalibrationRun
     from softarm.estimator.specimen import Specimen
 
@@ -128,13 +128,13 @@ def _chosen(robot: "Specimen") -> str:
     return "fem" if robot.physics or known_trusted_rod(robot) is None else "rod"
 
 
-def _on_mesh(robot: "Specimen", run: "CalibrationRun") -> "tuple[Track[Any], Callable[[Any], BodySurface]]":
+def _on_mesh(robot: "Specimen", run: "CalibrationRun") -> "tuple[Track[Any], Callable[[Any], Floats]]":
     """Estimate on the finite elements, begun at the rod's answers where it is known."""
     from dataclasses import replace
 
-    from softarm.analysis.offline.surface import outer_surface
     from softarm.analysis.offline.track import track
     from softarm.common.rods import known_trusted_rod
+    from softarm.daemon.surface import drawn_surface
     from softarm.estimator.arm import build_arm
 
     model = build_arm(robot)
@@ -143,22 +143,25 @@ def _on_mesh(robot: "Specimen", run: "CalibrationRun") -> "tuple[Track[Any], Cal
     guide = None if rod is None else rod.with_loads(model.loads)
     with progress(f"estimating {run.name}", len(run.time)) as advance:
         found = track(model, robot, run, advance, guide)
-    return found, lambda state: outer_surface(model, state)
+    drawn = drawn_surface(model.mesh)
+    return found, lambda state: drawn.corners(model.body.points + state.displacement)
 
 
-def _on_rod(robot: "Specimen", run: "CalibrationRun") -> "tuple[Track[Any], Callable[[Any], BodySurface]]":
+def _on_rod(robot: "Specimen", run: "CalibrationRun") -> "tuple[Track[Any], Callable[[Any], Floats]]":
     """Estimate on the calibrated rod."""
-    from softarm.analysis.offline.surface import skin_surface
     from softarm.analysis.offline.track import track
     from softarm.common.rods import trusted_rod
+    from softarm.daemon.surface import drawn_surface
     from softarm.estimator.geometry import build_mesh
+    from softarm.estimator.rod.skin import skin
 
     with progress(f"fitting the rod of {robot.name}") as advance:
         rod = trusted_rod(robot, lambda *_: advance(1))
     with progress(f"estimating {run.name}", len(run.time)) as advance:
         found = track(rod, robot, run, advance)
     mesh = build_mesh(robot)
-    return found, lambda strain: skin_surface(mesh, rod, strain)
+    drawn = drawn_surface(mesh)
+    return found, lambda strain: drawn.corners(skin(mesh.points, rod.chain, strain))
 
 
 def tables(found: "Track[Any]", name: str) -> tuple[Table, ...]:

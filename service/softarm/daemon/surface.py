@@ -1,10 +1,10 @@
-"""The outer surface of an arm's mesh as clients draw it: its own nodes and triangles."""
+"""The outer surface of an arm's mesh as it is drawn: its own nodes and triangles."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from softarm.estimator.arrays import Indices
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.mesh import Mesh
 from softarm.estimator.reference_elements import CORNERS
 from softarm_client.messages import Surface
@@ -21,6 +21,10 @@ class DrawnSurface:
 
     nodes: Indices
     triangles: Indices
+
+    def corners(self, points: Floats) -> Floats:
+        """Return the corners of each triangle [m], shape (triangles, 3, 3), of the mesh's nodes [m]."""
+        return points[self.nodes[self.triangles]]
 
     def message(self, mesh: Mesh) -> Surface:
         """Write what clients need to draw the stream ``shape``.

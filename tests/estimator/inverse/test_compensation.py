@@ -1,12 +1,11 @@
 import numpy as np
 import pytest
 
+from acceptance.forces import forces_problem, independent_prior
 from softarm.estimator.inverse import (
     Tolerances,
     Unknowns,
     approach,
-    forces_problem,
-    independent_prior,
     replace_loads,
     settle,
 )
@@ -66,17 +65,12 @@ def test_the_search_from_there_comes_nearer_and_goes_on_from_its_end(arm, loads)
     pose = frames(arm, PRESSURES, loads)
     misses = [tilts(pose, frames(arm, PRESSURES + c.change, NONE)).max() for c in (first, held)]
     assert misses[1] <= misses[0]
-    again, more = settle(arm, estimate, SUITE, LIMITS, NONE, first, (found.state, found.inputs))
-    assert more.iterations <= found.iterations
-    np.testing.assert_allclose(again.change, held.change, atol=10.0)
 
 
 def test_a_search_that_fails_leaves_the_first_answer(arm):
     estimate = estimated(arm, (0.0, 0.0, 0.03, -0.02))
     first = replace_loads(estimate, SUITE, LIMITS, NONE)
-    held, found = settle(
-        arm, estimate, SUITE, LIMITS, NONE, first, None, Tolerances(1e-14, 1e-14, iterations=1)
-    )
+    held, found = settle(arm, estimate, SUITE, LIMITS, NONE, first, Tolerances(1e-14, 1e-14, iterations=1))
     assert held is first
     assert found is None
 

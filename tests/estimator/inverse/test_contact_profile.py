@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from softarm.estimator.inverse import ContactProfile, Unknowns, forces_problem, independent_prior
+from acceptance.forces import forces_problem, independent_prior
+from softarm.estimator.inverse import ContactProfile, Unknowns
 from softarm.estimator.model import Inputs, Load
 from softarm.estimator.sensing import MeasuredPose, Orientation, Scene, SensorSuite
 

@@ -5,6 +5,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from acceptance.forces import forces_problem, independent_prior
 from softarm.estimator.inverse import (
     Estimator,
     InputBounds,
@@ -15,8 +16,6 @@ from softarm.estimator.inverse import (
     Tolerances,
     TrackerSettings,
     Unknowns,
-    forces_problem,
-    independent_prior,
 )
 from softarm.estimator.inverse.tracker import RETRIES
 from softarm.estimator.model import Inputs

@@ -71,17 +71,6 @@ def test_rows_are_the_derivative_by_the_section_twists(sensor: Measurement) -> N
 
 
 @EACH
-def test_rows_are_the_derivative_by_the_loads(sensor: Measurement) -> None:
-    at, reading = scene(), sensor.predict(scene())
-
-    def innovation(loads: np.ndarray) -> np.ndarray:
-        return -sensor.sensitivity(Scene(at.frames, loads), reading).innovation
-
-    rows = sensor.sensitivity(at, reading).loads
-    assert derivative_error(innovation, rows, at.loads, 1e-3) < 1e-7
-
-
-@EACH
 def test_rows_are_the_derivative_by_the_alignment(sensor: Measurement) -> None:
     at, reading = scene(), sensor.predict(scene())
 

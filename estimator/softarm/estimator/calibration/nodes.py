@@ -59,7 +59,7 @@ class Nodes:
         )
 
 
-def choose_nodes(run: CalibrationRun, count: int, window: float | None = None) -> Nodes:
+def choose_nodes(run: CalibrationRun, count: int) -> Nodes:
     """Choose windows of a run and average each.
 
     They are evenly spaced; while a gauge pulls, each is moved to where hook and arm rest the most around it:
@@ -68,9 +68,8 @@ def choose_nodes(run: CalibrationRun, count: int, window: float | None = None) -
     Args:
         run: The run.
         count: Largest number of nodes.
-        window: Length of a window [s]; ``WINDOW``, or ``PULLED_WINDOW`` where a gauge pulls.
     """
-    window = window or (PULLED_WINDOW if run.pulled else WINDOW)
+    window = PULLED_WINDOW if run.pulled else WINDOW
     duration = run.time[-1] - run.time[0]
     number = max(1, min(count, int(duration / window)))
     speeds = _speed(run)

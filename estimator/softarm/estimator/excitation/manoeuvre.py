@@ -67,12 +67,6 @@ class Manoeuvre:
             return np.zeros((len(time), 3))
         return np.column_stack([np.interp(time, self.times, column) for column in self.forces.T])
 
-    def within(self, limits: ManoeuvreLimits) -> bool:
-        """Return whether pressures and their changes stay within limits."""
-        change = np.abs(np.diff(self.pressures, axis=0)) / np.diff(self.times)[:, None]
-        inside = (self.pressures >= 0.0) & (self.pressures <= limits.pressures)
-        return bool(inside.all() and (change <= limits.slew * (1.0 + 1e-9)).all())
-
 
 class ManoeuvrePath:
     """Points of a manoeuvre, collected one after another, none faster than the limits allow.

@@ -96,7 +96,6 @@ class Body:
         scales: Floats,
         *,
         tangent: bool = True,
-        load_stiffness: bool = True,
     ) -> AssembledForces:
         """Evaluate forces, volumes and, where wanted, the tangent.
 
@@ -105,7 +104,6 @@ class Body:
             pressures: Gauge pressures [Pa], shape (chambers,).
             scales: Factor on the stiffness of each of ``parameters``.
             tangent: Whether to assemble the tangent.
-            load_stiffness: Whether it includes the pressures' load stiffness.
 
         Returns:
             The evaluation.
@@ -120,7 +118,7 @@ class Body:
             bars.forces(positions, scales, forces, blocks, tangent)
         volumes, gradients = np.zeros(self.chambers), np.zeros((self.chambers, *self.points.shape))
         for cavity in self.cavities:
-            cavity.volumes(positions, pressures, volumes, gradients, blocks, tangent and load_stiffness)
+            cavity.volumes(positions, pressures, volumes, gradients, blocks, tangent)
         if self.tetrahedra:
             mirror = blocks.copy()
             for block in self.tetrahedra:

@@ -254,24 +254,19 @@ class FiniteElementModel:
         """Return the unloaded state."""
         return FiniteElementState(np.zeros_like(self.body.points), self.no_inputs())
 
-    def balance(
-        self, displacement: Floats, inputs: Inputs, tangent: bool = True, load_stiffness: bool = True
-    ) -> Balance:
+    def balance(self, displacement: Floats, inputs: Inputs, tangent: bool = True) -> Balance:
         """Evaluate the forces at a configuration.
 
         Args:
             displacement: Displacement of the nodes [m], shape (nodes, 3).
             inputs: Pressures, loads, gravity.
             tangent: Whether to assemble the tangent, the derivative of (internal - pressure forces).
-            load_stiffness: Whether it includes the pressures' load stiffness.
 
         Returns:
             Residual, tangent and load vectors.
         """
         positions = self.body.points + displacement
-        evaluation = self.body.evaluate(
-            positions, inputs.pressures, self.scales, tangent=tangent, load_stiffness=load_stiffness
-        )
+        evaluation = self.body.evaluate(positions, inputs.pressures, self.scales, tangent=tangent)
         vectors = self.load_set.vectors(positions)
         fields = np.empty((3, *positions.shape))
         fields[0] = superpose(inputs.pressures, evaluation.gradients)

@@ -14,11 +14,7 @@ from softarm.estimator.inverse.objectives import (
     WeightedRows,
 )
 from softarm.estimator.inverse.observability import Observability
-from softarm.estimator.inverse.problem import (
-    Problem,
-    forces_problem,
-    independent_prior,
-)
+from softarm.estimator.inverse.problem import Problem
 from softarm.estimator.inverse.process import LoadProcess
 from softarm.estimator.inverse.program import (
     QuadraticProgram,
@@ -54,8 +50,6 @@ __all__ = [
     "WeightedRows",
     "approach",
     "build_program",
-    "forces_problem",
-    "independent_prior",
     "minimise",
     "replace_loads",
     "settle",

@@ -78,7 +78,6 @@ def settle(
     limits: Floats,
     tare: Floats,
     first: Compensation,
-    start: tuple[State, Inputs] | None = None,
     tolerances: Tolerances | None = None,
 ) -> tuple[Compensation, ArmEstimate[State] | None]:
     """Search on from what ``replace_loads`` found to the optimum of the nonlinear arm, its loads gone.
@@ -90,7 +89,6 @@ def settle(
         limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
         tare: Load amplitudes that count as zero, shape (loads,).
         first: What ``replace_loads`` found.
-        start: Where a search for a pose nearby ended; the equilibrium under the first answer when left out.
         tolerances: When the search stops.
 
     Returns:
@@ -110,22 +108,21 @@ def settle(
         bounds.hold(slice(chambers, unknowns.size), tare),
         inputs.gravity,
     )
-    if start is None:
-        # Out of equilibrium the cost is a forecast, and from as far as this one that leads astray.
-        given = Inputs(np.clip(inputs.pressures + first.change, 0.0, limits), tare, inputs.gravity)
-        state, settled = model.solve(given, estimate.state)
-        if not settled:
-            return first, None
-        start = state, given
+    # Out of equilibrium the cost is a forecast, and from as far as this one that leads astray.
+    given = Inputs(np.clip(inputs.pressures + first.change, 0.0, limits), tare, inputs.gravity)
+    state, settled = model.solve(given, estimate.state)
+    if not settled:
+        return first, None
+    start = state, given
     tolerances = tolerances or Tolerances()
     found = problem.solve(model, start, tolerances)
     if not found.converged:
         found = problem.solve(model, start, cautious(tolerances))
     if not found.converged:
         return first, None
-    left = np.concatenate([found.residuals[name] for name in suite.slices])
+    residual = np.concatenate([found.residuals[name] for name in suite.slices])
     sigma = np.sqrt(np.diag(suite.own_noise(readings)))
-    misses = _misses(suite.slices, left, sigma)
+    misses = _misses(suite.slices, residual, sigma)
     change = found.inputs.pressures - inputs.pressures
     statement = _statement(misses, list(found.limits_reached))
     return Compensation(change, not misses, statement), found
@@ -181,8 +178,8 @@ def _solve(
     low = np.minimum(-applied, 0.0) / limits - 1e-9
     high = np.maximum(limits - applied, 0.0) / limits + 1e-9
     share = lsq_linear(matrix, right, (low, high), method="bvls").x
-    left = wanted - by_pressures @ share
-    misses = _misses(suite.slices, left, np.sqrt(np.diag(covariance)))
+    residual = wanted - by_pressures @ share
+    misses = _misses(suite.slices, residual, np.sqrt(np.diag(covariance)))
     bounds = [
         f"chamber {chamber} at {'zero' if value < 0.5 * (low + high)[chamber] else 'its limit'}"
         for chamber, value in enumerate(share)
@@ -191,14 +188,14 @@ def _solve(
     return Compensation(share * limits, not misses, _statement(misses, bounds))
 
 
-def _misses(slices: Mapping[str, Any], left: Floats, sigma: Floats) -> list[str]:
+def _misses(slices: Mapping[str, Any], residual: Floats, sigma: Floats) -> list[str]:
     """Return by how much each sensor's reading would be missed, where by more than its tolerance."""
-    found = []
+    misses = []
     for name, rows in slices.items():
-        ratio = float(np.max(np.abs(left[rows]) / sigma[rows], initial=0.0))
+        ratio = float(np.max(np.abs(residual[rows]) / sigma[rows], initial=0.0))
         if ratio > TOLERANCE:
-            found.append(f"{name} misses by {_size(name, left[rows])} ({ratio:.0f} standard deviations)")
-    return found
+            misses.append(f"{name} misses by {_size(name, residual[rows])} ({ratio:.0f} standard deviations)")
+    return misses
 
 
 def _size(name: str, residual: Floats) -> str:

@@ -78,14 +78,10 @@ class SensorObjective:
     Args:
         suite: The sensors.
         readings: Stacked readings, NaN where absent, shape (readings,).
-        name: Name of these rows.
-        data: False where the readings are a wanted pose.
     """
 
     suite: SensorSuite
     readings: Floats
-    name: str = "sensors"
-    data: bool = True
 
     @cached_property
     def _own_noise(self) -> Floats:
@@ -94,13 +90,11 @@ class SensorObjective:
     def rows(self, at: Iterate) -> WeightedRows:
         """Linearise at an iterate; rows of absent sensors are left out."""
         scene = Scene(at.frames, at.vector[at.chambers :])
-        seen = self.suite.observe(scene, self.readings, self._own_noise)
-        drift, motion = at.response(seen.twists)
-        jacobian = motion.copy()
-        jacobian[:, at.chambers :] += seen.loads
-        innovation = seen.innovation - drift
-        information = np.asarray(np.linalg.inv(seen.covariance), dtype=np.float64)
-        return WeightedRows(self.name, self.data, innovation, jacobian, information, seen.rows)
+        observation = self.suite.observe(scene, self.readings, self._own_noise)
+        drift, motion = at.response(observation.twists)
+        innovation = observation.innovation - drift
+        information = np.asarray(np.linalg.inv(observation.covariance), dtype=np.float64)
+        return WeightedRows("sensors", True, innovation, motion, information, observation.rows)
 
 
 @dataclass(frozen=True)
@@ -121,15 +115,15 @@ class PressureReadings:
 
     def rows(self, at: Iterate) -> WeightedRows:
         """Linearise at an iterate."""
-        seen, measured, information = self._seen
-        jacobian = np.eye(len(at.vector))[seen]
-        return WeightedRows(self.name, self.data, measured - at.vector[seen], jacobian, information, seen)
+        chambers, pressures, information = self._measured
+        innovation, jacobian = pressures - at.vector[chambers], np.eye(len(at.vector))[chambers]
+        return WeightedRows(self.name, self.data, innovation, jacobian, information, chambers)
 
     @cached_property
-    def _seen(self) -> tuple[NDArray[np.int64], Floats, Floats]:
+    def _measured(self) -> tuple[NDArray[np.int64], Floats, Floats]:
         """Chambers that were measured, their pressures, and the information of these."""
-        seen = np.flatnonzero(np.isfinite(self.pressures))
-        return seen, self.pressures[seen], np.diag(1.0 / self.sigma[seen] ** 2)
+        chambers = np.flatnonzero(np.isfinite(self.pressures))
+        return chambers, self.pressures[chambers], np.diag(1.0 / self.sigma[chambers] ** 2)
 
 
 @dataclass(frozen=True)
@@ -139,16 +133,14 @@ class Prior:
     Args:
         mean: Shape (inputs,).
         information: Inverse of the covariance, zero rows where nothing is assumed, shape (inputs, inputs).
-        name: Name of these rows.
     """
 
     mean: Floats
     information: Floats
-    name: str = "prior"
 
     def rows(self, at: Iterate) -> WeightedRows:
         """Linearise at an iterate."""
         size = len(at.vector)
         return WeightedRows(
-            self.name, False, self.mean - at.vector, np.eye(size), self.information, np.arange(size)
+            "prior", False, self.mean - at.vector, np.eye(size), self.information, np.arange(size)
         )

@@ -11,6 +11,11 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.objectives import WeightedRows
 
+DAMPING = 1e-12
+"""Share of the largest curvature added to the diagonal, for directions that nothing fixes."""
+TOLERANCE = 1e-10
+"""Largest absolute residual of the optimality conditions."""
+
 
 @dataclass(frozen=True)
 class QuadraticProgram:
@@ -48,7 +53,6 @@ def build_program(
     vector: Floats,
     scale: Floats,
     radius: float,
-    damping: float = 1e-12,
 ) -> QuadraticProgram:
     """Gather the objectives' rows: H = S sum(J^T R^-1 J) S, g = S sum(J^T R^-1 r), S = diag(scale).
 
@@ -58,7 +62,6 @@ def build_program(
         vector: The iterate, shape (inputs,).
         scale: Typical change of each input, shape (inputs,).
         radius: Largest change of a free input, in units of its scale (trust region).
-        damping: Share of the largest curvature added to the diagonal, for directions that nothing fixes.
 
     Returns:
         The program for the change of the inputs.
@@ -70,7 +73,7 @@ def build_program(
         hessian += weighted @ row.jacobian
         gradient += weighted @ row.innovation
     hessian *= scale[:, None] * scale
-    hessian[np.diag_indices(size)] += damping * max(float(np.diag(hessian).max(initial=0.0)), 1.0)
+    hessian[np.diag_indices(size)] += DAMPING * max(float(np.diag(hessian).max(initial=0.0)), 1.0)
     lower = (limits.lower - vector) / scale
     upper = (limits.upper - vector) / scale
     free = ~limits.held
@@ -80,7 +83,7 @@ def build_program(
     return QuadraticProgram(hessian, gradient * scale, lower, upper)
 
 
-def solve_program(program: QuadraticProgram, tolerance: float = 1e-10) -> QuadraticSolution:
+def solve_program(program: QuadraticProgram) -> QuadraticSolution:
     """Solve a program: by one linear system where no bound binds, else with ProxQP.
 
     A convex program whose optimum without its bounds lies inside them has that optimum; only otherwise is
@@ -88,7 +91,6 @@ def solve_program(program: QuadraticProgram, tolerance: float = 1e-10) -> Quadra
 
     Args:
         program: What to solve.
-        tolerance: Largest absolute residual of the optimality conditions.
     """
     held = program.lower == program.upper
     value = np.where(held, program.lower, 0.0)
@@ -100,14 +102,14 @@ def solve_program(program: QuadraticProgram, tolerance: float = 1e-10) -> Quadra
         )
     if ((program.lower <= value) & (value <= program.upper)).all():
         return QuadraticSolution(value, bool(np.isfinite(value).all()))
-    return _proxqp(program, held, tolerance)
+    return _proxqp(program, held)
 
 
-def _proxqp(program: QuadraticProgram, held: NDArray[np.bool_], tolerance: float) -> QuadraticSolution:
+def _proxqp(program: QuadraticProgram, held: NDArray[np.bool_]) -> QuadraticSolution:
     size = len(program.gradient)
     equalities = np.eye(size)[held]
     problem = proxqp.dense.QP(size, len(equalities), int(size - len(equalities)))
-    problem.settings.eps_abs = tolerance
+    problem.settings.eps_abs = TOLERANCE
     problem.settings.eps_rel = 0.0
     problem.settings.verbose = False
     free = ~held

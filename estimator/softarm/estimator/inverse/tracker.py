@@ -10,7 +10,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse.estimate import ArmEstimate
 from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Linearised, Tolerances
-from softarm.estimator.inverse.objectives import Objective, PressureReadings, Prior, SensorObjective
+from softarm.estimator.inverse.objectives import PressureReadings, Prior, SensorObjective
 from softarm.estimator.inverse.problem import Problem
 from softarm.estimator.inverse.process import LoadProcess
 from softarm.estimator.inverse.unknowns import Unknowns
@@ -22,6 +22,8 @@ State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 
 
+PRESSURE_DRIFT = 5e3
+"""How fast the pressure of a chamber whose sensor is silent may wander [Pa/sqrt(s)]."""
 RETRIES = 2
 """Searches in a row that may fail before the next one begins at rest, which takes longest without a guide."""
 
@@ -35,18 +37,14 @@ class TrackerSettings:
         actuation: From measured to chamber pressures, with the noise of the pressure sensors.
         pressure_limits: Largest gauge pressure of each chamber [Pa], shape (chambers,); bounds a chamber
             whose pressure sensor is silent.
-        pressure_drift: How fast the pressure of such a chamber may wander [Pa/sqrt(s)].
         model_error: What the calibrated model leaves unexplained; it widens the sensors' noise.
-        exact_pressures: Take measured pressures as exact (held) instead of as noisy readings.
         tolerances: When a search stops.
     """
 
     process: LoadProcess
     actuation: ActuationMap
     pressure_limits: Floats
-    pressure_drift: float = 5e3
     model_error: ModelError = field(default_factory=ModelError)
-    exact_pressures: bool = False
     tolerances: Tolerances | None = None
 
 
@@ -109,7 +107,6 @@ class Estimator(Generic[State, Step]):
         self._guide = guide
         self._retries = RETRIES if guide is None else 0
         self._model = model
-        self._suite = suite
         sections = [load.section for load in model.loads]
         self._conditions = {c: _Accuracy.of(c, suite, sections) for c in settings.model_error.conditions}
         self._settings = settings
@@ -121,11 +118,6 @@ class Estimator(Generic[State, Step]):
     def model(self) -> ArmModel[State, Step]:
         """The model it runs on."""
         return self._model
-
-    @property
-    def suite(self) -> SensorSuite:
-        """The sensors it listens to."""
-        return self._suite
 
     def suite_at(self, pressures: Floats) -> SensorSuite:
         """Return the sensors, as noisy as they and the model are together at measured pressures [Pa]."""
@@ -179,14 +171,14 @@ class Estimator(Generic[State, Step]):
     def _predict(self, time: float, acting: Floats, gravity: Floats) -> tuple[Prior, Inputs]:
         """Carry the last estimate to this instant: the prior, and the inputs to begin the search with."""
         chambers, process = self._unknowns.chambers, self._settings.process
-        seen = np.isfinite(acting)
+        measured = np.isfinite(acting)
         mean = np.zeros(self._unknowns.size)
         variance = np.concatenate([self._settings.pressure_limits**2, process.sigma**2])
         mean[chambers:], loads = process.start()
         if self._memory is not None:
             elapsed = time - self._memory.time
             mean[:chambers] = self._memory.inputs.pressures
-            wander = self._settings.pressure_drift**2 * max(elapsed, 0.0)
+            wander = PRESSURE_DRIFT**2 * max(elapsed, 0.0)
             # At a bound the covariance is zero, yet the pressure may leave it at once.
             known = np.maximum(
                 np.diag(self._memory.covariance)[:chambers], self._settings.actuation.chamber_sigma**2
@@ -197,28 +189,28 @@ class Estimator(Generic[State, Step]):
             )
         information = np.zeros((self._unknowns.size, self._unknowns.size))
         information[chambers:, chambers:] = np.linalg.inv(loads)
-        lost = np.flatnonzero(~seen)
+        lost = np.flatnonzero(~measured)
         information[lost, lost] = 1.0 / variance[lost]
         if self._memory is not None and self._failures <= self._retries:
             # The state is in equilibrium with the last inputs: the first step carries both to the new ones.
             return Prior(mean, information), self._memory.inputs
         unloaded = np.zeros(len(mean) - chambers)
-        return Prior(mean, information), Inputs(np.where(seen, acting, mean[:chambers]), unloaded, gravity)
+        return Prior(mean, information), Inputs(
+            np.where(measured, acting, mean[:chambers]), unloaded, gravity
+        )
 
     def _problem(
         self, suite: SensorSuite, readings: Floats, acting: Floats, prior: Prior, gravity: Floats
     ) -> Problem:
-        seen = np.isfinite(acting)
         limits = InputBounds.free(self._unknowns.size)
         lower, upper = limits.lower.copy(), limits.upper.copy()
-        members = np.arange(self._unknowns.chambers)
-        lost = members[~seen]
+        lost = np.flatnonzero(~np.isfinite(acting))
         lower[lost], upper[lost] = 0.0, self._settings.pressure_limits[lost]
-        objectives: tuple[Objective, ...] = (SensorObjective(suite, readings), prior)
-        if self._settings.exact_pressures:
-            lower[members[seen]] = upper[members[seen]] = acting[seen]
-        else:
-            objectives = (*objectives, PressureReadings(acting, self._settings.actuation.chamber_sigma))
+        objectives = (
+            SensorObjective(suite, readings),
+            prior,
+            PressureReadings(acting, self._settings.actuation.chamber_sigma),
+        )
         return Problem(self._unknowns, suite, objectives, InputBounds(lower, upper), gravity)
 
     def _start(self, problem: Problem, guess: Inputs) -> tuple[State, Inputs]:

@@ -2,10 +2,9 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem import FiniteElementModel, Settings
@@ -41,7 +40,7 @@ class Samples:
         positions: Origins of the stations' frames [m], shape (samples, stations, 3).
         rotations: Shape (samples, stations, 3, 3).
         twists: Their twists per unit of each pressure, then each load, shape (samples, stations, 6, inputs).
-        factors: FrozenTangent factor of each link, shape (samples, links).
+        factors: Stiffness factor of each link, shape (samples, links).
         softness: Rotation per load over that at rest, shape (samples,).
         ray: Ray that each sample lies on, shape (samples,).
     """
@@ -58,10 +57,6 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.pressures)
-
-    def select(self, keep: NDArray[np.bool_]) -> "Samples":
-        """Keep some samples, shape (samples,)."""
-        return Samples(**{field.name: getattr(self, field.name)[keep] for field in fields(self)})
 
 
 @dataclass(frozen=True)
@@ -191,7 +186,7 @@ class Ray:
 
     Args:
         end: Inputs at its end.
-        factors: FrozenTangent factors of the soft segments.
+        factors: Stiffness factors of the soft segments.
     """
 
     end: Inputs

@@ -11,7 +11,6 @@ from softarm.estimator.sensing.measurement import (
     Scene,
     Sensitivity,
     Unit,
-    no_load_rows,
     section_rotation,
     transpose,
     twist_rows,
@@ -106,7 +105,7 @@ class Bend:
         twists = twist_rows(scene.frames, self.section, rows)
         twists = twists - twist_rows(scene.frames, self.reference, rows)
         predicted = bend_of(direction) @ self._frame().T * self.scale + self.bias
-        return Sensitivity(reading - predicted, twists, no_load_rows(scene, self.size))
+        return Sensitivity(reading - predicted, twists)
 
     def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:  # noqa: ARG002
         """Return the derivative by the alignment parameters, shape (..., 2, 9)."""

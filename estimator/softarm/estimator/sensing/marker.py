@@ -7,7 +7,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.rotations import skew
-from softarm.estimator.sensing.measurement import Scene, Sensitivity, Unit, no_load_rows, twist_rows
+from softarm.estimator.sensing.measurement import Scene, Sensitivity, Unit, twist_rows
 from softarm.estimator.sensing.registration import Registration
 
 
@@ -56,9 +56,7 @@ class MarkerPosition:
         innovation = self.registration.to_base(reading) - self._origin(scene) - arm
         identity = np.broadcast_to(np.eye(3), (*arm.shape[:-1], 3, 3))
         rows = np.concatenate([identity, -skew(arm)], axis=-1)
-        return Sensitivity(
-            innovation, twist_rows(scene.frames, self.section, rows), no_load_rows(scene, self.size)
-        )
+        return Sensitivity(innovation, twist_rows(scene.frames, self.section, rows))
 
     def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:  # noqa: ARG002
         """Return the derivative by the offset, shape (..., 3, 3)."""

@@ -37,12 +37,10 @@ class Sensitivity:
     Args:
         innovation: Measured minus predicted, shape (..., size); NaN where the reading is absent.
         twists: Derivative by the stacked section twists, shape (..., size, 6 sections).
-        loads: Derivative by the load amplitudes, shape (..., size, loads).
     """
 
     innovation: Floats
     twists: Floats
-    loads: Floats
 
 
 class Measurement(Protocol):
@@ -108,11 +106,6 @@ def twist_rows(frames: Frames, section: int | None, rows: Floats) -> Floats:
     if section is not None:
         stacked[..., 6 * section : 6 * section + 6] = rows
     return stacked
-
-
-def no_load_rows(scene: Scene, size: int) -> Floats:
-    """Return the derivative by the loads of a prediction that only depends on the frames."""
-    return np.zeros((*scene.loads.shape[:-1], size, scene.loads.shape[-1]))
 
 
 def section_rotation(frames: Frames, section: int | None) -> Floats:

@@ -22,7 +22,6 @@ from softarm.estimator.sensing.measurement import (
     Scene,
     Sensitivity,
     Unit,
-    no_load_rows,
     section_rotation,
     twist_rows,
 )
@@ -73,9 +72,7 @@ class Orientation:
         """Compare a quaternion in the laboratory frame, shape (..., 4), with the scene."""
         innovation, rotation = compare(self._rotation(scene), self._measured(reading))
         rows = np.concatenate([np.zeros_like(rotation), rotation], axis=-1)
-        return Sensitivity(
-            innovation, twist_rows(scene.frames, self.section, rows), no_load_rows(scene, self.size)
-        )
+        return Sensitivity(innovation, twist_rows(scene.frames, self.section, rows))
 
     def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:
         """Return the derivative by the misalignment, shape (..., 3, 3)."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.rotations import skew
-from softarm.estimator.sensing.measurement import Scene, Sensitivity, Unit, no_load_rows, twist_rows
+from softarm.estimator.sensing.measurement import Scene, Sensitivity, Unit, twist_rows
 from softarm.estimator.sensing.orientation import Orientation
 from softarm.estimator.sensing.registration import Registration
 
@@ -67,7 +67,6 @@ class MeasuredPose:
         return Sensitivity(
             np.concatenate([position, turned.innovation], axis=-1),
             np.concatenate([moved, turned.twists], axis=-2),
-            no_load_rows(scene, self.size),
         )
 
     def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:

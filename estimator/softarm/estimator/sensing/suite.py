@@ -24,14 +24,12 @@ class Observation:
     Args:
         innovation: Measured minus predicted, shape (rows,).
         twists: Derivative of the prediction by the stacked section twists, shape (rows, 6 sections).
-        loads: Derivative of the prediction by the load amplitudes, shape (rows, loads).
         covariance: Covariance of the noise, shape (rows, rows).
         rows: Which rows of the whole suite these are, shape (rows,).
     """
 
     innovation: Floats
     twists: Floats
-    loads: Floats
     covariance: Floats
     rows: NDArray[np.int64]
 
@@ -133,7 +131,6 @@ class SensorSuite:
         return Sensitivity(
             np.concatenate([part.innovation for part in parts], axis=-1),
             np.concatenate([part.twists for part in parts], axis=-2),
-            np.concatenate([part.loads for part in parts], axis=-2),
         )
 
     def covariance(self, scene: Scene, readings: Floats, twists: Floats) -> Floats:
@@ -186,7 +183,6 @@ class SensorSuite:
         return Observation(
             whole.innovation[rows],
             whole.twists[rows],
-            whole.loads[rows],
             covariance[np.ix_(rows, rows)],
             rows,
         )

@@ -8,6 +8,12 @@ from pydantic_core import PydanticCustomError
 
 from softarm.estimator.specimen.entry import Entry, Name, Positive, Quaternion, Vector
 
+ROOM = "give a core that leaves room for the chambers"
+
+
+def _misfit(what: str, cure: str) -> PydanticCustomError:
+    return PydanticCustomError("misfit", "{what}", {"what": what, "cure": cure})
+
 
 class SweptLobes(Entry):
     """A tapering sweep of an equilateral triangle with a half disc on each side.
@@ -31,30 +37,14 @@ class SweptLobes(Entry):
     @model_validator(mode="after")
     def _agree(self) -> Self:
         if len(self.lobe_radii_m) != len(self.station_heights_m):
-            raise PydanticCustomError(
-                "stations",
-                "{radii} lobe radii for {heights} station heights",
-                {
-                    "radii": len(self.lobe_radii_m),
-                    "heights": len(self.station_heights_m),
-                    "cure": "give one lobe radius per station height",
-                },
-            )
+            what = f"{len(self.lobe_radii_m)} lobe radii for {len(self.station_heights_m)} station heights"
+            raise _misfit(what, "give one lobe radius per station height")
         if any(above >= below for above, below in pairwise(self.station_heights_m)):
-            raise PydanticCustomError(
-                "stations", "station heights do not rise", {"cure": "sort the stations from base to tip"}
-            )
+            raise _misfit("station heights do not rise", "sort the stations from base to tip")
         least = 2.0 * self.wall_m + self.floor_m
         if min(self.lobe_radii_m) <= least:
-            raise PydanticCustomError(
-                "stations",
-                "lobe radius {radius} m leaves no room for a chamber (at least {least} m)",
-                {
-                    "radius": min(self.lobe_radii_m),
-                    "least": least,
-                    "cure": "give thinner walls or wider lobes",
-                },
-            )
+            what = f"lobe radius {min(self.lobe_radii_m)} m leaves no room for a chamber (at least {least} m)"
+            raise _misfit(what, "give thinner walls or wider lobes")
         return self
 
 
@@ -78,16 +68,8 @@ class QuadrantCylinder(Entry):
     def _room(self) -> Self:
         inside = self.outer_radius_m - self.wall_m
         if not self.wall_m < self.core_m < inside:
-            raise PydanticCustomError(
-                "core",
-                "core {core} m is not between the wall ({wall} m) and the inner radius ({inside} m)",
-                {
-                    "core": self.core_m,
-                    "wall": self.wall_m,
-                    "inside": inside,
-                    "cure": "give a core that leaves room for the chambers",
-                },
-            )
+            between = f"the wall ({self.wall_m} m) and the inner radius ({inside} m)"
+            raise _misfit(f"core {self.core_m} m is not between {between}", ROOM)
         return self
 
 
@@ -111,16 +93,8 @@ class Cylinder(Entry):
     def _room(self) -> Self:
         inside = self.outer_radius_m - self.wall_m
         if not 0.5 * self.wall_m < self.core_radius_m < inside:
-            raise PydanticCustomError(
-                "core",
-                "core radius {core} m is not between {half} m (half the wall) and {inside} m (inner radius)",
-                {
-                    "core": self.core_radius_m,
-                    "half": 0.5 * self.wall_m,
-                    "inside": inside,
-                    "cure": "give a core that leaves room for the chambers",
-                },
-            )
+            between = f"{0.5 * self.wall_m} m (half the wall) and {inside} m (inner radius)"
+            raise _misfit(f"core radius {self.core_radius_m} m is not between {between}", ROOM)
         return self
 
 

@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from softarm.analysis.offline.surface import BodySurface
 from softarm.analysis.offline.track import State, Track
 from softarm.analysis.plots.figures import blank
 from softarm.estimator.arrays import Floats
@@ -16,7 +15,7 @@ FORCE_LENGTH = 0.25  # of the arm's length, for the largest force shown
 VIEW = (12.0, -60.0)
 
 
-def draw_arms(track: Track[State], title: str, surface: Callable[[State], BodySurface] | None) -> Figure:
+def draw_arms(track: Track[State], title: str, surface: Callable[[State], Floats] | None) -> Figure:
     """Draw the arm at the samples whose state was kept, hanging with gravity downwards on the page."""
     count = max(len(track.shown), 1)
     columns = min(count, 3)
@@ -27,9 +26,8 @@ def draw_arms(track: Track[State], title: str, surface: Callable[[State], BodySu
     for number, (index, state) in enumerate(track.shown, start=1):
         axes = figure.add_subplot(rows, columns, number, projection="3d")
         if surface is not None:
-            body = surface(state)
             polygons = Poly3DCollection(
-                body.points[body.facets] * MILLI, facecolor="#b8cbe0", edgecolor="#5b7594", linewidths=0.15
+                surface(state) * MILLI, facecolor="#b8cbe0", edgecolor="#5b7594", linewidths=0.15
             )
             axes.add_collection3d(polygons)
         positions = track.frames.positions[index] * MILLI

@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from softarm.analysis.offline.surface import BodySurface
 from softarm.analysis.offline.track import State, Track
 from softarm.analysis.plots.arm import draw_arms
 from softarm.analysis.plots.figures import label, save, stacked
+from softarm.estimator.arrays import Floats
 
 MILLI = 1e3
 
 
 def plot_track(
-    track: Track[State], title: str, folder: Path, surface: Callable[[State], BodySurface] | None
+    track: Track[State], title: str, folder: Path, surface: Callable[[State], Floats] | None
 ) -> tuple[Path, ...]:
     """Draw all plots of some estimates.
 
@@ -23,7 +23,8 @@ def plot_track(
         track: The estimates.
         title: What they are of.
         folder: Where the PNG files go.
-        surface: Gives the body's surface in a state of the model, where the model has one.
+        surface: Corners of the triangles of the body's surface [m] in a state of the model, shape
+            (triangles, 3, 3); None draws none.
 
     Returns:
         The files written.

@@ -17,7 +17,7 @@ from softarm.estimator.shape_functions import quadrature, shape_functions
 LOCAL_BULK = {"tet4": 0.0, "tet10": 10.0, "hex8": 0.0, "hex20": 10.0}
 """Bulk modulus held at the quadrature points, over the shear modulus."""
 HOURGLASS = {"tet4": 0.0, "tet10": 0.0, "hex8": 0.0, "hex20": 0.05}
-"""FrozenTangent of the hourglass modes over shear modulus and edge."""
+"""Stiffness of the hourglass modes over shear modulus and edge."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Solids:
         values: Shape functions at the quadrature points, shape (points, nodes).
         coefficients: Law code, half shear modulus, bulk modulus of the mean, a, b, bulk modulus at the points
             of each element, shape (elements, 6).
-        hourglass: FrozenTangent of the hourglass modes [N/m], shape (elements, nodes, nodes).
+        hourglass: Stiffness of the hourglass modes [N/m], shape (elements, nodes, nodes).
         region: Region of each element, shape (elements,).
     """
 

@@ -114,3 +114,32 @@ class InstrumentEffect(ConcealedEffect):
 
     signals: tuple[str, ...] = field(kw_only=True)
     make: Callable[[str, Where, Numbers], Filter] = field(kw_only=True)
+
+
+def arm_effect(
+    *, places: tuple[str, ...] = (), **quantities: EffectParameter
+) -> Callable[[Callable[[ArmParameters, Where, Numbers], ArmParameters]], ArmEffect]:
+    """Make an effect of the function that changes the arm, under the function's name.
+
+    Args:
+        places: Kinds of place it may have.
+        quantities: Its parameters, the principal one first.
+    """
+    return lambda change: ArmEffect(
+        change.__name__, next(iter(quantities)), quantities, places, change=change
+    )
+
+
+def instrument_effect(
+    signals: tuple[str, ...], *, places: tuple[str, ...] = (), **quantities: EffectParameter
+) -> Callable[[Callable[[str, Where, Numbers], Filter]], InstrumentEffect]:
+    """Make an effect of the function that makes its filter, under the function's name.
+
+    Args:
+        signals: Signals it can act on.
+        places: Kinds of place it may have.
+        quantities: Its parameters, the principal one first.
+    """
+    return lambda make: InstrumentEffect(
+        make.__name__, next(iter(quantities)), quantities, places, signals=signals, make=make
+    )

@@ -1,30 +1,25 @@
 """All effects by name, and how they are put into an arm or in front of a signal."""
 
-from importlib import import_module
-from pkgutil import iter_modules
 from types import ModuleType
+from typing import TypeVar
 
 from softarm.estimator.errors import InputError
-from softarm.fakes.plant.effects import arm as of_arm
-from softarm.fakes.plant.effects import foreign, instrument
+from softarm.fakes.plant.effects import chambers, foreign, rubber, sensors, surroundings, valves
 from softarm.fakes.plant.effects.effect import ArmEffect, Concealed, ConcealedEffect, Filter, InstrumentEffect
 from softarm.fakes.plant.parameters import ArmParameters
 
-
-def _effects_in(package: ModuleType) -> list[ConcealedEffect]:
-    """Collect the effects of a package: an effect is one file with an ``EFFECT``."""
-    names = sorted(module.name for module in iter_modules(package.__path__))
-    modules = [import_module(f"{package.__name__}.{name}") for name in names]
-    return [module.EFFECT for module in modules if hasattr(module, "EFFECT")]
+Kind = TypeVar("Kind", bound=ConcealedEffect)
 
 
-def _arm_effects_in(package: ModuleType) -> dict[str, ArmEffect]:
-    return {one.name: one for one in _effects_in(package) if isinstance(one, ArmEffect)}
+def _effects(kind: type[Kind], *modules: ModuleType) -> dict[str, Kind]:
+    """Collect the effects of modules by name, in the order of the alphabet, by which trials draw them."""
+    effects = [one for module in modules for one in vars(module).values() if isinstance(one, kind)]
+    return {one.name: one for one in sorted(effects, key=lambda one: one.name)}
 
 
-ARM_EFFECTS = _arm_effects_in(of_arm)
-FOREIGN_EFFECTS = _arm_effects_in(foreign)
-INSTRUMENT_EFFECTS = {one.name: one for one in _effects_in(instrument) if isinstance(one, InstrumentEffect)}
+ARM_EFFECTS = _effects(ArmEffect, rubber, chambers, surroundings)
+FOREIGN_EFFECTS = _effects(ArmEffect, foreign)
+INSTRUMENT_EFFECTS = _effects(InstrumentEffect, valves, sensors)
 
 
 def effect(name: str) -> ConcealedEffect:

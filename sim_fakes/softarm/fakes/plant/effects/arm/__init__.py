@@ -1,1 +1,0 @@
-"""Effects inside the arm, all of the diagnosis's vocabulary."""

@@ -1,1 +1,0 @@
-"""Effects outside the diagnosis's vocabulary: what it must call unknown."""
