@@ -180,5 +180,5 @@ class EquilibriumPath:
         return min(1.0, self._settings.longest_move * size_of(self._body) / max(longest, 1e-300))
 
     def _end(self, displacement: Floats, status: SolveStatus) -> Solution[Floats]:
-        norm = self._balancer(displacement, self._target, False, False).norm
+        norm = self._balancer(displacement, self._target, False).norm
         return Solution(displacement, status, self._spent, norm)

@@ -62,7 +62,7 @@ class Balance:
     norm: float
 
 
-Balancer = Callable[[Floats, Inputs, bool, bool], Balance]
+Balancer = Callable[[Floats, Inputs, bool], Balance]
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def stable_factor(
     Returns:
         The balance, and the factor; None when the configuration is invalid.
     """
-    balance = balancer(displacement, inputs, True, True)
+    balance = balancer(displacement, inputs, True)
     if not balance.evaluation.valid:
         return balance, None
     factor = exact_factor(body, balance)
@@ -140,7 +140,7 @@ def correct(body: Body, balancer: Balancer, start: Floats, inputs: Inputs, setti
     displacement, least, last, poor = start, np.inf, np.inf, 0
     reach = settings.longest_move * size_of(body)
     for iteration in range(settings.iterations + 1):
-        balance = balancer(displacement, inputs, True, True)
+        balance = balancer(displacement, inputs, True)
         factor = exact_factor(body, balance) if balance.evaluation.valid else None
         status = _verdict(balance, factor, settings)
         poor = poor + 1 if balance.norm > POOR * last else 0
@@ -180,7 +180,7 @@ def take_step(
     deformation = body.rotation_strain.deformation(displacement)
     for halving in range(8):
         after = body.rotation_strain.moved(displacement, deformation, step * 0.5**halving)
-        if balancer(after, inputs, False, False).evaluation.valid:
+        if balancer(after, inputs, False).evaluation.valid:
             break
     return after
 
@@ -222,7 +222,7 @@ def descend(body: Body, balancer: Balancer, start: Floats, inputs: Inputs, setti
         nodal *= min(1.0, reach / max(float(np.sqrt((nodal**2).sum(axis=1).max())), 1e-300))
         for halving in range(10):
             after = body.rotation_strain.moved(displacement, deformation, nodal * 0.5**halving)
-            trial = balancer(after, inputs, False, False)
+            trial = balancer(after, inputs, False)
             if trial.evaluation.valid and step @ trial.residual > -0.5 * slope:
                 break
         displacement = after
