@@ -141,7 +141,7 @@ def _passes() -> Callable[[int], None]:
 
 def _packets() -> Callable[[int], None]:
     parser = PacketParser()
-    stream: ReadingStream[Any] = ReadingStream("qtm", "bench", 1.0, health=Health())
+    stream: ReadingStream[Any] = ReadingStream("qtm", "bench", health=Health())
     packets = _numbered_packets()
 
     def produce(count: int) -> None:

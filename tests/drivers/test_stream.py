@@ -1,4 +1,4 @@
-"""Readings: what they carry, how they age, and a receiver that fails."""
+"""Readings: what they carry, and a receiver that fails."""
 
 import pytest
 from hypothesis import given
@@ -17,11 +17,11 @@ class HandClock:
         return self.now_ns
 
 
-def build(sink=lambda reading: None, **options):
+def build(sink=lambda reading: None):
     clock = HandClock()
     health = Health()
     return (
-        ReadingStream("gauge", "fake+pty:gauge", 0.5, health=health, sink=sink, clock=clock, **options),
+        ReadingStream("gauge", "fake+pty:gauge", health=health, sink=sink, clock=clock),
         health,
         clock,
     )
@@ -45,25 +45,6 @@ def test_a_reading_tells_where_and_when_it_was_taken():
     assert reading.source == "fake+pty:gauge"
     assert (reading.host_monotonic_ns, reading.device_time_ns, reading.epoch) == (5_000, 700, 0)
     assert health.frames == 1
-
-
-def test_an_old_value_is_never_fresh_again():
-    stream, _, clock = build()
-    stream.publish(1.0)
-    clock.now_ns = 400_000_000
-    assert stream.fresh() is not None
-    stream.publish(2.0, valid=False, flags=("over range",))
-    clock.now_ns = 500_000_001
-    assert stream.fresh() is None
-    assert stream.latest.value == 2.0
-    assert stream.latest_valid.value == 1.0
-
-
-def test_history_is_bounded():
-    stream, _, _ = build(history=16)
-    for index in range(1000):
-        stream.publish(index)
-    assert [reading.value for reading in stream.history] == list(range(984, 1000))
 
 
 def test_a_new_epoch_restarts_the_count_and_is_counted():

@@ -59,7 +59,6 @@ class Device(ABC):
         return ReadingStream(
             self.name,
             self.source,
-            self.timing.stale_after_s,
             health=self.health,
             sink=sink,
             heard=self.supervisor.heard,

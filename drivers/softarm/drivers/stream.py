@@ -1,54 +1,44 @@
-"""The readings of one device: the latest, a bounded history, and how old they are."""
+"""The readings of one device, numbered and timed."""
 
 import logging
-from collections import deque
 from collections.abc import Callable
 from typing import Generic
 
-from softarm.drivers.clock import NANOSECONDS, Clock, monotonic
+from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.clock_map import ClockMap
 from softarm.drivers.health import Health
 from softarm.drivers.reading import Reading, Sink, Value, ignore
 
 logger = logging.getLogger(__name__)
 
-HISTORY = 256
-
 
 class ReadingStream(Generic[Value]):
-    """Publishes the readings of one device and remembers the last of them.
+    """Publishes the readings of one device and remembers the last one.
 
     Args:
         device: The device, as the configuration names it.
         source: Where the readings come from.
-        stale_after_s: Age from which a reading no longer counts as fresh [s].
         health: Counters to keep.
         sink: Takes each reading; what it raises is counted and logged, never passed on.
         heard: Called after each reading with whether it was valid.
         clock: Host monotonic time.
-        history: How many readings to remember.
     """
 
     def __init__(
         self,
         device: str,
         source: str,
-        stale_after_s: float,
         *,
         health: Health,
         sink: Sink = ignore,
         heard: Callable[[bool], object] = bool,
         clock: Clock = monotonic,
-        history: int = HISTORY,
     ) -> None:
         self.device = device
         self.source = source
-        self.stale_after_ns = round(stale_after_s * NANOSECONDS)
         self.clock_map = ClockMap()
-        self.history: deque[Reading[Value]] = deque(maxlen=history)
         self.epoch = 0
         self.latest: Reading[Value] | None = None
-        self.latest_valid: Reading[Value] | None = None
         self._health = health
         self._sink = sink
         self._heard = heard
@@ -121,9 +111,6 @@ class ReadingStream(Generic[Value]):
             self._health.interval.add(reading.host_monotonic_ns - self.latest.host_monotonic_ns)
         self._health.frames += 1
         self.latest = reading
-        if reading.valid:
-            self.latest_valid = reading
-        self.history.append(reading)
         self._heard(reading.valid)
 
     def _pass_on(self, reading: Reading[Value]) -> None:

@@ -5,6 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from softarm.estimator.calibration import Calibrated, CalibrationRun, check_drift
+from softarm.estimator.calibration.nodes import choose_nodes
+from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.unknowns import Modulus
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.specimen import Specimen
@@ -12,7 +14,6 @@ from softarm.experiments.figures import Cells
 from softarm.experiments.holds import Holds
 from softarm.experiments.paper_calibration import calibrate_as_paper
 from softarm.experiments.validation import pose_errors
-from softarm.experiments.whole_runs import sampled
 
 Runs = Callable[[str, Specimen], CalibrationRun]
 Models = Callable[[Specimen], BatchArmModel]
@@ -71,3 +72,20 @@ def drift_rows(specimen: Specimen, runs: Runs, models: Models) -> list[Cells]:
         }
         for drift in found
     ]
+
+
+def sampled(run: CalibrationRun, count: int, *, pulled: bool = False) -> Holds:
+    """Average a run over short windows, evenly spread.
+
+    Args:
+        run: What was recorded.
+        count: Number of windows.
+        pulled: Keep only those at which a known force acts.
+    """
+    nodes = choose_nodes(run, 4 * count if pulled else count)
+    members = np.arange(len(nodes.time))
+    if pulled:
+        members = np.flatnonzero((np.abs(nodes.loads) > LEAST_PULL).any(axis=1))
+    picked = members[np.unique(np.linspace(0, len(members) - 1, count).astype(int))] if len(members) else []
+    chosen = nodes.keep(np.isin(np.arange(len(nodes.time)), picked))
+    return Holds(run, chosen.time, chosen.pressures, chosen.readings, chosen.loads)

@@ -43,9 +43,9 @@ def without_unit(row: Cells, unit: str) -> Cells:
     return {key.removesuffix(f"_{unit}"): value for key, value in row.items()}
 
 
-def inside(errors: Floats, deviations: Floats, factor: float = 2.0) -> float:
-    """Return the share of errors within some standard deviations; NaN where there is none."""
-    seen = np.isfinite(errors) & np.isfinite(deviations)
-    if not seen.any():
+def inside(errors: Floats, deviations: Floats) -> float:
+    """Return the share of errors within two standard deviations; NaN where there is none."""
+    valid = np.isfinite(errors) & np.isfinite(deviations)
+    if not valid.any():
         return float("nan")
-    return float((np.abs(errors[seen]) <= factor * deviations[seen]).mean())
+    return float((np.abs(errors[valid]) <= 2.0 * deviations[valid]).mean())

@@ -1,6 +1,5 @@
 """Rows of the force experiment: along the cord, by sensors, along the arm's axis, and where it acts."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -33,13 +32,13 @@ from softarm.experiments.pulls import (
 )
 from softarm.experiments.subsets import subset
 
-Advance = Callable[[float], None]
-
 RATE_HZ = 2.0
 SWINGING_HZ = 50.0
 """Estimates per second of an arm that moves slowly, and of one that swings."""
 VENTED_PA = 1.0e3
 CANDIDATES = 14
+LOOKS = 6
+"""Pulls that are located."""
 
 
 @dataclass(frozen=True)
@@ -79,10 +78,17 @@ class PullCase:
     specimen: Specimen
     waypoints: Waypoints[Any] = field(default_factory=Waypoints)
 
-    @property
-    def run(self) -> CalibrationRun:
-        """The recording with the gauge as known forces."""
-        return arrange(self.recording, self.specimen, None, section_forces(self.specimen))
+    def look(self, sensors: str, rate: float | None = None) -> tuple[CalibrationRun, GaugePull]:
+        """Return the readings of some sensors and the gauge's pull, at a rate or at the end of each rest.
+
+        Args:
+            sensors: Which sensors are used; see ``subsets``.
+            rate: Samples per second; None for one at the end of each rest of gauge and pressures.
+        """
+        run = arrange(self.recording, self.specimen, None, section_forces(self.specimen))
+        sampled = at_looks(run, look_windows(self.recording)) if rate is None else resample(run, rate)
+        chosen = subset(sampled, sensors)
+        return chosen, pull_of(self.recording, self.specimen, chosen)
 
 
 def follow_pull(
@@ -92,7 +98,6 @@ def follow_pull(
     rate: float = RATE_HZ,
     at_rest: bool = False,
     released: bool = False,
-    advance: Advance = lambda _: None,
 ) -> PullTrack:
     """Estimate the force over a recording and hold it against the gauge.
 
@@ -103,18 +108,14 @@ def follow_pull(
         rate: Estimates per second.
         at_rest: Estimate once at the end of each rest of gauge and pressures instead.
         released: Also judge the time after the cord was let go, while the arm swings.
-        advance: Called with 1 after each.
     """
-    run = case.run
-    sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, rate)
-    slow = subset(sampled, sensors)
-    pull = pull_of(case.recording, case.specimen, slow)
+    slow, pull = case.look(sensors, None if at_rest else rate)
     if released:
         pull = pull.released()
     model = tracking_model(
         case.specimen, default_loads(case.specimen, (pull.section,)) if loads is None else loads
     )
-    found = track(model, case.specimen, slow, advance, waypoints=case.waypoints)
+    found = track(model, case.specimen, slow, waypoints=case.waypoints)
     tied = pull.tied
     vented = np.nan_to_num(slow.pressures).max(axis=1) < VENTED_PA
     free = ~tied & vented
@@ -155,14 +156,11 @@ def along_cord_row(done: PullTrack, published: Published | None = None) -> Cells
     }
 
 
-def axial_rows(case: PullCase, *, at_rest: bool = False, advance: Advance = lambda _: None) -> list[Cells]:
+def axial_rows(case: PullCase, *, at_rest: bool = False) -> list[Cells]:
     """Estimate force along the arm's axis and torque about it from poses; the cord gives no torque."""
-    run = case.run
-    sampled = at_looks(run, look_windows(case.recording)) if at_rest else resample(run, RATE_HZ)
-    slow = subset(sampled, "poses")
-    pull = pull_of(case.recording, case.specimen, slow)
+    slow, pull = case.look("poses", None if at_rest else RATE_HZ)
     model = tracking_model(case.specimen, wrench_loads(case.specimen, pull.section))
-    found = track(model, case.specimen, slow, advance, waypoints=case.waypoints)
+    found = track(model, case.specimen, slow, waypoints=case.waypoints)
     tied = pull.tied
     free = ~tied & (slow.time < _first(slow.time, tied))
     names = [load.name for load in found.loads]
@@ -189,15 +187,12 @@ def axial_rows(case: PullCase, *, at_rest: bool = False, advance: Advance = lamb
     return rows
 
 
-def location_rows(case: PullCase, looks: int = 6, advance: Advance = lambda _: None) -> list[Cells]:
+def location_rows(case: PullCase) -> list[Cells]:
     """Find where along the arm the cord pulls, from poses, at the strongest steady pulls."""
-    run = case.run
-    sampled = at_looks(run, look_windows(case.recording))
-    slow = subset(sampled, "fused")
-    pull = pull_of(case.recording, case.specimen, slow)
+    slow, pull = case.look("fused")
     strength = np.linalg.norm(pull.force, axis=1) * pull.tied
     strength[~np.isfinite(slow.readings).all(axis=1)] = 0.0
-    chosen = [index for index in _strongest(strength, slow.time, looks) if strength[index] > TAUT_N]
+    chosen = [index for index in _strongest(strength, slow.time, LOOKS) if strength[index] > TAUT_N]
     loads = default_loads(case.specimen, (pull.section,))
     low = min(segment.from_m for segment in case.specimen.segments)
     truth = case.specimen.section(pull.section).frame_origin_m[2]
@@ -224,7 +219,6 @@ def location_rows(case: PullCase, looks: int = 6, advance: Advance = lambda _: N
         assert found is not None  # two poses are twelve measurements
         errors.append(1e3 * (found.height - truth))
         deviations.append(1e3 * found.deviation)
-        advance(1)
     return [
         {
             "condition": case.condition,

@@ -15,6 +15,8 @@ HIGHEST_PA = 45e3
 """Up to which chambers are filled, where their own limit allows it."""
 DRAWN_M = 0.03
 """How far the hand draws the arm out at most: pressures bend no arm without lengthening it."""
+TAUGHT, REACH_M = 15, 0.05
+"""Poses that the hand shows, and how far to the sides."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +71,9 @@ def first_azimuths(specimen: Specimen, count: int) -> list[float]:
     return [chamber.azimuth_rad for chamber in specimen.chambers if chamber.segment == first][:count]
 
 
-def validate_live(bench: LiveRig, seed: int, poses: int = 12) -> Recording:
+def validate_live(bench: LiveRig, seed: int) -> Recording:
     """Go to random poses and hold each."""
-    levels = random_levels(np.random.default_rng(seed), bench.specimen, poses)
+    levels = random_levels(np.random.default_rng(seed), bench.specimen, 12)
     with bench.recording("validate") as paths:
         bench.arm()
         for level in levels:
@@ -152,11 +154,11 @@ def against_the_cord(bench: LiveRig, azimuth: float, levels: int, ramp_s: float,
     bench.advance()
 
 
-def force_live(bench: LiveRig, steps: int = 10) -> tuple[Recording, Recording]:
+def force_live(bench: LiveRig) -> tuple[Recording, Recording]:
     """Pull the vented arm in small steps; then ramp pressures against the cord."""
     with bench.recording("force_not_pressurised") as paths:
         bench.wait(2.0)
-        pull_steps(bench, "tip", turns=(0.4, 2.5), steps=steps, travel=0.07, rest_s=1.5)
+        pull_steps(bench, "tip", turns=(0.4, 2.5), steps=10, travel=0.07, rest_s=1.5)
     still = bench.load(paths[0])
     with bench.recording("force_pressurised") as paths:
         bench.wait(2.0)
@@ -165,15 +167,15 @@ def force_live(bench: LiveRig, steps: int = 10) -> tuple[Recording, Recording]:
     return still, bench.load(paths[0])
 
 
-def teach_live(bench: LiveRig, seed: int, poses: int = 15, reach: float = 0.05) -> TaughtLive:
+def teach_live(bench: LiveRig, seed: int) -> TaughtLive:
     """Show poses by hand, let the service hold each, and look."""
     rng = np.random.default_rng(seed)
     shown, held, reachable = [], [], []
     with bench.recording("teach") as paths:
         bench.wait(0.5)
         rest = bench.position("tip")
-        for _ in range(poses):
-            goal = rest + rng.uniform((-reach, -reach, 0.0), (reach, reach, DRAWN_M))
+        for _ in range(TAUGHT):
+            goal = rest + rng.uniform((-REACH_M, -REACH_M, 0.0), (REACH_M, REACH_M, DRAWN_M))
             begin, end, can = _show_and_hold(bench, rest, goal)
             shown.append(begin)
             held.append(end)

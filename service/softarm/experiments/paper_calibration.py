@@ -23,6 +23,8 @@ from softarm.experiments.subsets import subset
 
 TIED = 1e-3
 LEAST_SPREAD_PA = 1e3
+NODES = 10
+"""Samples of each fit."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class PaperCalibration:
 
 
 def calibrate_as_paper(
-    model: BatchArmModel, specimen: Specimen, sweep: CalibrationRun, pulls: CalibrationRun, nodes: int = 10
+    model: BatchArmModel, specimen: Specimen, sweep: CalibrationRun, pulls: CalibrationRun
 ) -> PaperCalibration:
     """Calibrate twice, as the paper does.
 
@@ -54,7 +56,6 @@ def calibrate_as_paper(
         specimen: The robot, uncalibrated.
         sweep: Each chamber filled alone.
         pulls: The gauge pulls, the arm vented.
-        nodes: Samples of each fit.
 
     Raises:
         InputError: The sweep does not move every chamber.
@@ -65,22 +66,22 @@ def calibrate_as_paper(
         raise InputError(
             sweep.name, f"chamber {missing} is never filled", "fill each chamber alone, from 0 to 65 kPa"
         )
-    first = _fit(model, specimen, [subset(sweep, "orientations")], nodes, with_gains=True)
+    first = _fit(model, specimen, [subset(sweep, "orientations")], with_gains=True)
     names = _names(specimen, with_gains=True)
     scales = {s.name: np.exp(first.values[names.index(f"modulus.{s.name}")]) for s in specimen.segments}
     gains = tuple(float(first.values[names.index(f"gain.{c.index}")]) for c in specimen.chambers)
     alpha = _alpha(first, scales)
     shape = _written(specimen, alpha, gains)
-    second = _fit(model, shape, [subset(pulls, "orientations")], nodes, with_gains=False)
+    second = _fit(model, shape, [subset(pulls, "orientations")], with_gains=False)
     after = {s.name: float(np.exp(v)) for s, v in zip(specimen.segments, second.values, strict=True)}
     alpha_force = _alpha(second, after)
     return PaperCalibration(shape, _written(specimen, alpha_force, gains), alpha, alpha_force, gains)
 
 
 def _fit(
-    model: BatchArmModel, specimen: Specimen, runs: Sequence[CalibrationRun], nodes: int, *, with_gains: bool
+    model: BatchArmModel, specimen: Specimen, runs: Sequence[CalibrationRun], *, with_gains: bool
 ) -> CalibrationFit:
-    chosen: tuple[Nodes, ...] = tuple(choose_nodes(run, nodes) for run in runs)
+    chosen: tuple[Nodes, ...] = tuple(choose_nodes(run, NODES) for run in runs)
     layout = _layout(specimen, runs[0], model, _names(specimen, with_gains=with_gains))
     forward = Forward(model, layout, chosen)
     return fit(forward, layout.means, iterations=5)

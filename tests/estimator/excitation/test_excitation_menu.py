@@ -14,9 +14,15 @@ LIMITS = ManoeuvreLimits(np.full(6, 65e3), slew=100e3)
 MENU = menu(SEGMENTS, LIMITS)
 
 
+def within(manoeuvre: Manoeuvre, limits: ManoeuvreLimits) -> bool:
+    change = np.abs(np.diff(manoeuvre.pressures, axis=0)) / np.diff(manoeuvre.times)[:, None]
+    inside = (manoeuvre.pressures >= 0.0) & (manoeuvre.pressures <= limits.pressures)
+    return bool(inside.all() and (change <= limits.slew * (1.0 + 1e-9)).all())
+
+
 @pytest.mark.parametrize("manoeuvre", MENU, ids=lambda m: m.name)
 def test_manoeuvres_keep_to_the_limits_and_end_vented(manoeuvre: Manoeuvre):
-    assert manoeuvre.within(LIMITS)
+    assert within(manoeuvre, LIMITS)
     assert np.all(np.diff(manoeuvre.times) > 0.0)
     assert not manoeuvre.pressures[[0, -1]].any()
     assert manoeuvre.pressures.max() <= LIMITS.share * 65e3 + 1e-6
@@ -24,7 +30,7 @@ def test_manoeuvres_keep_to_the_limits_and_end_vented(manoeuvre: Manoeuvre):
 
 def test_a_slower_slew_makes_no_manoeuvre_faster():
     slow = {m.name: m for m in menu(SEGMENTS, ManoeuvreLimits(np.full(6, 65e3), slew=20e3))}
-    assert all(m.within(ManoeuvreLimits(np.full(6, 65e3), slew=20e3)) for m in slow.values())
+    assert all(within(m, ManoeuvreLimits(np.full(6, 65e3), slew=20e3)) for m in slow.values())
     assert all(slow[m.name].duration >= m.duration - 1e-9 for m in MENU)
     assert slow["steps"].duration > 1.3 * next(m for m in MENU if m.name == "steps").duration
 

@@ -35,19 +35,17 @@ def chosen_chambers(arm: ArmParameters, where: Where) -> tuple[int, ...]:
     return (chamber,)
 
 
-def chosen_section(arm: ArmParameters, where: Where, usual: str = "tip") -> str:
-    """Name the moving section that is given, or the usual one."""
-    section = str(where.get("section", usual))
+def chosen_section(arm: ArmParameters, where: Where) -> str:
+    """Name the moving section that is given, or the tip."""
+    section = str(where.get("section", "tip"))
     if section not in arm.sections[1:]:
         raise InputError("section", f"no moving section '{section}'", f"one of {', '.join(arm.sections[1:])}")
     return section
 
 
-def azimuth(where: Where, usual: float = 0.0) -> float:
+def azimuth(where: Where) -> float:
     """Read the direction in the cross-section [rad] from ``axis``: ``x``, ``y`` or an angle in degrees."""
-    axis = where.get("axis")
-    if axis is None:
-        return usual
+    axis = where.get("axis", "x")
     named = {"x": 0.0, "y": 90.0, "-x": 180.0, "-y": 270.0}
     try:
         degrees = named[str(axis)] if str(axis) in named else float(axis)
