@@ -257,7 +257,6 @@ class _Client(asyncio.Protocol):
         self._buffer = bytearray()
         self._held = bytearray()
         self._held_packets = 0
-        self._releasing = False
         self._transport: asyncio.Transport | None = None
         self.session = ClientSession(server, "unknown")
 
