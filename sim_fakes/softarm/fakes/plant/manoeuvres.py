@@ -48,6 +48,8 @@ class Layout:
 
 
 SOPRA = Layout()
+JUMP = 0.4
+"""Time in which pressures go to a pose that is held [s]."""
 
 
 def rest(seconds: float = 20.0, on: Layout = SOPRA) -> PlantManoeuvre:
@@ -74,72 +76,47 @@ def one_of_each(rng: Random) -> tuple[int, int]:
     return int(rng.integers(3)), 3 + int(rng.integers(3))
 
 
-def random_holds(
-    rng: Random,
-    seconds: float = 60.0,
-    hold: float = 5.0,
-    ramp: float = 0.4,
-    highest: float | None = None,
-    on: Layout = SOPRA,
-) -> PlantManoeuvre:
-    """Go from one random pose to another and hold each."""
-    count = max(1, round(seconds / hold))
-    levels = np.array([random_pressures(rng, highest, on) for _ in range(count)])
+def random_holds(rng: Random, seconds: float = 60.0, on: Layout = SOPRA) -> PlantManoeuvre:
+    """Go from one random pose to another and hold each, 5 s in all."""
     points, times = [on.vented], [0.0]
-    for number, level in enumerate(levels):
-        points += [level, level]
-        times += [number * hold + ramp, (number + 1) * hold]
+    for number in range(max(1, round(seconds / 5.0))):
+        points += [random_pressures(rng, on=on)] * 2
+        times += [number * 5.0 + JUMP, (number + 1) * 5.0]
     return path("random_holds", np.array(points), np.array(times))
 
 
 def ramps(
-    rng: Random,
-    durations: tuple[float, ...] = (4.0, 10.0, 30.0),
-    highest: float | None = None,
-    on: Layout = SOPRA,
+    rng: Random, durations: tuple[float, ...] = (4.0, 10.0, 30.0), on: Layout = SOPRA
 ) -> PlantManoeuvre:
     """Go to one random pose and back, at several rates."""
-    level = random_pressures(rng, highest, on)
+    level = random_pressures(rng, on=on)
     return _filled("ramps", [level] * len(durations), durations, 2.0, on)
 
 
-def triangles(
-    chambers: tuple[int, ...] = (),
-    rates: tuple[float, ...] = (5e3, 20e3),
-    highest: float | None = None,
-    on: Layout = SOPRA,
-) -> PlantManoeuvre:
-    """Cycle chambers between zero and two amplitudes at two rates [Pa/s], with reversal curves inside."""
+def triangles(chambers: tuple[int, ...] = (), on: Layout = SOPRA) -> PlantManoeuvre:
+    """Cycle chambers between zero and two amplitudes at two rates, with reversal curves inside."""
     chambers = chambers or (on.groups[0][0], on.groups[-1][1 % len(on.groups[-1])])
-    highest = highest or on.highest
     points, times = [on.vented], [0.0]
     mask = on.only(*chambers)
-    for rate in rates:
+    for rate in (5e3, 20e3):  # Pa/s
         for level in (1.0, 0.3, 0.8, 0.0, 0.5, 0.0):
-            points.append(level * highest * mask)
+            points.append(level * on.highest * mask)
             times.append(times[-1] + float(np.abs(points[-1] - points[-2]).max()) / rate)
     return path("triangles", np.array(points), np.array(times))
 
 
-def long_holds(
-    rng: Random, hold: float = 40.0, count: int = 2, highest: float | None = None, on: Layout = SOPRA
-) -> PlantManoeuvre:
+def long_holds(rng: Random, hold: float = 40.0, count: int = 2, on: Layout = SOPRA) -> PlantManoeuvre:
     """Hold random poses for long, vented as long after each."""
-    levels = [random_pressures(rng, highest, on) for _ in range(count)]
-    return _filled("long_holds", levels, [0.4] * count, hold, on)
+    levels = [random_pressures(rng, on=on) for _ in range(count)]
+    return _filled("long_holds", levels, [JUMP] * count, hold, on)
 
 
-def growing_cycles(
-    chambers: tuple[int, ...] = (),
-    cycle: float = 8.0,
-    levels: tuple[float, ...] = (0.25, 0.5, 0.75, 1.0),
-    on: Layout = SOPRA,
-) -> PlantManoeuvre:
+def growing_cycles(chambers: tuple[int, ...] = (), cycle: float = 8.0, on: Layout = SOPRA) -> PlantManoeuvre:
     """Cycle a rested arm twice at each amplitude, growing; the first passage is seen once only."""
     chambers = chambers or (on.groups[0][0], on.groups[-1][0])
     mask = on.only(*chambers) * on.highest
     points, times = [on.vented], [0.0]
-    for level in np.repeat(levels, 2):
+    for level in np.repeat((0.25, 0.5, 0.75, 1.0), 2):
         points += [level * mask, on.vented]
         times += [times[-1] + 0.5 * cycle, times[-1] + cycle]
     return path("growing_cycles", np.array(points), np.array(times))
@@ -153,16 +130,14 @@ def each_alone(
     return _filled("each_alone", levels, [ramp] * len(levels), hold, on)
 
 
-def co_contraction(
-    ramp: float = 6.0, hold: float = 3.0, highest: float | None = None, on: Layout = SOPRA
-) -> PlantManoeuvre:
+def co_contraction(ramp: float = 6.0, highest: float | None = None, on: Layout = SOPRA) -> PlantManoeuvre:
     """Fill all chambers of a segment together, then of all; then bend on top of a common level."""
     highest = highest or 0.8 * on.highest
     each = [on.only(*group) for group in on.groups]
     together = np.ones(on.chambers)
     bent = 0.5 * together + 0.5 * on.only(on.groups[0][1 % len(on.groups[0])], on.groups[-1][-1])
     levels = [highest * level for level in (*each, together, bent)]
-    return _filled("co_contraction", levels, [ramp] * len(levels), hold, on)
+    return _filled("co_contraction", levels, [ramp] * len(levels), 3.0, on)
 
 
 def _filled(
@@ -176,14 +151,12 @@ def _filled(
     return path(name, np.array(points), np.array(times))
 
 
-def steps(
-    rng: Random, count: int = 6, hold: float = 4.0, highest: float | None = None, on: Layout = SOPRA
-) -> PlantManoeuvre:
+def steps(rng: Random, count: int = 6, on: Layout = SOPRA) -> PlantManoeuvre:
     """Jump to random poses and let go, so that the arm rings."""
     commands = []
     for _ in range(count):
-        commands += [np.tile(random_pressures(rng, highest, on), (samples(hold), 1))]
-        commands += [np.zeros((samples(hold), on.chambers))]
+        commands += [np.tile(random_pressures(rng, on=on), (samples(4.0), 1))]
+        commands += [np.zeros((samples(4.0), on.chambers))]
     return PlantManoeuvre("steps", np.concatenate(commands))
 
 
@@ -196,10 +169,10 @@ def staircase(rise: float = 1e3, hold: float = 1.5, top: float = 8e3, on: Layout
     return PlantManoeuvre("staircase", np.concatenate(commands))
 
 
-def directions(count: int, rise: float = 0.0, turn: float = 0.0) -> tuple[tuple[float, float, float], ...]:
-    """Spread directions round the arm, laboratory frame, ``rise`` upwards, the first at ``turn`` [rad]."""
-    angles = turn + 2.0 * np.pi * np.arange(count) / count
-    return tuple((float(np.cos(a)), float(np.sin(a)), rise) for a in angles)
+def directions(count: int, first: float = 0.0) -> tuple[tuple[float, float, float], ...]:
+    """Spread horizontal directions round the arm, laboratory frame, the first at an angle [rad]."""
+    angles = first + 2.0 * np.pi * np.arange(count) / count
+    return tuple((float(np.cos(a)), float(np.sin(a)), 0.0) for a in angles)
 
 
 def pulled_steps(
@@ -223,37 +196,23 @@ def pulled_small_steps(
     rng: Random, section: str | None = None, travel: float = 0.0065, on: Layout = SOPRA
 ) -> PlantManoeuvre:
     """Draw a section away in a dozen small steps, in three random directions."""
-    ways = directions(3, turn=float(rng.uniform(0.0, 2.0 * np.pi)))
+    ways = directions(3, float(rng.uniform(0.0, 2.0 * np.pi)))
     return pulled_steps(section, count=12, travel=travel, hold=1.5, ways=ways, on=on)
 
 
-def pulled_ramps(
-    section: str | None = None,
-    reach: float = 0.05,
-    seconds: float = 10.0,
-    ways: tuple[tuple[float, float, float], ...] = directions(3),
-    pressures: Floats | None = None,
-    on: Layout = SOPRA,
-) -> PlantManoeuvre:
-    """Draw a section away and back evenly by the gauge's stage, in several directions."""
-    there = np.linspace(0.0, reach, samples(seconds))
-    travel = np.concatenate([there, there[::-1]])
-    return _pulls("pulled_ramps", section or on.sections[-1], travel, ways, pressures, on)
+def pulled_ramps(on: Layout = SOPRA) -> PlantManoeuvre:
+    """Draw the tip 50 mm away and back evenly by the gauge's stage, in several directions."""
+    there = np.linspace(0.0, 0.05, samples(10.0))
+    return _pulls(
+        "pulled_ramps", on.sections[-1], np.concatenate([there, there[::-1]]), directions(3), None, on
+    )
 
 
-def plucked(
-    section: str | None = None,
-    reach: float = 0.04,
-    hold: float = 1.0,
-    free: float = 3.0,
-    ways: tuple[tuple[float, float, float], ...] = directions(3),
-    pressures: Floats | None = None,
-    on: Layout = SOPRA,
-) -> PlantManoeuvre:
-    """Draw a section away as fast as the gauge's stage moves, and let go, so that the arm swings."""
-    away = np.linspace(0.0, reach, samples(reach / STAGE_SPEED))
-    stage = np.concatenate([away, np.full(samples(hold), reach)])
-    return _pulls("plucked", section or on.sections[-1], stage, ways, pressures, on, free)
+def plucked(on: Layout = SOPRA) -> PlantManoeuvre:
+    """Draw the tip 40 mm away as fast as the gauge's stage moves, and let go, so that the arm swings."""
+    away = np.linspace(0.0, 0.04, samples(0.04 / STAGE_SPEED))
+    stage = np.concatenate([away, np.full(samples(1.0), 0.04)])
+    return _pulls("plucked", on.sections[-1], stage, directions(3), None, on, free=3.0)
 
 
 def _pulls(
@@ -277,71 +236,44 @@ def _pulls(
     return PlantManoeuvre(name, commands, pulls)
 
 
-def against_the_cord(
-    rng: Random,
-    section: str | None = None,
-    count: int = 3,
-    seconds: float = 8.0,
-    highest: float | None = None,
-    on: Layout = SOPRA,
-) -> PlantManoeuvre:
-    """Ramp the pressures up and down while the cord holds the arm back on one side."""
+def against_the_cord(rng: Random, on: Layout = SOPRA) -> PlantManoeuvre:
+    """Ramp the pressures up and down while the cord holds the tip back on one side."""
     parts = []
-    for direction in directions(count):
-        level = random_pressures(rng, highest, on)
-        there = np.linspace(0.0, 1.0, samples(seconds))
-        ramp = np.concatenate([there, there[::-1], np.zeros(samples(2.0))])
-        pull = CordPull(section or on.sections[-1], 0, direction, np.zeros(2 * samples(seconds)), slack=0.01)
+    for direction in directions(3):
+        level = random_pressures(rng, on=on)
+        ramp = _up_and_down()
+        pull = CordPull(on.sections[-1], 0, direction, np.zeros(2 * samples(8.0)), slack=0.01)
         parts.append(PlantManoeuvre("", np.outer(ramp, level), (pull,)))
     return chain("against_the_cord", *parts)
 
 
-def pulled_taut(
-    rng: Random,
-    section: str | None = None,
-    seconds: float = 8.0,
-    highest: float | None = None,
-    on: Layout = SOPRA,
-) -> PlantManoeuvre:
+def _up_and_down() -> Floats:
+    """Return a ramp from 0 to 1 in 8 s and back, and 2 s at zero."""
+    there = np.linspace(0.0, 1.0, samples(8.0))
+    return np.concatenate([there, there[::-1], np.zeros(samples(2.0))])
+
+
+def pulled_taut(rng: Random, on: Layout = SOPRA) -> PlantManoeuvre:
     """Ramp up and down the chambers that bend the arm away from the gauge, from each chamber's side in turn.
 
     A second chamber of each segment is filled a little, so that the arm also moves across the cord.
     """
-    there = np.linspace(0.0, 1.0, samples(seconds))
-    ramp = np.concatenate([there, there[::-1], np.zeros(samples(2.0))])
-    return _away("pulled_taut", rng, ramp, 2 * samples(seconds), 0.35, section, highest, on)
+    return _away("pulled_taut", rng, _up_and_down(), 2 * samples(8.0), 0.35, on)
 
 
-def pulled_taut_steps(
-    rng: Random,
-    section: str | None = None,
-    levels: int = 4,
-    hold: float = 2.0,
-    highest: float | None = None,
-    on: Layout = SOPRA,
-) -> PlantManoeuvre:
+def pulled_taut_steps(rng: Random, on: Layout = SOPRA) -> PlantManoeuvre:
     """Fill the chambers that bend the arm away from the gauge in steps, each held, from each side in turn."""
-    stairs = np.repeat(np.linspace(0.0, 1.0, levels + 1)[1:], samples(hold))
+    stairs = np.repeat(np.linspace(0.0, 1.0, 5)[1:], samples(2.0))
     ramp = np.concatenate([np.zeros(samples(1.0)), stairs, np.zeros(samples(3.0))])
-    tied = samples(1.0) + len(stairs)
-    return _away("pulled_taut_steps", rng, ramp, tied, 0.0, section, highest, on)
+    return _away("pulled_taut_steps", rng, ramp, samples(1.0) + len(stairs), 0.0, on)
 
 
-def _away(
-    name: str,
-    rng: Random,
-    ramp: Floats,
-    tied: int,
-    across: float,
-    section: str | None,
-    highest: float | None,
-    on: Layout,
-) -> PlantManoeuvre:
+def _away(name: str, rng: Random, ramp: Floats, tied: int, across: float, on: Layout) -> PlantManoeuvre:
     """Pull away from the gauge from each chamber's side in turn, with a cord that is tied for some samples.
 
     Chambers beside those in line are filled by up to a share ``across``.
     """
-    parts, highest = [], highest or 0.9 * on.highest
+    parts, highest = [], 0.9 * on.highest
     for place, chamber in enumerate(on.groups[0]):
         level = on.vented
         level[_in_line(on, place)] = highest * rng.uniform(0.8, 1.0, len(on.groups))
@@ -350,7 +282,7 @@ def _away(
             level[_in_line(on, beside)] = across * highest * rng.uniform(0.0, 1.0, len(on.groups))
         side = -on.azimuths[chamber]  # the hanging mount turns the base frame about x
         direction = (float(np.cos(side)), float(np.sin(side)), 0.0)
-        pull = CordPull(section or on.sections[-1], 0, direction, np.zeros(tied), slack=0.002)
+        pull = CordPull(on.sections[-1], 0, direction, np.zeros(tied), slack=0.002)
         parts.append(PlantManoeuvre("", np.outer(ramp, level), (pull,)))
     return chain(name, *parts)
 
@@ -362,27 +294,20 @@ def _in_line(on: Layout, place: int) -> list[int]:
 
 def taught(
     rng: Random,
-    count: int = 5,
-    reach: float = 0.06,
-    hold: float = 4.0,
     section: str | None = None,
     drawn: tuple[float, float] = (-0.018, 0.018),
     on: Layout = SOPRA,
 ) -> PlantManoeuvre:
-    """Lead a section by hand to random poses and hold each.
+    """Lead a section by hand to five random poses, 60 mm to the sides at most, and hold each for 4 s.
 
     Args:
         rng: Draws the poses.
-        count: How many.
-        reach: How far to the sides the hand goes [m].
-        hold: How long it stays [s].
         section: What it holds.
         drawn: How far down it goes, least and most [m]: the hanging arm is drawn out.
         on: The arm.
     """
-    move, stay = samples(1.5), samples(hold)
-    low, high = np.array([-reach, -reach, -drawn[1]]), np.array([reach, reach, -drawn[0]])
-    points = rng.uniform(low, high, (count, 3))
+    move, stay = samples(1.5), samples(4.0)
+    points = rng.uniform((-0.06, -0.06, -drawn[1]), (0.06, 0.06, -drawn[0]), (5, 3))
     way, last = [np.zeros((stay, 3))], np.zeros(3)
     for point in points:
         blend = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, move))[:, None]
