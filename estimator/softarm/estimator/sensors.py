@@ -59,13 +59,8 @@ class SpecimenSensors:
             raise InputError("sensor", f"no section {section!r}", f"the specimen's sections are {listed}")
         return self.sections.index(section)
 
-    def bend(self, section: str, dead_zone: float = 0.0) -> Bend:
-        """Two-axis bend against the section above, named ``bend_<section>``.
-
-        Args:
-            section: The section.
-            dead_zone: Half width of the sensor's dead zone [rad].
-        """
+    def bend(self, section: str) -> Bend:
+        """Return the two-axis bend against the section above, named ``bend_<section>``."""
         found = self.specimen.calibration.bend(section)
         return Bend(
             f"bend_{section}",
@@ -75,7 +70,6 @@ class SpecimenSensors:
             in_plane=found.rotation_rad.value,
             bias=np.array([found.bias_x_rad.value, found.bias_y_rad.value]),
             mirrored=found.mirrored,
-            dead_zone=dead_zone,
         )
 
     def orientation(self, section: str, sigma: float | None = None) -> Orientation:

@@ -11,6 +11,8 @@ from softarm.fakes.plant.state import PlantInputs, PlantState
 from softarm.fakes.rotation import Quaternion, Vector, conjugate, multiply, rotate
 
 GRAVITY = 9.80665
+SEGMENT_LENGTH = 0.145
+"""From section to section [m]."""
 AZIMUTHS = (0.0, 2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0)
 
 
@@ -18,30 +20,16 @@ class StillArm:
     """A hanging arm of constant-curvature segments with three chambers each.
 
     Pressures reach the chambers after a first-order lag and bend a segment away from the pressurised
-    chamber by ``gain``; forces do not move it. The laboratory frame has z up and its origin at the base.
-
-    Args:
-        sections: Names of the rigid sections.
-        segment_length: Length from section to section [m].
-        gain: Bend per pressure [rad/Pa]; 0 for an arm that does not move.
-        lag: Time constant of the pressure behind the line [s].
-        cord_stiffness: Stiffness of a taut cord [N/m].
+    chamber by ``gain`` [rad/Pa]; forces do not move it. The laboratory frame has z up and its origin at the
+    base.
     """
 
-    def __init__(
-        self,
-        sections: tuple[str, ...] = ("base", "intermediate", "tip"),
-        segment_length: float = 0.145,
-        gain: float = 1.0e-5,
-        lag: float = 0.02,
-        cord_stiffness: float = 2000.0,
-    ) -> None:
-        self.sections = sections
-        names = (f"segment_{k + 1}" for k in range(len(sections) - 1))
-        self.segments = ("upper", "lower") if len(sections) == 3 else tuple(names)
-        self.chambers = 3 * len(self.segments)
-        self.effects = {"gain": gain, "lag": lag, "cord_stiffness": cord_stiffness}
-        self._length = segment_length
+    sections = ("base", "intermediate", "tip")
+    segments = ("upper", "lower")
+    chambers = 6
+
+    def __init__(self) -> None:
+        self.effects = {"gain": 1.0e-5, "lag": 0.02, "cord_stiffness": 2000.0}
         self._pressures = np.zeros(self.chambers)
         self.state = self._snapshot(0.0, np.zeros((len(self.segments), 2)), None)
 
@@ -74,7 +62,7 @@ class StillArm:
         origin = (0.0, 0.0, 0.0)
         positions, quaternions = [origin], [turn]
         for bend in bends:
-            shift, tilt = _arc(float(bend[0]), float(bend[1]), self._length)
+            shift, tilt = _arc(float(bend[0]), float(bend[1]), SEGMENT_LENGTH)
             moved = rotate(turn, shift)
             origin = (origin[0] + moved[0], origin[1] + moved[1], origin[2] + moved[2])
             turn = multiply(turn, tilt)

@@ -106,13 +106,6 @@ def test_bend_is_exact_and_differentiable_at_the_straight_pose() -> None:
     np.testing.assert_allclose(rows[:, 9:], [[0, 1, 0], [-1, 0, 0]], atol=1e-15)
 
 
-def test_dead_zone_widens_the_noise_inside_it_alone() -> None:
-    zone = np.radians(0.5)
-    bend = Bend("bend", 1, 0.001, bias=np.array([0.1, 0.0]), dead_zone=zone)
-    noise = bend.covariance(np.array([0.1 + 0.9 * zone, 1.1 * zone]))
-    np.testing.assert_allclose(np.diag(noise), [1e-6 + zone**2 / 3, 1e-6])
-
-
 def test_registration_recovers_the_laboratory_within_its_covariance() -> None:
     markers = np.array([[0.05, 0, 0], [0, 0.05, 0.01], [-0.04, -0.03, 0.0], [0, 0, 0.03]])
     sigma = 1e-4

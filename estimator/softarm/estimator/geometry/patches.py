@@ -52,10 +52,10 @@ def transform(curve: Curve, rotation: float, shift: Floats) -> Curve:
     return lambda parameter: curve(parameter) @ turn.T + shift
 
 
-def straight(corners: Sequence[Floats], divisions: tuple[int, int], cavity: int = -1) -> Patch:
+def straight(corners: Sequence[Floats], divisions: tuple[int, int]) -> Patch:
     """Build the patch with straight sides between four corners, counter-clockwise."""
     a, b, c, d = (np.asarray(corner, dtype=float) for corner in corners)
-    return Patch(line(a, b), line(b, c), line(d, c), line(a, d), divisions, cavity)
+    return Patch(line(a, b), line(b, c), line(d, c), line(a, d), divisions)
 
 
 def moved(patch: Patch, rotation: float, shift: Floats) -> Patch:

@@ -39,8 +39,6 @@ class Bend:
         scale: Factor of each recorded angle, shape (2,).
         bias: Offset of each recorded angle [rad], shape (2,).
         mirrored: Whether the recorded axes are left-handed.
-        dead_zone: Half width of the zone about zero in which the sensor reads zero [rad]; a reading inside
-            it has the variance of a uniform distribution over the zone added (BendLabs: 0.5 degrees).
     """
 
     name: str
@@ -53,7 +51,6 @@ class Bend:
     scale: Floats = field(default_factory=lambda: np.ones(2))
     bias: Floats = field(default_factory=lambda: np.zeros(2))
     mirrored: bool = False
-    dead_zone: float = 0.0
 
     registration = None
     size = 2
@@ -128,11 +125,8 @@ class Bend:
         return rows
 
     def covariance(self, reading: Floats) -> Floats:
-        """Return the covariance of the noise [rad2], the dead zone included, shape (..., 2, 2)."""
-        quiet = np.abs(reading - self.bias) <= self.dead_zone
-        variance = np.broadcast_to(self.sigma, 2) ** 2 + np.where(quiet, self.dead_zone**2 / 3.0, 0.0)
-        covariance: Floats = variance[..., None] * np.eye(2)
-        return covariance
+        """Return the covariance of the noise [rad2], shape (..., 2, 2)."""
+        return np.broadcast_to(np.diag(np.broadcast_to(self.sigma, 2) ** 2), (*np.shape(reading)[:-1], 2, 2))
 
     def _frame(self) -> Floats:
         cosine, sine = np.cos(self.in_plane), np.sin(self.in_plane)
