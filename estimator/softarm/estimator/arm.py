@@ -73,12 +73,12 @@ def region_materials(specimen: Specimen, mesh: Mesh) -> dict[str, Material]:
     volumes = np.zeros(len(mesh.regions))
     for block in mesh.blocks:
         np.add.at(volumes, block.region, element_volumes(mesh.points, block))
-    found = {}
+    materials = {}
     for part, volume in zip(specimen.parts, volumes, strict=True):
         entry = specimen.materials[part.material or ""]
         density = entry.density_kg_m3 if part.mass_kg is None else part.mass_kg / float(volume)
-        found[part.name] = Material(entry.law, entry.young, entry.poisson_ratio, density, entry.shape)
-    return found
+        materials[part.name] = Material(entry.law, entry.young, entry.poisson_ratio, density, entry.shape)
+    return materials
 
 
 def fibres(specimen: Specimen, mesh: Mesh) -> tuple[Membrane | Springs, ...]:

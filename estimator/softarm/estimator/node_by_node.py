@@ -109,7 +109,7 @@ class NodeByNode(ModelWrapper):
         assert inputs.eigenstrains is None, "this model takes no eigenstrains"
         samples, rows = len(inputs), 6 * len(self.sections)
         frames = Frames(np.zeros((samples, rows // 6, 3)), np.zeros((samples, rows // 6, 3, 3)))
-        found = ArmResponse(
+        response = ArmResponse(
             frames,
             np.zeros(samples, dtype=bool),
             self.chambers,
@@ -120,12 +120,12 @@ class NodeByNode(ModelWrapper):
         every = tuple(inputs.samples())
         parts = np.array_split(np.arange(samples), PARTS)
         with ThreadPoolExecutor(PARTS) as executor:
-            for _ in executor.map(lambda part: self._solve_part(found, part, every, start), parts):
+            for _ in executor.map(lambda part: self._solve_part(response, part, every, start), parts):
                 pass
-        return found
+        return response
 
     def _solve_part(
-        self, found: ArmResponse, part: Indices, inputs: Sequence[Inputs], start: ArmResponse | None
+        self, response: ArmResponse, part: Indices, inputs: Sequence[Inputs], start: ArmResponse | None
     ) -> None:
         """Solve some samples and enter them into the response.
 
@@ -140,29 +140,29 @@ class NodeByNode(ModelWrapper):
         )
         points /= np.maximum(np.abs(points).max(axis=0, initial=0.0), 1e-9)
         distance, nearest = np.linalg.norm(points, axis=1), np.zeros(len(part), dtype=np.int64)
-        left = np.ones(len(part), dtype=bool)
-        while left.any():
-            place = int(np.argmin(np.where(left, distance, np.inf)))
-            left[place], index = False, part[place]
+        remaining = np.ones(len(part), dtype=bool)
+        while remaining.any():
+            place = int(np.argmin(np.where(remaining, distance, np.inf)))
+            remaining[place], index = False, part[place]
             begin = solved[nearest[place]]
             if start is not None and start.converged[index]:
                 begin = start.states[index]
-            found.states[index] = sample = self._solve(found, index, begin, inputs[index])
-            if found.converged[index]:
+            response.states[index] = sample = self._solve(response, index, begin, inputs[index])
+            if response.converged[index]:
                 apart = np.linalg.norm(points - points[place], axis=1)
                 nearest[apart < distance] = len(solved)
                 distance = np.minimum(distance, apart)
                 solved.append(sample)
             self.advance(1)
 
-    def _solve(self, found: ArmResponse, index: int, start: SolvedSample, inputs: Inputs) -> SolvedSample:
+    def _solve(self, response: ArmResponse, index: int, start: SolvedSample, inputs: Inputs) -> SolvedSample:
         """Solve a sample and enter it into the response."""
         scales = _scales(self.model)
         near = start.under(self.model, inputs)
-        state, step, found.converged[index] = settle(self.model, start.state, inputs, near)
-        found.frames.positions[index] = step.frames.positions
-        found.frames.rotations[index] = step.frames.rotations
-        if not found.converged[index]:
+        state, step, response.converged[index] = settle(self.model, start.state, inputs, near)
+        response.frames.positions[index] = step.frames.positions
+        response.frames.rotations[index] = step.frames.rotations
+        if not response.converged[index]:
             return SolvedSample(state, inputs, scales)
         for _ in range(NEWTON_STEPS):
             drift, *jacobians = full_response(self.model, state, step, inputs)
@@ -171,12 +171,12 @@ class NodeByNode(ModelWrapper):
             state = self.model.advance(step, np.zeros(self.chambers + len(self.loads)))
             step = self.model.linearise(state, inputs)
         move = drift.reshape(-1, 6)
-        found.frames.positions[index] = step.frames.positions + move[:, :3]
-        found.frames.rotations[index] = exp(move[:, 3:]) @ step.frames.rotations
+        response.frames.positions[index] = step.frames.positions + move[:, :3]
+        response.frames.rotations[index] = exp(move[:, 3:]) @ step.frames.rotations
         by_inputs, by_gravity, by_factors = jacobians
-        found.input_jacobian[index] = np.column_stack([by_inputs, by_gravity])
+        response.input_jacobian[index] = np.column_stack([by_inputs, by_gravity])
         # The chain rule turns a derivative by the factor into one by its logarithm.
-        found.factor_jacobian[index] = by_factors * scales
+        response.factor_jacobian[index] = by_factors * scales
         motions = getattr(step, "motions", None)
         return SolvedSample(state, inputs, scales, None if motions is None else motions.astype(np.float32))
 

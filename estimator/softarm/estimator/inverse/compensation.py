@@ -115,17 +115,17 @@ def settle(
         return first, None
     start = state, given
     tolerances = tolerances or Tolerances()
-    found = problem.solve(model, start, tolerances)
-    if not found.converged:
-        found = problem.solve(model, start, cautious(tolerances))
-    if not found.converged:
+    solution = problem.solve(model, start, tolerances)
+    if not solution.converged:
+        solution = problem.solve(model, start, cautious(tolerances))
+    if not solution.converged:
         return first, None
-    residual = np.concatenate([found.residuals[name] for name in suite.slices])
+    residual = np.concatenate([solution.residuals[name] for name in suite.slices])
     sigma = np.sqrt(np.diag(suite.own_noise(readings)))
     misses = _misses(suite.slices, residual, sigma)
-    change = found.inputs.pressures - inputs.pressures
-    statement = _statement(misses, list(found.limits_reached))
-    return Compensation(change, not misses, statement), found
+    change = solution.inputs.pressures - inputs.pressures
+    statement = _statement(misses, list(solution.limits_reached))
+    return Compensation(change, not misses, statement), solution
 
 
 def approach(
@@ -150,12 +150,12 @@ def approach(
     """
     scene = Scene(estimate.frames, estimate.inputs.loads)
     readings = suite.predict(Scene(target, estimate.inputs.loads))
-    seen = suite.sensitivity(scene, readings)
-    wanted = seen.innovation.copy()
+    sensitivity = suite.sensitivity(scene, readings)
+    wanted = sensitivity.innovation.copy()
     for name, rows in suite.slices.items():
         if name in left_there:
             wanted[rows] += np.nan_to_num(left_there[name] - estimate.residuals[name])
-    return _solve(estimate, suite, limits, (readings, seen.twists @ estimate.motion, wanted), applied)
+    return _solve(estimate, suite, limits, (readings, sensitivity.twists @ estimate.motion, wanted), applied)
 
 
 def _solve(

@@ -107,13 +107,13 @@ class ContactProfile:
         free = np.concatenate([tare, np.zeros(2 * len(self.heights))])
         inputs, state = Inputs(estimate.inputs.pressures, acting, estimate.inputs.gravity), start
         for _ in range(self.passes - 1):
-            found = self._pass(model, state, inputs, suite, readings, estimate, free)
+            contact = self._pass(model, state, inputs, suite, readings, estimate, free)
             amplitudes = free.copy()
-            amplitudes[len(tare) :] = self._share(found).ravel()
+            amplitudes[len(tare) :] = self._share(contact).ravel()
             inputs = Inputs(inputs.pressures, amplitudes, inputs.gravity)
             state, converged = model.solve(inputs, state)
             if not converged:
-                return found
+                return contact
         return self._pass(model, state, inputs, suite, readings, estimate, free)
 
     def _pass(
@@ -129,23 +129,23 @@ class ContactProfile:
         """Place the push by one linearisation about a state under given inputs."""
         step = model.linearise(state, inputs)
         chambers = model.chambers
-        seen = suite.observe(Scene(step.frames, estimate.inputs.loads), readings)
-        drift, response = step.response(seen.twists)
+        observation = suite.observe(Scene(step.frames, estimate.inputs.loads), readings)
+        drift, response = step.response(observation.twists)
         to_pressures, to_loads = response[:, :chambers], response[:, chambers:]
-        explained = seen.innovation - drift + to_loads @ (inputs.loads - free)
+        explained = observation.innovation - drift + to_loads @ (inputs.loads - free)
         spread = estimate.covariance[:chambers, :chambers]
-        covariance = seen.covariance + to_pressures @ spread @ to_pressures.T
+        covariance = observation.covariance + to_pressures @ spread @ to_pressures.T
         covariance = covariance + np.diag((self.form_share * explained) ** 2)
         to_pushes = to_loads[:, -2 * len(self.heights) :]
         information = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
         return self._best(explained, to_pushes, information)
 
-    def _share(self, found: ContactPlace) -> Floats:
+    def _share(self, contact: ContactPlace) -> Floats:
         """Return the push to the two candidates beside it: same force, same moment; shape (candidates, 2)."""
         weights = np.array(
-            [np.interp(found.height, self.heights, unit) for unit in np.eye(len(self.heights))]
+            [np.interp(contact.height, self.heights, unit) for unit in np.eye(len(self.heights))]
         )
-        return np.outer(weights, found.force)
+        return np.outer(weights, contact.force)
 
     def _best(self, explained: Floats, to_pushes: Floats, information: Floats) -> ContactPlace:
         """Find the height and force of the least weighted sum of squares."""

@@ -86,10 +86,10 @@ def analyse(
     directions = np.zeros((unknowns.size, len(members)))
     rank = rows = 0
     if scaled.size:
-        _, found, basis = np.linalg.svd(scaled, full_matrices=True)
-        values[: len(found)] = found
+        _, singular, basis = np.linalg.svd(scaled, full_matrices=True)
+        values[: len(singular)] = singular
         directions[members] = basis.T
-        rank = int((found > UNSEEN * max(found[0], 1.0)).sum())
+        rank = int((singular > UNSEEN * max(singular[0], 1.0)).sum())
         rows = len(scaled)
     data = whitened.T @ whitened
     share = np.where(free, 1.0 - np.einsum("ij,ji->i", covariance, data), 0.0)

@@ -45,5 +45,5 @@ class Problem:
         state, inputs = start
         inputs = Inputs(inputs.pressures, inputs.loads, self.gravity)
         start = (state, inputs)
-        found = minimise(model, self.unknowns, self.objectives, self.limits, start, tolerances, begun)
-        return make_estimate(found, self.unknowns, self.limits, self.gravity, self.suite)
+        minimum = minimise(model, self.unknowns, self.objectives, self.limits, start, tolerances, begun)
+        return make_estimate(minimum, self.unknowns, self.limits, self.gravity, self.suite)

@@ -219,8 +219,8 @@ class Estimator(Generic[State, Step]):
             return self._model.refreshed(state) if self._failures else state, guess
         guided = self._guided(problem, guess)
         if guided is not None:
-            state, found = self._model.solve(guided, self._model.rest())
-            if found:
+            state, converged = self._model.solve(guided, self._model.rest())
+            if converged:
                 return state, guided
         state, _ = self._model.solve(guess, self._model.rest())
         return state, guess

@@ -84,22 +84,22 @@ def check_rod(
         progress: Called with the rays done and all of them.
         executor: Threads that solve the model.
     """
-    found = []
+    compared = []
     kinds = (
         (lateral_loads(specimen), plan),
         (untrained_loads(specimen), replace(plan, kinds=CONTACTS)),
     )
-    for turn, (loads, rays) in enumerate(kinds):
+    for number, (loads, rays) in enumerate(kinds):
 
-        def tell(done: int, every: int, turn: int = turn) -> None:
+        def tell(done: int, every: int, number: int = number) -> None:
             if progress is not None:
-                progress(turn * every + done, len(kinds) * every)
+                progress(number * every + done, len(kinds) * every)
 
         loaded = model.with_loads(loads)
         samples = draw_samples(specimen, loaded, stations, rays, tell, executor)
         scale = load_scale(specimen, loaded, stations, plan.rotation)
-        found.append(compare(rod.with_loads(loads), samples, scale))
-    return HeldOutReport(*found)
+        compared.append(compare(rod.with_loads(loads), samples, scale))
+    return HeldOutReport(*compared)
 
 
 def lateral_loads(specimen: Specimen) -> tuple[Load, ...]:
@@ -134,12 +134,12 @@ def compare(rod: CalibratedRod, samples: Samples, scale: Floats) -> HeldOut:
         scale: Typical size of each load [N or N m], shape (loads,).
     """
     truth = section_frames(rod, samples)
-    found = rod.evaluate(BatchInputs(samples.pressures, samples.loads, samples.gravity))
-    good = found.converged
+    response = rod.evaluate(BatchInputs(samples.pressures, samples.loads, samples.gravity))
+    good = response.converged
     moving = rod.chain.section_station > 0
-    gaps = (found.frames.positions - truth.positions)[good][:, moving]
-    turns = log(np.swapaxes(truth.rotations, -1, -2) @ found.frames.rotations)[good][:, moving]
-    shift, angle = np.linalg.norm(gaps, axis=-1), np.linalg.norm(turns, axis=-1)
+    gaps = (response.frames.positions - truth.positions)[good][:, moving]
+    rotations = log(np.swapaxes(truth.rotations, -1, -2) @ response.frames.rotations)[good][:, moving]
+    shift, angle = np.linalg.norm(gaps, axis=-1), np.linalg.norm(rotations, axis=-1)
     errors, largest = _force_errors(rod, samples, truth, scale)
     return HeldOut(
         len(samples),
@@ -160,9 +160,10 @@ def section_frames(rod: CalibratedRod, samples: Samples) -> Frames:
     clamp = np.broadcast_to([0.0, 0.0, chain.heights[0]], (count, 1, 3))
     places = np.concatenate([clamp, samples.positions], axis=1)[:, chain.section_station]
     still = np.broadcast_to(np.eye(3), (count, 1, 3, 3))
-    turns = np.concatenate([still, samples.rotations], axis=1)[:, chain.section_station]
+    rotations = np.concatenate([still, samples.rotations], axis=1)[:, chain.section_station]
     return Frames(
-        places + np.einsum("tsij,sj->tsi", turns, chain.section_offset), turns @ chain.section_rotation
+        places + np.einsum("tsij,sj->tsi", rotations, chain.section_offset),
+        rotations @ chain.section_rotation,
     )
 
 
@@ -178,9 +179,9 @@ def _force_errors(
         if top == 0.0:  # a pair that acts in no sample has no range to compare an error with
             continue
         for k in range(len(samples)):
-            turned = Frames(truth.positions[k], truth.rotations[k])
+            frames = Frames(truth.positions[k], truth.rotations[k])
             inputs = Inputs(samples.pressures[k], samples.loads[k].copy(), samples.gravity[k])
-            value = find_forces(rod, inputs, turned, range(first, first + 2), scale)
+            value = find_forces(rod, inputs, frames, range(first, first + 2), scale)
             if value is not None:
                 errors.append((value - samples.loads[k, pair]) / top)
     return np.array(errors), tuple(largest)
@@ -206,14 +207,14 @@ def find_forces(
     loads[columns] = 0.0
     state = rod.rest()
     for _ in range(SEARCH_STEPS):
-        state, found = rod.solve(Inputs(inputs.pressures, loads, inputs.gravity), state)
+        state, converged = rod.solve(Inputs(inputs.pressures, loads, inputs.gravity), state)
         step = rod.linearise(state, Inputs(inputs.pressures, loads, inputs.gravity))
-        if not found:
+        if not converged:
             return None
-        gap = log(frames.rotations @ np.swapaxes(step.frames.rotations, -1, -2)).ravel()
-        slopes = step.motion.reshape(-1, 2, 3, step.motion.shape[-1])[:, 1].reshape(len(gap), -1)
+        residual = log(frames.rotations @ np.swapaxes(step.frames.rotations, -1, -2)).ravel()
+        slopes = step.motion.reshape(-1, 2, 3, step.motion.shape[-1])[:, 1].reshape(len(residual), -1)
         unit = scale[columns]
-        change = np.linalg.lstsq(slopes[:, rod.chambers + np.array(columns)] * unit, gap, rcond=1e-9)[0]
+        change = np.linalg.lstsq(slopes[:, rod.chambers + np.array(columns)] * unit, residual, rcond=1e-9)[0]
         change *= min(1.0, 1.0 / max(float(np.abs(change).max()), 1e-12))
         loads[columns] += change * unit
         if np.abs(change).max() < 1e-7:

@@ -74,7 +74,7 @@ class SamplingPlan:
         step: Largest step along a ray; halved where the model does not follow.
         stretch: Largest stiffness factor of a soft segment, and one over the smallest; 1 for none.
         soft: Rotation per load, over that at rest, at which a ray ends: beyond it the arm is about to buckle.
-        bend: Sum of the turns from station to station [rad] at which a ray ends.
+        bend: Sum of the rotations from station to station [rad] at which a ray ends.
         kinds: Loads of the rays in turn: whether the lateral forces on one place act alone, and how large
             they are over their scale.
     """
@@ -133,18 +133,18 @@ def draw_samples(
     scale = load_scale(specimen, model, stations, plan.rotation)
     rays = list(_rays(specimen, model, scale, plan))
 
-    own = dict(zip(model.parameters, model.scales.tolist(), strict=True))
+    present = dict(zip(model.parameters, model.scales.tolist(), strict=True))
 
     def walk(ray: Ray) -> list[tuple[Floats, ...]]:
-        scales = own | {name: factor * own[name] for name, factor in ray.factors.items()}
+        scales = present | {name: factor * present[name] for name, factor in ray.factors.items()}
         return list(_follow(model.with_scales(scales), stations, ray, plan, scales))
 
-    found: list[tuple[Floats, ...]] = []
+    samples: list[tuple[Floats, ...]] = []
     for index, states in enumerate(map(walk, rays) if executor is None else executor.map(walk, rays)):
-        found += [(*state, np.array(index)) for state in states]
+        samples += [(*state, np.array(index)) for state in states]
         if progress is not None:
             progress(index + 1, len(rays))
-    return Samples(*(np.array(column) for column in zip(*found, strict=True)))
+    return Samples(*(np.array(column) for column in zip(*samples, strict=True)))
 
 
 def rest_twists(model: FiniteElementModel, stations: Stations) -> Floats:
@@ -203,11 +203,11 @@ def _rays(specimen: Specimen, model: FiniteElementModel, scale: Floats, plan: Sa
     limits, kinds = np.array(specimen.pressure_limits), len(plan.kinds)
     owner = [[part.name for part in specimen.segments].index(c.segment) for c in specimen.chambers]
     for index, row in enumerate(rows):
-        pushes, pulls, stretches, (rise, turn) = np.split(row, np.cumsum([chambers, loads, segments]))
+        pushes, pulls, stretches, (rise, azimuth) = np.split(row, np.cumsum([chambers, loads, segments]))
         factors = plan.stretch ** (2.0 * stretches - 1.0)
-        rise, turn = 2.0 * rise - 1.0, 2.0 * np.pi * turn
+        rise, azimuth = 2.0 * rise - 1.0, 2.0 * np.pi * azimuth
         flat = np.sqrt(1.0 - rise**2)
-        anyhow = np.array([flat * np.cos(turn), flat * np.sin(turn), rise])
+        anyhow = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), rise])
         end = Inputs(
             plan.pressure * limits * factors[owner] * pushes,
             scale * np.exp(np.log(factors).mean()) * _share(model.loads, index, plan) * (2.0 * pulls - 1.0),
@@ -219,12 +219,12 @@ def _rays(specimen: Specimen, model: FiniteElementModel, scale: Floats, plan: Sa
 
 def _share(loads: Sequence[Load], index: int, plan: SamplingPlan) -> Floats:
     """Compute the size of each load on a ray over its scale."""
-    turn, kind = divmod(index, len(plan.kinds))
+    cycle, kind = divmod(index, len(plan.kinds))
     alone, size = plan.kinds[kind]
     if not alone:
         return np.full(len(loads), size)
     places = list(dict.fromkeys((load.section, load.height) for load in loads))
-    chosen = places[turn % len(places)] if places else None
+    chosen = places[cycle % len(places)] if places else None
     lateral = [
         load.kind == "force" and load.direction[2] == 0.0 and (load.section, load.height) == chosen
         for load in loads
@@ -250,14 +250,17 @@ def _follow(
     while here.fraction < 1.0 - 1e-9 and failures < FAILURES:
         target = min(here.fraction + step, 1.0)
         inputs = between(none, ray.end, target)
-        found = correct(body, model.balance, extrapolate(body, here, before, target), inputs, settings)
-        if not found.solution.converged or found.factor is None:
+        corrected = correct(body, model.balance, extrapolate(body, here, before, target), inputs, settings)
+        if not corrected.solution.converged or corrected.factor is None:
             step, failures = 0.5 * step, failures + 1
             continue
-        step = min(plan.step, (1.5 if found.solution.iterations <= 4 else 1.0) * step)
-        place = found.solution.value
-        before, here = here, Waypoint(target, place, _velocity(model, found.balance, found.factor, ray.end))
-        moves = exact_moves(model, found.factor, place, inputs.loads, _input_forces(found.balance))
+        step = min(plan.step, (1.5 if corrected.solution.iterations <= 4 else 1.0) * step)
+        place = corrected.solution.value
+        before, here = (
+            here,
+            Waypoint(target, place, _velocity(model, corrected.balance, corrected.factor, ray.end)),
+        )
+        moves = exact_moves(model, corrected.factor, place, inputs.loads, _input_forces(corrected.balance))
         if moves is None:
             return
         frames = stations.poses(body.points + place, moves)
@@ -269,7 +272,7 @@ def _follow(
 
 
 def _bend(rotations: Floats) -> float:
-    """Sum the turns from station to station [rad], from the clamp on; rotations of shape (stations, 3, 3)."""
+    """Sum the angles from station to station [rad], from the clamp on; rotations of shape (stations, 3, 3)."""
     before = np.concatenate([np.eye(3)[None], rotations[:-1]])
     return float(np.linalg.norm(log(np.swapaxes(before, -1, -2) @ rotations), axis=-1).sum())
 

@@ -53,11 +53,11 @@ class ActuationMap:
         """Return the readings [Pa], or the set-points, that stand for chamber pressures [Pa]."""
         measured: Floats = (pressure - self.bias) / self.gain
         for _ in range(PASSES):
-            left = pressure - self.bias - self._from_others(measured) - self._own(measured)
-            if not np.any(np.abs(left) > INVERTED_PA):
+            residual = pressure - self.bias - self._from_others(measured) - self._own(measured)
+            if not np.any(np.abs(residual) > INVERTED_PA):
                 break
             slope = 1.0 + (2.0 * self.curve + 3.0 * self.bow * measured) * measured
-            measured = measured + left / (self.gain * np.maximum(slope, LEAST_SLOPE))
+            measured = measured + residual / (self.gain * np.maximum(slope, LEAST_SLOPE))
         return measured
 
     @property
@@ -66,8 +66,8 @@ class ActuationMap:
         return np.abs(self.gain) * self.sigma
 
     def _own(self, measured: Floats) -> Floats:
-        own: Floats = self.gain * (1.0 + (self.curve + self.bow * measured) * measured) * measured
-        return own
+        pressure: Floats = self.gain * (1.0 + (self.curve + self.bow * measured) * measured) * measured
+        return pressure
 
     def _from_others(self, measured: Floats) -> Floats:
         """Return what the others add [Pa]; a lost reading adds nothing."""

@@ -31,8 +31,10 @@ class Registration:
 
     def moved(self, twist: Floats) -> "Registration":
         """Move what it maps to by a twist (v [m], w [rad]) of shape (6,): base' = exp(w) base + v."""
-        turn = exp(twist[3:])
-        return Registration(turn @ self.rotation, turn @ self.translation + twist[:3], self.covariance)
+        rotation = exp(twist[3:])
+        return Registration(
+            rotation @ self.rotation, rotation @ self.translation + twist[:3], self.covariance
+        )
 
     def to_laboratory(self, points: Floats) -> Floats:
         """Map base points into the laboratory frame, shape (..., 3)."""
@@ -65,8 +67,8 @@ def register(
     if measured.ndim == 3:
         counts = np.isfinite(measured).sum(axis=0)
         measured = np.where(counts > 0, np.nansum(measured, axis=0) / np.maximum(counts, 1), np.nan)
-    seen = np.isfinite(measured).all(axis=-1)
-    known, measured = base_points[seen], measured[seen]
+    valid = np.isfinite(measured).all(axis=-1)
+    known, measured = base_points[valid], measured[valid]
     if len(known) < 3:
         what = f"{len(known)} of {len(base_points)} are seen, at least three are needed"
         raise InputError(

@@ -243,12 +243,12 @@ class SensorSuite:
         return rows
 
     def _split(self, readings: Floats) -> list[Floats]:
-        return [readings[..., own] for own in self.reading_slices.values()]
+        return [readings[..., entries] for entries in self.reading_slices.values()]
 
     @cached_property
     def _registrations(self) -> list[tuple[Floats, tuple[str, ...]]]:
         """Covariance of each uncertain registration with the sensors that use it."""
-        found = {
+        uncertain = {
             id(measurement.registration): measurement.registration
             for measurement in self.measurements
             if measurement.registration is not None and measurement.registration.covariance.any()
@@ -258,7 +258,7 @@ class SensorSuite:
                 registration.covariance,
                 tuple(m.name for m in self.measurements if m.registration is registration),
             )
-            for registration in found.values()
+            for registration in uncertain.values()
         ]
 
 

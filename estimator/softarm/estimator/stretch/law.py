@@ -82,15 +82,15 @@ class StretchLaw:
 
     def stretches(self, frames: Frames) -> Floats:
         """Return the stretch of each chamber, shape (..., C)."""
-        reach, turn = self._reach(frames), self._turn(frames)
-        stretched: Floats = np.linalg.norm(reach, axis=-1) * arc_over_chord(turn)[0] / self.lengths - 1.0
+        reach, angle = self._reach(frames), self._angle(frames)
+        stretched: Floats = np.linalg.norm(reach, axis=-1) * arc_over_chord(angle)[0] / self.lengths - 1.0
         return np.where(self._known, stretched, 0.0)
 
     def rows(self, frames: Frames) -> Floats:
         """Differentiate the stretches by the stacked twists of the sections, shape (..., C, 6 sections)."""
-        rotations, reach, turn = frames.rotations, self._reach(frames), self._turn(frames)
+        rotations, reach, angle = frames.rotations, self._reach(frames), self._angle(frames)
         chord = np.linalg.norm(reach, axis=-1)[..., None]
-        ratio, over_turn = arc_over_chord(turn)
+        ratio, over_angle = arc_over_chord(angle)
         along = reach / np.maximum(chord, 1e-12) * (ratio / self.lengths)[..., None]
         arms = (
             _turned(rotations, self.below, self.starts),
@@ -98,7 +98,7 @@ class StretchLaw:
         )
         lower, upper = self._axes(frames)
         # The cross product has the size sin(turn): with the ratio's slope it gives that by the cosine.
-        by_cosine = -over_turn / np.sinc(turn / np.pi)
+        by_cosine = -over_angle / np.sinc(angle / np.pi)
         bend = np.cross(lower, upper) * (chord[..., 0] * by_cosine / self.lengths)[..., None]
         sections = frames.positions.shape[-2]
         rows = np.zeros((*reach.shape[:-1], sections, 6))
@@ -125,7 +125,7 @@ class StretchLaw:
         end = frames.positions[..., self.above, :] + _turned(frames.rotations, self.above, self.ends)
         return np.asarray(end - start)
 
-    def _turn(self, frames: Frames) -> Floats:
+    def _angle(self, frames: Frames) -> Floats:
         """Return the angle between the sections' axes [rad], shape (..., C)."""
         lower, upper = self._axes(frames)
         across = np.linalg.norm(np.cross(lower, upper), axis=-1)
@@ -138,8 +138,8 @@ def _rest(entry: Section) -> Floats:
 
 def _seen_from(entry: Section, point: Floats) -> Floats:
     """Return a point at rest in the axes of a section [m], shape (3,)."""
-    seen: Floats = _rest(entry).T @ (point - np.array(entry.frame_origin_m))
-    return seen
+    local: Floats = _rest(entry).T @ (point - np.array(entry.frame_origin_m))
+    return local
 
 
 def _turned(rotations: Floats, sections: Indices, vectors: Floats) -> Floats:

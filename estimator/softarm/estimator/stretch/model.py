@@ -69,15 +69,15 @@ class StretchedStep(Generic[State, Step]):
         law, chambers = self.model.law, self.model.chambers
         drift, columns = self.step.response(law.rows(self.frames))
         push, stretches = law.gain * self.inputs.pressures, law.stretches(self.frames)
-        own = np.zeros((chambers, columns.shape[1]))
-        own[:, :chambers] = np.diag(1.0 + law.gain * stretches)
+        direct = np.zeros((chambers, columns.shape[1]))
+        direct[:, :chambers] = np.diag(1.0 + law.gain * stretches)
         behind = stretches - self.made_with
         kept = np.eye(chambers) - columns[:, :chambers] * push
         still = np.linalg.solve(kept, drift + columns[:, :chambers] @ (push * behind))
-        input_jacobian = columns[:, :chambers] @ own
+        input_jacobian = columns[:, :chambers] @ direct
         input_jacobian[:, chambers:] += columns[:, chambers:]
         moved = np.linalg.solve(kept, input_jacobian)
-        return push * (still + behind), own + push[:, None] * moved
+        return push * (still + behind), direct + push[:, None] * moved
 
     def inner(self, change: Floats) -> Floats:
         """Return the change of the wrapped model's inputs for that of these, shape (inputs,)."""
@@ -134,9 +134,9 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
         if self._frames_at is None:
             return self._solve_by_passes(inputs, start)
         given = replace(inputs, pressures=self.law.effective(inputs.pressures, np.zeros(self.chambers)))
-        state, found = self.model.solve(given, start)
+        state, converged = self.model.solve(given, start)
         unchanged = np.zeros(self.chambers + len(self.loads))
-        for _ in range(PASSES if found else 0):
+        for _ in range(PASSES if converged else 0):
             step = self.linearise(state, inputs)
             if step.residual_norm < SETTLED:
                 return state, True
@@ -148,8 +148,8 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
         state, stretches = start, np.zeros(self.chambers)
         for _ in range(PASSES):
             given = replace(inputs, pressures=self.law.effective(inputs.pressures, stretches))
-            state, found = self.model.solve(given, state)
-            if not found:
+            state, converged = self.model.solve(given, state)
+            if not converged:
                 return state, False
             before, stretches = stretches, self.law.stretches(self.model.linearise(state, given).frames)
             if np.abs(stretches - before).max(initial=0.0) < SETTLED:
