@@ -272,7 +272,7 @@ def _follow(
 
 
 def _bend(rotations: Floats) -> float:
-    """Sum the angles from station to station [rad], from the clamp on; rotations of shape (stations, 3, 3)."""
+    """Sum the angles from station to station [rad], the clamp first; rotations of shape (stations, 3, 3)."""
     before = np.concatenate([np.eye(3)[None], rotations[:-1]])
     return float(np.linalg.norm(log(np.swapaxes(before, -1, -2) @ rotations), axis=-1).sum())
 
