@@ -76,12 +76,12 @@ def one_of_each(rng: Random) -> tuple[int, int]:
     return int(rng.integers(3)), 3 + int(rng.integers(3))
 
 
-def random_holds(rng: Random, seconds: float = 60.0, on: Layout = SOPRA) -> PlantManoeuvre:
-    """Go from one random pose to another and hold each, 5 s in all."""
+def random_holds(rng: Random, seconds: float = 60.0, hold: float = 5.0, on: Layout = SOPRA) -> PlantManoeuvre:
+    """Go from one random pose to another and hold each."""
     points, times = [on.vented], [0.0]
-    for number in range(max(1, round(seconds / 5.0))):
+    for number in range(max(1, round(seconds / hold))):
         points += [random_pressures(rng, on=on)] * 2
-        times += [number * 5.0 + JUMP, (number + 1) * 5.0]
+        times += [number * hold + JUMP, (number + 1) * hold]
     return path("random_holds", np.array(points), np.array(times))
 
 
@@ -294,20 +294,24 @@ def _in_line(on: Layout, place: int) -> list[int]:
 
 def taught(
     rng: Random,
+    count: int = 5,
+    hold: float = 4.0,
     section: str | None = None,
     drawn: tuple[float, float] = (-0.018, 0.018),
     on: Layout = SOPRA,
 ) -> PlantManoeuvre:
-    """Lead a section by hand to five random poses, 60 mm to the sides at most, and hold each for 4 s.
+    """Lead a section by hand to random poses, 60 mm to the sides at most, and hold each.
 
     Args:
         rng: Draws the poses.
+        count: How many.
+        hold: How long it stays [s].
         section: What it holds.
         drawn: How far down it goes, least and most [m]: the hanging arm is drawn out.
         on: The arm.
     """
-    move, stay = samples(1.5), samples(4.0)
-    points = rng.uniform((-0.06, -0.06, -drawn[1]), (0.06, 0.06, -drawn[0]), (5, 3))
+    move, stay = samples(1.5), samples(hold)
+    points = rng.uniform((-0.06, -0.06, -drawn[1]), (0.06, 0.06, -drawn[0]), (count, 3))
     way, last = [np.zeros((stay, 3))], np.zeros(3)
     for point in points:
         blend = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, move))[:, None]
