@@ -43,7 +43,7 @@ class Channel:
         """Write both residuals of a sample."""
         factor, unit = readable(self.unit)
         values = (factor * float(values[index]) for values in (self.before, self.after))
-        cells = (f"{v:.2f} {unit}" if np.isfinite(v) else '<span class="fault">lost</span>' for v in values)
+        cells = (f"{v:z.2f} {unit}" if np.isfinite(v) else '<span class="fault">lost</span>' for v in values)
         return f"<tr><td>{plain(self.name)}</td>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
 
 
@@ -84,7 +84,7 @@ class MismatchOverTime:
             for which, colour in COLOURS.items()
         )
         unseen = self._recording.columns[HELDOUT][index] == 1.0
-        note = "No fit has used these data." if unseen else "The fit has used these data."
+        note = "The diagnosis has not used these data." if unseen else "The diagnosis has used these data."
         table = f"<table><tr><th>channel</th>{''.join(heads)}</tr>{rows}</table>{note}"
         return readings.reading("channels", table, f"Measured minus predicted at {time_s:.2f} s")
 

@@ -1,6 +1,9 @@
+from types import SimpleNamespace
+
 import numpy as np
 
 from softarm.daemon.control.mismatch import MismatchTest
+from softarm.daemon.control.publishing import Publisher
 
 
 def run(test, values, begin=0.0, dof=2.0):
@@ -22,6 +25,15 @@ def test_mismatch_is_seen_located_and_clears_itself():
     assert not test.consistent
     assert test.suspects == ("bend_tip",)
     assert run(test, noise, begin=40.0).consistent
+
+
+def test_advice_goes_on_from_the_recording_that_runs():
+    publisher = Publisher("sopra", "fake", None, None, None, "fem")
+    test = SimpleNamespace(consistent=False, since_unix_ns=1, suspects=("bend_tip",), ratio=9.0)
+    assert publisher.mismatch(test, "/rec/a.mcap").advice == (
+        "end the recording with record/stop, then run: softarm diagnose /rec/a.mcap --specimen sopra"
+    )
+    assert publisher.mismatch(test, None).advice.startswith("record the mismatch with record/start")
 
 
 def test_one_outlier_is_no_mismatch():

@@ -5,7 +5,7 @@
 | ``pressure_<k>_pa``, ``frame_...``, ``bend_...``, ``marker_...`` | readings, averaged as for the diagnosis |
 | ``estimate_frame_<section>_...`` | pose that the calibrated model predicts without the findings |
 | ``estimate_residual_<before, after>_<channel>_<unit>`` | measured minus predicted, without and with them |
-| ``estimate_heldout`` | 1 where no fit has seen the sample, else 0 |
+| ``estimate_heldout`` | 1 where neither a fit nor a choice has seen the sample, else 0 |
 """
 
 import numpy as np
@@ -37,9 +37,11 @@ def motions_of(search: Search, fit: Fit | None) -> tuple[Recording, ...]:
         search: The search.
         fit: All findings.
     """
-    after = residuals_of(search, fit, learnt_coefficients(search, fit))
+    learnt = learnt_coefficients(search, fit)
+    before = residuals_of(search, None, learnt if fit is None else search.prior.mean)
+    after = residuals_of(search, fit, learnt)
     return tuple(
-        _motion(stage, {"before": search.evidence.residuals[number], "after": after[number]})
+        _motion(stage, {"before": before[number], "after": after[number]})
         for number, stage in enumerate(search.evidence.stages)
         if not stage.session.nominal
     )
@@ -56,7 +58,7 @@ def _motion(stage: Stage, residuals: dict[str, Floats]) -> Recording:
     for which, residual in residuals.items():
         for name, unit, column in zip(channels(stage.suite), stage.suite.units, residual.T, strict=True):
             columns[residual_column(which, name, unit)] = column
-    columns[HELDOUT] = session.heldout.astype(float)
+    columns[HELDOUT] = session.reported.astype(float)
     thin = slice(None, None, -(-session.samples // POINTS))
     time = session.clock - session.clock[0]
     return Recording(session.name, time[thin], {name: column[thin] for name, column in columns.items()})

@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from softarm.estimator.arrays import Floats
@@ -122,7 +123,7 @@ def settle(
         return first, None
     residual = np.concatenate([solution.residuals[name] for name in suite.slices])
     sigma = np.sqrt(np.diag(suite.own_noise(readings)))
-    misses = _misses(suite.slices, residual, sigma)
+    misses = _misses(suite, residual, sigma)
     change = solution.inputs.pressures - inputs.pressures
     statement = _statement(misses, list(solution.limits_reached))
     return Compensation(change, not misses, statement), solution
@@ -179,7 +180,7 @@ def _solve(
     high = np.maximum(limits - applied, 0.0) / limits + 1e-9
     share = lsq_linear(matrix, right, (low, high), method="bvls").x
     residual = wanted - by_pressures @ share
-    misses = _misses(suite.slices, residual, np.sqrt(np.diag(covariance)))
+    misses = _misses(suite, residual, np.sqrt(np.diag(covariance)))
     bounds = [
         f"chamber {chamber} at {'zero' if value < 0.5 * (low + high)[chamber] else 'its limit'}"
         for chamber, value in enumerate(share)
@@ -188,27 +189,21 @@ def _solve(
     return Compensation(share * limits, not misses, _statement(misses, bounds))
 
 
-def _misses(slices: Mapping[str, Any], residual: Floats, sigma: Floats) -> list[str]:
+def _misses(suite: SensorSuite, residual: Floats, sigma: Floats) -> list[str]:
     """Return by how much each sensor's reading would be missed, where by more than its tolerance."""
     misses = []
-    for name, rows in slices.items():
+    for name, rows in suite.slices.items():
         ratio = float(np.max(np.abs(residual[rows]) / sigma[rows], initial=0.0))
         if ratio > TOLERANCE:
-            misses.append(f"{name} misses by {_size(name, residual[rows])} ({ratio:.0f} standard deviations)")
+            size = _size(residual[rows], np.array(suite.units[rows]))
+            misses.append(f"{name} misses by {size} ({ratio:.0f} standard deviations)")
     return misses
 
 
-def _size(name: str, residual: Floats) -> str:
-    """Write the size of a residual with its unit, which the kind of sensor decides."""
-    if name.startswith("pose"):
-        return f"{1e3 * np.linalg.norm(residual[:3]):.2g} mm and {_degrees(residual[3:])}"
-    if name.startswith(("orientation", "bend")):
-        return _degrees(residual)
-    return f"{np.linalg.norm(residual):.2g} in SI units"
-
-
-def _degrees(rotation: Floats) -> str:
-    return f"{np.degrees(np.linalg.norm(rotation)):.2g} degrees"
+def _size(residual: Floats, units: NDArray[np.str_]) -> str:
+    """Write the size of a residual: of its lengths in millimetres, of its rotations in degrees."""
+    sizes = {"mm": 1e3 * residual[units == "m"], "degrees": np.degrees(residual[units == "rad"])}
+    return join([f"{np.linalg.norm(part):.2g} {name}" for name, part in sizes.items() if len(part)])
 
 
 def _statement(misses: list[str], bounds: list[str]) -> str:
