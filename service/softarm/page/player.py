@@ -84,11 +84,10 @@ class Player:
                 return
 
     def _advance(self, since_s: float, begin_s: float) -> None:
-        reached_s = begin_s + time.monotonic() - since_s
-        at_s = min(round(reached_s, 2), self._slider.max)
-        self._slider.value = at_s  # type: ignore[misc]  # mypy does not find viser's setter
-        if reached_s >= self._slider.max:
+        at_s = min(round(begin_s + time.monotonic() - since_s, 2), self._slider.max)
+        if at_s >= self._slider.max:  # whoever sees the end may play again
             self._playing_since = None
+        self._slider.value = at_s  # type: ignore[misc]  # mypy does not find viser's setter
 
 
 def marks(times_s: Iterable[float], begin_s: float, end_s: float) -> tuple[float, ...]:

@@ -31,7 +31,7 @@ EVENTS = (
     RecordedEvent(0.2, "mode", "left", "IDLE -> ARMED: arm"),
     RecordedEvent(0.4, "finding", "bend_tip", "no valid reading for 0.16 s"),
 )
-END, HOME = "\ue010", "\ue011"  # as WebDriver writes the keys
+END, HOME, TAB, SELECT_ALL = "\ue010", "\ue011", "\ue004", "\ue009a\ue000"  # as WebDriver writes the keys
 
 
 @pytest.fixture(scope="module")
@@ -41,20 +41,21 @@ def browser(tmp_path_factory):
 
 
 @contextlib.contextmanager
-def served():
-    """Serve a page for the browser."""
+def served(browser):
+    """Serve a page until the browser leaves it: a server that stops waits for who is connected."""
     port = free_port()
     with page_server("127.0.0.1", port, "past") as server:
         without_reflections(server)
-        yield server, f"http://127.0.0.1:{port}"
+        try:
+            yield server, f"http://127.0.0.1:{port}"
+        finally:
+            browser.leave()
 
 
 def test_the_slider_and_play_move_everything_that_is_in_view(browser):
-    whole = recording()
-    short = replace(whole, time=whole.time / 4)  # half a second to play
     with (
-        served() as (server, address),
-        RecordingPage(short, BODY, SURFACE, server, EVENTS) as page,
+        served(browser) as (server, address),
+        RecordingPage(recording(), BODY, SURFACE, server, EVENTS) as page,
     ):
         browser.visit(address)
         browser.until_shown("Started by: ann")
@@ -75,6 +76,8 @@ def test_the_slider_and_play_move_everything_that_is_in_view(browser):
 
         browser.slide(HOME)
         browser.until_shown("0.000 ± 0.020")
+        browser.field("Time [s]").send_keys(SELECT_ALL, "1.7", TAB)
+        browser.until_shown("0.800 ± 0.020")
         browser.click("Play / pause")
         browser.until_shown("1.000 ± 0.020")  # it has played to its end
         browser.click("Play / pause")
@@ -86,7 +89,7 @@ def test_findings_are_marked_on_the_arm_beside_what_they_explain(browser, tmp_pa
     written(tmp_path, findings=(replace(finding(), probability=0.98), sensor))
     report = read_report(tmp_path)
     with (
-        served() as (server, address),
+        served(browser) as (server, address),
         DiagnosisPage(
             shown_diagnosis(report),
             load_motions(tmp_path, report.recordings),
