@@ -47,11 +47,6 @@ class Browser:
         if not self._driver.current_url.startswith(self._address):
             self._driver.get(self._address)
 
-    def visit(self, address):
-        """Go to another page."""
-        self._address = address
-        self.open()
-
     def leave(self):
         self._driver.get("about:blank")
 

@@ -1,4 +1,4 @@
-"""The pages of a recording and of a diagnosis in a real browser, which both use one after the other."""
+"""The pages of a recording and of a diagnosis in a real browser."""
 
 import contextlib
 from dataclasses import replace
@@ -34,30 +34,21 @@ EVENTS = (
 END, HOME, TAB, SELECT_ALL = "\ue010", "\ue011", "\ue004", "\ue009a\ue000"  # as WebDriver writes the keys
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    with open_browser("", tmp_path_factory.mktemp("browser")) as opened:
-        yield opened
-
-
 @contextlib.contextmanager
-def served(browser):
-    """Serve a page until the browser leaves it: a server that stops waits for who is connected."""
-    port = free_port()
-    with page_server("127.0.0.1", port, "past") as server:
-        without_reflections(server)
-        try:
-            yield server, f"http://127.0.0.1:{port}"
-        finally:
-            browser.leave()
+def opened(server, folder):
+    """Open a browser on a server; it ends first, since a server that stops waits for who is connected."""
+    without_reflections(server)
+    with open_browser(f"http://127.0.0.1:{server.get_port()}", folder) as browser:
+        browser.open()
+        yield browser
 
 
-def test_the_slider_and_play_move_everything_that_is_in_view(browser):
+def test_the_slider_and_play_move_everything_that_is_in_view(tmp_path):
     with (
-        served(browser) as (server, address),
+        page_server("127.0.0.1", free_port(), "past") as server,
         RecordingPage(recording(), BODY, SURFACE, server, EVENTS) as page,
+        opened(server, tmp_path) as browser,
     ):
-        browser.visit(address)
         browser.until_shown("Started by: ann")
         for name in ("#about", "#events", "#forces", ".uplot-container", "#pressures"):
             assert browser.covering(name) == [], name
@@ -84,12 +75,12 @@ def test_the_slider_and_play_move_everything_that_is_in_view(browser):
         browser.until(lambda: "1.000 ±" not in browser.text("#forces"))  # it begins anew
 
 
-def test_findings_are_marked_on_the_arm_beside_what_they_explain(browser, tmp_path):
+def test_findings_are_marked_on_the_arm_beside_what_they_explain(tmp_path):
     sensor = replace(finding(), effect="sensor_bias", where=Place(section="base"), probability=0.42)
     written(tmp_path, findings=(replace(finding(), probability=0.98), sensor))
     report = read_report(tmp_path)
     with (
-        served(browser) as (server, address),
+        page_server("127.0.0.1", free_port(), "past") as server,
         DiagnosisPage(
             shown_diagnosis(report),
             load_motions(tmp_path, report.recordings),
@@ -97,8 +88,8 @@ def test_findings_are_marked_on_the_arm_beside_what_they_explain(browser, tmp_pa
             SURFACE,
             server,
         ) as page,
+        opened(server, tmp_path) as browser,
     ):
-        browser.visit(address)
         browser.until_shown("viscoelastic creep, the lower segment")
         for name in ("#about", "#finding", "#scale", ".uplot-container", "#channels", "#pressures"):
             assert browser.covering(name) == [], name
