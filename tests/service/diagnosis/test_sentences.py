@@ -92,10 +92,17 @@ def test_what_a_finding_removes_follows_from_the_report():
 
 @pytest.mark.parametrize(
     ("log_bayes_factor", "name"),
-    [(0.5, "weak"), (1.2, "substantial"), (3.0, "strong"), (5.0, "decisive"), (1530.0, "decisive")],
+    [(-2.6, "none"), (0.5, "weak"), (1.2, "substantial"), (3.0, "strong"), (5.0, "decisive")],
 )
 def test_bayes_factors_have_the_names_of_kass_and_raftery(log_bayes_factor, name):
     assert sentences.strength(log_bayes_factor) == name
+
+
+def test_the_probability_of_what_has_no_name_is_not_one_of_a_place():
+    (named,) = diagnosis().findings
+    nameless = replace(named, effect="unknown", probability=0.97)
+    assert sentences.evidence_sentence(nameless).endswith("no known effect explains it is 97 %.")
+    assert sentences.evidence_sentence(replace(named, probability=0.97)).endswith("it acts there is 97 %.")
 
 
 def innovations(variance, correlation):

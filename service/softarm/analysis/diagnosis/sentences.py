@@ -19,9 +19,9 @@ from softarm.estimator.effects.effect import describe
 
 NEAR_NOISE = 1.5
 """Multiple of the noise up to which an error counts as down to the noise."""
-STRENGTHS = ((2.0, "decisive"), (1.0, "strong"), (0.5, "substantial"), (-np.inf, "weak"))
+STRENGTHS = ((2.0, "decisive"), (1.0, "strong"), (0.5, "substantial"), (0.0, "weak"), (-np.inf, "none"))
 """Least decimal logarithm of a Bayes factor and its name: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995),
-section 3.2, who call the last "not worth more than a bare mention"."""
+section 3.2, who call "weak" what is "not worth more than a bare mention"."""
 WHITE_VARIANCE = (0.5, 2.0)
 WHITE_CORRELATION = 0.3
 """Variance and correlation of innovations between which they are called white noise of the learnt size."""
@@ -178,7 +178,8 @@ def evidence_sentence(finding: Finding) -> str:
     own = finding.evidence
     words = f"The evidence for it is {evidence(own.log_bayes_factor)}."
     if finding.probability is not None:
-        words += f" The probability that it acts there is {100.0 * finding.probability:.0f} %."
+        what = "no known effect explains it" if finding.effect == "unknown" else "it acts there"
+        words += f" The probability that {what} is {100.0 * finding.probability:.0f} %."
     return words
 
 
