@@ -6,11 +6,14 @@ import click
 
 from softarm.bench.trials.folders import read_answer, read_trials
 from softarm.bench.trials.outcome import TrialOutcome
+from softarm.bench.trials.page import from_source, write_page
 from softarm.bench.trials.run import run_trials
 from softarm.bench.trials.score import score
 from softarm.bench.trials.tables import score_tables
-from softarm.cli.output import json_option, progress, show
+from softarm.cli.output import json_option, progress, say, show
 from softarm.common.tables import Cell, Table
+
+HEAD = "# Blind trials of the diagnosis\n\nWritten by `softarm bench diagnosis --write`."
 
 jobs_option = click.option(
     "--jobs",
@@ -42,23 +45,43 @@ jobs_option = click.option(
     help="Folder of reports and outcomes; an interrupted run resumes from it.",
 )
 @jobs_option
+@click.option("--source", help="Where the trials come from, added to the titles of the tables.")
+@click.option(
+    "--write",
+    type=click.Path(path_type=Path),
+    help="Write the scores to a page in Markdown; its other tables stay.",
+)
 @json_option
-def command(folder: Path, answers: Path | None, out: Path, jobs: int, as_json: bool) -> int:
+def command(
+    folder: Path,
+    answers: Path | None,
+    out: Path,
+    jobs: int,
+    source: str | None,
+    write: Path | None,
+    as_json: bool,
+) -> int:
     """Diagnose blind trials, and score them if answers are given.
 
     Each trial is diagnosed by 'softarm diagnose' in a process of its own, which never sees the answers. The
     status is 1 when a trial ended without a report.
 
-    Example: softarm bench diagnosis --trials TRIALS --answers ANSWERS
+    Example: softarm bench diagnosis --trials TRIALS --answers ANSWERS --source "our arm" --write proof.md
     """
+    if write is not None and answers is None:
+        raise click.UsageError("--write writes scores, which need --answers.")
     trials = read_trials(folder)
     truth = None if answers is None else {trial.name: read_answer(answers, trial.name) for trial in trials}
     with progress(f"diagnosing {len(trials)} trials", len(trials)) as advance:
         outcomes = run_trials(trials, out, jobs, advance)
-    tables = [_said(outcomes)]
-    if truth is not None:
-        tables += score_tables([score(outcome, truth[outcome.trial]) for outcome in outcomes])
-    show(*tables, as_json=as_json)
+    scores = [] if truth is None else [score(outcome, truth[outcome.trial]) for outcome in outcomes]
+    tables = score_tables(scores) if scores else ()
+    if source:
+        tables = tuple(from_source(tables, source))
+    show(_said(outcomes), *tables, as_json=as_json)
+    if write is not None:
+        write_page(write, tables, HEAD)
+        say(f"wrote {write}")
     return int(not all(outcome.report for outcome in outcomes))
 
 

@@ -8,13 +8,13 @@ import click
 from acceptance.proof.alternatives import alternatives_table
 from acceptance.proof.cost import cost_table
 from acceptance.proof.force import force_table
-from acceptance.proof.page import renewed
 from acceptance.proof.schedule import SealedTrial, schedule
 from acceptance.proof.sensitivity import sensitivity_table
 from acceptance.proof.trial import Folders, forget, lay_out, name_of, record
 from softarm.bench.diagnosis import jobs_option
 from softarm.bench.trials.folders import Trial, read_answer, read_trials
 from softarm.bench.trials.outcome import read_outcomes
+from softarm.bench.trials.page import from_source, write_page
 from softarm.bench.trials.run import run_trials
 from softarm.bench.trials.score import score
 from softarm.bench.trials.tables import score_tables
@@ -84,7 +84,7 @@ def command(
     tables: list[Table] = []
     if "trials" in parts:
         run_fake_trials(planned, motions, folders, specimen, jobs, keep=keep)
-        tables += scored(planned, motions, folders)
+        tables += from_source(scored(planned, motions, folders), "fake arm")
     if "alternatives" in parts:
         tables.append(alternatives_table(folders, specimen, say))
     if "force" in parts:
@@ -95,8 +95,7 @@ def command(
         tables.append(sensitivity_table(read_trials(folders.trials), folders.root / "products", say))
     show(*tables, as_json=as_json)
     if write is not None:
-        page = write.read_text("utf-8") if write.exists() else HEAD
-        write.write_text(renewed(page, tables), encoding="utf-8")
+        write_page(write, tables, HEAD)
         say(f"wrote {write}")
     return 0
 

@@ -87,3 +87,18 @@ def test_trials_are_diagnosed_scored_and_not_done_twice(trials: Path, tmp_path: 
     assert tables["Trials that went wrong"] == []
     again = CliRunner().invoke(command, words, standalone_mode=False)
     assert json.loads(again.stdout) == json.loads(first.stdout)
+
+
+def test_scores_of_a_source_are_written_beside_those_of_others(trials: Path, tmp_path: Path):
+    answers, page = tmp_path / "answers", tmp_path / "proof.md"
+    answers.mkdir()
+    (answers / "one.toml").write_text('kind = "null"\n')
+    page.write_text("Words.\n\n**Blind trials: other arm**\n\n| of |\n|---|\n| 7 |\n")
+    words = ["--trials", str(trials), "--out", str(tmp_path / "out"), "--write", str(page)]
+    refused = CliRunner().invoke(command, words)
+    assert (refused.exit_code, "need --answers" in refused.output) == (2, True)
+    words += ["--answers", str(answers), "--source", "a valve"]
+    assert CliRunner().invoke(command, words, standalone_mode=False).return_value == 0
+    written = page.read_text()
+    assert written.startswith("Words.\n\n**Blind trials: other arm**")
+    assert "**Blind trials: a valve**" in written

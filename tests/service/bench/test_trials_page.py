@@ -1,6 +1,6 @@
 """The page of the proof is renewed table by table."""
 
-from acceptance.proof.page import renewed
+from softarm.bench.trials.page import renewed
 from softarm.common.tables import Table
 
 HEAD = "# The proof\n\nSome words.\n"
