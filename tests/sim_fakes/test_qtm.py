@@ -6,12 +6,14 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from softarm.fakes.faults import FaultBoard
+from softarm.fakes.parts import BodyPart, QtmPart
 from softarm.fakes.qtm import packets
-from softarm.fakes.qtm.measurement import Cameras, MarkerBody, MotionMeasurement, measurement_faults
+from softarm.fakes.qtm.measurement import MotionMeasurement, measurement_faults
 from softarm.fakes.qtm.packets import MeasuredFrame
 from softarm.fakes.qtm.server import SERVER_FAULTS, spoil
 from softarm.fakes.qtm.session import ClientSession, parse_stream
 from softarm.fakes.qtm.settings import parameters
+from softarm.fakes.signals import plainly
 from softarm.fakes.still import StillArm
 
 NAMES = ("base", "intermediate", "tip")
@@ -151,8 +153,9 @@ class TestFrames:
     def make(self, **cameras):
         arm = StillArm()
         faults = FaultBoard("qtm", (*SERVER_FAULTS, *measurement_faults(NAMES)))
-        bodies = [MarkerBody(name, name) for name in NAMES]
-        return arm, faults, MotionMeasurement(bodies, arm.sections, Cameras(**cameras), faults)
+        bodies = tuple(BodyPart(name=name, section=name) for name in NAMES)
+        part = QtmPart(name="qtm", kind="qualisys", bodies=bodies, **cameras)
+        return arm, faults, MotionMeasurement(part, arm.sections, {}, faults, 0, plainly)
 
     def test_time_and_number_begin_with_the_measurement(self):
         arm, _, measurement = self.make()
@@ -169,7 +172,7 @@ class TestFrames:
         assert measurement.next_time() == pytest.approx(10.01 / 1.001)
 
     def test_positions_are_millimetres_with_noise_of_the_stated_size(self):
-        arm, _, measurement = self.make(position_noise=1e-4)
+        arm, _, measurement = self.make(position_noise_m=1e-4)
         heights = [measurement.capture(arm.state).bodies[2].position[2] for _ in range(400)]
         mean = sum(heights) / 400
         assert mean == pytest.approx(-290.0, abs=0.02)

@@ -27,14 +27,13 @@ from softarm.fakes.parts import (
     XbusPart,
 )
 from softarm.fakes.plant.state import Plant
-from softarm.fakes.qtm.measurement import Cameras, MarkerBody, MotionMeasurement, measurement_faults
+from softarm.fakes.qtm.measurement import MotionMeasurement, measurement_faults
 from softarm.fakes.qtm.server import SERVER_FAULTS
-from softarm.fakes.serial.attitude import Mounting
 from softarm.fakes.serial.bend import BendBoard, bend_faults
 from softarm.fakes.serial.bno import BNO_FAULTS, BnoRvc
 from softarm.fakes.serial.instrument import Instrument
 from softarm.fakes.serial.line_gauge import LINE_GAUGE_FAULTS, LineGauge
-from softarm.fakes.serial.load_cell import CellFigures
+from softarm.fakes.serial.load_cell import LoadCell
 from softarm.fakes.serial.lutron import LUTRON_FAULTS, LutronGauge
 from softarm.fakes.serial.mark10 import MARK10_FAULTS, FakeMark10
 from softarm.fakes.serial.quaternion_line import QUATERNION_LINE_FAULTS, QuaternionLine
@@ -124,13 +123,11 @@ def build_measurement(part: QtmPart, around: DeviceSurroundings, faults: FaultBo
     Raises:
         InputError: A body names a section that the arm does not have.
     """
-    sections, bodies = around.plant.sections, []
+    sections = around.plant.sections
     for body in part.bodies:
         _index(part, body.section, sections)
-        x, y, z = around.misalignments.get(body.section, np.zeros(3)).tolist()
-        bodies.append(MarkerBody(body.name, body.section, body.offset_m, body.rotation_rad, (x, y, z)))
-    cameras = Cameras(part.rate_hz, part.position_noise_m, part.angle_noise_rad, part.clock_ppm)
-    return MotionMeasurement(bodies, sections, cameras, faults, seed_of(around.seed, part.name), around.see)
+    seed = seed_of(around.seed, part.name)
+    return MotionMeasurement(part, sections, around.misalignments, faults, seed, around.see)
 
 
 def build_instrument(part: SerialPart, around: DeviceSurroundings, faults: FaultBoard) -> Instrument:
@@ -141,46 +138,37 @@ def build_instrument(part: SerialPart, around: DeviceSurroundings, faults: Fault
     """
     seed, plant = seed_of(around.seed, part.name), around.plant
     if isinstance(part, GaugePart):
-        return _build_gauge(part, faults, seed, around.see)
+        return _build_gauge(part, faults, LoadCell(part, faults, seed, around.see))
     if isinstance(part, InertialPart):
         return _build_inertial(part, plant, faults, seed)
     assert isinstance(part, BendPart)
     for name in filter(None, part.sensors):
         _index(part, name, plant.segments)
-    return BendBoard(
-        faults, plant.segments, part.sensors, part.rate_hz, part.noise_rad, part.boot_s, part.baud, seed,
-        resets_on_open=part.resets_on_open, see=around.see, sections=plant.sections,
-    )  # fmt: skip
+    return BendBoard(part, faults, plant, seed, around.see)
 
 
-def _build_gauge(part: GaugePart, faults: FaultBoard, seed: int, see: See) -> Instrument:
-    cell = CellFigures(part.full_scale_n, part.noise_n, part.drift_n_per_s, see)
+def _build_gauge(part: GaugePart, faults: FaultBoard, cell: LoadCell) -> Instrument:
     if isinstance(part, LutronPart):
-        return LutronGauge(faults, cell, part.rate_hz, part.unit, part.baud, seed)
+        return LutronGauge(part, faults, cell)
     if isinstance(part, Mark10Part):
-        return FakeMark10(faults, cell, part.unit, part.baud, seed)
+        return FakeMark10(part, faults, cell)
     if isinstance(part, SauterPart):
-        return FakeSauter(faults, cell, part.baud, seed)
+        return FakeSauter(part, faults, cell)
     assert isinstance(part, LineGaugePart)
-    return LineGauge(
-        faults, cell, part.rate_hz, part.unit, part.decimals,
-        prints_unit=part.prints_unit, baud=part.baud, seed=seed,
-    )  # fmt: skip
+    return LineGauge(part, faults, cell)
 
 
 def _build_inertial(part: InertialPart, plant: Plant, faults: FaultBoard, seed: int) -> Instrument:
-    def mounting(section: str) -> Mounting:
-        index = _index(part, section, plant.sections)
-        return Mounting(index, part.rotation_rad, part.noise_rad, part.drift_rad_per_s)
-
+    if isinstance(part, QuaternionLinePart):
+        sections = [_index(part, name, plant.sections) for name in part.sections]
+        return QuaternionLine(part, faults, sections, seed)
+    section = _index(part, part.section, plant.sections)
     if isinstance(part, BnoPart):
-        return BnoRvc(faults, mounting(part.section), part.rate_hz, part.baud, seed)
+        return BnoRvc(part, faults, section, seed)
     if isinstance(part, WitMotionPart):
-        return WitMotion(faults, mounting(part.section), part.baud, needs_unlock=part.needs_unlock, seed=seed)
-    if isinstance(part, XbusPart):
-        return XbusModule(faults, mounting(part.section), part.rate_hz, part.clock_ppm, part.baud, seed)
-    assert isinstance(part, QuaternionLinePart)
-    return QuaternionLine(faults, [mounting(name) for name in part.sections], part.rate_hz, part.baud, seed)
+        return WitMotion(part, faults, section, seed)
+    assert isinstance(part, XbusPart)
+    return XbusModule(part, faults, section, seed)
 
 
 def _index(part: DevicePart, name: str, names: Sequence[str]) -> int:

@@ -164,7 +164,15 @@ class SauterPart(GaugePart):
 
 
 class LineGaugePart(GaugePart):
-    """Home-made gauge: a number per line."""
+    """Home-made gauge: a number per line.
+
+    Attributes:
+        rate_hz: Lines per second: 10 or 80 on an HX711.
+        unit: Unit of the number.
+        decimals: Digits after the point.
+        prints_unit: Whether the unit stands behind the number.
+        baud: Speed of the line [bit/s].
+    """
 
     kind: Literal["line_gauge"]
     rate_hz: Positive = 80.0
@@ -219,7 +227,7 @@ class BnoPart(InertialPart):
 
 
 class WitMotionPart(InertialPart):
-    """WitMotion module; ``needs_unlock``: commands count only after the unlock command."""
+    """WitMotion module; ``needs_unlock``: commands count only within 10 s of the unlock command."""
 
     kind: Literal["witmotion"]
     baud: int = 9600
@@ -227,7 +235,7 @@ class WitMotionPart(InertialPart):
 
 
 class XbusPart(InertialPart):
-    """Xsens module on Xbus."""
+    """Xsens module on Xbus; ``clock_ppm``: how much too fast its clock runs."""
 
     kind: Literal["xbus"]
     rate_hz: Positive = 100.0

@@ -200,11 +200,9 @@ class Rig:
             )
         elif isinstance(part, QtmPart):
             measurement = build_measurement(part, around, board)
-            major, minor = part.newest_version.split(".")
             self.qtm_servers[part.name] = QtmServer(
-                measurement, lambda: self.state, board, self.clock, scenario.host, part.port,
-                (int(major), int(minor)), part.password, part.latency_s,
-            )  # fmt: skip
+                part, measurement, lambda: self.state, board, self.clock, scenario.host
+            )
         elif isinstance(part, SerialPart):
             link = part.link or self._runtime_dir / part.name
             instrument = build_instrument(part, around, board)

@@ -1,59 +1,19 @@
 """A measurement: frames at the camera rate, with what cameras and operators do to them."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.parts import BodyPart, QtmPart
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.qtm.packets import MeasuredFrame, PacketBody
-from softarm.fakes.rotation import Quaternion, Vector, from_rotation_vector, matrix, multiply, rotate
-from softarm.fakes.signals import See, plainly
+from softarm.fakes.rotation import Quaternion, from_rotation_vector, matrix, multiply, rotate
+from softarm.fakes.signals import See
 
 MILLIMETRES = 1e3
 QUIET_NAN = float("nan")
-
-
-@dataclass(frozen=True)
-class MarkerBody:
-    """A rigid body of markers.
-
-    Args:
-        name: Its name in the settings.
-        section: Rigid section of the arm that carries it.
-        offset: Its origin in the section's frame [m].
-        rotation: Its axes in the section's frame, as a rotation vector [rad].
-        misalignment: Rotation vector by which its mount differs from the section's frame [rad].
-    """
-
-    name: str
-    section: str
-    offset: Vector = (0.0, 0.0, 0.0)
-    rotation: Vector = (0.0, 0.0, 0.0)
-    misalignment: Vector = (0.0, 0.0, 0.0)
-
-    @property
-    def axes(self) -> Quaternion:
-        """Rotation from the body's axes to the section's."""
-        return multiply(from_rotation_vector(self.misalignment), from_rotation_vector(self.rotation))
-
-
-@dataclass(frozen=True)
-class Cameras:
-    """What the camera system is like.
-
-    Args:
-        rate: Frames per second.
-        position_noise: Standard deviation of a coordinate [m].
-        angle_noise: Standard deviation of an angle [rad].
-        clock_ppm: How much too fast the camera clock runs.
-    """
-
-    rate: float = 100.0
-    position_noise: float = 3e-5
-    angle_noise: float = 3e-4
-    clock_ppm: float = 0.0
 
 
 def measurement_faults(bodies: Sequence[str]) -> tuple[Fault, ...]:
@@ -97,9 +57,9 @@ class MotionMeasurement:
     """Turns snapshots of the arm into frames.
 
     Args:
-        bodies: The bodies, in the order of the settings.
+        part: The motion capture.
         sections: Names of the arm's sections.
-        cameras: The camera system.
+        misalignments: Rotation vector of the mount on each named section [rad].
         faults: The board with at least ``measurement_faults``.
         seed: Seed of the noise.
         see: What is concealed in a ``pose``.
@@ -107,18 +67,19 @@ class MotionMeasurement:
 
     def __init__(
         self,
-        bodies: Sequence[MarkerBody],
+        part: QtmPart,
         sections: Sequence[str],
-        cameras: Cameras,
+        misalignments: Mapping[str, Floats],
         faults: FaultBoard,
-        seed: int = 0,
-        see: See = plainly,
+        seed: int,
+        see: See,
     ) -> None:
-        self._see = see
-        self.bodies = list(bodies)
-        self.cameras = cameras
+        self.part = part
+        self.bodies = list(part.bodies)
         self.start_time = 0.0
+        self._see = see
         self._sections = list(sections)
+        self._misalignments = misalignments
         self._faults = faults
         self._random = np.random.default_rng(seed)
         self._number = 0
@@ -130,9 +91,7 @@ class MotionMeasurement:
 
     def next_time(self) -> float:
         """Return the time of the next exposure [s] on the fakes' clock."""
-        return self.start_time + (self._number + 1) / (
-            self.cameras.rate * (1 + 1e-6 * self.cameras.clock_ppm)
-        )
+        return self.start_time + (self._number + 1) / (self.part.rate_hz * (1 + 1e-6 * self.part.clock_ppm))
 
     def capture(self, state: PlantState) -> MeasuredFrame | None:
         """Measure the next frame of a snapshot; None when it is the first of a gap."""
@@ -143,7 +102,7 @@ class MotionMeasurement:
         if self._faults.hit("frozen_preview"):
             time_us, number = 0, 1
         else:
-            time_us, number = round(self._number * 1e6 / self.cameras.rate), self._number
+            time_us, number = round(self._number * 1e6 / self.part.rate_hz), self._number
         lost = self._named("body_lost")
         rate = self._faults.hit("drop_rate")
         drop_rate = int(rate["per_mille"]) if rate else 0
@@ -158,8 +117,8 @@ class MotionMeasurement:
 
     def skip_to(self, time: float) -> None:
         """Leave out the frames whose exposure is more than a second past, as QTM does when late."""
-        behind = int((time - self.next_time()) * self.cameras.rate)
-        if behind > self.cameras.rate:
+        behind = int((time - self.next_time()) * self.part.rate_hz)
+        if behind > self.part.rate_hz:
             self._number += behind
 
     def _named(self, fault: str) -> set[str]:
@@ -172,20 +131,25 @@ class MotionMeasurement:
             self._faults.hit(fault)
         return struck
 
-    def _pose(self, body: MarkerBody, state: PlantState) -> PacketBody:
+    def _pose(self, body: BodyPart, state: PlantState) -> PacketBody:
         index = self._sections.index(body.section)
         true = np.concatenate([state.positions[index], state.quaternions[index]])
         measured = self._see("pose", f"frame_{body.section}", state.time, true)
         w, x, y, z = (float(c) for c in measured[3:])
         section: Quaternion = (w, x, y, z)
-        origin = measured[:3] + np.array(rotate(section, body.offset))
+        origin = measured[:3] + np.array(rotate(section, body.offset_m))
         noise = self._random.standard_normal(7)
-        origin = (origin + self.cameras.position_noise * noise[:3]) * MILLIMETRES
-        wobble = from_rotation_vector(tuple(self.cameras.angle_noise * noise[3:6]))
-        rows = matrix(multiply(multiply(section, body.axes), wobble))
+        origin = (origin + self.part.position_noise_m * noise[:3]) * MILLIMETRES
+        wobble = from_rotation_vector(tuple(self.part.angle_noise_rad * noise[3:6]))
+        rows = matrix(multiply(multiply(section, self._axes(body)), wobble))
         by_columns = tuple(rows[row][column] for column in range(3) for row in range(3))
-        residual = abs(float(noise[6])) * self.cameras.position_noise * MILLIMETRES
+        residual = abs(float(noise[6])) * self.part.position_noise_m * MILLIMETRES
         return PacketBody((float(origin[0]), float(origin[1]), float(origin[2])), by_columns, residual)
+
+    def _axes(self, body: BodyPart) -> Quaternion:
+        """Return the rotation from a body's axes to those of its section."""
+        x, y, z = self._misalignments.get(body.section, np.zeros(3)).tolist()
+        return multiply(from_rotation_vector((x, y, z)), from_rotation_vector(body.rotation_rad))
 
 
 def _nothing() -> PacketBody:

@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 
 from softarm.fakes.clock import Clock
 from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.parts import QtmPart
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.qtm import packets
 from softarm.fakes.qtm.measurement import MotionMeasurement
 from softarm.fakes.qtm.packets import HEADER, MeasuredFrame
 from softarm.fakes.qtm.session import WELCOME, ClientSession, FrameStream
-from softarm.fakes.qtm.settings import Version
 
 MOST_CLIENTS = 10
 LONGEST_COMMAND = 65536
@@ -50,41 +50,36 @@ class QtmServer:
     """QTM with one project: a measurement, its settings and up to ten clients.
 
     Args:
+        part: Its description.
         measurement: Source of the frames.
         state: Gives the latest snapshot of the arm.
         faults: The board with at least ``SERVER_FAULTS`` and the faults of the measurement.
         clock: The fakes' clock.
         host: Address to listen on.
-        port: Little-endian TCP port, 0 for a free one.
-        newest_version: Newest protocol version it speaks.
-        password: Password of client control.
-        latency: From exposure to the packet on the wire [s].
     """
 
     def __init__(
         self,
+        part: QtmPart,
         measurement: MotionMeasurement,
         state: Callable[[], PlantState],
         faults: FaultBoard,
         clock: Clock,
-        host: str = "127.0.0.1",
-        port: int = 0,
-        newest_version: Version = (1, 25),
-        password: str = "",
-        latency: float = 4e-3,
+        host: str,
     ) -> None:
         self.measurement = measurement
         self.faults = faults
-        self.host, self.port = host, port
-        self.newest_version = newest_version
-        self.password = password
+        self.host, self.port = host, part.port
+        major, minor = part.newest_version.split(".")
+        self.newest_version = (int(major), int(minor))
+        self.password = part.password
         self.clients: set[_Client] = set()
         self.master: ClientSession | None = None
         self.last_event = CAPTURE_STARTED
         self.last_frame: MeasuredFrame | None = None
         self._state = state
         self._clock = clock
-        self._latency = latency
+        self._latency = part.latency_s
         self._all_bodies = list(measurement.bodies)
         self._running = True
         self._server: asyncio.Server | None = None
@@ -96,7 +91,7 @@ class QtmServer:
     @property
     def rate(self) -> float:
         """Camera rate [Hz]."""
-        return self.measurement.cameras.rate
+        return self.measurement.part.rate_hz
 
     @property
     def body_names(self) -> Sequence[str]:

@@ -1,15 +1,15 @@
 """The lab's Arduino with BendLabs sensors: lines of angles in degrees (``devices.md`` section 5)."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.fakes.faults import Fault, FaultBoard
-from softarm.fakes.plant.state import PlantState
+from softarm.fakes.parts import BendPart
+from softarm.fakes.plant.state import Plant, PlantState
 from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
-from softarm.fakes.signals import See, plainly
+from softarm.fakes.signals import See
 
 DEAD_ZONE_DEGREES = 0.5
 CUTOFF_HZ, FILTER_HZ = 20.0, 100.0
@@ -68,33 +68,23 @@ class BendBoard(Instrument):
     angle has moved by more than half a degree.
 
     Args:
+        part: Its description; its speed paces the line, but that of the host does not matter (native USB).
         faults: The board with ``bend_faults``.
-        segments: Names of the arm's segments.
-        sensors: Segment under each sensor, distal first; an empty name for a sensor that lies on the bench.
-        rate: Lines per second.
-        noise: Standard deviation before the filter [rad].
-        boot_time: Silence after power-on [s].
-        baud: Speed that paces the line [bit/s]; native USB, so the host's speed does not matter.
+        plant: The arm.
         seed: Seed of the noise.
-        resets_on_open: Whether it boots when a host opens the port, as an Uno or Mega does.
         see: What is concealed in a ``bend``, given for each segment as ``bend_<section below it>``.
-        sections: Names of the arm's sections.
     """
 
     checks_baud = False
 
-    def __init__(
-        self, faults: FaultBoard, segments: Sequence[str], sensors: Sequence[str], rate: float = 90.0,
-        noise: float = 2e-3, boot_time: float = 1.5, baud: int = 115200, seed: int = 0,
-        *, resets_on_open: bool = False, see: See = plainly, sections: Sequence[str] = (),
-    ) -> None:  # fmt: skip
-        super().__init__(faults, baud, rate)
-        self.resets_on_open = resets_on_open
+    def __init__(self, part: BendPart, faults: FaultBoard, plant: Plant, seed: int, see: See) -> None:
+        super().__init__(faults, part.baud, part.rate_hz)
+        self.resets_on_open = part.resets_on_open
         self._see = see
-        self._sensors = [f"bend_{section}" for section in sections[1:]] or list(segments)
-        self._where = [segments.index(name) if name else None for name in sensors]
-        self._noise = noise
-        self._boot_time = boot_time
+        self._channels = [f"bend_{section}" for section in plant.sections[1:]]
+        self._segments = [plant.segments.index(name) if name else None for name in part.sensors]
+        self._noise = part.noise_rad
+        self._boot_time = part.boot_s
         self._random = np.random.default_rng(seed)
         self._filter = biquad(CUTOFF_HZ, FILTER_HZ)
         self._greeted: bool = False
@@ -121,7 +111,7 @@ class BendBoard(Instrument):
         return text + ",".join(f"{angle:.2f}" for angle in angles).encode() + b"\r\n"
 
     def _reset(self) -> None:
-        count = 2 * len(self._where)
+        count = 2 * len(self._segments)
         self._past_in, self._past_out = np.zeros((2, count)), np.zeros((2, count))
         self._shown = np.zeros(count)
         self._greeted = False
@@ -134,10 +124,10 @@ class BendBoard(Instrument):
 
     def _sense(self, state: PlantState) -> Floats:
         """Filter the angles and apply the dead zone [degrees], shape (2 sensors,)."""
-        angles = [0.0, 0.0] * len(self._where)
-        for sensor, segment in enumerate(self._where):
+        angles = [0.0, 0.0] * len(self._segments)
+        for sensor, segment in enumerate(self._segments):
             if segment is not None:
-                measured = self._see("bend", self._sensors[segment], state.time, state.bends[segment])
+                measured = self._see("bend", self._channels[segment], state.time, state.bends[segment])
                 angles[2 * sensor : 2 * sensor + 2] = [float(angle) for angle in measured]
         raw = np.degrees(np.array(angles) + self._random.normal(0.0, self._noise, len(angles)))
         numerator, denominator = self._filter

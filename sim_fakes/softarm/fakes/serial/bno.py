@@ -4,9 +4,10 @@ import math
 import struct
 
 from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.parts import BnoPart
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.rotation import Vector, roll_pitch_yaw
-from softarm.fakes.serial.attitude import Attitude, Mounting
+from softarm.fakes.serial.attitude import Attitude
 from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument, spoiled
 
 MILLI_G = 9.80665e-3
@@ -46,19 +47,16 @@ class BnoRvc(Instrument):
     """The stream of a BNO08x.
 
     Args:
+        part: Its description.
         faults: The board with ``BNO_FAULTS``.
-        mounting: Where it sits.
-        rate: Frames per second.
-        baud: Speed of the line [bit/s].
+        section: Index of the rigid section that carries it.
         seed: Seed of the noise.
     """
 
-    def __init__(
-        self, faults: FaultBoard, mounting: Mounting, rate: float = 100.0, baud: int = 115200, seed: int = 0
-    ) -> None:
-        super().__init__(faults, baud, rate)
-        self._attitude = Attitude(mounting, seed)
-        self._rate = rate
+    def __init__(self, part: BnoPart, faults: FaultBoard, section: int, seed: int) -> None:
+        super().__init__(faults, part.baud, part.rate_hz)
+        self._attitude = Attitude(part, section, seed)
+        self._rate = part.rate_hz
         self._index = 0
 
     def power_on(self, time: float) -> bytes:

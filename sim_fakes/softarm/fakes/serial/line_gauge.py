@@ -3,9 +3,10 @@
 import math
 
 from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.parts import LineGaugePart
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
-from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, CellFigures, LoadCell
+from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell
 
 MALFORMED = {"nan": b"nan", "inf": b"inf", "text": b"HX711 not found", "long": b"1" * 400, "empty": b""}
 
@@ -21,25 +22,17 @@ class LineGauge(Instrument):
     """A stream of lines ``value[ unit]``; an overload reads ``S +``.
 
     Args:
+        part: Its description.
         faults: The board with ``LINE_GAUGE_FAULTS``.
         cell: Its load cell.
-        rate: Lines per second: 10 or 80 on an HX711.
-        unit: Unit of the number.
-        decimals: Digits after the point.
-        prints_unit: Whether the unit stands behind the number.
-        baud: Speed of the line [bit/s].
-        seed: Seed of the noise.
     """
 
     checks_baud = False
 
-    def __init__(
-        self, faults: FaultBoard, cell: CellFigures, rate: float = 80.0, unit: str = "g", decimals: int = 1,
-        *, prints_unit: bool = True, baud: int = 115200, seed: int = 0,
-    ) -> None:  # fmt: skip
-        super().__init__(faults, baud, rate)
-        self._cell = LoadCell(faults, cell, seed)
-        self._unit, self._decimals, self._prints_unit = unit, decimals, prints_unit
+    def __init__(self, part: LineGaugePart, faults: FaultBoard, cell: LoadCell) -> None:
+        super().__init__(faults, part.baud, part.rate_hz)
+        self._part = part
+        self._cell = cell
 
     def update(self, time: float, state: PlantState) -> bytes:
         """Send the line that is due."""
@@ -48,11 +41,11 @@ class LineGauge(Instrument):
             return b""
         if malformed := self.faults.hit("malformed"):
             return MALFORMED[str(malformed["kind"])] + b"\r\n"
-        value = self._cell.pull(state) / NEWTONS_PER[self._unit]
+        value = self._cell.pull(state) / NEWTONS_PER[self._part.unit]
         if math.isinf(value):
             return b"S +\r\n"
-        unit = f" {self._unit}" if self._prints_unit else ""
-        return f"{value:.{self._decimals}f}{unit}\r\n".encode()
+        unit = f" {self._part.unit}" if self._part.prints_unit else ""
+        return f"{value:.{self._part.decimals}f}{unit}\r\n".encode()
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
         """Handle ``t``, the tare command."""

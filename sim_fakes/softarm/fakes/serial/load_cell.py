@@ -1,12 +1,11 @@
 """The load cell inside a force gauge: what the cord pulls, with noise, zero and range."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.parts import GaugePart
 from softarm.fakes.plant.state import PlantState
-from softarm.fakes.signals import See, plainly
+from softarm.fakes.signals import See
 
 STANDARD_GRAVITY = 9.80665
 NEWTONS_PER = {
@@ -27,36 +26,20 @@ GAUGE_FAULTS = (
 )
 
 
-@dataclass(frozen=True)
-class CellFigures:
-    """Figures of a load cell.
-
-    Args:
-        full_scale: Largest load either way [N]; 5 kg.
-        noise: Standard deviation of a reading [N].
-        drift: Drift of the zero [N/s].
-        see: What is concealed in a ``gauge``.
-    """
-
-    full_scale: float = 5.0 * STANDARD_GRAVITY
-    noise: float = 0.004
-    drift: float = 0.0
-    see: See = plainly
-
-
 class LoadCell:
     """A load cell on the cord; pull is positive.
 
     Args:
+        part: The gauge around it.
         faults: The board with at least ``GAUGE_FAULTS``.
-        cell: Its figures.
         seed: Seed of the noise.
+        see: What is concealed in a ``gauge``.
     """
 
-    def __init__(self, faults: FaultBoard, cell: CellFigures, seed: int) -> None:
-        self._see = cell.see
+    def __init__(self, part: GaugePart, faults: FaultBoard, seed: int, see: See) -> None:
+        self._part = part
         self._faults = faults
-        self._cell = cell
+        self._see = see
         self._random = np.random.default_rng(seed)
         self._zero = 0.0
 
@@ -65,9 +48,9 @@ class LoadCell:
         if self._faults.hit("operator_zero"):
             self.press_zero(state)
         load = self._load(state)
-        if self._faults.hit("over_range") or abs(load) > 1.02 * self._cell.full_scale:
+        if self._faults.hit("over_range") or abs(load) > 1.02 * self._part.full_scale_n:
             return float("inf")
-        return load - self._zero + float(self._random.normal(0.0, self._cell.noise))
+        return load - self._zero + float(self._random.normal(0.0, self._part.noise_n))
 
     def press_zero(self, state: PlantState) -> None:
         """Make the present load the zero."""
@@ -81,4 +64,4 @@ class LoadCell:
         offset = self._faults.active("offset")
         shift = float(offset["newtons"]) if offset else 0.0
         pull = self._see("gauge", "gauge_cord", state.time, np.array([state.cord_force]))
-        return float(pull[0]) + shift + self._cell.drift * state.time
+        return float(pull[0]) + shift + self._part.drift_n_per_s * state.time

@@ -3,9 +3,10 @@
 import math
 
 from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.parts import LutronPart
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
-from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, CellFigures, LoadCell
+from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell
 
 UNITS = {"kg": (b"55", 3), "lb": (b"56", 3), "g": (b"57", 0), "oz": (b"58", 2), "N": (b"59", 2)}
 
@@ -37,26 +38,15 @@ class LutronGauge(Instrument):
     """The stream of a Lutron force gauge.
 
     Args:
+        part: Its description.
         faults: The board with ``LUTRON_FAULTS``.
         cell: Its load cell.
-        rate: Readings per second, at most 60.
-        unit: Unit that is set.
-        baud: Speed of the line [bit/s].
-        seed: Seed of the noise.
     """
 
-    def __init__(
-        self,
-        faults: FaultBoard,
-        cell: CellFigures,
-        rate: float = 20.0,
-        unit: str = "g",
-        baud: int = 9600,
-        seed: int = 0,
-    ) -> None:
-        super().__init__(faults, baud, rate)
-        self._cell = LoadCell(faults, cell, seed)
-        self._unit = unit
+    def __init__(self, part: LutronPart, faults: FaultBoard, cell: LoadCell) -> None:
+        super().__init__(faults, part.baud, part.rate_hz)
+        self._cell = cell
+        self._unit = part.unit
 
     def update(self, time: float, state: PlantState) -> bytes:
         """Send the reading that is due."""

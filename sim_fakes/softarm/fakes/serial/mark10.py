@@ -4,10 +4,11 @@ import math
 import re
 
 from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.parts import Mark10Part
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.beat import Beat
 from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
-from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, CellFigures, LoadCell
+from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell
 
 UNITS = {
     "N": ("N", 3, "N"), "KN": ("kN", 6, "kN"), "MN": ("mN", 0, "mN"), "LB": ("lbF", 4, "lb"),
@@ -32,19 +33,15 @@ class FakeMark10(Instrument):
     """A gauge that answers commands and streams when asked to; tension reads negative.
 
     Args:
+        part: Its description.
         faults: The board with ``MARK10_FAULTS``.
         cell: Its load cell.
-        unit: Unit that is set, a key of ``UNITS``.
-        baud: Speed of the line [bit/s].
-        seed: Seed of the noise.
     """
 
-    def __init__(
-        self, faults: FaultBoard, cell: CellFigures, unit: str = "N", baud: int = 115200, seed: int = 0
-    ) -> None:
-        super().__init__(faults, baud)
-        self._cell = LoadCell(faults, cell, seed)
-        self._unit = unit
+    def __init__(self, part: Mark10Part, faults: FaultBoard, cell: LoadCell) -> None:
+        super().__init__(faults, part.baud)
+        self._cell = cell
+        self._unit: str = part.unit
         self._peaks = {"T": 0.0, "C": 0.0}
         self._filters = {"C": 3, "P": 1}
         self._auto_off = 5

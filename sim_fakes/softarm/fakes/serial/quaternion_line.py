@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.parts import QuaternionLinePart
 from softarm.fakes.plant.state import PlantState
-from softarm.fakes.serial.attitude import Attitude, Mounting
+from softarm.fakes.serial.attitude import Attitude
 from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
 
 MALFORMED = {
@@ -25,26 +26,20 @@ QUATERNION_LINE_FAULTS = (
 
 
 class QuaternionLine(Instrument):
-    """Prints one line per sensor and turn, with two decimals.
+    """Prints one line per sensor, with two decimals, ``rate_hz`` times per second.
 
     Args:
+        part: Its description.
         faults: The board with ``QUATERNION_LINE_FAULTS``.
-        mountings: Where the sensors sit; sensor 1 first.
-        rate: Turns per second.
-        baud: Speed of the line [bit/s].
+        sections: Index of the rigid section that carries each sensor, sensor 1 first.
         seed: Seed of the noise.
     """
 
     def __init__(
-        self,
-        faults: FaultBoard,
-        mountings: Sequence[Mounting],
-        rate: float = 8.0,
-        baud: int = 9600,
-        seed: int = 0,
+        self, part: QuaternionLinePart, faults: FaultBoard, sections: Sequence[int], seed: int
     ) -> None:
-        super().__init__(faults, baud, rate)
-        self._attitudes = [Attitude(mounting, seed + k) for k, mounting in enumerate(mountings)]
+        super().__init__(faults, part.baud, part.rate_hz)
+        self._attitudes = [Attitude(part, section, seed + k) for k, section in enumerate(sections)]
 
     def power_on(self, time: float) -> bytes:
         """Start with heading 0."""

@@ -3,9 +3,10 @@
 import math
 
 from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.parts import SauterPart
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
-from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, CellFigures, LoadCell
+from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell
 
 SAUTER_FAULTS = (
     *PORT_FAULTS,
@@ -26,15 +27,14 @@ class FakeSauter(Instrument):
     """A gauge that answers ``9`` with its reading and takes ``2`` for zero.
 
     Args:
+        part: Its description.
         faults: The board with ``SAUTER_FAULTS``.
         cell: Its load cell.
-        baud: Speed of the line [bit/s].
-        seed: Seed of the noise.
     """
 
-    def __init__(self, faults: FaultBoard, cell: CellFigures, baud: int = 9600, seed: int = 0) -> None:
-        super().__init__(faults, baud)
-        self._cell = LoadCell(faults, cell, seed)
+    def __init__(self, part: SauterPart, faults: FaultBoard, cell: LoadCell) -> None:
+        super().__init__(faults, part.baud)
+        self._cell = cell
 
     def next_time(self) -> None:
         """Never speak unasked."""

@@ -5,9 +5,10 @@ import struct
 from collections.abc import Sequence
 
 from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.parts import WitMotionPart
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.rotation import roll_pitch_yaw
-from softarm.fakes.serial.attitude import Attitude, Mounting
+from softarm.fakes.serial.attitude import Attitude
 from softarm.fakes.serial.beat import Beat
 from softarm.fakes.serial.bno import CHECKSUM_FAULT, SLIP_FAULT
 from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument, spoiled
@@ -42,30 +43,17 @@ class WitMotion(Instrument):
     """A module with its registers; commands are ``FF AA register low high``.
 
     Args:
+        part: Its description; its speed is that at power-on.
         faults: The board with ``WITMOTION_FAULTS``.
-        mounting: Where it sits.
-        baud: Speed of the line at power-on [bit/s].
-        needs_unlock: Whether commands count only within 10 s of the unlock command.
-        content: Content mask saved in the module.
-        rate: Rate code saved in the module.
+        section: Index of the rigid section that carries it.
         seed: Seed of the noise.
     """
 
-    def __init__(
-        self,
-        faults: FaultBoard,
-        mounting: Mounting,
-        baud: int = 9600,
-        *,
-        needs_unlock: bool = True,
-        content: int = DEFAULT_CONTENT,
-        rate: int = DEFAULT_RATE,
-        seed: int = 0,
-    ) -> None:
-        super().__init__(faults, baud, RATES[rate])
-        self._attitude = Attitude(mounting, seed, zero_heading=False)
-        self._needs_unlock = needs_unlock
-        self._saved = {CONTENT: content, RATE: rate}
+    def __init__(self, part: WitMotionPart, faults: FaultBoard, section: int, seed: int) -> None:
+        super().__init__(faults, part.baud, RATES[DEFAULT_RATE])
+        self._attitude = Attitude(part, section, seed, zero_heading=False)
+        self._needs_unlock = part.needs_unlock
+        self._saved = {CONTENT: DEFAULT_CONTENT, RATE: DEFAULT_RATE}
         self._registers = dict(self._saved)
         self._unlocked_until = -1.0
         self._commands = bytearray()

@@ -3,8 +3,9 @@
 import struct
 
 from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.parts import XbusPart
 from softarm.fakes.plant.state import PlantState
-from softarm.fakes.serial.attitude import Attitude, Mounting
+from softarm.fakes.serial.attitude import Attitude
 from softarm.fakes.serial.bno import CHECKSUM_FAULT, GAP_FAULT, SLIP_FAULT
 from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument, spoiled
 
@@ -43,21 +44,16 @@ class XbusModule(Instrument):
     """A module that measures after ``GoToMeasurement``, or when nobody answers its ``WakeUp``.
 
     Args:
+        part: Its description.
         faults: The board with ``XBUS_FAULTS``.
-        mounting: Where it sits.
-        rate: Data messages per second.
-        clock_ppm: How much too fast its clock runs.
-        baud: Speed of the line [bit/s].
+        section: Index of the rigid section that carries it.
         seed: Seed of the noise.
     """
 
-    def __init__(
-        self, faults: FaultBoard, mounting: Mounting, rate: float = 100.0, clock_ppm: float = 20.0,
-        baud: int = 115200, seed: int = 0,
-    ) -> None:  # fmt: skip
-        super().__init__(faults, baud, rate)
-        self._attitude = Attitude(mounting, seed, zero_heading=False)
-        self._clock = 1.0 + 1e-6 * clock_ppm
+    def __init__(self, part: XbusPart, faults: FaultBoard, section: int, seed: int) -> None:
+        super().__init__(faults, part.baud, part.rate_hz)
+        self._attitude = Attitude(part, section, seed, zero_heading=False)
+        self._clock = 1.0 + 1e-6 * part.clock_ppm
         self._measuring = True
         self._counter = 0
         self._start = 0.0
