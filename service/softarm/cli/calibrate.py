@@ -59,6 +59,7 @@ def command(
     """
     from softarm.analysis.calibration_tables import calibration_tables, drift_table
     from softarm.analysis.offline.inputs import load_recordings, specimen_of, taken_in
+    from softarm.common.files import refuse_existing
     from softarm.estimator.arm import build_arm
     from softarm.estimator.calibration import (
         CalibrationRefusedError,
@@ -75,7 +76,6 @@ def command(
     from softarm.estimator.errors import InputError
     from softarm.estimator.node_by_node import NodeByNode
     from softarm.estimator.specimen import save_specimen
-    from softarm.recordings.files import refuse_existing
 
     if check == (out is not None):
         raise click.UsageError("give either --out FILE, to calibrate, or --check")

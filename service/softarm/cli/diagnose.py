@@ -130,8 +130,8 @@ def command(
     from softarm.analysis.diagnosis.sentences import summary
     from softarm.analysis.diagnosis.workers import workers
     from softarm.analysis.offline.inputs import load_recordings, specimen_of
+    from softarm.common.files import refuse_existing
     from softarm.estimator.specimen import save_specimen
-    from softarm.recordings.files import refuse_existing
 
     robot = specimen_of(specimen, recordings, load_recordings(recordings[:1]))
     request = DiagnosisRequest(recordings, nominal, robot, seed, effects)

@@ -87,9 +87,9 @@ def command(
     from softarm.analysis.offline.resample import resample
     from softarm.analysis.offline.result import as_recording
     from softarm.analysis.plots.estimate import plot_track
+    from softarm.common.files import refuse_existing
     from softarm.estimator.calibration import arrange
     from softarm.recordings import save_recording
-    from softarm.recordings.files import refuse_existing
 
     if out is not None:
         refuse_existing(out, force=force or out.is_dir())

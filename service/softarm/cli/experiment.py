@@ -103,7 +103,7 @@ def everything(write: Path | None, force: bool, **options: Any) -> int:
 
     Example: softarm experiment all --fake --seeds 3 --write docs/experiments.md
     """
-    from softarm.recordings.files import refuse_existing
+    from softarm.common.files import refuse_existing
 
     if write is not None:
         refuse_existing(write, force=force or write.suffix == ".md")
@@ -168,6 +168,7 @@ def _recorded(
     as_json: bool,
     write: Path | None,
 ) -> int:
+    from softarm.common.files import write_whole
     from softarm.experiments.campaign import (
         EXPERIMENTS,
         default_jobs,
@@ -179,7 +180,6 @@ def _recorded(
     from softarm.experiments.page import experiments_page
     from softarm.experiments.plots import plot_results
     from softarm.experiments.seed import SeedPlan
-    from softarm.recordings.files import write_whole
 
     chosen = EXPERIMENTS if name == "all" else (name,)
     numbers = range(1) if seeds is None else range(1, seeds + 1)
@@ -205,9 +205,9 @@ def _recorded(
 
 
 def _live(name: str, settings: "LiveRigSettings", seeds: int | None, *, as_json: bool) -> int:
+    from softarm.common.files import write_whole
     from softarm.estimator.calibration import CalibrationRefusedError
     from softarm.experiments.live_tables import Talk, run_live, run_live_arms
-    from softarm.recordings.files import write_whole
 
     def ask(sentence: str) -> None:
         click.prompt(f"{sentence} Press Enter", default="", show_default=False, err=True)

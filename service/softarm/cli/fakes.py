@@ -12,6 +12,7 @@ import click
 import tomli_w
 
 from softarm.cli.output import force_option, json_option, say, show
+from softarm.common.files import refuse_existing, write_whole
 from softarm.common.shipped import fake_specimen
 from softarm.common.tables import Table
 from softarm.estimator.specimen import load_specimen
@@ -24,7 +25,6 @@ from softarm.fakes.placement import playing
 from softarm.fakes.rig import Rig, running
 from softarm.fakes.scenario import Scenario, check_scenario, read_scenario
 from softarm.fakes.warp import WarpLoop
-from softarm.recordings.files import refuse_existing, write_whole
 
 
 @click.command()

@@ -15,6 +15,7 @@ import click
 
 from softarm.cli.output import progress
 from softarm.common.errors import WorkFailedError
+from softarm.common.files import require_writable
 from softarm.common.rods import cache_directory, known_trusted_rod, trusted_rod
 from softarm.daemon.app import Replay, Service
 from softarm.daemon.config import load_config
@@ -23,7 +24,6 @@ from softarm.daemon.unit import UNIT_FOLDERS
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import Specimen
 from softarm.recordings import load_recording
-from softarm.recordings.files import require_writable
 from softarm_client.errors import ClientError
 
 logger = logging.getLogger(__name__)

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from softarm.common.files import write_whole
 from softarm.common.tables import Table
 from softarm.experiments.figures import Cells
 from softarm.experiments.seed import FAILED, HANDS, IN_REACH, SeedPlan, SeedResult, run_seed
 from softarm.experiments.teaching import CORRECTIONS
-from softarm.recordings.files import write_whole
 
 EXPERIMENTS = ("calibrate", "validate", "force", "teach")
 

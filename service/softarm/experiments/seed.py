@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from softarm.common.errors import WorkFailedError
+from softarm.common.files import write_whole
 from softarm.estimator.arm import default_loads
 from softarm.estimator.calibration import (
     Calibrated,
@@ -43,7 +44,6 @@ from softarm.experiments.subsets import SUBSETS
 from softarm.experiments.teaching import teach_recorded
 from softarm.experiments.validation import pose_errors, rows
 from softarm.recordings import load_recording
-from softarm.recordings.files import write_whole
 from softarm_client.errors import ClientError
 
 CALIBRATION_RUNS = {

@@ -3,16 +3,15 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+from softarm.common.files import refuse_existing, whole_files
 from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.recordings.c3d import read_c3d
-from softarm.recordings.files import refuse_existing, whole_files
 from softarm.recordings.info import format_info, read_info, sidecar
 from softarm.recordings.mcap_reader import read_contents, read_mcap
 from softarm.recordings.mcap_writer import INFO_FILE, write_recording
 from softarm.recordings.qualisys import read_tsv
-from softarm.recordings.table import read_csv, read_parquet, write_csv, write_parquet
 from softarm.recordings.validate import checked_recording
 
 TABLES = (".csv", ".parquet")
@@ -42,10 +41,10 @@ def load_recording(path: Path, column_map: Path | None = None, *, units_checked:
     info = read_info(column_map or sidecar(path))
     source = str(path)
     columns: dict[str, Floats]
-    if path.suffix == ".csv":
-        columns = read_csv(path)
-    elif path.suffix == ".parquet":
-        columns = read_parquet(path)
+    if path.suffix in TABLES:
+        from softarm.recordings.table import read_csv, read_parquet  # Polars, which a service never needs
+
+        columns = read_csv(path) if path.suffix == ".csv" else read_parquet(path)
     elif path.suffix == ".c3d":
         columns = read_c3d(path, info)
     else:
@@ -81,6 +80,8 @@ def save_recording(
         with whole_files(path) as (draft,), draft.open("wb") as file:
             write_recording(recording, file, attachments)
         return (path,)
+    from softarm.recordings.table import write_csv, write_parquet
+
     siblings = [path.parent / name for name in attachments or {}]
     with whole_files(sidecar(path), *siblings, path) as drafts:
         drafts[0].write_bytes(format_info(recording.info))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as fisher
+from scipy.special import fdtri
 
 from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.forward import Forward
@@ -81,7 +81,9 @@ def check_drift(
             f"record one of {', '.join(known)}",
         )
     count = sum(len(own.time) for own in chosen)
-    limit = float(np.sqrt(fisher.isf(SIGNIFICANCE, max(count / NODES_PER_FREEDOM, 1.0), CALIBRATION_FREEDOM)))
+    limit = float(
+        np.sqrt(fdtri(max(count / NODES_PER_FREEDOM, 1.0), CALIBRATION_FREEDOM, 1.0 - SIGNIFICANCE))
+    )
     return tuple(
         _judge(name, float(np.sqrt(np.mean(np.square(groups[name])))), known[name], max(limit, LEAST_RATIO))
         for name in shared

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from softarm.estimator.arrays import Floats
 
@@ -84,7 +84,7 @@ def ljung_box(stretches: Sequence[Floats]) -> tuple[float, float]:
     products = [sum(float(np.nansum(one[k:] * one[:-k])) for one in stretches) for k in range(1, LAGS + 1)]
     correlations = np.array(products) / power
     statistic = count * (count + 2) * float(np.sum(correlations**2 / (count - np.arange(1, LAGS + 1))))
-    return float(np.clip(correlations[0], -1.0, 1.0)), float(chi2.sf(statistic, LAGS))
+    return float(np.clip(correlations[0], -1.0, 1.0)), float(chdtrc(LAGS, statistic))
 
 
 def _rows(stretch: Floats, order: int) -> Floats:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t
+from scipy.special import stdtr
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.admit import Admitted
@@ -313,7 +313,7 @@ def _probability(size: float, spread: float, recordings: int) -> float:
         spread: Its standard deviation.
         recordings: Number of recordings that tell the deviation, beside what was known of it.
     """
-    return float(t.cdf(size / max(spread, 1e-300), WORTH + recordings))
+    return float(stdtr(WORTH + recordings, size / max(spread, 1e-300)))
 
 
 def _timed(splits: Sequence[Split]) -> list[Valve]:

@@ -7,10 +7,9 @@ beside each other and are mixed by how well they predict the measurements (the i
 H. A. P. Blom and Y. Bar-Shalom, IEEE Trans. Autom. Control 33, 1988).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.dynamics.reduced_arm import ReducedArm
@@ -56,11 +55,7 @@ class ForceFilter:
 
     def at(self, arm: ReducedArm, seconds: float) -> "ForceFilter":
         """Return what is known at the next instant, ``seconds`` later."""
-        mean, covariance, weights = _mixed(self.mean, self.covariance, self.weights, seconds)
-        drive = 0.5 * (self.unloaded + arm.unloaded)
-        _predict(mean, covariance, arm.mass, arm.stiffness, drive, seconds)
-        _correct(mean, covariance, weights, arm.stiffness, arm.forces, arm.unloaded, arm.noise)
-        return ForceFilter(mean, covariance, weights, arm.unloaded)
+        return self._mixed(seconds)._predicted(arm, seconds)._corrected(arm)
 
     @property
     def forces(self) -> tuple[Floats, Floats]:
@@ -72,78 +67,59 @@ class ForceFilter:
         within = np.tensordot(self.weights, self.covariance[:, 2 * count :, 2 * count :], 1)
         return mean, within + (self.weights[:, None] * apart).T @ apart
 
-
-@njit(cache=True, nogil=True)
-def _mixed(
-    mean: Floats, covariance: Floats, weights: Floats, seconds: float
-) -> tuple[Floats, Floats, Floats]:
-    """Let the force take on another rate meanwhile: each filter begins at a mixture of all."""
-    filters = len(weights)
-    stay = np.exp(-seconds / DWELL_S)
-    ahead = (1.0 - stay) / (filters - 1) * (1.0 - weights) + stay * weights
-    means, covariances = np.zeros_like(mean), np.zeros_like(covariance)
-    for to in range(filters):
-        shares = weights * (1.0 - stay) / (filters - 1) / ahead[to]
-        shares[to] = weights[to] * stay / ahead[to]
-        for source in range(filters):
-            means[to] += shares[source] * mean[source]
-        for source in range(filters):
-            apart = mean[source] - means[to]
-            covariances[to] += shares[source] * (covariance[source] + np.outer(apart, apart))
-    return means, covariances, ahead
-
-
-@njit(cache=True, nogil=True)
-def _predict(
-    mean: Floats, covariance: Floats, mass: Floats, stiffness: Floats, unloaded: Floats, seconds: float
-) -> None:
-    """Carry motion and forces on by the trapezoidal rule, which neither damps nor diverges; in place."""
-    count = len(unloaded)
-    size = 3 * count
-    lighter = np.linalg.inv(mass)
-    pulled = lighter @ stiffness
-    frequency = np.sqrt(np.trace(pulled) / count)
-    rate = np.zeros((size, size))
-    rate[:count, count : 2 * count] = np.eye(count)
-    rate[count : 2 * count, :count] = -pulled
-    rate[count : 2 * count, count : 2 * count] = -2.0 * DAMPING_RATIO / frequency * pulled
-    rate[count : 2 * count, 2 * count :] = lighter
-    drive = np.zeros(size)
-    drive[count : 2 * count] = pulled @ unloaded
-    half = 0.5 * seconds * rate
-    implicit = np.linalg.inv(np.eye(size) - half)
-    step = implicit @ (np.eye(size) + half)
-    wandering = np.ascontiguousarray(implicit[:, 2 * count :])
-    wander = seconds * wandering @ wandering.T
-    for k in range(len(mean)):
-        mean[k] = step @ mean[k] + seconds * implicit @ drive
-        covariance[k] = step @ covariance[k] @ step.T + RATES[k] ** 2 * wander
-
-
-@njit(cache=True, nogil=True)
-def _correct(
-    mean: Floats,
-    covariance: Floats,
-    weights: Floats,
-    stiffness: Floats,
-    forces: Floats,
-    unloaded: Floats,
-    noise: Floats,
-) -> None:
-    """Compare the forces that would hold the pose at rest, K (u - u_0), with those estimated; in place."""
-    count = len(forces)
-    fit = np.zeros(len(weights))
-    for k in range(len(weights)):
-        seen = stiffness @ np.ascontiguousarray(covariance[k, :count])
-        spread = np.ascontiguousarray(seen[:, :count]) @ stiffness + noise
-        innovation = forces - stiffness @ (mean[k, :count] - unloaded)
-        precision = np.linalg.inv(spread)
-        gain = seen.T @ precision
-        mean[k] += gain @ innovation
-        corrected = covariance[k] - gain @ seen
-        covariance[k] = 0.5 * (corrected + corrected.T)
-        fit[k] = np.log(weights[k]) - 0.5 * (
-            innovation @ precision @ innovation + np.linalg.slogdet(spread)[1]
+    def _mixed(self, seconds: float) -> "ForceFilter":
+        """Let the force take on another rate meanwhile: each filter begins at a mixture of all."""
+        filters = len(self.weights)
+        stay = np.exp(-seconds / DWELL_S)
+        change = np.full((filters, filters), (1.0 - stay) / (filters - 1))
+        np.fill_diagonal(change, stay)
+        ahead = change @ self.weights
+        shares = change * self.weights / ahead[:, None]
+        means = shares @ self.mean
+        apart = self.mean - means[:, None]
+        between = (shares[:, :, None] * apart).transpose(0, 2, 1) @ apart
+        return replace(
+            self, mean=means, covariance=np.tensordot(shares, self.covariance, 1) + between, weights=ahead
         )
-    likely = np.exp(fit - fit.max())
-    weights[:] = likely / likely.sum()
+
+    def _predicted(self, arm: ReducedArm, seconds: float) -> "ForceFilter":
+        """Carry motion and forces on by the trapezoidal rule, which neither damps nor diverges."""
+        count = len(arm.forces)
+        size, speeds = 3 * count, slice(count, 2 * count)
+        lighter = np.linalg.inv(arm.mass)
+        pulled = lighter @ arm.stiffness
+        frequency = np.sqrt(np.trace(pulled) / count)
+        rate = np.zeros((size, size))
+        rate[:count, speeds] = np.eye(count)
+        rate[speeds] = np.hstack([-pulled, -2.0 * DAMPING_RATIO / frequency * pulled, lighter])
+        drive = np.zeros(size)
+        drive[speeds] = pulled @ (0.5 * (self.unloaded + arm.unloaded))
+        half = 0.5 * seconds * rate
+        implicit = np.linalg.inv(np.eye(size) - half)
+        step = implicit @ (np.eye(size) + half)
+        wandering = implicit[:, 2 * count :]
+        wander = seconds * wandering @ wandering.T
+        return replace(
+            self,
+            mean=self.mean @ step.T + seconds * implicit @ drive,
+            covariance=step @ self.covariance @ step.T + RATES[:, None, None] ** 2 * wander,
+        )
+
+    def _corrected(self, arm: ReducedArm) -> "ForceFilter":
+        """Compare the forces that would hold the pose at rest, K (u - u_0), with those estimated."""
+        count = len(arm.forces)
+        seen = arm.stiffness @ self.covariance[:, :count]
+        spread = seen[:, :, :count] @ arm.stiffness + arm.noise
+        innovation = arm.forces - (self.mean[:, :count] - arm.unloaded) @ arm.stiffness
+        precision = np.linalg.inv(spread)
+        gain = seen.transpose(0, 2, 1) @ precision
+        corrected = self.covariance - gain @ seen
+        squares = np.einsum("ki,kij,kj->k", innovation, precision, innovation)
+        fit = np.log(self.weights) - 0.5 * (squares + np.linalg.slogdet(spread)[1])
+        likely = np.exp(fit - fit.max())
+        return ForceFilter(
+            self.mean + np.einsum("kij,kj->ki", gain, innovation),
+            0.5 * (corrected + corrected.transpose(0, 2, 1)),
+            likely / likely.sum(),
+            arm.unloaded,
+        )

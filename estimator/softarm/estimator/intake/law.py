@@ -23,9 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotri
 from scipy.optimize import minimize
-from scipy.signal import lfilter
 
 from softarm.estimator.arrays import Floats, Indices
+from softarm.estimator.simulation.filters import recursion
 
 FILTERS = (0.15, 0.6, 3.0, 15.0)
 """Time constants of the memory [s]: lines and inertia, slow lines, creep, slow creep."""
@@ -78,7 +78,7 @@ class Predictors:
 def first_order(values: Floats, ratio: float) -> Floats:
     """Filter columns by y' = (x - y) / T, T = step / ratio, beginning at rest at the first value."""
     keep = np.exp(-ratio)
-    out: Floats = lfilter([1.0 - keep], [1.0, -keep], values, axis=0, zi=keep * values[:1])[0]
+    out: Floats = recursion(np.full(len(values), keep), (1.0 - keep) * values, values[0].copy())
     return out
 
 

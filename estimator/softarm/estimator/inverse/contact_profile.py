@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from scipy.interpolate import interp1d
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse.estimate import ArmEstimate
@@ -142,16 +141,17 @@ class ContactProfile:
 
     def _share(self, contact: ContactPlace) -> Floats:
         """Return the push to the two candidates beside it: same force, same moment; shape (candidates, 2)."""
-        weights = np.array(
-            [np.interp(contact.height, self.heights, unit) for unit in np.eye(len(self.heights))]
-        )
-        return np.outer(weights, contact.force)
+        return np.outer(self._weights(contact.height), contact.force)
+
+    def _weights(self, heights: Floats | float) -> Floats:
+        """Return the share of each candidate in a push between two, shape (candidates, heights...)."""
+        return np.array([np.interp(heights, self.heights, unit) for unit in np.eye(len(self.heights))])
 
     def _best(self, explained: Floats, to_pushes: Floats, information: Floats) -> ContactPlace:
         """Find the height and force of the least weighted sum of squares."""
         count = len(self.heights)
         fine = np.linspace(self.heights[0], self.heights[-1], FINE * count)
-        columns = interp1d(self.heights, to_pushes.reshape(-1, count, 2), axis=1)(fine)
+        columns = np.einsum("rck,ch->rhk", to_pushes.reshape(-1, count, 2), self._weights(fine))
         weighted = np.einsum("rs,rhk->shk", information, columns)
         normal = np.einsum("shk,shj->hkj", weighted, columns) + np.eye(2) / self.force_sigma**2
         gradient = np.einsum("shk,s->hk", weighted, explained)

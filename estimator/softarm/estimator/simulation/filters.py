@@ -36,13 +36,22 @@ def first_order(time: Floats, values: Floats, lag: float, memory: Memory) -> tup
     kept = np.exp(-steps / lag)
     ahead = values.reshape(len(time), -1) - behind
     ahead -= kept[:, None] * (start.reshape(len(time), -1) - behind)
-    out: Floats = _recursion(kept, ahead, np.ravel(state).astype(np.float64)).reshape(values.shape)
+    out: Floats = recursion(kept, ahead, np.ravel(state).astype(np.float64)).reshape(values.shape)
     return out, (time[-1:], values[-1], out[-1].copy())
 
 
 @njit(cache=True, nogil=True)
-def _recursion(kept: Floats, ahead: Floats, state: Floats) -> Floats:
-    """Return z_k = kept_k z_(k-1) + ahead_k of several columns, shape (samples, columns)."""
+def recursion(kept: Floats, ahead: Floats, state: Floats) -> Floats:
+    """Return z_k = kept_k z_(k-1) + ahead_k of several columns.
+
+    Args:
+        kept: Shape (samples,).
+        ahead: Shape (samples, columns).
+        state: The columns before the first sample, shape (columns,); overwritten.
+
+    Returns:
+        z, shape (samples, columns).
+    """
     out = np.empty_like(ahead)
     for k in range(len(kept)):
         for j in range(len(state)):

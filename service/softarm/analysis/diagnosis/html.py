@@ -7,11 +7,11 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from softarm.analysis.diagnosis import sentences
 from softarm.analysis.diagnosis.figures import draw_arm, draw_exposure, draw_trace
+from softarm.common.files import write_whole
 from softarm.estimator.diagnosis.detection import by_effect
 from softarm.estimator.diagnosis.result import Cell, Diagnosis, LocationMap
 from softarm.estimator.effects.effect import describe
 from softarm.estimator.specimen import Specimen
-from softarm.recordings.files import write_whole
 
 FILE = "report.html"
 TEMPLATE = "report.html.jinja"

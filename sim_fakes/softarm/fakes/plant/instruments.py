@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from softarm.estimator.arrays import Floats
 from softarm.fakes.plant.effects import Concealed, Filter, filters
@@ -185,8 +184,10 @@ def _wander(rng: Random, count: int, width: int, size: float, time: float) -> Fl
     """Draw a slow error of standard deviation ``size``, a first-order process, shape (count, width)."""
     keep = float(np.exp(-SAMPLE / time))
     kicks = rng.normal(0.0, size * np.sqrt(1.0 - keep * keep), (count, width))
-    start = keep * rng.normal(0.0, size, (1, width))
-    return np.asarray(lfilter([1.0], [1.0, -keep], kicks, axis=0, zi=start)[0])
+    error, errors = rng.normal(0.0, size, width), np.empty((count, width))
+    for k in range(count):
+        errors[k] = error = keep * error + kicks[k]
+    return errors
 
 
 def _lost(rng: Random, count: int, instruments: InstrumentQuality) -> NDArray[np.bool_]:

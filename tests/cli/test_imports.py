@@ -1,0 +1,16 @@
+"""What commands load before they begin."""
+
+import subprocess
+import sys
+
+CODE = """
+import sys
+import softarm.analysis.diagnosis.run, softarm.analysis.offline.track, softarm.daemon.app
+import softarm.cli.fakes, softarm.fakes.plant.from_specimen
+print([name for name in ("scipy.stats", "scipy.signal", "polars") if name in sys.modules])
+"""
+
+
+def test_commands_start_without_slow_libraries_that_few_of_them_use() -> None:
+    done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
