@@ -6,8 +6,8 @@ import sys
 CODE = """
 import sys
 import softarm.analysis.diagnosis.run, softarm.analysis.offline.track, softarm.daemon.app
-import softarm.cli.fakes, softarm.fakes.plant.from_specimen
-print([name for name in ("scipy.stats", "scipy.signal", "polars") if name in sys.modules])
+import softarm.cli.fakes, softarm.fakes.plant.from_specimen, softarm.experiments.session
+print([name for name in ("matplotlib", "polars", "scipy.signal", "scipy.stats") if name in sys.modules])
 """
 
 

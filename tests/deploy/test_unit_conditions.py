@@ -86,17 +86,11 @@ def test_the_conditions_are_those_of_the_unit(host, trees, supervisor, environme
     assert written == [".", "/tmp"]
 
 
-def test_the_control_loop_of_a_service_runs_and_asks_for_time_to_build_its_estimator(host, trees, supervisor):
+def test_a_service_asks_for_time_to_build_its_estimator_and_keeps_strangers_out(
+    host, trees, supervisor, tmp_path
+):
+    """The control loop runs meanwhile, and passwords are those of the credentials that are handed over."""
     arm = ARMS[1]
-    socket = supervisor(arm)
-    with unit(host, "softarm", arm).running(trees, socket.address) as process:
-        socket.wait_for("WATCHDOG=1", process)
-        socket.wait_for("EXTEND_TIMEOUT_USEC=", process)
-    assert process.returncode == 0
-    assert (host / f"var/cache/softarm/{arm}/numba").is_dir()
-
-
-def test_credentials_that_are_handed_over_keep_strangers_out(host, trees, supervisor, tmp_path):
     handed = host / "run/credentials"
     handed.mkdir(parents=True)
     with_users("users.json5", handed).rename(handed / "zenoh.json5")
@@ -104,14 +98,16 @@ def test_credentials_that_are_handed_over_keep_strangers_out(host, trees, superv
         os.chown(file, UID, UID)
         file.chmod(0o500 if file == handed else 0o400)  # as systemd leaves them
     operator = as_user("operator", tmp_path)
-    socket = supervisor("users")
-    with unit(host, "softarm", ARMS[0], handed).running(trees, socket.address) as process:
+    socket = supervisor(arm)
+    with unit(host, "softarm", arm, handed).running(trees, socket.address) as process:
         socket.wait_for("WATCHDOG=1", process)
+        socket.wait_for("EXTEND_TIMEOUT_USEC=", process)
         with pytest.raises(UnreachableError):
-            Arm(ARMS[0], endpoint(host, ARMS[0]))
-        with Arm(ARMS[0], endpoint(host, ARMS[0]), zenoh_config=operator) as client:
+            Arm(arm, endpoint(host, arm))
+        with Arm(arm, endpoint(host, arm), zenoh_config=operator) as client:
             assert client.stop().mode == "FAULTED"
     assert process.returncode == 0
+    assert (host / f"var/cache/softarm/{arm}/numba").is_dir()
 
 
 def test_a_page_serves_and_waits_for_its_service(host, trees, supervisor):

@@ -65,7 +65,7 @@ def test_the_demo_starts_fakes_and_service_from_files_of_the_wheel(environment, 
     try:
         while demo.poll() is None and not written.exists():
             try:
-                demo.wait(0.5)
+                demo.wait(0.05)
             except subprocess.TimeoutExpired:
                 continue
         assert demo.poll() is None, demo.communicate()

@@ -33,7 +33,7 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
     Example: softarm demo --once
     """
     from softarm.experiments.force import ForceSettings, summary
-    from softarm.experiments.session import connect, force_on_fakes, plot_force
+    from softarm.experiments.session import connect, force_on_fakes
 
     specimen = str(fake_specimen())
     settings = RigSettings(DEMO_SCENARIO, specimen=specimen, forces_on=("tip",), patience=PATIENCE)
@@ -54,6 +54,8 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
             samples, recording = force_on_fakes(rig, client, force, lambda: advance(1))
         rows = summary(samples)
         show(Table("External force against the gauge", rows, (f"Recording: {recording}",)), as_json=as_json)
+        from softarm.experiments.plots import plot_force  # Matplotlib: the arm need not wait for it
+
         plot_force(samples, out / "force.png")
         say(f"plot: {out / 'force.png'}")
         if not once:

@@ -10,7 +10,30 @@ from matplotlib.figure import Figure
 
 from softarm.analysis.plots.figures import save
 from softarm.common.tables import Cell
+from softarm.experiments.force import ForceSample
 from softarm.experiments.seed import SeedResult, Series
+
+
+def plot_force(samples: list[ForceSample], path: Path) -> None:
+    """Plot estimate and gauge in the paper's form, one panel a condition."""
+    conditions = list(dict.fromkeys(s.condition for s in samples))
+    with mpl.rc_context({"font.size": 9}):
+        figure = Figure(figsize=(5.0 * len(conditions), 3.2), layout="constrained")
+        panels = figure.subplots(1, len(conditions), squeeze=False)[0]
+        for panel, condition in zip(panels, conditions, strict=True):
+            chosen = [s for s in samples if s.condition == condition]
+            steps = range(len(chosen))
+            panel.plot(steps, [s.gauge_n for s in chosen], "k.-", label="gauge")
+            panel.errorbar(
+                steps,
+                [s.estimate_n for s in chosen],
+                [2.0 * s.std_n for s in chosen],
+                fmt="C1o-",
+                label="estimate, 2 std",
+            )
+            panel.set(title=condition, xlabel="step", ylabel="lateral force [N]")
+            panel.legend()
+        save(figure, path)
 
 
 def plot_results(results: Sequence[SeedResult], folder: Path) -> tuple[Path, ...]:

@@ -1,16 +1,11 @@
-"""One experiment on one arm: lease, recording, table, plot."""
+"""One experiment on one arm: connection, lease, recording."""
 
 import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
-import matplotlib as mpl
-from matplotlib.figure import Figure
-
-from softarm.analysis.plots.figures import save
 from softarm.estimator.errors import InputError
 from softarm.experiments.force import ForceSample, ForceSettings, run_fake
 from softarm.experiments.rig import FakeRig
@@ -134,25 +129,3 @@ def force_on_fakes(
         with recorded(client, "force") as paths:
             samples = list(run_fake(client, fakes, settings, advance))
     return samples, paths[0]
-
-
-def plot_force(samples: list[ForceSample], path: Path) -> None:
-    """Plot estimate and gauge in the paper's form, one panel a condition."""
-    conditions = list(dict.fromkeys(s.condition for s in samples))
-    with mpl.rc_context({"font.size": 9}):
-        figure = Figure(figsize=(5.0 * len(conditions), 3.2), layout="constrained")
-        panels = figure.subplots(1, len(conditions), squeeze=False)[0]
-        for panel, condition in zip(panels, conditions, strict=True):
-            chosen = [s for s in samples if s.condition == condition]
-            steps = range(len(chosen))
-            panel.plot(steps, [s.gauge_n for s in chosen], "k.-", label="gauge")
-            panel.errorbar(
-                steps,
-                [s.estimate_n for s in chosen],
-                [2.0 * s.std_n for s in chosen],
-                fmt="C1o-",
-                label="estimate, 2 std",
-            )
-            panel.set(title=condition, xlabel="step", ylabel="lateral force [N]")
-            panel.legend()
-        save(figure, path)
