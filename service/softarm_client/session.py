@@ -14,6 +14,8 @@ from softarm_client.errors import SetupError, UnreachableError
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 LEASE_MS = 1000
 """How soon a silent peer counts as lost; zenoh's own default of 10 s is too long beside an arm."""
+CONNECT_MS = 3000
+"""How long an endpoint is tried [ms]."""
 
 TLS = "transport/link/tls"
 FILE_KEYS = (
@@ -179,5 +181,5 @@ def _overrides(settings: NetworkSettings) -> dict[str, object]:
         overrides["listen/endpoints"] = list(settings.listen)
     if settings.connect:
         overrides["connect/endpoints"] = list(settings.connect)
-        overrides["connect/timeout_ms"] = 3000
+        overrides["connect/timeout_ms"] = CONNECT_MS
     return overrides

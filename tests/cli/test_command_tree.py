@@ -49,6 +49,7 @@ def test_the_exit_statuses_are_those_of_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("softarm_client.session.CONNECT_MS", 100)
     example = ROOT / "examples" / "recordings" / "sopra_pull"
     found = {
         cli.run(["check", "sopra"]),

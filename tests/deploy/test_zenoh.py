@@ -147,7 +147,13 @@ def test_operator_commands_and_neither_overhears_nor_forges(guarded, tmp_path):
     assert "forged" not in {state.advice for state in states}
 
 
-def test_whoever_has_no_password_is_kept_out(guarded, tmp_path):
+@pytest.fixture
+def impatient(monkeypatch):
+    """Let clients try for one second instead of three."""
+    monkeypatch.setattr("softarm_client.session.CONNECT_MS", 1000)
+
+
+def test_whoever_has_no_password_is_kept_out(guarded, impatient, tmp_path):
     strangers = [as_user("viewer", tmp_path, "wrong"), as_user("nobody", tmp_path, "n"), None]
 
     def refused(config):
@@ -155,7 +161,7 @@ def test_whoever_has_no_password_is_kept_out(guarded, tmp_path):
             Arm("test", guarded.endpoint, zenoh_config=config)
         return True
 
-    with ThreadPoolExecutor(len(strangers)) as at_once:  # each tries for three seconds
+    with ThreadPoolExecutor(len(strangers)) as at_once:
         assert all(at_once.map(refused, strangers))
 
 
@@ -192,7 +198,7 @@ def own_endpoint(bus):
     return listening_endpoint(bus.session)
 
 
-async def test_tls_wants_a_certificate(serve, tmp_path):
+async def test_tls_wants_a_certificate(serve, impatient, tmp_path):
     authority = trustme.CA()
     authority.cert_pem.write_to_path(str(tmp_path / "ca.pem"))
     issued = authority.issue_cert("localhost")
