@@ -46,8 +46,13 @@ def _diagnose(sessions: list[Session]) -> DiagnosisOutcome:
 
 
 @pytest.fixture(scope="module")
-def weak() -> DiagnosisOutcome:
-    return _diagnose(trial([WEAK]))
+def weak_sessions() -> list[Session]:
+    return trial([WEAK])
+
+
+@pytest.fixture(scope="module")
+def weak(weak_sessions: list[Session]) -> DiagnosisOutcome:
+    return _diagnose(weak_sessions)
 
 
 def test_nothing_new_is_consistent() -> None:
@@ -107,16 +112,18 @@ def test_a_sensor_that_shows_too_much_is_named_or_offered_beside_a_soft_segment(
     assert set(named) <= {"sensor_scale", "segment_stiffness"}
 
 
-def test_confirming_data_can_only_take_a_finding_back(weak: DiagnosisOutcome) -> None:
+def test_confirming_data_can_only_take_a_finding_back(
+    weak: DiagnosisOutcome, weak_sessions: list[Session]
+) -> None:
     """No fit sees them: where they do not show the effect, it is found, and then not proven."""
-    sessions, unchanged = trial([WEAK]), trial([])
-    split, _ = hold_out(sessions, np.array(model().specimen.pressure_limits))
+    unchanged = trial([])
+    split, _ = hold_out(weak_sessions, np.array(model().specimen.pressure_limits))
     held = {s.name: s.heldout & ~s.reported for s in split}
     held = {name: flags for name, flags in held.items() if flags.any()}
     assert held
     without = [
         replace(s, readings=np.where(held[s.name][:, None], u.readings, s.readings)) if s.name in held else s
-        for s, u in zip(sessions, unchanged, strict=True)
+        for s, u in zip(weak_sessions, unchanged, strict=True)
     ]
     again = _diagnose(without)
     (found,) = weak.accepted
@@ -124,13 +131,12 @@ def test_confirming_data_can_only_take_a_finding_back(weak: DiagnosisOutcome) ->
     assert any("not proven" in note and found.effect.name in note for note in again.diagnosis.notes)
 
 
-def test_reported_data_decide_nothing(weak: DiagnosisOutcome) -> None:
+def test_reported_data_decide_nothing(weak: DiagnosisOutcome, weak_sessions: list[Session]) -> None:
     """Whatever they show, the verdict and the findings are the same; only their errors tell."""
-    sessions = trial([WEAK])
-    split, _ = hold_out(sessions, np.array(model().specimen.pressure_limits))
+    split, _ = hold_out(weak_sessions, np.array(model().specimen.pressure_limits))
     off = [
         replace(one, readings=one.readings + 0.05 * cut.reported[:, None])
-        for one, cut in zip(sessions, split, strict=True)
+        for one, cut in zip(weak_sessions, split, strict=True)
     ]
     again = _diagnose(off)
     assert any(cut.reported.any() for cut in split)
