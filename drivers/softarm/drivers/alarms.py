@@ -64,16 +64,10 @@ class Alarms:
             self.observer()
         return before is None
 
-    def clear(self, key: str) -> bool:
-        """Clear an alarm.
-
-        Returns:
-            Whether it stood.
-        """
-        stood = self._standing.pop(key, None) is not None
-        if stood:
+    def clear(self, key: str) -> None:
+        """Clear an alarm, where it stands."""
+        if self._standing.pop(key, None) is not None:
             self.observer()
-        return stood
 
     def clear_all(self) -> None:
         """Clear every alarm: nothing is known of a device that is gone."""

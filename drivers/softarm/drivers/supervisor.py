@@ -184,8 +184,7 @@ class Supervisor:
         self._heard_ns = self._clock()
         if valid:
             self._valid_ns = self._heard_ns
-            if STALE in self.health.alarms:
-                self.health.alarms.clear(STALE)
+            self.health.alarms.clear(STALE)
 
     @property
     def retrying(self) -> bool:

@@ -91,11 +91,11 @@ class ForceGauge(SerialDevice[FrameT, Force]):
         if sample.over_range:
             self.health.events[OVER_RANGE] += OVER_RANGE not in alarms
             alarms.set(OVER_RANGE, "the load is beyond the range of the gauge", "remove the load")
-        elif OVER_RANGE in alarms:
+        else:
             alarms.clear(OVER_RANGE)
         if not force.unit:
             alarms.set(UNIT, "the gauge does not send its unit", "let it send the unit, or set `unit`")
-        elif UNIT in alarms:
+        else:
             alarms.clear(UNIT)
 
 

@@ -142,7 +142,7 @@ class Mark10Gauge(PolledGauge[Mark10Reply]):
         if not reply.sends_polarity:
             cure = "set the output to send polarity in the gauge's menu"
             self.health.alarms.set(POLARITY, "the gauge inverts or omits the sign", cure)
-        elif POLARITY in self.health.alarms:
+        else:
             self.health.alarms.clear(POLARITY)
         return True
 

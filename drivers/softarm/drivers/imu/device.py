@@ -122,7 +122,7 @@ class Imu(SerialDevice[FrameT, ImuSample], Generic[FrameT]):
             self.health.alarms.set(
                 RATE, "the unit's rate is wrong", cure, value=round(measured, 1), limit=limit, unit="Hz"
             )
-        elif RATE in self.health.alarms:
+        else:
             self.health.alarms.clear(RATE)
 
 

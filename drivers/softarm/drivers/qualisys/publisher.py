@@ -131,8 +131,7 @@ class MotionPublisher:
             key = f"lost:{name}"
             if pose is not None:
                 self._last_visible_ns[name] = measured_ns
-                if key in alarms:
-                    alarms.clear(key)
+                alarms.clear(key)
                 continue
             age_ns = measured_ns - self._last_visible_ns.setdefault(name, measured_ns)
             lost[name] = age_ns / NANOSECONDS

@@ -232,8 +232,7 @@ class QtmSession:
         if isinstance(frame, FrameFault):
             self._health.malformed += 1
             return
-        if WAITING in self._health.alarms:
-            self._health.alarms.clear(WAITING)
+        self._health.alarms.clear(WAITING)
         if not self._publisher.publish(frame, arrival_ns) and not self._names_due:
             self._names_due = True
             self._wake.set()
