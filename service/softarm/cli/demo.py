@@ -32,12 +32,11 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
 
     Example: softarm demo --once
     """
-    from softarm.experiments.force import ForceSettings, summary
+    from softarm.experiments.force import STEPS, summary
     from softarm.experiments.session import connect, force_on_fakes
 
     specimen = str(fake_specimen())
     settings = RigSettings(DEMO_SCENARIO, specimen=specimen, forces_on=("tip",), patience=PATIENCE)
-    force = ForceSettings()
     # Not blocked: the children would inherit that, and could not be asked to end.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with ExitStack() as stack:
@@ -50,8 +49,8 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
         )
         if not once:
             say(stack.enter_context(page).first_line().strip())
-        with progress("force experiment", 2.0 * force.steps) as advance:
-            samples, recording = force_on_fakes(rig, client, force, lambda: advance(1))
+        with progress("force experiment", 2.0 * STEPS) as advance:
+            samples, recording = force_on_fakes(rig, client, lambda: advance(1))
         rows = summary(samples)
         show(Table("External force against the gauge", rows, (f"Recording: {recording}",)), as_json=as_json)
         from softarm.experiments.plots import plot_force  # Matplotlib: the arm need not wait for it

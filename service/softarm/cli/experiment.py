@@ -11,6 +11,7 @@ from softarm.common.tables import as_markdown
 
 if TYPE_CHECKING:
     from softarm.experiments.live import LiveRigSettings
+    from softarm.experiments.seed import SeedPlan
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -143,50 +144,27 @@ def _run(
 
         if seeds is not None and not fake:
             raise click.UsageError("--seeds needs --fake")
-        bench = LiveRigSettings(out, arm, endpoint, specimen, scenario, zenoh_config=zenoh_config)
-        return _live(name, bench, seeds, as_json=as_json)
-    return _recorded(
-        name,
-        seeds=seeds,
-        jobs=jobs,
-        specimen=specimen,
-        out=out,
-        resume=resume,
-        as_json=as_json,
-        write=write,
-    )
-
-
-def _recorded(
-    name: str,
-    *,
-    seeds: int | None,
-    jobs: int | None,
-    specimen: str | None,
-    out: Path,
-    resume: bool,
-    as_json: bool,
-    write: Path | None,
-) -> int:
-    from softarm.common.files import write_whole
-    from softarm.experiments.campaign import (
-        EXPERIMENTS,
-        default_jobs,
-        run_campaign,
-        summary,
-        tables_of,
-        write_json,
-    )
-    from softarm.experiments.page import experiments_page
-    from softarm.experiments.plots import plot_results
+        settings = LiveRigSettings(out, arm, endpoint, specimen, scenario, zenoh_config=zenoh_config)
+        return _live(name, settings, seeds, as_json=as_json)
+    from softarm.experiments.campaign import EXPERIMENTS
     from softarm.experiments.seed import SeedPlan
 
     chosen = EXPERIMENTS if name == "all" else (name,)
-    numbers = range(1) if seeds is None else range(1, seeds + 1)
     plans = [
         SeedPlan(number, out / f"seed{number}", chosen, calibrated=specimen, resume=resume)
-        for number in numbers
+        for number in (range(1) if seeds is None else range(1, seeds + 1))
     ]
+    return _recorded(name, plans, jobs, out, as_json=as_json, write=write)
+
+
+def _recorded(
+    name: str, plans: "list[SeedPlan]", jobs: int | None, out: Path, *, as_json: bool, write: Path | None
+) -> int:
+    from softarm.common.files import write_whole
+    from softarm.experiments.campaign import default_jobs, run_campaign, summary, tables_of, write_json
+    from softarm.experiments.page import experiments_page
+    from softarm.experiments.plots import plot_results
+
     with progress(f"experiment {name}", float(len(plans))) as advance:
         results = run_campaign(plans, jobs or default_jobs(len(plans)), lambda: advance(1))
     tables = (summary(results), *tables_of(results))

@@ -16,37 +16,20 @@ from softarm.experiments.rig_control import (
 )
 from softarm_client import Arm
 
-
-@dataclass(frozen=True)
-class ForceSettings:
-    """How the experiment is run.
-
-    Args:
-        section: Section that the cord is tied to.
-        azimuth_rad: Direction in which the gauge stands from the arm, about the base frame's z.
-        cord_m: Length of the cord.
-        steps: Positions of the gauge, or pressures, at which the arm is looked at.
-        travel_m: How far the gauge moves away: to about 0.67 N, the paper's range, on SoPrA.
-        chamber_pa: Largest pressure of the pressurised part.
-        chambers: Chambers pressurised in it: they bend the arm away from the gauge.
-        settle_s: Wait before each look.
-        look_s: Length of each look.
-    """
-
-    section: str = "tip"
-    azimuth_rad: float = 0.0
-    cord_m: float = 0.30
-    steps: int = 12
-    travel_m: float = 0.065
-    chamber_pa: float = 40e3
-    chambers: tuple[int, ...] = (0, 3)
-    settle_s: float = 1.5
-    look_s: float = 0.5
-
-    @property
-    def direction(self) -> Floats:
-        """Unit vector from the arm to the gauge, shape (3,)."""
-        return np.array([np.cos(self.azimuth_rad), np.sin(self.azimuth_rad), 0.0])
+SECTION = "tip"
+"""Section that the cord is tied to."""
+DIRECTION = np.array([1.0, 0.0, 0.0])
+"""Unit vector from the arm to the gauge, in the base frame."""
+CORD_M = 0.30
+STEPS = 12
+"""Positions of the gauge, and pressures, at which the arm is looked at."""
+TRAVEL_M = 0.065
+"""How far the gauge moves away: to about 0.67 N, the paper's range, on SoPrA."""
+HIGHEST_PA = 40e3
+CHAMBERS = (0, 3)
+"""Chambers pressurised in the second part: they bend the arm away from the gauge."""
+SETTLE_S, LOOK_S = 1.5, 0.5
+"""Wait before each look, and its length."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +56,7 @@ class ForceSample:
         return self.estimate_n - self.gauge_n
 
 
-def sample(condition: str, seen: MeanEstimate, hook: Floats | None, direction: Floats) -> ForceSample:
+def sample(condition: str, mean: MeanEstimate, hook: Floats) -> ForceSample:
     """Compare estimate and gauge in the lateral direction of the cord.
 
     Two lateral forces are estimated at a section; the cord pulls in its own direction u, so that the gauge's
@@ -81,64 +64,60 @@ def sample(condition: str, seen: MeanEstimate, hook: Floats | None, direction: F
 
     Args:
         condition: Name of the condition.
-        seen: Means of the look.
-        hook: Where the cord ends [m]; ``None`` when only its azimuth is known.
-        direction: Azimuth of the gauge as a unit vector.
+        mean: Means of the look.
+        hook: Where the cord ends, in the base frame [m], shape (3,).
     """
-    reach = direction if hook is None else hook - seen.position_m
-    unit = reach / np.linalg.norm(reach)
+    cord = hook - mean.position_m
+    unit = cord / np.linalg.norm(cord)
     share = float(np.linalg.norm(unit[:2]))
     lateral: Floats = np.array([unit[0], unit[1], 0.0]) / share
-    covariance = np.nan_to_num(seen.covariance_n2)  # unknown along the arm only, where `lateral` is 0
+    covariance = np.nan_to_num(mean.covariance_n2)  # unknown along the arm only, where `lateral` is 0
     variance = float(lateral @ covariance @ lateral)
     std = float(np.sqrt(max(variance, 0.0)))
-    return ForceSample(condition, seen.gauge_n * share, float(seen.force_n @ lateral), std, seen.measured_pa)
+    return ForceSample(condition, mean.gauge_n * share, float(mean.force_n @ lateral), std, mean.measured_pa)
 
 
 def run_fake(
-    client: Arm,
-    fakes: FakeControl,
-    settings: ForceSettings,
-    advance: Callable[[], None],
+    client: Arm, fakes: FakeControl, advance: Callable[[], None], steps: int = STEPS
 ) -> Iterator[ForceSample]:
     """Run both parts on the fakes: the gauge steps away; then the arm pulls against the cord.
 
     Args:
         client: The arm's client, with the lease.
         fakes: Control port of the fakes, which moves the gauge.
-        settings: How.
         advance: Called after each look.
+        steps: Looks in each part.
     """
-    collector = Collector(client, settings.section)
-    rest = collector.observe(settings.look_s).position_m
-    for distance in np.linspace(0.0, settings.travel_m, settings.steps):
-        hook = rest + (settings.cord_m + distance) * settings.direction
-        _tie(fakes, settings, hook)
-        _wait(collector, settings)
-        yield sample("not pressurised", collector.observe(settings.look_s), hook, settings.direction)
+    collector = Collector(client, SECTION)
+    rest = collector.observe(LOOK_S).position_m
+    for distance in np.linspace(0.0, TRAVEL_M, steps):
+        hook = rest + (CORD_M + distance) * DIRECTION
+        _tie(fakes, hook)
+        yield _look(collector, "not pressurised", hook)
         advance()
-    hook = rest + settings.cord_m * settings.direction
-    _tie(fakes, settings, hook)
+    hook = rest + CORD_M * DIRECTION
+    _tie(fakes, hook)
     client.arm()
     pressures = [0.0] * len(client.state().measured_pa)
-    for pressure in np.linspace(0.0, settings.chamber_pa, settings.steps):
-        goal = [pressure if k in settings.chambers else 0.0 for k in range(len(pressures))]
-        ramp_pressures(client, pressures, goal, settings.settle_s)
+    for pressure in np.linspace(0.0, HIGHEST_PA, steps):
+        goal = [pressure if k in CHAMBERS else 0.0 for k in range(len(pressures))]
+        ramp_pressures(client, pressures, goal, SETTLE_S)
         pressures = goal
-        _wait(collector, settings)
-        yield sample("pressurised", collector.observe(settings.look_s), hook, settings.direction)
+        yield _look(collector, "pressurised", hook)
         advance()
     client.disarm()
     fakes.ask("cord")
 
 
-def _tie(fakes: FakeControl, settings: ForceSettings, hook: Floats) -> None:
+def _tie(fakes: FakeControl, hook: Floats) -> None:
     place = laboratory_of(fakes)(hook)
-    fakes.ask("cord", section=settings.section, hook_m=place.tolist(), length_m=settings.cord_m)
+    fakes.ask("cord", section=SECTION, hook_m=place.tolist(), length_m=CORD_M)
 
 
-def _wait(collector: Collector, settings: ForceSettings) -> None:
-    collector.observe(settings.settle_s)
+def _look(collector: Collector, condition: str, hook: Floats) -> ForceSample:
+    """Wait until the arm has settled, and look."""
+    collector.observe(SETTLE_S)
+    return sample(condition, collector.observe(LOOK_S), hook)
 
 
 def summary(samples: Sequence[ForceSample]) -> list[dict[str, float | str]]:

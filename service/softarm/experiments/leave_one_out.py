@@ -14,10 +14,9 @@ from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import build_layout
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.response import BatchArmModel
-from softarm.estimator.sensing import MeasuredPose
 from softarm.estimator.specimen import Specimen
 from softarm.experiments.holds import Holds
-from softarm.experiments.validation import PoseErrors, pose_deviation
+from softarm.experiments.validation import PoseErrors, by_section, pose_deviation
 
 
 def leave_one_out_errors(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple[PoseErrors, ...]:
@@ -48,21 +47,13 @@ def leave_one_out_errors(model: BatchArmModel, specimen: Specimen, holds: Holds)
     residual = np.where(np.isfinite(at.innovation), at.innovation, 0.0) / deviations
     jacobian = np.where(np.isfinite(at.innovation)[..., None], at.jacobian, 0.0) / deviations[:, None]
     prior = np.asarray(np.linalg.inv(layout.prior_covariance()), dtype=np.float64)
-    left = without_each(residual, jacobian, prior) * deviations
-    left[~np.isfinite(at.innovation)] = np.nan
-    found = []
-    for sensor in holds.run.suite.measurements:
-        if isinstance(sensor, MeasuredPose):
-            rows = holds.run.suite.slices[sensor.name]
-            spread = np.broadcast_to(deviations[rows], (count, 6))
-            part = left[:, rows]
-            name = sensor.name.removeprefix("frame_")
-            found.append(PoseErrors(name, part[:, :3], part[:, 3:], spread[:, :3], spread[:, 3:]))
-    return tuple(found)
+    innovation = without_each(residual, jacobian, prior) * deviations
+    innovation[~np.isfinite(at.innovation)] = np.nan
+    return by_section(innovation, deviations, holds.run.suite)
 
 
 def without_each(residual: Floats, jacobian: Floats, prior: Floats) -> Floats:
-    """Return what each pose keeps when it is left out of the linear fit.
+    """Return the residual of each pose in a linear fit to the others, shape (poses, rows).
 
     Args:
         residual: Whitened, shape (poses, rows).
@@ -72,8 +63,8 @@ def without_each(residual: Floats, jacobian: Floats, prior: Floats) -> Floats:
     normals = np.einsum("pra,prb->pab", jacobian, jacobian)
     gradients = np.einsum("pra,pr->pa", jacobian, residual)
     normal, gradient = normals.sum(axis=0) + prior, gradients.sum(axis=0)
-    left = np.empty_like(residual)
+    held_out = np.empty_like(residual)
     for index in range(len(residual)):
         step = np.linalg.solve(normal - normals[index], gradient - gradients[index])
-        left[index] = residual[index] - jacobian[index] @ step
-    return left
+        held_out[index] = residual[index] - jacobian[index] @ step
+    return held_out

@@ -178,8 +178,8 @@ def base_to_laboratory(recording: Recording) -> Callable[[Floats], Floats]:
         return lambda points: points
     pose = recording.pose("base")
     first = pose[np.isfinite(pose).all(axis=1)][0]
-    turn = from_quaternions(first[3:])
-    return lambda points: points @ turn.T + first[:3]
+    rotation = from_quaternions(first[3:])
+    return lambda points: points @ rotation.T + first[:3]
 
 
 @dataclass(frozen=True)

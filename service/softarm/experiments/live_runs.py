@@ -71,120 +71,120 @@ def first_azimuths(specimen: Specimen, count: int) -> list[float]:
     return [chamber.azimuth_rad for chamber in specimen.chambers if chamber.segment == first][:count]
 
 
-def validate_live(bench: LiveRig, seed: int) -> Recording:
+def validate_live(rig: LiveRig, seed: int) -> Recording:
     """Go to random poses and hold each."""
-    levels = random_levels(np.random.default_rng(seed), bench.specimen, 12)
-    with bench.recording("validate") as paths:
-        bench.arm()
+    levels = random_levels(np.random.default_rng(seed), rig.specimen, 12)
+    with rig.recording("validate") as paths:
+        rig.arm()
         for level in levels:
-            bench.go(level, ramp_s=1.0, hold_s=3.0)
-            bench.advance()
-        bench.disarm()
-    return bench.load(paths[0])
+            rig.go(level, ramp_s=1.0, hold_s=3.0)
+            rig.advance()
+        rig.disarm()
+    return rig.load(paths[0])
 
 
-def calibrate_live(bench: LiveRig, seed: int, poses: int = 8) -> tuple[Recording, Recording, Recording]:
+def calibrate_live(rig: LiveRig, seed: int, poses: int = 8) -> tuple[Recording, Recording, Recording]:
     """Fill each chamber alone, go to random poses; pull in three directions, vented and under pressure."""
-    with bench.recording("calibrate") as paths:
-        bench.arm()
-        for filled in np.diag(highest_pressures(bench.specimen)):
-            bench.go(filled, ramp_s=4.0, hold_s=1.0)
-            bench.go(np.zeros_like(filled), ramp_s=2.0, hold_s=1.0)
-            bench.advance()
-        for level in random_levels(np.random.default_rng(seed), bench.specimen, poses):
-            bench.go(level, ramp_s=1.0, hold_s=2.5)
-            bench.advance()
-        bench.disarm()
-    moved = bench.load(paths[0])
-    with bench.recording("pulls") as paths:
-        bench.wait(2.0)
-        pull_steps(bench, "tip", turns=(0.0, 2.0, 4.0), steps=8, travel=0.05, rest_s=2.0)
-    pulled = bench.load(paths[0])
-    with bench.recording("pulls_pressurised") as paths:
-        bench.wait(2.0)
-        for azimuth in first_azimuths(bench.specimen, 3):
-            against_the_cord(bench, azimuth, levels=4, ramp_s=1.0, hold_s=2.0)
-    return moved, pulled, bench.load(paths[0])
+    with rig.recording("calibrate") as paths:
+        rig.arm()
+        for filled in np.diag(highest_pressures(rig.specimen)):
+            rig.go(filled, ramp_s=4.0, hold_s=1.0)
+            rig.go(np.zeros_like(filled), ramp_s=2.0, hold_s=1.0)
+            rig.advance()
+        for level in random_levels(np.random.default_rng(seed), rig.specimen, poses):
+            rig.go(level, ramp_s=1.0, hold_s=2.5)
+            rig.advance()
+        rig.disarm()
+    moved = rig.load(paths[0])
+    with rig.recording("pulls") as paths:
+        rig.wait(2.0)
+        pull_steps(rig, "tip", azimuths=(0.0, 2.0, 4.0), steps=8, travel=0.05, rest_s=2.0)
+    pulled = rig.load(paths[0])
+    with rig.recording("pulls_pressurised") as paths:
+        rig.wait(2.0)
+        for azimuth in first_azimuths(rig.specimen, 3):
+            against_the_cord(rig, azimuth, levels=4, ramp_s=1.0, hold_s=2.0)
+    return moved, pulled, rig.load(paths[0])
 
 
 def pull_steps(
-    bench: LiveRig, section: str, turns: tuple[float, ...], steps: int, travel: float, rest_s: float
+    rig: LiveRig, section: str, azimuths: tuple[float, ...], steps: int, travel: float, rest_s: float
 ) -> None:
     """Move the gauge away in small steps from where the cord is just taut.
 
     Args:
-        bench: The running arm.
+        rig: The running arm.
         section: Section that the cord is tied to.
-        turns: Directions about the base frame's z [rad].
+        azimuths: Directions about the base frame's z [rad].
         steps: Steps in each direction.
         travel: How far the gauge goes [m].
         rest_s: Wait after each step.
     """
-    rest = bench.position(section)  # once: after a strong pull the arm takes a while to come back to it
-    for turn in turns:
-        way = np.array([np.cos(turn), np.sin(turn), 0.0])
+    rest = rig.position(section)  # once: after a strong pull the arm takes a while to come back to it
+    for azimuth in azimuths:
+        way = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         for distance in np.linspace(0.0, travel, steps):
-            bench.tie(section, rest + (CORD_M + distance) * way, CORD_M)
-            bench.wait(rest_s)
-            bench.advance()
-        bench.untie()
-        bench.wait(1.5)
+            rig.tie(section, rest + (CORD_M + distance) * way, CORD_M)
+            rig.wait(rest_s)
+            rig.advance()
+        rig.untie()
+        rig.wait(1.5)
 
 
-def against_the_cord(bench: LiveRig, azimuth: float, levels: int, ramp_s: float, hold_s: float) -> None:
+def against_the_cord(rig: LiveRig, azimuth: float, levels: int, ramp_s: float, hold_s: float) -> None:
     """Tie the tip on one side, fill the chambers there in steps, which bends the arm away, and vent them.
 
     Args:
-        bench: The running arm.
+        rig: The running arm.
         azimuth: Of the side [rad].
         levels: Number of steps.
         ramp_s: How long each takes; venting takes as long.
         hold_s: How long each is held.
     """
     way = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    bench.tie("tip", bench.position("tip") + (CORD_M - 2e-3) * way, CORD_M)
-    bench.arm()
-    level = one_side(bench.specimen, azimuth)
+    rig.tie("tip", rig.position("tip") + (CORD_M - 2e-3) * way, CORD_M)
+    rig.arm()
+    level = one_side(rig.specimen, azimuth)
     for share in np.linspace(0.0, 1.0, levels + 1)[1:]:
-        bench.go(share * level, ramp_s, hold_s)
-    bench.go(np.zeros_like(level), ramp_s, hold_s=1.0)
-    bench.disarm()
-    bench.untie()
-    bench.wait(1.5)
-    bench.advance()
+        rig.go(share * level, ramp_s, hold_s)
+    rig.go(np.zeros_like(level), ramp_s, hold_s=1.0)
+    rig.disarm()
+    rig.untie()
+    rig.wait(1.5)
+    rig.advance()
 
 
-def force_live(bench: LiveRig) -> tuple[Recording, Recording]:
+def force_live(rig: LiveRig) -> tuple[Recording, Recording]:
     """Pull the vented arm in small steps; then ramp pressures against the cord."""
-    with bench.recording("force_not_pressurised") as paths:
-        bench.wait(2.0)
-        pull_steps(bench, "tip", turns=(0.4, 2.5), steps=10, travel=0.07, rest_s=1.5)
-    still = bench.load(paths[0])
-    with bench.recording("force_pressurised") as paths:
-        bench.wait(2.0)
-        for azimuth in first_azimuths(bench.specimen, 2):
-            against_the_cord(bench, azimuth, levels=1, ramp_s=8.0, hold_s=0.5)
-    return still, bench.load(paths[0])
+    with rig.recording("force_not_pressurised") as paths:
+        rig.wait(2.0)
+        pull_steps(rig, "tip", azimuths=(0.4, 2.5), steps=10, travel=0.07, rest_s=1.5)
+    still = rig.load(paths[0])
+    with rig.recording("force_pressurised") as paths:
+        rig.wait(2.0)
+        for azimuth in first_azimuths(rig.specimen, 2):
+            against_the_cord(rig, azimuth, levels=1, ramp_s=8.0, hold_s=0.5)
+    return still, rig.load(paths[0])
 
 
-def teach_live(bench: LiveRig, seed: int) -> TaughtLive:
+def teach_live(rig: LiveRig, seed: int) -> TaughtLive:
     """Show poses by hand, let the service hold each, and look."""
     rng = np.random.default_rng(seed)
     shown, held, reachable = [], [], []
-    with bench.recording("teach") as paths:
-        bench.wait(0.5)
-        rest = bench.position("tip")
+    with rig.recording("teach") as paths:
+        rig.wait(0.5)
+        rest = rig.position("tip")
         for _ in range(TAUGHT):
             goal = rest + rng.uniform((-REACH_M, -REACH_M, 0.0), (REACH_M, REACH_M, DRAWN_M))
-            begin, end, can = _show_and_hold(bench, rest, goal)
+            begin, end, can = _show_and_hold(rig, rest, goal)
             shown.append(begin)
             held.append(end)
             reachable.append(can)
-            bench.advance()
-    return TaughtLive(bench.load(paths[0]), tuple(shown), tuple(held), tuple(reachable))
+            rig.advance()
+    return TaughtLive(rig.load(paths[0]), tuple(shown), tuple(held), tuple(reachable))
 
 
-def _show_and_hold(bench: LiveRig, rest: Floats, goal: Floats) -> tuple[float, float, bool]:
+def _show_and_hold(rig: LiveRig, rest: Floats, goal: Floats) -> tuple[float, float, bool]:
     """Show one pose, let the service hold it, and let go.
 
     Returns:
@@ -193,20 +193,20 @@ def _show_and_hold(bench: LiveRig, rest: Floats, goal: Floats) -> tuple[float, f
     Raises:
         WorkFailedError: The hold ended by itself.
     """
-    bench.arm()
-    bench.client.teach.start()
+    rig.arm()
+    rig.client.teach.start()
     for share in np.linspace(0.25, 1.0, 4):
-        bench.operator.lead("tip", rest + share * (goal - rest))
-        bench.wait(0.3)
-    bench.wait(2.0)
-    shown = bench.now
-    hold = bench.client.teach.hold(ramp_s=1.5)
-    bench.wait(1.8)
-    bench.operator.let_go()
-    bench.wait(4.0)
-    held, mode = bench.now, bench.client.state().mode
+        rig.operator.lead("tip", rest + share * (goal - rest))
+        rig.wait(0.3)
+    rig.wait(2.0)
+    shown = rig.now
+    hold = rig.client.teach.hold(ramp_s=1.5)
+    rig.wait(1.8)
+    rig.operator.let_go()
+    rig.wait(4.0)
+    held, mode = rig.now, rig.client.state().mode
     if mode != "HOLDING":
         raise WorkFailedError(f"the hold ended by itself ({mode}); see the service's log")
-    bench.disarm()
-    bench.wait(1.5)
+    rig.disarm()
+    rig.wait(1.5)
     return shown, held, hold.reachable

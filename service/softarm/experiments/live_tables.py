@@ -98,14 +98,14 @@ def run_live(
     out = settings.out
     if name == "calibrate" and settings.arm is None and settings.specimen is None:
         settings = replace(settings, specimen=DRAWING)
-    with live_rig(settings, talk.ask, sensors) as bench:
-        bench.advance = talk.advance
-        for lost in bench.lost():
+    with live_rig(settings, talk.ask, sensors) as rig:
+        rig.advance = talk.advance
+        for lost in rig.lost():
             talk.tell(lost)
         if name in PULLED:
-            bench.require_gauge()
-        done = _RUNS[name](bench, seed)
-        known = bench.specimen
+            rig.require_gauge()
+        done = _RUNS[name](rig, seed)
+        known = rig.specimen
     kept = [str(save_recording(r, out / "recordings" / r.name, force=True)[0].parent) for r in done]
     talk.tell(f"recorded: {', '.join(kept)}")
     result, plots = SeedResult(seed), out / "plots"
@@ -195,8 +195,8 @@ def _pose_before(run: CalibrationRun, end: float) -> Floats:
     return seen[0] if len(seen) else np.full(run.readings.shape[1], np.nan)
 
 
-def _teach(bench: LiveRig, seed: int) -> tuple[Recording, ...]:
-    taught = teach_live(bench, seed)
+def _teach(rig: LiveRig, seed: int) -> tuple[Recording, ...]:
+    taught = teach_live(rig, seed)
     told = {
         "looks": [list(taught.shown), list(taught.held)],
         "reachable": list(taught.reachable),
@@ -206,8 +206,8 @@ def _teach(bench: LiveRig, seed: int) -> tuple[Recording, ...]:
 
 _RUNS: Mapping[str, Callable[[LiveRig, int], tuple[Recording, ...]]] = {
     "calibrate": calibrate_live,
-    "validate": lambda bench, seed: (validate_live(bench, seed),),
-    "force": lambda bench, seed: force_live(bench),  # noqa: ARG005
+    "validate": lambda rig, seed: (validate_live(rig, seed),),
+    "force": lambda rig, seed: force_live(rig),  # noqa: ARG005
     "teach": _teach,
 }
 _JUDGES: Mapping[str, Callable[[Specimen, tuple[Recording, ...], SeedResult], None]] = {

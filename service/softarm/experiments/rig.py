@@ -123,10 +123,6 @@ def service_config(settings: RigSettings, devices: Sequence[Mapping[str, Any]]) 
     }
 
 
-def _base_body(device: Mapping[str, Any]) -> str:
-    return f"{device['name']}/{device['sections'][0]}"
-
-
 def _first_of_each(sensors: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Keep one sensor of each quantity on each section: the service takes no more."""
     chosen: dict[tuple[str, str], dict[str, Any]] = {}

@@ -60,8 +60,8 @@ class FakeControl:
 def laboratory_of(control: FakeControl) -> Callable[[Floats], Floats]:
     """Return the map from the base frame of the fake arm to its laboratory."""
     truth = control.ask("truth")
-    origin, turn = np.array(truth["positions"][0]), from_quaternions(np.array(truth["quaternions"][0]))
-    return lambda point: point @ turn.T + origin
+    origin, rotation = np.array(truth["positions"][0]), from_quaternions(np.array(truth["quaternions"][0]))
+    return lambda point: point @ rotation.T + origin
 
 
 @dataclass(frozen=True)
@@ -69,22 +69,18 @@ class MeanEstimate:
     """Means over a stretch of time.
 
     Args:
-        duration_s: Length of the stretch.
         gauge_n: Pull on the gauge, NaN when it was silent.
         force_n: Estimated force on the section in the base frame, shape (3,).
         covariance_n2: Its covariance at the end, shape (3, 3).
         position_m: Estimated position of the section, shape (3,).
         measured_pa: Measured pressures, shape (chambers,).
-        estimates: How many estimates it rests on.
     """
 
-    duration_s: float
     gauge_n: float
     force_n: Floats
     covariance_n2: Floats
     position_m: Floats
     measured_pa: Floats
-    estimates: int
 
 
 class Collector:
@@ -119,13 +115,11 @@ class Collector:
         pulls = [pull for pull in gauges if pull is not None]
         pressures = [state.measured_pa for state in states]
         return MeanEstimate(
-            duration_s,
             float(np.mean(pulls)) if pulls else float("nan"),
             np.mean([load.force_n for load in loads], axis=0),
             np.array(loads[-1].covariance_n2, dtype=float),
             _position(states[-1], self._section),
             np.nanmean(np.array(pressures, dtype=float), axis=0),
-            len(estimates),
         )
 
 

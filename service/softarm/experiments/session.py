@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from softarm.estimator.errors import InputError
-from softarm.experiments.force import ForceSample, ForceSettings, run_fake
+from softarm.experiments.force import STEPS, ForceSample, run_fake
 from softarm.experiments.rig import FakeRig
 from softarm.experiments.rig_control import FakeControl
 from softarm_client import Arm
@@ -109,15 +109,15 @@ def recorded(client: Arm, name: str) -> Iterator[list[str]]:
 
 
 def force_on_fakes(
-    rig: FakeRig, client: Arm, settings: ForceSettings, advance: Callable[[], None]
+    rig: FakeRig, client: Arm, advance: Callable[[], None], steps: int = STEPS
 ) -> tuple[list[ForceSample], str]:
     """Run the force experiment on a rig of fakes.
 
     Args:
         rig: The running rig.
         client: Client of its service.
-        settings: How.
         advance: Called after each look.
+        steps: Looks in each of its two parts.
 
     Returns:
         The looks and the recording.
@@ -127,5 +127,5 @@ def force_on_fakes(
         fakes.ask("cord")
         client.tare()
         with recorded(client, "force") as paths:
-            samples = list(run_fake(client, fakes, settings, advance))
+            samples = list(run_fake(client, fakes, advance, steps))
     return samples, paths[0]

@@ -232,8 +232,8 @@ def out_of_reach(goal: Frames, nearest: Frames | None) -> tuple[float, float]:
     if nearest is None:
         return np.nan, np.nan
     distance = float(np.linalg.norm(nearest.positions[-1] - goal.positions[-1]))
-    turn = log(goal.rotations[-1].T @ nearest.rotations[-1])
-    return 1e3 * distance, float(np.degrees(np.linalg.norm(turn)))
+    rotation = log(goal.rotations[-1].T @ nearest.rotations[-1])
+    return 1e3 * distance, float(np.degrees(np.linalg.norm(rotation)))
 
 
 def _slow(recording: Recording, specimen: Specimen) -> CalibrationRun:
@@ -261,8 +261,8 @@ def misses(poses: TaughtPoses, seen: Floats) -> tuple[Floats, Floats]:
     """
     distance = 1e3 * np.linalg.norm(seen[:, :3] - poses.readings[:, :3], axis=1)
     shown, held = from_quaternions(poses.readings[:, 3:]), from_quaternions(seen[:, 3:])
-    turn = log(np.swapaxes(shown, -1, -2) @ held)
-    return distance, np.degrees(np.linalg.norm(turn, axis=1))
+    rotation = log(np.swapaxes(shown, -1, -2) @ held)
+    return distance, np.degrees(np.linalg.norm(rotation, axis=1))
 
 
 def miss_rows(label: str, millimetres: Floats, degrees: Floats) -> list[Cells]:

@@ -67,27 +67,39 @@ def pose_errors(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple
     Raises:
         InputError: There are too few poses, or no motion capture.
     """
-    sensors = [sensor for sensor in holds.run.suite.measurements if isinstance(sensor, MeasuredPose)]
     if len(holds) < FEWEST_POSES:
         raise InputError(
             holds.run.name,
             f"holds {len(holds)} poses for 2 s or longer",
             f"hold at least {FEWEST_POSES} random pressures, each for 5 s",
         )
-    if not sensors:
+    if not any(isinstance(sensor, MeasuredPose) for sensor in holds.run.suite.measurements):
         raise InputError(holds.run.name, "has no pose of a section", "record the bodies of the sections")
     frames, converged = predict(model, specimen, holds)
     scene = Scene(frames, np.zeros((len(holds), 0)))
     innovation = holds.run.suite.sensitivity(scene, holds.readings).innovation
     innovation[~converged] = np.nan
-    spread = pose_deviation(specimen, holds.run.suite)
-    found = []
-    for sensor in sensors:
-        rows = holds.run.suite.slices[sensor.name]
-        left, own = innovation[:, rows], np.broadcast_to(spread[rows], (len(holds), 6))
-        name = sensor.name.removeprefix("frame_")
-        found.append(PoseErrors(name, left[:, :3], left[:, 3:], own[:, :3], own[:, 3:]))
-    return tuple(found)
+    return by_section(innovation, pose_deviation(specimen, holds.run.suite), holds.run.suite)
+
+
+def by_section(innovation: Floats, deviation: Floats, suite: SensorSuite) -> tuple[PoseErrors, ...]:
+    """Split stacked innovations into those of each section whose pose is measured.
+
+    Args:
+        innovation: Measured minus predicted [m or rad], shape (holds, rows).
+        deviation: Its standard deviation, shape (rows,).
+        suite: The sensors.
+    """
+    std = np.broadcast_to(deviation, innovation.shape)
+    errors = []
+    for sensor in suite.measurements:
+        if isinstance(sensor, MeasuredPose):
+            first = suite.slices[sensor.name].start
+            position, rotation = slice(first, first + 3), slice(first + 3, first + 6)
+            name = sensor.name.removeprefix("frame_")
+            parts = (innovation[:, position], innovation[:, rotation], std[:, position], std[:, rotation])
+            errors.append(PoseErrors(name, *parts))
+    return tuple(errors)
 
 
 def pose_deviation(specimen: Specimen, suite: SensorSuite) -> Floats:
@@ -128,7 +140,3 @@ def rows(errors: Sequence[PoseErrors], label: str) -> list[Cells]:
                 | {"inside_2_std": share}
             )
     return found
-
-
-def _segments(specimen: Specimen) -> set[str]:
-    return {segment.name for segment in specimen.segments}

@@ -79,6 +79,6 @@ class Pulled:
 
 def test_every_pull_begins_at_the_rest_before_the_first() -> None:
     arm = Pulled()
-    pull_steps(arm, "tip", turns=(0.0, 2.0), steps=2, travel=0.05, rest_s=0.0)  # type: ignore[arg-type]
+    pull_steps(arm, "tip", azimuths=(0.0, 2.0), steps=2, travel=0.05, rest_s=0.0)  # type: ignore[arg-type]
     reach = [np.linalg.norm(hook) for hook in arm.hooks]
     np.testing.assert_allclose(reach, [CORD_M, CORD_M + 0.05] * 2)

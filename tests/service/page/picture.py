@@ -12,7 +12,6 @@ from itertools import count
 from pathlib import Path
 
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
-from softarm.experiments.force import ForceSettings
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.session import connect, force_on_fakes, wait_ready
 from softarm.page.app import Page
@@ -35,8 +34,8 @@ def take_picture(path, folder):
         forces_on=("tip",),
         patience=5.0,
     )
-    force, port, looks = ForceSettings(steps=4), free_port(), count(1)
-    last = 2 * force.steps
+    port, looks, steps = free_port(), count(1), 4
+    last = 2 * steps
     with (
         FakeRig(settings, folder) as rig,
         connect(rig) as client,
@@ -48,7 +47,7 @@ def take_picture(path, folder):
         with Page(ask_arm(watching), server):
             browser.open()
             browser.click_away_notices()
-            force_on_fakes(rig, client, force, lambda: browser.picture(path) if next(looks) == last else None)
+            force_on_fakes(rig, client, lambda: browser.picture(path) if next(looks) == last else None, steps)
 
 
 def take_picture_of_past(path, folder, option, shown, time_s):
