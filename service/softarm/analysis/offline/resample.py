@@ -1,5 +1,7 @@
 """A recording brought to a lower rate by means over even windows."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,30 +30,21 @@ def resample(run: CalibrationRun, rate: float) -> CalibrationRun:
         return run
     windows = ((run.time - run.time[0]) * rate + 1e-9).astype(np.int64)
     numbers, places = np.unique(windows, return_inverse=True)
-    return CalibrationRun(
-        run.name,
-        _means(run.time[:, None], places, len(numbers))[:, 0],
-        _means(run.pressures, places, len(numbers)),
-        run.pressure_source,
-        run.suite,
-        _means(run.readings, places, len(numbers)),
-        _means(run.loads, places, len(numbers)),
-        run.load_names,
-        run.registration,
-        run.ignored_markers,
+    return replace(
+        run,
+        time=_means(run.time[:, None], places, len(numbers))[:, 0],
+        pressures=_means(run.pressures, places, len(numbers)),
+        readings=_means(run.readings, places, len(numbers)),
+        loads=_means(run.loads, places, len(numbers)),
     )
 
 
-def _means(
-    columns: Floats,
-    places: NDArray[np.int64],
-    count: int,
-) -> Floats:
+def _means(columns: Floats, places: NDArray[np.int64], count: int) -> Floats:
     """Average columns, shape (samples, columns), over groups of samples, lost readings left out."""
     means = np.full((count, columns.shape[1]), np.nan)
     for index, column in enumerate(columns.T):
-        seen = np.isfinite(column)
-        total = np.bincount(places[seen], column[seen], count)
-        members = np.bincount(places[seen], minlength=count)
+        valid = np.isfinite(column)
+        total = np.bincount(places[valid], column[valid], count)
+        members = np.bincount(places[valid], minlength=count)
         means[members > 0, index] = total[members > 0] / members[members > 0]
     return means

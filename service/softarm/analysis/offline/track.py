@@ -16,7 +16,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.fem import FiniteElementState
 from softarm.estimator.inverse import ArmEstimate, Estimator, LoadProcess, TrackerSettings
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
-from softarm.estimator.sensing import ActuationMap, ModelError, Registration, SensorSuite
+from softarm.estimator.sensing import ActuationMap, ModelError, Registration
 from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.simulation import section_loads
 from softarm.estimator.specimen import Specimen
@@ -128,7 +128,7 @@ def track(
     gravity = np.array(specimen.gravity_m_s2)
     chosen = {int(k) for k in np.linspace(0, len(run.time) - 1, SHOWN)}
     shown: list[tuple[int, State]] = []
-    samples = _Samples.sized(len(run.time), model, run.suite)
+    estimates = _blank(model, run)
     moving = MovingForces.of(specimen, tuple(model.sections), model.loads, run.suite)
     statement = ""
     waypoints = waypoints or Waypoints()
@@ -147,7 +147,7 @@ def track(
         began = monotonic()
         estimate = estimator.update(float(time), readings, pressures, gravity)
         in_vain_s = in_vain_s + monotonic() - began if estimate.status == "diverged" else 0.0
-        samples.put(index, estimate, *moving.update(float(time), readings, estimate))
+        _put(estimates, index, estimate, *moving.update(float(time), readings, estimate))
         if not known:
             lost = estimate.status == "diverged"
             waypoints.found.append(None if lost else (estimate.state, estimate.inputs))
@@ -156,7 +156,7 @@ def track(
         if not statement and estimate.converged:
             statement = estimate.observability.statement
         advance(1)
-    return replace(samples.track(model, run, tuple(shown), statement), given_up=given_up)
+    return replace(estimates, shown=tuple(shown), statement=statement, given_up=given_up)
 
 
 def begin_near(
@@ -212,75 +212,44 @@ def actuation(specimen: Specimen, run: CalibrationRun) -> ActuationMap:
     return replace(found, sigma=max(found.sigma, nominal))
 
 
-@dataclass(frozen=True)
-class _Samples:
-    """Arrays that fill up sample by sample."""
+def _blank(model: ArmModel[State, Step], run: CalibrationRun) -> Track[State]:
+    """Make the track of a run of which no sample has been estimated yet."""
+    count, loads, sections = len(run.time), len(model.loads), len(model.sections)
 
-    forces: Floats
-    covariance: Floats
-    pressures: Floats
-    positions: Floats
-    rotations: Floats
-    frame_std: Floats
-    residuals: Floats
-    misfit: Floats
-    freedom: Floats
-    status: NDArray[np.int64]
+    def empty(*shape: int) -> Floats:
+        return np.full((count, *shape), np.nan)
 
-    @classmethod
-    def sized(cls, count: int, model: ArmModel[State, Step], suite: SensorSuite) -> "_Samples":
-        loads, sections = len(model.loads), len(model.sections)
+    return Track(
+        run,
+        tuple(model.sections),
+        tuple(model.loads),
+        forces=empty(loads),
+        force_covariance=empty(loads, loads),
+        pressures=empty(model.chambers),
+        frames=Frames(empty(sections, 3), empty(sections, 3, 3)),
+        frame_std=empty(sections, 6),
+        residuals=empty(run.suite.size),
+        misfit=empty(),
+        freedom=empty(),
+        status=np.full(count, STATUSES.index("diverged")),
+        shown=(),
+        statement="",
+    )
 
-        def empty(*shape: int) -> Floats:
-            return np.full((count, *shape), np.nan)
 
-        return cls(
-            empty(loads),
-            empty(loads, loads),
-            empty(model.chambers),
-            empty(sections, 3),
-            empty(sections, 3, 3),
-            empty(sections, 6),
-            empty(suite.size),
-            empty(),
-            empty(),
-            np.full(count, STATUSES.index("diverged")),
-        )
-
-    def put(self, index: int, estimate: ArmEstimate[State], forces: Floats, covariance: Floats) -> None:
-        self.status[index] = STATUSES.index(estimate.status)
-        if estimate.status == "diverged":
-            return
-        self.forces[index] = forces
-        self.covariance[index] = covariance
-        self.pressures[index] = estimate.inputs.pressures
-        self.positions[index] = estimate.frames.positions
-        self.rotations[index] = estimate.frames.rotations
-        self.frame_std[index] = np.sqrt(np.maximum(np.diag(estimate.frame_covariance), 0.0)).reshape(-1, 6)
-        self.residuals[index] = np.concatenate(list(estimate.residuals.values()))
-        self.misfit[index] = estimate.normalised_innovation_squared
-        self.freedom[index] = estimate.degrees_of_freedom
-
-    def track(
-        self,
-        model: ArmModel[State, Step],
-        run: CalibrationRun,
-        shown: tuple[tuple[int, State], ...],
-        statement: str,
-    ) -> Track[State]:
-        return Track(
-            run,
-            tuple(model.sections),
-            tuple(model.loads),
-            self.forces,
-            self.covariance,
-            self.pressures,
-            Frames(self.positions, self.rotations),
-            self.frame_std,
-            self.residuals,
-            self.misfit,
-            self.freedom,
-            self.status,
-            shown,
-            statement,
-        )
+def _put(
+    track: Track[State], index: int, estimate: ArmEstimate[State], forces: Floats, covariance: Floats
+) -> None:
+    """Write the estimate of a sample into the arrays of a track."""
+    track.status[index] = STATUSES.index(estimate.status)
+    if estimate.status == "diverged":
+        return
+    track.forces[index] = forces
+    track.force_covariance[index] = covariance
+    track.pressures[index] = estimate.inputs.pressures
+    track.frames.positions[index] = estimate.frames.positions
+    track.frames.rotations[index] = estimate.frames.rotations
+    track.frame_std[index] = np.sqrt(np.maximum(np.diag(estimate.frame_covariance), 0.0)).reshape(-1, 6)
+    track.residuals[index] = np.concatenate(list(estimate.residuals.values()))
+    track.misfit[index] = estimate.normalised_innovation_squared
+    track.freedom[index] = estimate.degrees_of_freedom

@@ -16,8 +16,7 @@ FEW_LINES = 8
 
 def stacked(rows: int, *, share: bool = True) -> tuple[Figure, list[Axes]]:
     """Make a column of axes over one horizontal axis."""
-    figure = Figure(figsize=(WIDTH, 0.7 + PANEL_HEIGHT * rows), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = blank(WIDTH, 0.7 + PANEL_HEIGHT * rows)
     axes = figure.subplots(rows, 1, sharex=share, squeeze=False)[:, 0]
     return figure, list(axes)
 
