@@ -4,7 +4,7 @@ import json
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Self
@@ -102,12 +102,7 @@ class Connection:
             self._sequence += 1
             payload = self._request(verb, timeout_s, fields)
             replies = self._session.get(self.keys.command(verb), payload=payload, timeout=timeout_s)
-        for reply in replies:
-            if reply.ok is not None:
-                return Applied.model_validate_json(bytes(reply.ok.payload))
-            told = b"" if reply.err is None else bytes(reply.err.payload)
-            raise CommandRefusedError(_refusal(told) or self._no_answer(verb))
-        raise CommandRefusedError(self._no_answer(verb))
+        return Applied.model_validate_json(self._answer(verb, replies))
 
     def _request(self, verb: str, timeout_s: float, fields: dict[str, object]) -> bytes:
         """Write a request; the service would refuse what this does."""
@@ -131,6 +126,19 @@ class Connection:
         except ValidationError as error:
             raise CommandRefusedError(malformed(verb, error)) from error
 
+    def _answer(self, name: str, replies: Iterable[zenoh.Reply]) -> bytes:
+        """Return the payload of the first reply.
+
+        Raises:
+            CommandRefusedError: It is a refusal, or there is none.
+        """
+        for reply in replies:
+            if reply.ok is not None:
+                return bytes(reply.ok.payload)
+            refusal = None if reply.err is None else _refusal(bytes(reply.err.payload))
+            raise CommandRefusedError(refusal or self._no_answer(name))
+        raise CommandRefusedError(self._no_answer(name))
+
     def _no_answer(self, verb: str) -> Refused:
         hint = f"check that a service for arm {self.keys.arm!r} runs and that this client may command it"
         return Refused(verb=verb, code="not_available", message="no answer in time", hint=hint)
@@ -141,12 +149,7 @@ class Connection:
         Raises:
             CommandRefusedError: No service answers, or the estimator has not been built yet.
         """
-        for reply in self._session.get(self.keys.query(name), timeout=2.0):
-            if reply.ok is not None:
-                return str(reply.ok.payload.to_string())
-            told = b"" if reply.err is None else bytes(reply.err.payload)
-            raise CommandRefusedError(_refusal(told) or self._no_answer(name))
-        raise CommandRefusedError(self._no_answer(name))
+        return self._answer(name, self._session.get(self.keys.query(name), timeout=2.0)).decode()
 
     @contextmanager
     def receive(self, stream: str, handler: Callable[[bytes], None]) -> Iterator[None]:

@@ -2,11 +2,12 @@
 
 import contextlib
 import os
-import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from softarm.common.errors import WorkFailedError
+from softarm.common.files import write_whole
+from softarm.estimator.errors import InputError
 from softarm.estimator.rod.archive import from_bytes, shape_key, shipped_rod, to_bytes
 from softarm.estimator.rod.fit import FittedRod, Recipe, adapted, fit_rod, sampled_model
 from softarm.estimator.rod.model import CalibratedRod
@@ -83,8 +84,8 @@ def fitted_rod(
         return fitted
     fitted = fit_now(specimen, progress, recipe)
     key = shape_key(specimen, recipe)
-    with contextlib.suppress(OSError):
-        _keep(to_bytes(fitted, key, specimen.name), _path(key))
+    with contextlib.suppress(OSError, InputError):  # two commands may fit the same rod at once
+        write_whole({_path(key): to_bytes(fitted, key, specimen.name)})
     return fitted
 
 
@@ -105,15 +106,3 @@ def _cached(key: str) -> FittedRod | None:
         return None
     stored = from_bytes(data)
     return stored[0] if stored is not None and stored[1] == key else None
-
-
-def _keep(data: bytes, path: Path) -> None:
-    """Write a file whole or not at all; two commands may fit the same rod at once."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, partial = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
-        Path(partial).replace(path)
-    finally:
-        Path(partial).unlink(missing_ok=True)

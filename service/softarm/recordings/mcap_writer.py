@@ -8,7 +8,6 @@ import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import count
 from typing import IO, Any
 
 import numpy as np
@@ -249,11 +248,9 @@ def write_recording(
         present[next(iter(present))] |= ~np.logical_or.reduce(list(present.values()))
     rows = {topic: table.tolist() for topic, table in tables.items()}
     begin_ns = _begin_ns(recording)
-    for index, t_s, sequence in zip(
-        range(len(recording.time)), recording.time.tolist(), count(), strict=False
-    ):
+    for index, t_s in enumerate(recording.time.tolist()):
         stamp_ns = begin_ns + round(t_s * NANOSECONDS)
-        stamp = RecordTimes(t_s, stamp_ns, stamp_ns, sequence)
+        stamp = RecordTimes(t_s, stamp_ns, stamp_ns, sequence=index)
         for topic, keep in present.items():
             if keep[index]:
                 writer.write(topic, rows[topic][index], stamp)

@@ -5,7 +5,6 @@ a 6D body takes 16 cells: X Y Z, roll pitch yaw [deg], residual, and the rotatio
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,21 +20,6 @@ from softarm.recordings.mapping import MILLIMETRE, mapped_names
 CELLS_OF_MARKER = 3
 CELLS_OF_BODY = 16
 LOST = ("", "NULL", "NaN", "nan", "-")
-
-
-@dataclass(frozen=True)
-class Export:
-    """A text export, parsed.
-
-    Args:
-        header: Word to the cells that follow it.
-        time: Times [s], shape (samples,).
-        values: Cells without frame number and time, shape (samples, cells).
-    """
-
-    header: Mapping[str, list[str]]
-    time: Floats
-    values: Floats
 
 
 def read_tsv(path: Path, info: Mapping[str, Any]) -> dict[str, Floats]:
@@ -60,9 +44,9 @@ def read_tsv(path: Path, info: Mapping[str, Any]) -> dict[str, Floats]:
     labels = [label for label in header.get(word, []) if label]
     if not labels:
         raise InputError(f"{path}, {word}", "names nothing", "label the trajectories before the export")
-    export = _parse(path, header, lines, first, cells * len(labels))
-    blocks = export.values.reshape(len(export.time), len(labels), cells)
-    columns = {TIME: export.time}
+    time, values = _parse(path, header, lines, first, cells * len(labels))
+    blocks = values.reshape(len(time), len(labels), cells)
+    columns = {TIME: time}
     read = _marker if kind == "3D" else _body
     table = "markers" if kind == "3D" else "bodies"
     for number, name in enumerate(mapped_names(str(path), labels, info, table)):
@@ -86,7 +70,10 @@ def _split(path: Path) -> tuple[dict[str, list[str]], list[str], int]:
     return header, [], len(lines)
 
 
-def _parse(path: Path, header: Mapping[str, list[str]], lines: list[str], first: int, wanted: int) -> Export:
+def _parse(
+    path: Path, header: Mapping[str, list[str]], lines: list[str], first: int, wanted: int
+) -> tuple[Floats, Floats]:
+    """Return the times [s], shape (samples,), and the cells behind them, shape (samples, wanted)."""
     rows = []
     for number, line in enumerate(lines, start=first):
         if line.strip():
@@ -104,7 +91,7 @@ def _parse(path: Path, header: Mapping[str, list[str]], lines: list[str], first:
         time = np.arange(len(table)) / float(frequency)
     else:
         raise InputError(f"{path}, FREQUENCY", f"is {frequency or 'missing'}", "export with the Time column")
-    return Export(header, time, table[:, leading : leading + wanted])
+    return time, table[:, leading : leading + wanted]
 
 
 def _leading(path: Path, header: Mapping[str, list[str]], table: Floats, wanted: int) -> int:

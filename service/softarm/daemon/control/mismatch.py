@@ -2,22 +2,14 @@
 
 from dataclasses import dataclass, field, replace
 
-
-@dataclass(frozen=True)
-class MismatchSettings:
-    """How soon and how surely the test decides.
-
-    Args:
-        slack: Allowed excess of the normalised innovation squared per degree of freedom, before it counts.
-        alarm: Sum of the excess [s] at which the two are called inconsistent (Page's CUSUM).
-        cap: Largest sum [s]: recovery takes no longer than this over the slack.
-        largest: An innovation counts at most as this multiple of its expectation: one outlier is no mismatch.
-    """
-
-    slack: float = 1.0
-    alarm: float = 2.0
-    cap: float = 6.0
-    largest: float = 6.0
+SLACK = 1.0
+"""Allowed excess of the normalised innovation squared per degree of freedom, before it counts."""
+ALARM = 2.0
+"""Sum of the excess [s] at which the two are called inconsistent (Page's CUSUM)."""
+CAP = 6.0
+"""Largest sum [s]: recovery takes no longer than this over the slack."""
+LARGEST = 6.0
+"""An innovation counts at most as this multiple of its expectation: one outlier is no mismatch."""
 
 
 @dataclass(frozen=True)
@@ -25,11 +17,10 @@ class MismatchTest:
     """A one-sided cumulative sum of the normalised innovations; each update returns the next one.
 
     With s the sum, r the innovation squared over its expectation and dt the time since the last update:
-    s' = min(max(s + (min(r, largest) - 1 - slack) dt, 0), cap) (Page 1954). Inconsistent once s passes
-    ``alarm``, consistent again when s is back at 0.
+    s' = min(max(s + (min(r, LARGEST) - 1 - SLACK) dt, 0), CAP) (Page 1954). Inconsistent once s passes
+    ``ALARM``, consistent again when s is back at 0.
 
     Args:
-        settings: Slack and alarm.
         total: The sum [s].
         ratio: Running mean of r, over about a second.
         where: Running mean of each sensor's normalised residual.
@@ -37,7 +28,6 @@ class MismatchTest:
         time_s: Time of the last update [s].
     """
 
-    settings: MismatchSettings = MismatchSettings()
     total: float = 0.0
     ratio: float | None = None
     where: dict[str, float] = field(default_factory=dict)
@@ -53,7 +43,7 @@ class MismatchTest:
     def suspects(self) -> tuple[str, ...]:
         """Sensors whose innovations stand out, the worst first."""
         worst = sorted(self.where, key=lambda name: -self.where[name])
-        return tuple(name for name in worst if self.where[name] > 1.0 + self.settings.slack)
+        return tuple(name for name in worst if self.where[name] > 1.0 + SLACK)
 
     def update(
         self,
@@ -76,10 +66,10 @@ class MismatchTest:
         if degrees_of_freedom < 0.1:
             return replace(self, time_s=time_s)
         ratio = innovation_squared / degrees_of_freedom
-        excess = min(ratio, self.settings.largest) - 1.0 - self.settings.slack
-        total = min(max(self.total + excess * step, 0.0), self.settings.cap)
+        excess = min(ratio, LARGEST) - 1.0 - SLACK
+        total = min(max(self.total + excess * step, 0.0), CAP)
         since = self.since_unix_ns
-        if since is None and total > self.settings.alarm:
+        if since is None and total > ALARM:
             since = unix_ns
         elif total == 0.0:
             since = None
@@ -89,4 +79,4 @@ class MismatchTest:
             name: self.where.get(name, value) + blend * (value - self.where.get(name, value))
             for name, value in innovations.items()
         }
-        return MismatchTest(self.settings, total, mean, where, since, time_s)
+        return MismatchTest(total, mean, where, since, time_s)
