@@ -1,4 +1,4 @@
-"""The control port of a bench: faults, cord, hand and switches at run time, one JSON object per line."""
+"""The control port of a rig: faults, cord, hand and switches at run time, one JSON object per line."""
 
 import asyncio
 import dataclasses
@@ -78,7 +78,7 @@ def serve(rig: Rig, line: bytes) -> dict[str, Any]:
     """Serve one request.
 
     Args:
-        rig: The bench.
+        rig: The running fakes.
         line: One JSON object; an ``id`` in it comes back in the reply.
 
     Returns:
@@ -176,7 +176,7 @@ class ControlPort:
     """Serves requests on a TCP port of this machine.
 
     Args:
-        rig: The bench.
+        rig: The running fakes.
         port: TCP port, 0 for a free one.
     """
 

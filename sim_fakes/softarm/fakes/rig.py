@@ -1,4 +1,4 @@
-"""A running bench: the world, the fakes on their ports, and the faults of the scenario."""
+"""A running rig: the world, the fakes on their ports, and the faults of the scenario."""
 
 import asyncio
 import contextlib

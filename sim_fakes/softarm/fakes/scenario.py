@@ -72,7 +72,7 @@ class CordPart(ConfigTable):
 
 
 class Scenario(ConfigTable):
-    """A bench of fakes.
+    """A rig of fakes.
 
     Attributes:
         name: What it is called.

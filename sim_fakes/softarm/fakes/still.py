@@ -58,16 +58,16 @@ class StillArm:
         return bends
 
     def _snapshot(self, time: float, bends: Floats, inputs: PlantInputs | None) -> PlantState:
-        turn: Quaternion = (0.0, 1.0, 0.0, 0.0)
+        rotation: Quaternion = (0.0, 1.0, 0.0, 0.0)
         origin = (0.0, 0.0, 0.0)
-        positions, quaternions = [origin], [turn]
+        positions, quaternions = [origin], [rotation]
         for bend in bends:
             shift, tilt = _arc(float(bend[0]), float(bend[1]), SEGMENT_LENGTH)
-            moved = rotate(turn, shift)
+            moved = rotate(rotation, shift)
             origin = (origin[0] + moved[0], origin[1] + moved[1], origin[2] + moved[2])
-            turn = multiply(turn, tilt)
+            rotation = multiply(rotation, tilt)
             positions.append(origin)
-            quaternions.append(turn)
+            quaternions.append(rotation)
         forces = np.zeros((len(self.sections), 3))
         cord_force = self._pull(np.array(positions), forces, inputs)
         return PlantState(

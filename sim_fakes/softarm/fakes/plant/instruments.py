@@ -149,9 +149,9 @@ def _measured_poses(
         count = len(body)
         body[:, :3] += rng.normal(0.0, instruments.position_noise, (count, 3))
         body[:, :3] += _wander(rng, count, 3, instruments.position_wander, instruments.wander_time)
-        turn = rng.normal(0.0, instruments.angle_noise, (count, 3))
-        turn += _wander(rng, count, 3, instruments.angle_wander, instruments.wander_time)
-        body[:, 3:] = _normalised(product(body[:, 3:], np.column_stack([np.ones(count), 0.5 * turn])))
+        rotation = rng.normal(0.0, instruments.angle_noise, (count, 3))
+        rotation += _wander(rng, count, 3, instruments.angle_wander, instruments.wander_time)
+        body[:, 3:] = _normalised(product(body[:, 3:], np.column_stack([np.ones(count), 0.5 * rotation])))
         body[_lost(rng, count, instruments)] = np.nan
     return poses
 

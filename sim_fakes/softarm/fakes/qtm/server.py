@@ -20,7 +20,7 @@ BACKLOG_LIMIT = 1 << 20
 SEGMENT_GAP = 2e-3
 COALESCED = 5
 
-CONNECTED, CAPTURE_STARTED, CAPTURE_STOPPED, SETTINGS_CHANGED, SHUTTING_DOWN = 1, 3, 4, 11, 12
+CAPTURE_STARTED, CAPTURE_STOPPED, SETTINGS_CHANGED, SHUTTING_DOWN = 3, 4, 11, 12
 
 SERVER_FAULTS = (
     Fault("no_more_data", "the measurement stops: packet type 4 and event 4; a new one begins when cleared"),

@@ -16,7 +16,7 @@ UNITS = {
 }  # fmt: skip
 LIST_UNITS = {"N": "N", "KN": "KN", "MN": "MN", "LB": "LBF", "OZ": "OZF", "KG": "KGF", "G": "GF"}
 LONGEST_COMMAND = 64
-ILLEGAL, NOT_APPLICABLE, INVALID, TOO_LARGE = b"*10\r\n", b"*11\r\n", b"*12\r\n", b"*22\r\n"
+ILLEGAL, INVALID, TOO_LARGE = b"*10\r\n", b"*12\r\n", b"*22\r\n"
 AUTO_RATES = (0, 1, 2, 5, 10, 25, 50, 125, 250)
 
 MARK10_FAULTS = (

@@ -9,7 +9,7 @@ from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.signals import See, plainly
 from softarm.fakes.valves.pneumatics import MBAR, Pneumatics, Regulators
 
-UNDERVOLTAGE, SUPPLY_FAULTY, CHANNEL_FAILED = 2, 26, 31
+SUPPLY_FAULTY, CHANNEL_FAILED = 26, 31
 
 
 def bank_faults(valves: int) -> tuple[Fault, ...]:
