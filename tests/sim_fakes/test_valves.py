@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from softarm.fakes.faults import FaultBoard
+from softarm.fakes.signals import plainly
 from softarm.fakes.valves.modbus import execute
 from softarm.fakes.valves.mpa import MpaBank, bank_faults
 from softarm.fakes.valves.node import CpxNode, ModbusError, node_faults
-from softarm.fakes.valves.pneumatics import Pneumatics, Regulators
+from softarm.fakes.valves.pneumatics import MBAR, Pneumatics, Regulators
 from softarm.fakes.valves.server import WIRE_FAULTS
-from softarm.fakes.valves.vtem import VtemBank, vtem_faults
+from softarm.fakes.valves.vtem import LOWEST_MBAR, VtemBank, vtem_faults
 
 STEP = 0.002
 
@@ -18,7 +19,10 @@ def terminal(vtem=False, **options):
     faults = FaultBoard(
         "valves", (*WIRE_FAULTS, *node_faults(16), *(vtem_faults() if vtem else bank_faults(16)))
     )
-    return CpxNode(VtemBank(faults) if vtem else MpaBank(faults), faults, **options)
+    if vtem:
+        figures = Regulators(supply=800e3, lowest=LOWEST_MBAR * MBAR, bias=(0.0, 200.0))
+        return CpxNode(VtemBank(faults, figures, 0, plainly), faults, **options)
+    return CpxNode(MpaBank(faults, 16, Regulators(), 0, plainly), faults, **options)
 
 
 def run(node, begin, seconds):

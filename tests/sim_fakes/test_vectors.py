@@ -15,9 +15,11 @@ from softarm.fakes.serial.lutron import lutron_frame
 from softarm.fakes.serial.sauter import sauter_reply
 from softarm.fakes.serial.witmotion import witmotion_frame
 from softarm.fakes.serial.xbus import DATA, xbus_message
+from softarm.fakes.signals import plainly
 from softarm.fakes.valves.modbus import MBAP, execute
 from softarm.fakes.valves.mpa import MpaBank, bank_faults
 from softarm.fakes.valves.node import CpxNode, node_faults
+from softarm.fakes.valves.pneumatics import Regulators
 
 VECTORS = tomllib.loads((Path(__file__).parents[1] / "drivers" / "vectors.toml").read_text())
 
@@ -29,7 +31,7 @@ def octets(text):
 @pytest.fixture
 def node():
     faults = FaultBoard("valves", (*node_faults(16), *bank_faults(16)))
-    return CpxNode(MpaBank(faults), faults)
+    return CpxNode(MpaBank(faults, 16, Regulators(), 0, plainly), faults)
 
 
 def ask(node, frame):

@@ -33,7 +33,7 @@ class ValvesPart(DevicePart):
         port: TCP port, 0 for a free one.
         valve_map: Valve of each chamber.
         watchdog_ms: Time-out of the Modbus connection at power-on [ms], 0 for none.
-        max_clients: Connections it accepts.
+        max_clients: Connections it accepts; the next one is closed at once.
         supply_pa: Supply pressure [Pa].
         dead_time_s: Shortest and longest dead time of its regulators [s].
         fill_time_s: Time constant of filling [s].

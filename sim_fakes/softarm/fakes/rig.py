@@ -195,9 +195,7 @@ class Rig:
         if isinstance(part, ValvesPart):
             node = build_node(part, around, board)
             self.world = FakeArmWorld(self.plant, node, part.valve_map, scenario.step_s)
-            self.valve_ports[part.name] = ModbusPort(
-                node, board, self.clock, scenario.host, part.port, part.max_clients
-            )
+            self.valve_ports[part.name] = ModbusPort(part, node, board, self.clock, scenario.host)
         elif isinstance(part, QtmPart):
             measurement = build_measurement(part, around, board)
             self.qtm_servers[part.name] = QtmServer(

@@ -44,7 +44,7 @@ class SerialPort:
         link: Path,
         state: Callable[[], PlantState],
         clock: Clock,
-        seed: int = 0,
+        seed: int,
     ) -> None:
         self.instrument = instrument
         self.link = link

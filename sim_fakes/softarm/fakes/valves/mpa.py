@@ -6,7 +6,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.fakes.faults import Fault, FaultBoard
-from softarm.fakes.signals import See, plainly
+from softarm.fakes.signals import See
 from softarm.fakes.valves.pneumatics import MBAR, Pneumatics, Regulators
 
 SUPPLY_FAULTY, CHANNEL_FAILED = 26, 31
@@ -94,15 +94,8 @@ class MpaBank(RegulatedValves):
         see: What is concealed in set-points and readings, in valve order.
     """
 
-    def __init__(
-        self,
-        faults: FaultBoard,
-        valves: int = 16,
-        figures: Regulators | None = None,
-        seed: int = 0,
-        see: See = plainly,
-    ) -> None:
-        super().__init__(faults, valves, figures or Regulators(), seed, see)
+    def __init__(self, faults: FaultBoard, valves: int, figures: Regulators, seed: int, see: See) -> None:
+        super().__init__(faults, valves, figures, seed, see)
         self.modules = valves
         self._echo = [0] * valves
 

@@ -6,6 +6,7 @@ import struct
 
 from softarm.fakes.clock import Clock
 from softarm.fakes.faults import Fault, FaultBoard
+from softarm.fakes.parts import ValvesPart
 from softarm.fakes.valves.modbus import LONGEST_PDU, MBAP, execute
 from softarm.fakes.valves.node import DEVICE_BUSY, CpxNode
 
@@ -43,29 +44,20 @@ class ModbusPort:
     """Serves a node on a TCP port.
 
     Args:
+        part: Its description.
         node: The registers.
         faults: The board with at least ``WIRE_FAULTS``.
         clock: The fakes' clock.
         host: Address to listen on.
-        port: TCP port, 0 for a free one.
-        most_clients: Connections the node accepts; the next one is closed at once.
     """
 
-    def __init__(
-        self,
-        node: CpxNode,
-        faults: FaultBoard,
-        clock: Clock,
-        host: str = "127.0.0.1",
-        port: int = 0,
-        most_clients: int = 10,
-    ) -> None:
+    def __init__(self, part: ValvesPart, node: CpxNode, faults: FaultBoard, clock: Clock, host: str) -> None:
         self.node = node
         self.faults = faults
         self.clock = clock
         self.requests = 0
-        self.host, self.port = host, port
-        self.most_clients = most_clients
+        self.host, self.port = host, part.port
+        self.most_clients = part.max_clients
         self.links: set[_Link] = set()
         self._server: asyncio.Server | None = None
         self._switching: asyncio.Task[None] | None = None

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.fakes.faults import Fault, FaultBoard
-from softarm.fakes.signals import See, plainly
+from softarm.fakes.signals import See
 from softarm.fakes.valves.mpa import RegulatedValves, bank_faults, signed
 from softarm.fakes.valves.pneumatics import MBAR, Regulators
 
@@ -20,8 +20,6 @@ NOT_READY, READY, RUNNING, ERROR = 0, 1, 2, 3
 LOWEST_MBAR, HIGHEST_MBAR = -900, 7000
 BOOT_S, ACTIVATION_S, DEACTIVATION_S = 0.5, 0.8, 0.3
 VALVE_ERROR = 16
-
-MOTION_FIGURES = Regulators(supply=800e3, lowest=LOWEST_MBAR * MBAR, bias=(0.0, 200.0))
 
 
 def vtem_faults() -> tuple[Fault, ...]:
@@ -83,13 +81,7 @@ class VtemBank(RegulatedValves):
         see: What is concealed in set-points and readings, in valve order.
     """
 
-    def __init__(
-        self,
-        faults: FaultBoard,
-        figures: Regulators = MOTION_FIGURES,
-        seed: int = 0,
-        see: See = plainly,
-    ) -> None:
+    def __init__(self, faults: FaultBoard, figures: Regulators, seed: int, see: See) -> None:
         super().__init__(faults, 2 * SLOTS, figures, seed, see)
         self.modules = SLOTS
         self._slots = [_Slot() for _ in range(SLOTS)]
