@@ -6,7 +6,7 @@ import pytest
 from softarm.analysis.diagnosis.report import report_of
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis import diagnose as whole
-from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, diagnose
+from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, assemble, begin, diagnose
 from softarm.estimator.diagnosis.motion import HELDOUT, residual_column
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.split import hold_out
@@ -201,10 +201,29 @@ def test_a_segment_that_locks_is_not_called_one_that_stiffens() -> None:
     assert (finding.effect, finding.where, finding.when) == ("unknown", lower, "pose")
     assert finding.probability is not None
     assert finding.probability > 0.9
-    assert "Something that depends on the pose acts at the lower segment." in finding.statement
+    assert "acts at the lower segment and depends on the pose." in finding.statement
 
 
 def test_physics_that_is_not_tried_leaves_something_unexplained() -> None:
     """No effect of the library stands out, but nominal runs do not differ from one another so much."""
     found = _diagnose(trial([("hysteresis", Place(), (0.25, 0.1))])).diagnosis
     assert found.verdict in ("unexplained", "partly_explained")
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_what_an_arm_had_at_its_own_shape_is_no_gain_of_an_effect(*, known: bool) -> None:
+    """Friction over a hundredth of a radian is unlike what the library's shapes stand for."""
+    friction = ("hysteresis", Place(), (0.9, 0.01))
+    sessions = [
+        *(session(f"nominal_{k}", k, [friction] if known else [], nominal=True) for k in range(2)),
+        *(session(f"run_{k}", 10 + k, [friction]) for k in range(4)),
+    ]
+    search = begin(assemble(model(), sessions, Inline(), ("hysteresis", "chamber_gain")).evidence, fast=False)
+    (number,) = (
+        k for k, h in enumerate(search.evidence.library.hypotheses) if (h.name, h.place) == friction[:2]
+    )
+    theta = np.array(friction[2])
+    candidate = search.candidate(number, theta, search.problem(), None)
+    assert candidate is not None
+    share = search.predicted(candidate, None).background_gain / candidate.gain
+    assert share > 0.5 if known else share < 0.1

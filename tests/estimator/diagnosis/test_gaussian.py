@@ -63,6 +63,18 @@ def test_products_of_another_residual_and_of_more_columns(data: tuple[np.ndarray
         assert a.vector == pytest.approx(b.vector)
 
 
+def test_a_combination_of_columns_and_a_choice_of_them(data: tuple[np.ndarray, np.ndarray]) -> None:
+    residual, columns = data
+    weights = np.array([1.0, 0.0, -2.0, 0.5, 3.0])
+    direct = _products(
+        residual, np.concatenate([columns[..., [3, 1]], (columns @ weights)[..., None]], axis=-1)
+    )
+    for part, expected in zip(_products(residual, columns), direct, strict=True):
+        found = part.appended(weights).selected([3, 1, 5])
+        assert found.matrix == pytest.approx(expected.matrix)
+        assert found.vector == pytest.approx(expected.vector)
+
+
 def test_a_factor_solves_badly_scaled_matrices() -> None:
     size = np.array([1e-4, 1.0, 1e4])
     matrix = np.outer(size, size) * (np.eye(3) + 0.2)

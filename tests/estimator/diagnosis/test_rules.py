@@ -7,7 +7,6 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis import unnamed
 from softarm.estimator.diagnosis.candidates import (
     ALIKE,
     MOST_SURPRISE,
@@ -38,7 +37,7 @@ from softarm.estimator.diagnosis.nominal import MATERIAL, evidence_of_change, pr
 from softarm.estimator.diagnosis.normal_equations import NormalEquations, normal_equations, with_columns
 from softarm.estimator.diagnosis.screen import null_scores, screen
 from softarm.estimator.diagnosis.sizes import fragments
-from softarm.estimator.diagnosis.unnamed import BETTER, SURE, FreeLaw, better_law
+from softarm.estimator.diagnosis.unnamed import UnnamedLaw
 from softarm.estimator.diagnosis.weights import weights_of
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen.physics import Place
@@ -307,21 +306,17 @@ def chosen(*fits: Fit, gain: float = 100.0) -> ChosenEffects:
 
 
 @pytest.mark.parametrize(
-    ("delta_bic", "found"),
-    [(BETTER * 100.0 + SURE + 1.0, True), (BETTER * 100.0 + SURE - 1.0, False)],
+    ("law", "named", "joint", "outdoes"),
+    [
+        (1000.0, 400.0, 1050.0, True),
+        (1000.0, 400.0, 1200.0, False),  # the effects predict what the law does not: a part of it has a name
+        (400.0, 1000.0, 1010.0, False),
+        (1000.0, 1001.0, 1002.0, False),
+        (CERTAIN - 1.0, 0.0, CERTAIN - 1.0, False),
+    ],
 )
-def test_a_law_without_a_name_has_to_outdo_what_has_one(monkeypatch, delta_bic, found):
-    monkeypatch.setattr(unnamed, "laws", lambda _: [FreeLaw(TIP, "pose", delta_bic)])
-    search = cast("Any", SimpleNamespace(bic_penalty=5.0))
-    law = better_law(search, chosen(fit_of("tip_payload", 0.02)))
-    assert (law is not None) is found
-    assert law is None or law.nearest == ("tip_payload",)
-
-
-def test_a_law_without_a_name_alone_has_to_be_sure(monkeypatch):
-    for delta_bic, found in ((1.1 * SURE, True), (0.9 * SURE, False)):
-        monkeypatch.setattr(unnamed, "laws", lambda _, d=delta_bic: [FreeLaw(TIP, "pose", d)])
-        assert (better_law(cast("Any", SimpleNamespace()), chosen()) is not None) is found
+def test_a_law_without_a_name_outdoes_effects_that_predict_less_and_add_little(law, named, joint, outdoes):
+    assert UnnamedLaw(law, named, joint, 0.9, ("tip_payload",), Place(), "").outdoes is outdoes
 
 
 @pytest.mark.parametrize(

@@ -101,6 +101,29 @@ def test_valves_that_wander_between_recordings_are_not_blamed() -> None:
 PLAIN, BIASED = (0.0, 0.0, 0.0, np.inf), (900.0, 0.0, 0.0, np.inf)
 
 
+LAGS_BY_CHANCE = np.array(
+    [
+        [0.094, 0.111, 0.101, 0.112, 0.113, 0.103],
+        [0.096, 0.106, 0.106, 0.096, 0.109, 0.107],
+        [0.113, 0.108, 0.106, 0.104, 0.107, 0.100],
+        [0.115, 0.112, 0.100, 0.112, 0.101, 0.111],
+        [0.105, 0.104, 0.097, 0.112, 0.106, 0.096],
+    ]
+)
+"""Lags of six valves in five recordings of one state, whose dead times are drawn anew at each change [s]."""
+
+
+def test_one_of_six_valves_is_not_blamed_for_what_one_in_six_does_by_chance() -> None:
+    recordings = []
+    for number, lags in enumerate(LAGS_BY_CHANCE):
+        columns = {}
+        for chamber, lag in enumerate(lags.tolist()):
+            one = _recording("valve", lag=lag).columns
+            columns |= {name.replace("_0_", f"_{chamber}_"): values for name, values in one.items()}
+        recordings.append(Recording(f"run_{number}", TIME, columns))
+    assert valve_findings(splits_of(recordings[2:]), splits_of(recordings[:2])) == ()
+
+
 def _diagnosed(recording: Recording):
     admitted = Admitted((recording,), (), ())
     splits = splits_of([recording])

@@ -11,6 +11,7 @@ from softarm.estimator.intake import take_in
 from softarm.estimator.intake.labels import mend_labels
 from softarm.estimator.intake.lost import mend_lost
 from softarm.estimator.intake.signs import mend_signs
+from softarm.estimator.intake.units import mend_units
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import load_specimen
 from tests.estimator.intake import small_arm as arm
@@ -257,6 +258,19 @@ def test_the_scatter_of_vented_valves_is_no_pressure_in_another_unit() -> None:
     bends = {name: rng.normal(0.0, 1e-3, 900) for name in columns if name.startswith("bend_")}
     recording = Recording(vented.name, vented.time[:900], {**columns, **readings, **bends}, vented.info)
     assert take_in(recording, SPECIMEN).mismatches == ()
+
+
+def test_chambers_that_are_filled_alike_do_not_turn_radians_into_degrees() -> None:
+    """What valves do apart, a few percent, goes with creep; a slope by it is no bend per pressure."""
+    time = np.arange(0.0, 60.0, 0.05)
+    together, apart = 20e3 * (1.0 - np.cos(0.2 * time)), 300.0 * np.sin(0.3 * time)
+    filled = {"pressure_0_pa": together + apart, "pressure_1_pa": together - apart}
+    bends = {
+        "bend_tip_x_rad": 0.8 * together / arm.LIMIT + 0.25 * apart / 300.0,
+        "bend_tip_y_rad": 0.1 * together / arm.LIMIT,
+    }
+    recording = Recording("alike", time, filled | bends)
+    assert mend_units(recording, arm.specimen()) == (recording, ())
 
 
 def test_a_recording_of_three_chambers_is_refused_for_an_arm_of_six_whatever_file_it_names() -> None:

@@ -8,7 +8,7 @@ import pytest
 from acceptance.proof import sensitivity
 from acceptance.proof.sensitivity import STEP, DecidingConstant, deciding_constants, moved, sensitivity_table
 from softarm.bench.trials.folders import Trial
-from softarm.estimator.diagnosis import candidates, choose, conclude, detection, judge, unnamed, valve_stage
+from softarm.estimator.diagnosis import candidates, choose, conclude, detection, judge, nominal, valve_stage
 
 
 def constant(module: str, name: str) -> DecidingConstant:
@@ -31,9 +31,8 @@ def test_a_constant_moves_wherever_it_was_imported_and_comes_back():
 
 
 def test_constants_of_one_name_move_apart():
-    with moved(constant("unnamed", "SURE"), 1.0 - STEP):
-        assert pytest.approx(32.0) == unnamed.SURE
-        assert conclude.SURE == 10.0
+    with moved(constant("nominal", "MATERIAL"), 1.0 + STEP):
+        assert pytest.approx(1.2 * judge.MATERIAL) == nominal.MATERIAL
 
 
 def test_a_constant_of_another_module_with_the_same_name_stays():

@@ -22,8 +22,8 @@ from softarm.estimator.diagnosis.fit import Fit, MarginalisedProblem, RecordingR
 from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
 from softarm.estimator.diagnosis.judge import CERTAIN, FoldCosts, Judgement, fold_costs, judge
 from softarm.estimator.diagnosis.natural_frequency import NaturalFrequency
-from softarm.estimator.diagnosis.nominal import UNKNOWN
-from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
+from softarm.estimator.diagnosis.nominal import UNKNOWN, prior_with_background
+from softarm.estimator.diagnosis.normal_equations import NormalEquations, Total, total
 from softarm.estimator.diagnosis.probability import probabilities, spent
 from softarm.estimator.diagnosis.screen import null_scores, screen
 from softarm.estimator.diagnosis.stage import Stage
@@ -43,6 +43,8 @@ DELAY_SHARE = 0.05
 """Share of the gain of an effect on the vibration below which a delay is its consequence."""
 BARE = 3.2
 """Odds that are not worth more than a bare mention (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773)."""
+TINY = 1e-12
+"""Least weighted squares of a change."""
 EXACT_STEPS = 6
 """Steps tried by a fit on the model itself."""
 RESOLVED = 4
@@ -170,7 +172,7 @@ class Search:
         for number, _, theta in ranked:
             key = (number, *_key(fit))
             if key not in self.tried:
-                self.tried[key] = self.candidate(number, theta, problem, first=fit is None)
+                self.tried[key] = self.candidate(number, theta, problem, fit)
             candidate = self.tried[key]
             if candidate is not None:
                 found.append(candidate)
@@ -182,27 +184,28 @@ class Search:
             key = (one.number, *_key(fit))
             if key not in self.settled:
                 self.settled.add(key)
-                found[index] = self.tried[key] = self.resolved(one, problem)
+                found[index] = self.tried[key] = self.resolved(one, problem, fit)
         return plainest_first(sorted(found, key=lambda candidate: -candidate.delta_bic))
 
     def candidate(
-        self, number: int, theta: Floats, problem: MarginalisedProblem, *, first: bool
+        self, number: int, theta: Floats, problem: MarginalisedProblem, accepted: Fit | None
     ) -> Candidate | None:
-        """Fit a hypothesis to first order; ``None`` where that fails."""
+        """Fit a hypothesis to first order beside what is accepted; ``None`` where that fails."""
         try:
             fit = fit_effects(problem, (self.evidence.library.hypotheses[number],), (theta,))
-            fit = self.conditioned(fit) if first else fit
+            fit = self.conditioned(fit) if accepted is None else fit
         except np.linalg.LinAlgError:
             return None
-        return self.weighed(number, fit) if np.isfinite(fit.gain) else None
+        return self.weighed(number, fit, accepted) if np.isfinite(fit.gain) else None
 
-    def weighed(self, number: int, fit: Fit) -> Candidate:
-        """Set the gain of a fit against the penalty of its parameters."""
+    def weighed(self, number: int, fit: Fit, accepted: Fit | None) -> Candidate:
+        """Set the gain of a fit, less that of what nominal recordings have of it, against its parameters."""
         theta = fit.thetas[-1]
-        bic = fit.gain - self.bic_penalty * len(theta) - surprise(fit)
-        return Candidate(number, fit, fit.gain, bic)
+        candidate = Candidate(number, fit, fit.gain, -np.inf)
+        gain = fit.gain - self.predicted(candidate, accepted).background_gain
+        return replace(candidate, delta_bic=gain - self.bic_penalty * len(theta) - surprise(fit))
 
-    def resolved(self, candidate: Candidate, problem: MarginalisedProblem) -> Candidate:
+    def resolved(self, candidate: Candidate, problem: MarginalisedProblem, accepted: Fit | None) -> Candidate:
         """Fit a candidate again on the model itself; keep what fits better.
 
         A strong effect brings the arm to where nominal recordings have not been: there the model may err more
@@ -214,7 +217,7 @@ class Search:
         if abs(gain_of(problem, fit.hypotheses, fit.thetas) - fit.gain) < ALIKE:
             return candidate
         again = fit_effects(problem, fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
-        return self.weighed(candidate.number, again) if again.gain > fit.gain else candidate
+        return self.weighed(candidate.number, again, accepted) if again.gain > fit.gain else candidate
 
     def solvable(self, fit: Fit, *, answering: bool = False) -> bool:
         """Return whether the effects of a fit can be solved on the model itself.
@@ -316,14 +319,59 @@ class Search:
         """Return how well folds of the searched stretches are predicted with a candidate and without."""
         key = (_key(candidate.fit), _key(fit))
         if key not in self.predictions:
-            widened = self.evidence.widened(
-                self.weights, lambda stage: self.change(stage, candidate.fit)[..., None], self.residuals(fit)
+            size, fraction = self.evidence.size, self.weights.effective_sample_fraction
+
+            def change(stage: Stage) -> Floats:
+                return self.change(stage, candidate.fit)[..., None]
+
+            parts, prior = (
+                _searched(self.evidence.widened(self.weights, change, self.residuals(fit))),
+                self.prior,
             )
-            costs = fold_costs(
-                _searched(widened), self.prior, self.weights.effective_sample_fraction, self.evidence.size
+            background_gain = 0.0
+            if self.has_background(candidate):
+                beyond, sizes = self.beyond_library(candidate, total(parts, size + 1))
+                first = range(size)
+                nominal = self.evidence.widened(self.weights, change, nominal=True)
+                usual = [part.appended(beyond).selected([*first, size + 1]) for part in nominal]
+                parts = [part.appended(beyond).selected([*first, size + 1, size]) for part in parts]
+                prior = prior_with_background(self.evidence, usual, fraction, self.width, sizes)
+                seen = total(parts, size + 2)
+                background_gain = Marginal.cost_of(self.prior, seen.first(size), fraction)
+                background_gain -= Marginal.cost_of(prior, seen.first(size + 1), fraction)
+            costs = fold_costs(parts, prior, fraction, len(prior.mean))
+            self.predictions[key] = replace(
+                costs, frequency_gain=self.frequency_gain(candidate, fit), background_gain=background_gain
             )
-            self.predictions[key] = replace(costs, frequency_gain=self.frequency_gain(candidate, fit))
         return self.predictions[key]
+
+    def has_background(self, candidate: Candidate) -> bool:
+        """Return whether nominal recordings may have a little of a candidate."""
+        known = any(stage.session.nominal for stage in self.evidence.stages)
+        return known and self.effect(candidate).in_healthy_arms
+
+    def beyond_library(self, candidate: Candidate, seen: Total) -> tuple[Floats, float]:
+        """Return what the library's columns for a candidate do not stand for, and how large it is.
+
+        Args:
+            candidate: The candidate.
+            seen: Normal equations of the searched stretches, its change their last column.
+
+        Returns:
+            Weights of all columns, whose combination is what is left of its change, shape (columns,); and its
+            size in typical ones, by what it changes.
+        """
+        own = [
+            self.evidence.nuisances + column
+            for column, direction in enumerate(self.evidence.library.directions)
+            if direction.hypothesis == candidate.number
+        ]
+        matrix = seen.matrix
+        weights = np.zeros(len(matrix))
+        weights[own] = -np.linalg.lstsq(matrix[np.ix_(own, own)], matrix[own, -1])[0]
+        weights[-1] = 1.0
+        squares = np.maximum(np.diag(matrix), TINY)
+        return weights, float(np.sqrt(squares[-1] / squares[own].max()))
 
     def frequency_gain(self, candidate: Candidate, fit: Fit | None) -> float:
         """Return by how much a candidate lowers the cost of the natural frequency beside a fit."""

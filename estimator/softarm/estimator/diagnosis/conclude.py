@@ -32,7 +32,7 @@ from softarm.estimator.diagnosis.result import (
 )
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
-from softarm.estimator.diagnosis.unnamed import FreeLaw
+from softarm.estimator.diagnosis.unnamed import UnnamedLaw
 from softarm.estimator.diagnosis.words import dependence, manoeuvre, sentence_on
 from softarm.estimator.effects import EFFECTS, describe
 from softarm.estimator.specimen.physics import EffectName, Place
@@ -259,7 +259,7 @@ def findings_of(search: Search, choice: ChosenEffects) -> tuple[Finding, ...]:
 
 
 def unknown(
-    left: Unexplained, heldout: Heldout, search_p: float, law: FreeLaw | None, probability: float
+    left: Unexplained, heldout: Heldout, search_p: float, law: UnnamedLaw | None, probability: float
 ) -> Finding:
     """Report that something is missing which no known effect explains.
 
@@ -267,7 +267,7 @@ def unknown(
         left: Where it sits and what it varies with, as far as that is known.
         heldout: The error on held-out data, which nothing lowers.
         search_p: Chance that the whole search finds as much where nothing is missing.
-        law: A law without a name that explains it, where there is one.
+        law: A law without a name that outdoes the effects that were found, where it does.
         probability: Posterior probability that what is missing has no name.
     """
     sits = f" They differ most at {describe(left.where)}, and {dependence(left.when)}." if left.when else ""
@@ -276,10 +276,14 @@ def unknown(
         effect="unknown",
         where=left.where,
         when=left.when,
-        statement=differ + sits if law is None else law.tell(),
+        statement=(differ if law is None else law.tell()) + ("" if law and law.regime else sits),
         parameters={},
         evidence=Evidence(
-            0.0 if law is None else law.delta_bic / 2.0, heldout.before, heldout.after, (0.0, 0.0), search_p
+            0.0 if law is None else 0.5 * (law.gain - law.named_gain),
+            heldout.before,
+            heldout.after,
+            (0.0, 0.0),
+            search_p,
         ),
         probability=probability,
     )

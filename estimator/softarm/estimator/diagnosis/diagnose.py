@@ -46,7 +46,7 @@ from softarm.estimator.diagnosis.stage import Model, Stage
 from softarm.estimator.diagnosis.stuck import Stuck, find_stuck, stuck_findings, without_stuck
 from softarm.estimator.diagnosis.swapped import refuse_swapped
 from softarm.estimator.diagnosis.traces import traces_of
-from softarm.estimator.diagnosis.unnamed import FreeLaw, better_law, unnamed_probability
+from softarm.estimator.diagnosis.unnamed import UnnamedLaw, unnamed_law, unnamed_probability
 from softarm.estimator.diagnosis.vibration import fit_vibration, with_vibration
 from softarm.estimator.diagnosis.words import possible
 from softarm.estimator.effects import EFFECTS
@@ -239,14 +239,14 @@ class Decision:
         choice: The effects that are reported.
         dropped: Names of those that did not hold on data that confirm, or are no longer
             distinguishable from zero.
-        law: A law without a name that explains far more than they would.
+        law: A law without a name, where it outdoes the effects that were found.
         remainder: What no known effects explain, over the same of nominal recordings.
         changed: Whether the recordings in question have changed more than the effects say.
     """
 
     choice: ChosenEffects
     dropped: tuple[EffectName, ...]
-    law: FreeLaw | None
+    law: UnnamedLaw | None
     remainder: float
     changed: bool
 
@@ -267,7 +267,8 @@ def decide(search: Search) -> Decision:
     """Choose the effects that are reported, and return whether something else is missing."""
     choice, unproven = proven(search)
     choice, sizes, fragments = without_fragments(search, choice)
-    law = better_law(search, choice)
+    unnamed = unnamed_law(search, choice.fit)
+    law = unnamed if unnamed.outdoes else None
     if law is not None:
         choice, sizes = replace(choice, accepted=(), fit=None), None
     confirming = held_out(search, None, choice.fit, known=choice.fit is not None, confirming=True)
@@ -331,7 +332,7 @@ def _outcome(
         worst=worst_stretch(search, left),
     )
     if verdict == "unexplained":
-        probability = unnamed_probability(search, CHANGED)
+        probability = law.probability if law and law.nearest else unnamed_probability(search, CHANGED)
         findings = (unknown(unexplained, heldout, choice.alarm_p, law, probability),)
     diagnosis = Diagnosis(
         specimen=evidence.specimen,
@@ -403,8 +404,8 @@ def _changed(search: Search, choice: ChosenEffects) -> bool:
     return evidence_of_change(evidence, search.prior, search.width, left, fraction) > CHANGED
 
 
-def _unexplained(verdict: Verdict, after: float, found: LocationMap, law: FreeLaw | None) -> Unexplained:
-    if law is not None:
+def _unexplained(verdict: Verdict, after: float, found: LocationMap, law: UnnamedLaw | None) -> Unexplained:
+    if law is not None and law.regime:
         return Unexplained(after, law.place, law.regime, found)
     best = found.best
     if verdict in ("consistent", "explained") or best is None or best.p_value > SIGNIFICANT:

@@ -140,13 +140,22 @@ class RegressionProblem:
         weights: Weights,
         more: Callable[[Stage], Floats],
         residuals: Sequence[Floats] | None = None,
+        *,
+        nominal: bool = False,
     ) -> list[NormalEquations]:
-        """Give the products of the recordings in question with more columns, shape (samples, rows, more)."""
+        """Give the products of the recordings in question with more columns, shape (samples, rows, more).
+
+        Args:
+            weights: Noise model.
+            more: The columns of a session.
+            residuals: Of each session; those without effects when left out.
+            nominal: Give those of the nominal recordings instead.
+        """
         plain = self.products(weights, residuals)
         left = self.residuals if residuals is None else residuals
         found = []
         for number, stage in enumerate(self.stages):
-            if not stage.session.nominal:
+            if stage.session.nominal == nominal:
                 found += with_columns(
                     [part for part in plain if part.session == number],
                     left[number],

@@ -67,6 +67,7 @@ class FoldCosts:
         counts: Effective number of samples of each.
         changed: Weighted squares of the candidate's change in each, over effective samples.
         frequency_gain: By how much it lowers the cost of the natural frequency, which belongs to no fold.
+        background_gain: By how much what nominal recordings have of it already lowers the cost.
     """
 
     before: Floats
@@ -74,6 +75,7 @@ class FoldCosts:
     counts: Floats
     changed: Floats
     frequency_gain: float = 0.0
+    background_gain: float = 0.0
 
     @property
     def gain(self) -> float:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.evidence import RegressionProblem
+from softarm.estimator.diagnosis.evidence import BACKGROUND, RegressionProblem
 from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
 from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
 from softarm.estimator.diagnosis.weights import Weights
@@ -36,6 +36,27 @@ def prior_before(evidence: RegressionProblem, weights: Weights) -> tuple[Gaussia
     width = _width(evidence, prior, parts, weights.effective_sample_fraction)
     learnt = prior.posterior(total(parts, evidence.size), weights.effective_sample_fraction)
     return learnt.inflate(_spreads(evidence, width)), width
+
+
+def prior_with_background(
+    evidence: RegressionProblem, parts: Sequence[NormalEquations], fraction: float, width: float, size: float
+) -> Gaussian:
+    """Return the prior with one more coefficient: what nominal recordings have of an effect at its own shape.
+
+    The library's columns stand for an effect at a few shapes; an arm that is well may have a little of it at
+    another one, and what it has always had is no change.
+
+    Args:
+        evidence: All recordings, nominal ones among them.
+        parts: Normal equations of the nominal recordings; the last column is what the library's do not stand
+            for.
+        fraction: Effective sample fraction: independent samples over samples.
+        width: What changes from one nominal run to another, in typical sizes.
+        size: Amplitude of the effect in typical sizes.
+    """
+    prior = evidence.sound().augment(0.0, (BACKGROUND / size) ** 2)
+    learnt = prior.posterior(total(parts, evidence.size + 1), fraction)
+    return learnt.inflate(np.append(_spreads(evidence, width), width / size))
 
 
 def _spreads(evidence: RegressionProblem, width: float) -> Floats:
@@ -135,4 +156,4 @@ def _sandwich(covariance: Floats, matrix: Floats, root: Floats) -> Floats:
     return scaled
 
 
-__all__ = ["UNKNOWN", "changed_prior", "evidence_of_change", "prior_before"]
+__all__ = ["UNKNOWN", "changed_prior", "evidence_of_change", "prior_before", "prior_with_background"]

@@ -40,6 +40,17 @@ class NormalEquations:
     vector: Floats
     sum_of_squares: float
 
+    def appended(self, weights: Floats) -> "NormalEquations":
+        """Return them with one more column: a combination of the others, shape (columns,)."""
+        cross = self.matrix @ weights
+        matrix = np.block([[self.matrix, cross[:, None]], [cross, weights @ cross]])
+        return replace(self, matrix=matrix, vector=np.append(self.vector, weights @ self.vector))
+
+    def selected(self, columns: Sequence[int]) -> "NormalEquations":
+        """Return those of some columns, in their order."""
+        chosen = list(columns)
+        return replace(self, matrix=self.matrix[np.ix_(chosen, chosen)], vector=self.vector[chosen])
+
 
 def normal_equations(
     residual: Floats,

@@ -1,8 +1,12 @@
-"""Laws that the library does not state: whatever bends, pressures or neighbouring chambers might do.
+"""What has no name: laws of the arm's state that nobody chose, as a competitor of equal standing.
 
-A law is piecewise linear in what it depends on, sum_k c_k max(x - x_k, 0), with free coefficients; it states
-no physics and so claims none. Where one explains far more than all effects that were accepted, for the price
-of its coefficients, what was left out is not in the library, and the nearest name would be wrong.
+A law bends segments, or lets chambers push otherwise, by functions that state no physics: hinges of a
+segment's own bend or of a chamber's pressure, alike for all directions and chambers; or, where nothing is
+alike, a Gaussian process of all pressures and bends, as they are and as they fade, and of the clock, in its
+largest components at some of the states (Williams and Seeger, Advances in Neural Information Processing
+Systems 13 (2001) 682). The likeliest law competes with the effects that were accepted by what each predicts
+of recordings that it was not fitted to: where the law predicts more, and the effects hardly anything beside
+it, what was left out is not in the library, and the nearest name would be wrong.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,152 +14,270 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.candidates import ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
-from softarm.estimator.diagnosis.judge import folds_of
+from softarm.estimator.diagnosis.judge import ANY_SIZE, CERTAIN, MATERIAL, folds_of
 from softarm.estimator.diagnosis.nominal import changed_prior, predictive
 from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
 from softarm.estimator.diagnosis.probability import density, pseudo_bma
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import describe
+from softarm.estimator.simulation.filters import first_order
 from softarm.estimator.specimen.physics import EffectName, Place
+
+FEATURES = (24, 8, 8)
+"""Functions of each bending axis: of the state, of how it fades, and of the state and the clock."""
+LENGTHS = (0.5, 1.0, 2.0)
+"""Lengths over which a law changes, as shares of the largest pressure and bend."""
+FADING = (1.0, 10.0)
+"""Times [s] over which a law forgets."""
+STRAINS = (0.003, 0.01, 0.03, 0.1)
+"""Sizes of the process that are tried: standard deviation of the bend that it adds [rad]."""
+SHARES = (0.03, 0.1, 0.3, 1.0)
+"""Sizes of the hinges that are tried: standard deviation of a change of slope, in that without the law."""
+KNOTS = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75])
+"""Where hinges are, as shares of the largest bend or pressure."""
+POINTS = 300
+"""States at which the process is known, spread over all recordings in question."""
+
 
 Columns = Callable[[Stage], Floats]
 
-KNOTS = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75])
-"""Where a law may bend, as shares of the largest bend or pressure."""
-BETTER = 1.15
-SURE = 40.0
-"""Factor and difference in the criterion by which a law must outdo the best that has a name."""
-ALONE = 0.9
-"""Share that it must explain of what all that were accepted explain: one law stands for one effect."""
-ANY_SIZE = 100.0
-"""Variance of a coefficient, over that with which it would explain all."""
-
 
 @dataclass(frozen=True)
-class FreeLaw:
-    """What a law without a name explains.
+class Law:
+    """A law without a name.
 
     Args:
         place: Where it acts.
-        regime: What it varies with.
-        delta_bic: By how much it lowers the cost, less the penalty of its coefficients.
-        nearest: Names of the effects that explain most, and far less.
+        regime: What it varies with; empty where that may be anything.
+        columns: Gives what its coefficients change in a recording, shape (samples, rows, coefficients).
+        sizes: Standard deviations of the coefficients that are tried.
     """
 
     place: Place
     regime: str
-    delta_bic: float
-    nearest: tuple[EffectName, ...] = ()
+    columns: Columns
+    sizes: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class UnnamedLaw:
+    """How a law without a name fares beside the effects that were accepted.
+
+    Args:
+        gain: Twice the logarithm of the odds on it against nothing, on what no fit has seen.
+        named_gain: The same of the accepted effects.
+        joint_gain: The same of both together.
+        probability: How probable it is that it acts and not the effects.
+        nearest: Names of the effects.
+        place: Where it acts.
+        regime: What it varies with; empty where that may be anything.
+    """
+
+    gain: float
+    named_gain: float
+    joint_gain: float
+    probability: float
+    nearest: tuple[EffectName, ...]
+    place: Place
+    regime: str
+
+    @property
+    def outdoes(self) -> bool:
+        """Whether it predicts more than nothing and than the effects, and these hardly anything beside it."""
+        beside = self.joint_gain - self.gain
+        return self.gain > max(CERTAIN, self.named_gain) and beside < MATERIAL * self.joint_gain
 
     def tell(self) -> str:
-        """Describe what is seen, and how far the known effects fall short of it."""
-        seen = f"Something that depends on the {self.regime} acts at {describe(self.place)}."
+        """Say how far the known effects fall short of it."""
+        where = f" at {describe(self.place)} and depends on the {self.regime}" if self.regime else ""
+        acts = f"Something that no known effect explains acts{where}."
         if not self.nearest:
-            return f"{seen} No known effect explains it."
+            return acts
         names = ", ".join(name.replace("_", " ") for name in self.nearest)
-        return f"{seen} No known effect explains it; a free law fits far better than the closest, {names}."
+        return f"{acts} A law without a name predicts unseen recordings better than {names}."
 
 
-def better_law(search: Search, choice: ChosenEffects) -> FreeLaw | None:
-    """Give the law without a name that explains far more than what was accepted, if there is one."""
-    best = max(laws(search), key=lambda law: law.delta_bic)
-    fit = choice.fit
+@dataclass(frozen=True)
+class SmoothFunctions:
+    """The functions that a Gaussian process of the arm's state is made of, the largest first.
+
+    Args:
+        pressure: That counts as 1 [Pa].
+        bends: That count as 1 [rad], shape (segments,).
+        span: Of the clock that counts as 1 [s].
+        points: States at which the process is known, for each kind of function, each (points, states).
+        weights: Of the covariances with these, for each kind, each (points, functions).
+    """
+
+    pressure: float
+    bends: Floats
+    span: float
+    points: tuple[Floats, ...] = ()
+    weights: tuple[Floats, ...] = ()
+
+    @classmethod
+    def of(cls, stages: Sequence[Stage]) -> "SmoothFunctions":
+        """Take them from the states that some recordings visit."""
+        clocks = np.concatenate([stage.session.clock for stage in stages])
+        scale = cls(
+            max(1.0, *(float(stage.session.pressures.max(initial=0.0)) for stage in stages)),
+            np.maximum(np.max([np.abs(_bends(stage)).max(axis=(0, 2)) for stage in stages], axis=0), 1e-6),
+            max(float(np.ptp(clocks)), 1.0),
+        )
+        points, weights = [], []
+        for states, count in zip(zip(*map(scale.states, stages), strict=True), FEATURES, strict=True):
+            every = np.concatenate(states)
+            known = every[np.linspace(0, len(every) - 1, min(POINTS, len(every))).astype(int)]
+            values, vectors = np.linalg.eigh(_covariance(known, known))
+            largest = slice(len(values) - count, None)
+            points.append(known)
+            weights.append(vectors[:, largest] / np.sqrt(np.maximum(values[largest], 1e-9)))
+        return replace(scale, points=tuple(points), weights=tuple(weights))
+
+    def states(self, stage: Stage) -> tuple[Floats, ...]:
+        """Return what each kind of function depends on, each of shape (samples, states)."""
+        session = stage.session
+        bends = (_bends(stage) / self.bends[:, None]).reshape(session.samples, -1)
+        state = np.concatenate([session.pressures / self.pressure, bends], axis=1)
+        lost = [state - first_order(session.clock, state, time, ())[0] for time in FADING]
+        clock = session.clock[:, None] / self.span
+        return state, np.concatenate(lost, axis=1), np.concatenate([state, clock], axis=1)
+
+    def columns(self, stage: Stage) -> Floats:
+        """Bend every segment about both axes by every function, shape (samples, rows, functions)."""
+        functions = np.concatenate(
+            [
+                _covariance(state, known) @ weights
+                for state, known, weights in zip(self.states(stage), self.points, self.weights, strict=True)
+            ],
+            axis=1,
+        )
+        slopes = stage.by_eigenstrain.reshape(*stage.by_eigenstrain.shape[:2], len(self.bends), 4)[..., :2]
+        columns = np.einsum("trsa,tk->trsak", slopes, functions)
+        return np.asarray(columns.reshape(*columns.shape[:2], -1), dtype=np.float64)
+
+
+def _covariance(states: Floats, others: Floats) -> Floats:
+    """Return the covariance of a smooth function between states, shape (states, others)."""
+    squares = cdist(states, others, "sqeuclidean")
+    return np.asarray(np.mean([np.exp(-0.5 * squares / length**2) for length in LENGTHS], axis=0))
+
+
+def _bends(stage: Stage) -> Floats:
+    """Return the bends of the segments without effects [rad], shape (samples, segments, 2)."""
+    bends: Floats = stage.arm.baseline.strains[..., :2]
+    return bends
+
+
+def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
+    """Let the likeliest law without a name compete with accepted effects, with both together and nothing.
+
+    Args:
+        search: The search.
+        fit: The accepted effects together; ``None`` where there are none.
+    """
+    size = search.evidence.size
+    law, prior = likeliest_law(search)
+
+    def columns(stage: Stage) -> Floats:
+        own = law.columns(stage)
+        return own if fit is None else np.append(own, search.change(stage, fit)[..., None], axis=-1)
+
+    parts = _searched(search, columns)
+    last = len(prior.mean)
+    plain, unnamed = ([part.selected(range(count)) for part in parts] for count in (size, last))
+    nothing = _log_densities(search, search.prior, plain)
+    densities = [_log_densities(search, prior, unnamed), nothing]
+    gain = named_gain = joint_gain = 2.0 * float((densities[0] - nothing).sum())
     if fit is None:
-        return best if best.delta_bic > SURE else None
-    strongest = max(one.candidate.delta_bic for one in choice.accepted)
-    every = fit.gain - search.bic_penalty * sum(map(len, fit.thetas))
-    nearest = tuple(hypothesis.name for hypothesis in fit.hypotheses)
-    better = best.delta_bic > max(BETTER * strongest, ALONE * every) + SURE
-    return replace(best, nearest=nearest) if better else None
+        named_gain = 0.0
+    else:
+        price = 0.5 * search.bic_penalty * (sum(map(len, fit.thetas)) - 1) / len(nothing)
+        named = [part.selected([*range(size), last]) for part in parts]
+        known = _log_densities(search, search.prior.augment(0.0, ANY_SIZE), named) - price
+        both = _log_densities(search, prior.augment(0.0, ANY_SIZE), parts) - price
+        named_gain, joint_gain = (2.0 * float((one - nothing).sum()) for one in (known, both))
+        densities.append(known)
+    probability = float(pseudo_bma(np.column_stack(densities), search.rng)[0])
+    nearest = () if fit is None else tuple(hypothesis.name for hypothesis in fit.hypotheses)
+    return UnnamedLaw(gain, named_gain, joint_gain, probability, nearest, law.place, law.regime)
 
 
 def unnamed_probability(search: Search, changed: float) -> float:
-    """Return how probable it is that what is missing has no name.
+    """Return how probable it is that what is missing has no name, where no effect was accepted.
 
-    The free laws, and a change of everything at once, compete with every effect that was fitted alone, and
-    with nothing. Each is learnt from the other folds and predicts one. Beforehand the odds on them are those
-    that a verdict asks for: a noise model that is too sure finds a little of any free law.
+    A law without a name, and a change of everything at once, compete with every effect that was fitted alone,
+    and with nothing. Each is learnt from the other folds and predicts one.
 
     Args:
         search: The search.
         changed: Twice the logarithm of the odds from which everything has changed.
     """
-    fraction, size = search.weights.effective_sample_fraction, search.evidence.size
-    plain = [part for part in search.parts(None) if not part.heldout]
     named = [
         density(one, search.predicted(one, None), search.bic_penalty)
         for key, one in search.tried.items()
         if len(key) == 1 and one is not None and not one.fit.at_bound
     ]
-    nothing = [Marginal.cost_of(search.prior, total(fold, size), fraction) for fold in folds_of(plain)]
-    known = [predictive(search.prior, fold, fraction, size) for fold in folds_of(plain)]
+    law, prior = likeliest_law(search)
+    parts = _searched(search, law.columns)
+    plain = [part.selected(range(search.evidence.size)) for part in parts]
+    fraction, size = search.weights.effective_sample_fraction, search.evidence.size
+    alone = -0.5 * np.array(
+        [Marginal.cost_of(search.prior, total(fold, size), fraction) for fold in folds_of(plain)]
+    )
     wide = changed_prior(search.evidence, search.prior, search.width, plain, fraction)
     # What changes from run to run, a prior that allows for little learns as well.
-    little = _log_densities(search.prior, plain, fraction) + 0.5 * changed / len(known)
-    unnamed = [_log_densities(wide, plain, fraction) - little]
-    for _, _, columns in _forms(search):
-        parts, prior = _widened(search, columns)
-        before = 0.5 * (np.array(known) + SURE / len(known))
-        unnamed.append(_log_densities(prior, parts, fraction, search.prior) - before)
-    alone = -0.5 * np.array(nothing)
+    little = _log_densities(search, search.prior, plain, relearnt=True) + 0.5 * changed / len(alone)
+    unnamed = [
+        _log_densities(search, wide, plain, relearnt=True) - little,
+        _log_densities(search, prior, parts) - _log_densities(search, search.prior, plain),
+    ]
     densities = [*named, *(alone + more for more in unnamed), alone]
     return float(pseudo_bma(np.column_stack(densities), search.rng)[len(named) : -1].sum())
 
 
-def _log_densities(
-    prior: Gaussian, parts: Sequence[NormalEquations], fraction: float, common: Gaussian | None = None
-) -> Floats:
-    """Return the logarithm of the density of each fold, given what the others teach, shape (folds,).
-
-    Args:
-        prior: Of all coefficients.
-        parts: Normal equations of the searched stretches.
-        fraction: Effective sample fraction: independent samples over samples.
-        common: Prior of the first coefficients, where the others teach only the rest of them.
-    """
-    size, found = len(prior.mean), []
-    for fold in folds_of(parts):
-        learnt = prior.posterior(total([part for part in parts if part not in fold], size), fraction)
-        if common is not None:
-            learnt = learnt.with_first(common)
-        found.append(0.5 * predictive(learnt, fold, fraction, size))
-    return np.array(found)
+def likeliest_law(search: Search) -> tuple[Law, Gaussian]:
+    """Return the likeliest law, and the prior of its coefficients behind the common ones."""
+    found = []
+    for law in laws(search):
+        parts = _searched(search, law.columns)
+        for size in law.sizes:
+            prior = search.prior
+            for _ in range(len(parts[0].vector) - search.evidence.size):
+                prior = prior.augment(0.0, size**2)
+            fraction = search.weights.effective_sample_fraction
+            found.append((predictive(prior, parts, fraction, len(prior.mean)), law, prior))
+    _, law, prior = max(found, key=lambda one: one[0])
+    return law, prior
 
 
-def laws(search: Search) -> list[FreeLaw]:
-    """Fit every law alone."""
-    return [_fitted(search, columns, place, regime) for place, regime, columns in _forms(search)]
-
-
-def _forms(search: Search) -> list[tuple[Place, str, Columns]]:
-    """List the laws: where each acts, what it varies with, and its columns."""
-    suspects = [stage for stage in search.evidence.stages if not stage.session.nominal]
-    highest = max(float(stage.session.pressures.max(initial=0.0)) for stage in suspects)
-    found: list[tuple[Place, str, Columns]] = []
-    for index, segment in enumerate(suspects[0].world.segments):
-        largest = max(float(bend(stage, index).max(initial=0.0)) for stage in suspects)
+def laws(search: Search) -> list[Law]:
+    """List the laws for the recordings in question."""
+    stages = [stage for stage in search.evidence.stages if not stage.session.nominal]
+    highest = max(1.0, *(float(stage.session.pressures.max(initial=0.0)) for stage in stages))
+    found = [Law(Place(), "", SmoothFunctions.of(stages).columns, STRAINS)]
+    for index, segment in enumerate(stages[0].world.segments):
+        largest = max(float(np.linalg.norm(_bends(stage)[:, index], axis=-1).max()) for stage in stages)
         own = partial(by_bend, segment=index, knots=KNOTS * largest)
-        found.append((Place(segment=segment), "pose", own))
-    alone = partial(by_pressure, knots=KNOTS[1:] * highest)
-    together = partial(by_neighbours, highest=highest)
-    return [*found, *((Place(), "pressure level", one) for one in (alone, together))]
-
-
-def bend(stage: Stage, segment: int) -> Floats:
-    """Give the size of a segment's bend [rad], shape (samples,)."""
-    size: Floats = np.linalg.norm(stage.arm.baseline.strains[:, segment, :2], axis=-1)
-    return size
+        found.append(Law(Place(segment=segment), "pose", own, SHARES))
+    if stages[0].session.pressures.shape[1]:
+        alone = partial(by_pressure, knots=KNOTS[1:] * highest)
+        together = partial(by_neighbours, highest=highest)
+        found += [Law(Place(), "pressure level", one, SHARES) for one in (alone, together)]
+    return found
 
 
 def by_bend(stage: Stage, segment: int, knots: Floats) -> Floats:
     """Let a segment bend further in its own direction, shape (samples, rows, knots)."""
-    size = bend(stage, segment)
-    along = stage.arm.baseline.strains[:, segment, :2] / np.maximum(size, 1e-6)[:, None]
+    bends = _bends(stage)[:, segment]
+    size = np.linalg.norm(bends, axis=-1)
+    along = bends / np.maximum(size, 1e-6)[:, None]
     slope = np.einsum("tra,ta->tr", stage.by_eigenstrain[..., 4 * segment : 4 * segment + 2], along)
     columns: Floats = slope[..., None] * np.maximum(size[:, None] - knots, 0.0)[:, None]
     return columns
@@ -184,26 +306,35 @@ def by_neighbours(stage: Stage, highest: float) -> Floats:
     for index in range(len(stage.world.segments)):
         own = [c for c, segment in enumerate(stage.world.chamber_segment) if segment == index]
         inside = pressures[:, own]
-        together = inside * (inside.sum(axis=1, keepdims=True) - inside) / max(highest, 1.0)
+        together = inside * (inside.sum(axis=1, keepdims=True) - inside) / highest
         around = np.roll(inside, 1, axis=1) - np.roll(inside, -1, axis=1)
         columns += [np.einsum("trc,tc->tr", slopes[..., own], change) for change in (together, around)]
     return np.stack(columns, axis=-1)
 
 
-def _fitted(search: Search, columns: Columns, place: Place, regime: str) -> FreeLaw:
-    """Fit the coefficients of a law to the searched stretches, beside what is common to all recordings."""
-    parts, prior = _widened(search, columns)
-    seen, fraction = total(parts, len(prior.mean)), search.weights.effective_sample_fraction
-    before = Marginal.cost_of(search.prior, seen.first(search.evidence.size), fraction)
-    gain = before - Marginal.cost_of(prior, seen, fraction)
-    return FreeLaw(place, regime, gain - search.bic_penalty * (len(prior.mean) - search.evidence.size))
+def _searched(search: Search, columns: Columns) -> list[NormalEquations]:
+    """Return the normal equations of the searched stretches with more columns."""
+    return [part for part in search.evidence.widened(search.weights, columns) if not part.heldout]
 
 
-def _widened(search: Search, columns: Columns) -> tuple[list[NormalEquations], Gaussian]:
-    """Return the normal equations of the searched stretches with a law's columns, and its wide prior."""
-    parts = [part for part in search.evidence.widened(search.weights, columns) if not part.heldout]
-    seen = total(parts, len(parts[0].vector))
-    prior = search.prior
-    for own_squares in np.diag(seen.matrix)[search.evidence.size :].tolist():
-        prior = prior.augment(0.0, ANY_SIZE * seen.sum_of_squares / own_squares if own_squares > 0.0 else 1.0)
-    return parts, prior
+def _log_densities(
+    search: Search, prior: Gaussian, parts: Sequence[NormalEquations], *, relearnt: bool = False
+) -> Floats:
+    """Return the logarithm of the density of each fold, given what the others teach, shape (folds,).
+
+    Args:
+        search: The search.
+        prior: Of the common coefficients, then of those that the other folds teach.
+        parts: Normal equations of the searched stretches.
+        relearnt: Whether the other folds teach the common coefficients too; else these have the prior from
+            before any of the recordings in question.
+    """
+    fraction, size = search.weights.effective_sample_fraction, len(prior.mean)
+    found = []
+    for fold in folds_of(parts):
+        rest = [part for part in parts if part not in fold]
+        learnt = prior.posterior(total(rest, size), fraction)
+        if not relearnt:
+            learnt = learnt.with_first(search.prior)
+        found.append(0.5 * predictive(learnt, fold, fraction, size))
+    return np.array(found)

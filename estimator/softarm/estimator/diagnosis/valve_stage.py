@@ -33,7 +33,8 @@ LEAST_DELAY = 0.015
 LEAST_BAND = 300.0
 LEAST_LOSS = 3000.0
 LEAST_GAIN = 0.03
-SIGMAS = 4.0
+NAMED = 0.99
+"""Probability over all valves from which a change is told: at most 1 of 100 names is false."""
 CEILING_STD = 100.0
 """Standard deviation of a pressure that is not passed [Pa]."""
 RESOLUTION = 30.0
@@ -129,7 +130,8 @@ def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple
     found: list[Finding] = []
     scatter = _scatter(_offsets, SCATTER, [suspects, nominal])
     jitter = _scatter(_delayed, max((_jitter(split) for split in suspects), default=0.0), [suspects, nominal])
-    for chamber in sorted({split.valve.chamber for split in suspects}):
+    chambers = sorted({split.valve.chamber for split in suspects})
+    for chamber in chambers:
         own = [split for split in suspects if split.valve.chamber == chamber]
         known = [split for split in nominal if split.valve.chamber == chamber]
         evidence = _evidence(own)
@@ -137,8 +139,8 @@ def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple
         if nominal and not known:
             continue
         if 2.0 * evidence.log_bayes_factor >= LEAST_BIC and evidence.heldout_after < evidence.heldout_before:
-            found += _steady(chamber, own, known, scatter, evidence)
-            found += _delays(chamber, own, known, jitter, evidence)
+            found += _steady(chamber, own, known, scatter, evidence, len(chambers))
+            found += _delays(chamber, own, known, jitter, evidence, len(chambers))
     return tuple(found)
 
 
@@ -254,20 +256,26 @@ def _ceiling(chamber: int, own: Sequence[Split], known: Sequence[Split], evidenc
 
 
 def _steady(
-    chamber: int, own: Sequence[Split], known: Sequence[Split], scatter: float, evidence: Evidence
+    chamber: int,
+    own: Sequence[Split],
+    known: Sequence[Split],
+    scatter: float,
+    evidence: Evidence,
+    valves: int,
 ) -> list[Finding]:
     """Report a steady error, or one that is new where there are nominal recordings."""
     ours, theirs = _offsets(own), _offsets(known)
     if not ours or (known and not theirs):
         return []
-    change = float(np.median(ours)) - (float(np.median(theirs)) if theirs else 0.0)
+    offset = float(np.mean(ours))
+    change = offset - (float(np.mean(theirs)) if theirs else 0.0)
     within = max(split.valve.bias_std for split in own if split.valve.held) / np.sqrt(len(ours))
     between = scatter * np.sqrt(1.0 / len(ours) + 1.0 / len(theirs)) if theirs else 0.0
     spread = max(float(np.hypot(within, between)), 20.0)
-    if abs(change) <= max(LEAST_BIAS, SIGMAS * spread):
+    sure = _probability(abs(change), spread, len(ours) + len(theirs), valves)
+    if abs(change) <= LEAST_BIAS or sure < NAMED:
         return []
-    sure = _probability(abs(change), spread, len(ours) + len(theirs))
-    shut = any(split.valve.deadband > LEAST_BAND - (change - float(np.median(ours))) for split in own)
+    shut = any(split.valve.deadband > LEAST_BAND - (change - offset) for split in own)
     if shut and change < 0.0:
         words = f"The first {-1e-3 * change:.2f} kPa of the set-point of chamber {chamber} have no effect."
         quantity = {"band": Quantity(-change, spread, "Pa")}
@@ -280,17 +288,23 @@ def _steady(
 
 
 def _delays(
-    chamber: int, suspects: Sequence[Split], nominal: Sequence[Split], jitter: float, evidence: Evidence
+    chamber: int,
+    suspects: Sequence[Split],
+    nominal: Sequence[Split],
+    jitter: float,
+    evidence: Evidence,
+    valves: int,
 ) -> list[Finding]:
     """Report a dead time and a lag, or what is new of them."""
     own, known = _timed(suspects), _timed(nominal)
     if not own or (nominal and not known):
         return []
-    dead, lag = (float(np.median(values)) for values in _times(own))
-    dead_before, lag_before = (float(np.median(values)) if known else 0.0 for values in _times(known))
+    dead, lag = (float(np.mean(values)) for values in _times(own))
+    dead_before, lag_before = (float(np.mean(values)) if known else 0.0 for values in _times(known))
     late, slower = dead - dead_before, lag - lag_before
     spread = jitter * float(np.sqrt(1.0 / len(own) + (1.0 / len(known) if known else 0.0)))
-    if late + slower <= max(LEAST_DELAY, SIGMAS * spread):
+    sure = _probability(late + slower, spread, len(own) + len(known), valves)
+    if late + slower <= LEAST_DELAY or sure < NAMED:
         return []
     deviation = max(spread, max(_jitter(split) for split in suspects))
     words = (
@@ -301,19 +315,19 @@ def _delays(
         "lag": Quantity(slower, deviation, "s"),
         "dead_time": Quantity(late, deviation, "s"),
     }
-    sure = _probability(late + slower, spread, len(own) + len(known))
     return [_finding("line_lag", chamber, words, quantities, sure, evidence, "time since a change")]
 
 
-def _probability(size: float, spread: float, recordings: int) -> float:
-    """Return how probable a size has its sign (Student, no opinion beforehand).
+def _probability(size: float, spread: float, recordings: int, valves: int = 1) -> float:
+    """Return how probable it is that none of the valves shows as much by chance (Student; Sidak 1967).
 
     Args:
         size: What was found, positive.
         spread: Its standard deviation.
         recordings: Number of recordings that tell the deviation, beside what was known of it.
+        valves: Number of valves that were looked at.
     """
-    return float(stdtr(WORTH + recordings, size / max(spread, 1e-300)))
+    return float(stdtr(WORTH + recordings, size / max(spread, 1e-300))) ** valves
 
 
 def _timed(splits: Sequence[Split]) -> list[Valve]:

@@ -52,6 +52,9 @@ NEVER_VENTED = -6.0
 """Logarithm of the prior that no chamber ever comes below half the limit."""
 NOISY = 0.15
 """Change from sample to sample over the range from which pressures are noise; white noise has 0.29."""
+ALIKE = 0.05
+"""What chambers that are filled alike do apart, over what they do together, below which it is no more than
+the few percent by which valves err."""
 SAME_AIR = 2e3
 """Vented chambers read the same air within this [Pa]."""
 FOLLOWS = 0.15
@@ -222,7 +225,7 @@ def _bend_per_pressure(recording: Recording, specimen: Specimen) -> float | None
         return None
     p, y = pressures[seen][:, moved], bends[seen]
     p, y = p - p.mean(axis=0), y - y.mean(axis=0)
-    slopes, *_ = np.linalg.lstsq(p, y, rcond=1e-6)
+    slopes, *_ = np.linalg.lstsq(p, y, rcond=ALIKE)
     if float(((y - p @ slopes) ** 2).sum()) > 0.7 * float((y**2).sum()):
         return None
     sizes = np.linalg.norm(slopes.reshape(len(slopes), -1, 2 if recording.bends else 3), axis=2).max(axis=1)
