@@ -32,7 +32,6 @@ LEAST_BIAS = 300.0
 LEAST_DELAY = 0.015
 LEAST_BAND = 300.0
 LEAST_LOSS = 3000.0
-LEAST_GAIN = 0.03
 NAMED = 0.99
 """Probability over all valves from which a change is told: at most 1 of 100 names is false."""
 CEILING_STD = 100.0
