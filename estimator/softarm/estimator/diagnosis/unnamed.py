@@ -183,7 +183,7 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
         fit: The accepted effects together; ``None`` where there are none.
     """
     size = search.evidence.size
-    law, prior = likeliest_law(search)
+    law, prior = likeliest_law(search, smooth=fit is not None)
 
     def columns(stage: Stage) -> Floats:
         own = law.columns(stage)
@@ -204,7 +204,7 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
         both = _log_densities(search, prior.augment(0.0, ANY_SIZE), parts) - price
         named_gain, joint_gain = (2.0 * float((one - nothing).sum()) for one in (known, both))
         densities.append(known)
-    probability = float(pseudo_bma(np.column_stack(densities), search.rng)[0])
+    probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
     nearest = () if fit is None else tuple(hypothesis.name for hypothesis in fit.hypotheses)
     return UnnamedLaw(gain, named_gain, joint_gain, probability, nearest, law.place, law.regime)
 
@@ -224,7 +224,7 @@ def unnamed_probability(search: Search, changed: float) -> float:
         for key, one in search.tried.items()
         if len(key) == 1 and one is not None and not one.fit.at_bound
     ]
-    law, prior = likeliest_law(search)
+    law, prior = likeliest_law(search, smooth=False)
     parts = _searched(search, law.columns)
     plain = [part.selected(range(search.evidence.size)) for part in parts]
     fraction, size = search.weights.effective_sample_fraction, search.evidence.size
@@ -239,13 +239,19 @@ def unnamed_probability(search: Search, changed: float) -> float:
         _log_densities(search, prior, parts) - _log_densities(search, search.prior, plain),
     ]
     densities = [*named, *(alone + more for more in unnamed), alone]
-    return float(pseudo_bma(np.column_stack(densities), search.rng)[len(named) : -1].sum())
+    return min(float(pseudo_bma(np.column_stack(densities), search.rng)[len(named) : -1].sum()), 1.0)
 
 
-def likeliest_law(search: Search) -> tuple[Law, Gaussian]:
-    """Return the likeliest law, and the prior of its coefficients behind the common ones."""
+def likeliest_law(search: Search, *, smooth: bool) -> tuple[Law, Gaussian]:
+    """Return the likeliest law, and the prior of its coefficients behind the common ones.
+
+    Args:
+        search: The search.
+        smooth: Whether it may be any smooth law. What a model gets wrong of an arm that is well is one too:
+            alone it is no sign that something is missing.
+    """
     found = []
-    for law in laws(search):
+    for law in laws(search, smooth=smooth):
         parts = _searched(search, law.columns)
         for size in law.sizes:
             prior = search.prior
@@ -257,11 +263,11 @@ def likeliest_law(search: Search) -> tuple[Law, Gaussian]:
     return law, prior
 
 
-def laws(search: Search) -> list[Law]:
-    """List the laws for the recordings in question."""
+def laws(search: Search, *, smooth: bool) -> list[Law]:
+    """List the laws for the recordings in question; see ``likeliest_law``."""
     stages = [stage for stage in search.evidence.stages if not stage.session.nominal]
     highest = max(1.0, *(float(stage.session.pressures.max(initial=0.0)) for stage in stages))
-    found = [Law(Place(), "", SmoothFunctions.of(stages).columns, STRAINS)]
+    found = [Law(Place(), "", SmoothFunctions.of(stages).columns, STRAINS)] if smooth else []
     for index, segment in enumerate(stages[0].world.segments):
         largest = max(float(np.linalg.norm(_bends(stage)[:, index], axis=-1).max()) for stage in stages)
         own = partial(by_bend, segment=index, knots=KNOTS * largest)
