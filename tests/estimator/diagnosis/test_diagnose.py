@@ -87,6 +87,15 @@ def test_recordings_in_question_are_kept_with_poses_and_residuals(weak: Diagnosi
         assert {"pressure_0_pa", "bend_tip_x_rad"} <= set(motion.columns)
 
 
+def test_traces_are_off_by_what_held_out_errors_count(weak: DiagnosisOutcome) -> None:
+    kept = {one.name: one.columns for one in weak.diagnosis.motions}
+    assert weak.diagnosis.traces
+    for trace in weak.diagnosis.traces:
+        for which, predicted in (("before", trace.before), ("after", trace.after)):
+            residual = kept[trace.recording][residual_column(which, trace.channel, trace.unit)]
+            np.testing.assert_allclose(trace.measured - predicted, residual, atol=1e-12)
+
+
 def test_an_inseparable_rival_is_named_with_what_would_tell(weak: DiagnosisOutcome) -> None:
     (finding,) = weak.diagnosis.findings
     named = {rival.effect: rival.manoeuvre for rival in finding.confusable_with}

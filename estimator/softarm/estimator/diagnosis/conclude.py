@@ -11,6 +11,7 @@ from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gaussian import Marginal
 from softarm.estimator.diagnosis.innovations import (
+    before_and_after,
     channel_errors,
     innovation_test,
     learnt_coefficients,
@@ -134,9 +135,7 @@ def heldout_result(search: Search, fit: Fit | None, predictions: Predictions, ho
     interval = (0.0, 0.0)
     if len(predictions.before) > 1 and not np.array_equal(predictions.before, predictions.after):
         interval = bootstrap(search.rng, predictions.before, predictions.after)
-    learnt = learnt_coefficients(search, fit)
-    left = residuals_of(search, fit, learnt)
-    before = residuals_of(search, None, learnt if fit is None else search.prior.mean)
+    before, left = before_and_after(search, fit)
     errors = channel_errors(search, before, left)
     return Heldout(rms_before, rms_after, interval, how, errors, innovation_test(search, left))
 

@@ -35,6 +35,23 @@ def residuals_of(search: Search, fit: Fit | None, coefficients: Floats) -> list[
     ]
 
 
+def before_and_after(search: Search, fit: Fit | None) -> tuple[list[Floats], list[Floats]]:
+    """Compute measured minus predicted as the model was known before, and with all findings.
+
+    Without findings both are of the model with the common coefficients that the recordings show.
+
+    Args:
+        search: The search.
+        fit: All findings.
+
+    Returns:
+        Residuals of each session, shape (samples, rows).
+    """
+    learnt = learnt_coefficients(search, fit)
+    after = residuals_of(search, fit, learnt)
+    return (after if fit is None else residuals_of(search, None, search.prior.mean)), after
+
+
 def channel_errors(search: Search, before: Residuals, after: Residuals) -> dict[str, ChannelError]:
     """Compute the error of each channel on held-out data.
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
-from softarm.estimator.diagnosis.innovations import learnt_coefficients, residuals_of
+from softarm.estimator.diagnosis.innovations import before_and_after
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.recording import BEND_SUFFIXES, MARKER_SUFFIXES, POSE_SUFFIXES, Recording
@@ -37,9 +37,7 @@ def motions_of(search: Search, fit: Fit | None) -> tuple[Recording, ...]:
         search: The search.
         fit: All findings.
     """
-    learnt = learnt_coefficients(search, fit)
-    before = residuals_of(search, None, learnt if fit is None else search.prior.mean)
-    after = residuals_of(search, fit, learnt)
+    before, after = before_and_after(search, fit)
     return tuple(
         _motion(stage, {"before": before[number], "after": after[number]})
         for number, stage in enumerate(search.evidence.stages)

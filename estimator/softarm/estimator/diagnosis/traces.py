@@ -5,7 +5,7 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
-from softarm.estimator.diagnosis.innovations import learnt_coefficients, residuals_of
+from softarm.estimator.diagnosis.innovations import before_and_after
 from softarm.estimator.diagnosis.result import Trace
 from softarm.estimator.diagnosis.session import channels
 
@@ -22,24 +22,24 @@ def traces_of(search: Search, fit: Fit | None) -> tuple[Trace, ...]:
         search: The search.
         fit: All findings.
     """
-    after = residuals_of(search, fit, learnt_coefficients(search, fit))
+    before, after = before_and_after(search, fit)
     ranked: list[tuple[float, int, int]] = []
     for number, stage in enumerate(search.evidence.stages):
         if stage.session.nominal:
             continue
         scale = np.array([search.weights.scale[name] for name in channels(stage.suite)])
-        first = np.nansum((search.evidence.residuals[number] / scale) ** 2, axis=0)
+        first = np.nansum((before[number] / scale) ** 2, axis=0)
         last = np.nansum((after[number] / scale) ** 2, axis=0) if fit is not None else np.zeros(len(scale))
         ranked += [(float(gain), number, row) for row, gain in enumerate((first - last).tolist())]
     chosen: dict[str, Trace] = {}
     for _, number, row in sorted(ranked, reverse=True):
         name = channels(search.evidence.stages[number].suite)[row]
         if name not in chosen and len(chosen) < MOST:
-            chosen[name] = _trace(search, after[number], number, row)
+            chosen[name] = _trace(search, before[number], after[number], number, row)
     return tuple(chosen.values())
 
 
-def _trace(search: Search, after: Floats, number: int, row: int) -> Trace:
+def _trace(search: Search, before: Floats, after: Floats, number: int, row: int) -> Trace:
     """Thin one row of a session out to what a picture can show."""
     stage = search.evidence.stages[number]
     session = stage.session
@@ -51,7 +51,7 @@ def _trace(search: Search, after: Floats, number: int, row: int) -> Trace:
         stage.suite.units[row],
         (session.clock - session.clock[0])[thin],
         reading[thin],
-        (reading - search.evidence.residuals[number][:, row])[thin],
+        (reading - before[:, row])[thin],
         (reading - after[:, row])[thin],
         session.heldout[thin],
     )

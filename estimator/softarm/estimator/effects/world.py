@@ -195,11 +195,6 @@ def moving_sections(world: World) -> tuple[Place, ...]:
     return tuple(Place(section=name) for name in world.sections if name != "base")
 
 
-def tip(world: World) -> tuple[Place, ...]:
-    """The last section."""
-    return (Place(section=world.sections[-1]),)
-
-
 def sensors(world: World) -> tuple[Place, ...]:
     """Each sensor."""
     return tuple(Place(sensor=name) for name in world.sensors)
