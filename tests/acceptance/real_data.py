@@ -41,7 +41,6 @@ from softarm.estimator.model import Inputs
 from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.recording import Recording
 from softarm.estimator.response import BatchArmModel, BatchInputs
-from softarm.estimator.sensing import Scene
 from softarm.estimator.specimen import Calibration, Specimen, load_specimen
 from softarm.estimator.stretch import StretchLaw
 
@@ -301,7 +300,7 @@ def predict(model: BatchArmModel, calibrated: Specimen, run: CalibrationRun) -> 
     acting = setting.actuation.to_chamber(run.pressures)
     loads = np.zeros((len(acting), len(model.loads)))
     found = setting.model(model).evaluate(BatchInputs(acting, loads, np.array(calibrated.gravity_m_s2)))
-    readings = run.suite.predict(Scene(found.frames, np.zeros((len(run.time), 0))))
+    readings = run.suite.predict(found.frames)
     return np.where(found.converged[:, None], readings, np.nan)
 
 

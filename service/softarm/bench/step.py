@@ -32,7 +32,7 @@ from softarm.estimator.inverse.objectives import Iterate, SensorObjective
 from softarm.estimator.inverse.program import build_program, solve_program
 from softarm.estimator.mesh import Mesh
 from softarm.estimator.model import Inputs
-from softarm.estimator.sensing import Registration, Scene, SensorSuite
+from softarm.estimator.sensing import Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.specimen import Specimen, load_specimen
 
@@ -81,7 +81,7 @@ def motion(model: FiniteElementModel, suite: SensorSuite, gravity: Floats, sampl
         state, _ = model.solve(sample, state)
         frames = model.linearise(state, sample).frames
         inputs.append(sample)
-        readings.append(suite.predict(Scene(frames, gravity)))
+        readings.append(suite.predict(frames))
     return TimedRun(tuple(inputs), np.array(readings))
 
 

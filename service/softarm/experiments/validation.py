@@ -11,7 +11,7 @@ from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.response import BatchArmModel, BatchInputs
-from softarm.estimator.sensing import MeasuredPose, Scene, SensorSuite
+from softarm.estimator.sensing import MeasuredPose, SensorSuite
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import StretchLaw
 from softarm.experiments.figures import Cells, beside, error_figures, inside, without_unit
@@ -76,8 +76,7 @@ def pose_errors(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple
     if not any(isinstance(sensor, MeasuredPose) for sensor in holds.run.suite.measurements):
         raise InputError(holds.run.name, "has no pose of a section", "record the bodies of the sections")
     frames, converged = predict(model, specimen, holds)
-    scene = Scene(frames, np.zeros((len(holds), 0)))
-    innovation = holds.run.suite.sensitivity(scene, holds.readings).innovation
+    innovation = holds.run.suite.sensitivity(frames, holds.readings).innovation
     innovation[~converged] = np.nan
     return by_section(innovation, pose_deviation(specimen, holds.run.suite), holds.run.suite)
 

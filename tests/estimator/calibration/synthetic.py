@@ -6,7 +6,7 @@ from toy import toy
 from softarm.estimator.arrays import Floats
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import to_quaternions
-from softarm.estimator.sensing import Registration, Scene
+from softarm.estimator.sensing import Registration
 from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.specimen import (
     BendCalibration,
@@ -80,15 +80,14 @@ def record(
     model = toy().with_scales(SCALES)
     late = np.column_stack([np.interp(time - lag, time, column) for column in pressures.T])
     frames = model.batch(late * GAINS, np.tile(model.scales, (len(time), 1)))
-    scene = Scene(frames, np.zeros((len(time), 0)))
     make = SpecimenSensors(specimen, model.sections, Registration())
     columns = {f"pressure_{k}_pa": pressures[:, k] + rng.normal(0, 100, len(time)) for k in chambers}
     if "bend" in kinds:
         for section in ("intermediate", "tip"):
-            angles = make.bend(section).predict(scene) + rng.normal(0, noise, (len(time), 2))
+            angles = make.bend(section).predict(frames) + rng.normal(0, noise, (len(time), 2))
             columns |= {f"bend_{section}_{axis}_rad": angles[:, i] for i, axis in enumerate("xy")}
     if "frame" in kinds:
-        pose = make.pose("tip").predict(scene)
+        pose = make.pose("tip").predict(frames)
         pose[:, :3] += rng.normal(0, 2e-4, (len(time), 3))
         names = ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
         columns |= {f"frame_tip_{name}": pose[:, i] for i, name in enumerate(names)}

@@ -13,7 +13,7 @@ from softarm.estimator.dynamics.reduced_arm import reduced
 from softarm.estimator.inverse import ArmEstimate, Estimator, LoadProcess, TrackerSettings
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.rotations import exp
-from softarm.estimator.sensing import ActuationMap, Orientation, Scene, SensorSuite
+from softarm.estimator.sensing import ActuationMap, Orientation, SensorSuite
 from softarm.estimator.simulation.inertia import Masses
 from tests.estimator.inverse.toy_arm import ToyArm
 
@@ -40,7 +40,7 @@ def estimates(arm: ToyArm, holding: Floats) -> list[tuple[Floats, ArmEstimate[An
         state, _ = arm.solve(inputs, state)
         frames = arm.frames(state)
         shaken = Frames(frames.positions, frames.rotations @ exp(rng.normal(0.0, NOISE, (2, 3))))
-        readings = SUITE.predict(Scene(shaken, loads))
+        readings = SUITE.predict(shaken)
         found.append((readings, follower.update(float(time), readings, np.zeros(6), GRAVITY)))
     return found
 

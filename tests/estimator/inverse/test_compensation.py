@@ -12,7 +12,7 @@ from softarm.estimator.inverse import (
     settle,
 )
 from softarm.estimator.model import Inputs
-from softarm.estimator.sensing import Orientation, Scene, SensorSuite
+from softarm.estimator.sensing import Orientation, SensorSuite
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 PRESSURES = np.array([20e3, 12e3, 16e3, 18e3, 21e3, 15e3])
@@ -27,7 +27,7 @@ def frames(arm, pressures, loads):
 
 
 def estimated(arm, loads, pressures=PRESSURES):
-    readings = SUITE.predict(Scene(frames(arm, pressures, loads), np.asarray(loads)))
+    readings = SUITE.predict(frames(arm, pressures, loads))
     unknowns = Unknowns.of(arm.chambers, arm.loads)
     prior = independent_prior(unknowns, 5.0)
     problem = forces_problem(unknowns, SUITE, readings, pressures, np.full(6, 100.0), prior, GRAVITY)
@@ -110,8 +110,7 @@ def test_feedback_leads_the_readings_back_not_the_estimate(arm):
     np.testing.assert_allclose(at_rest.change, 0.0, atol=1.0)
     there = {name: residual + np.array([0.01, 0.0, 0.0]) for name, residual in estimate.residuals.items()}
     led = approach(estimate, SUITE, LIMITS, here, PRESSURES, there)
-    scene = Scene(here, NONE)
-    twists = SUITE.sensitivity(scene, SUITE.predict(scene)).twists
+    twists = SUITE.sensitivity(here, SUITE.predict(here)).twists
     moved = twists @ estimate.motion[:, :6] @ led.change
     np.testing.assert_allclose(moved[[0, 3]], 0.01, atol=1e-3)
 

@@ -4,7 +4,7 @@ import pytest
 from acceptance.forces import forces_problem, independent_prior
 from softarm.estimator.inverse import ContactProfile, Unknowns
 from softarm.estimator.model import Inputs, Load
-from softarm.estimator.sensing import MeasuredPose, Orientation, Scene, SensorSuite
+from softarm.estimator.sensing import MeasuredPose, Orientation, SensorSuite
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 PRESSURES = np.array([30e3, 5e3, 12e3, 8e3, 41e3, 20e3])
@@ -20,7 +20,7 @@ def touched(arm, height, force, suite):
     )
     model = arm.with_loads(loads)
     inputs = Inputs(PRESSURES, np.asarray(force), GRAVITY)
-    return suite.predict(Scene(model.frames(model.solve(inputs, model.rest())[0]), inputs.loads))
+    return suite.predict(model.frames(model.solve(inputs, model.rest())[0]))
 
 
 def place(arm, suite, readings):

@@ -25,7 +25,6 @@ from softarm.estimator.sensing import (
     MarkerPosition,
     MeasuredPose,
     Orientation,
-    Scene,
     SensorSuite,
 )
 
@@ -49,7 +48,7 @@ def truth(arm, pressures=PRESSURES, loads=LOADS):
 
 
 def readings_of(arm, suite, inputs, state):
-    return suite.predict(Scene(arm.frames(state), inputs.loads))
+    return suite.predict(arm.frames(state))
 
 
 def start(arm, pressures=PRESSURES):
@@ -149,7 +148,7 @@ def test_covariance_of_force_and_pose_is_that_of_repeated_noisy_trials(arm) -> N
                 for m in suite.measurements
             )
         )
-        noisy = turned.predict(Scene(arm.frames(state), inputs.loads))
+        noisy = turned.predict(arm.frames(state))
         pressures = PRESSURES + 200.0 * RANDOM.normal(size=6)
         problem = forces_problem(unknowns, suite, noisy, pressures, np.full(6, 200.0), prior, GRAVITY)
         estimate = problem.solve(arm, begin, Tolerances(step=1e-4))

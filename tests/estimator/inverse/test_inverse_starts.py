@@ -5,7 +5,7 @@ import pytest
 
 from softarm.estimator.inverse import Estimator, LoadProcess, TrackerSettings
 from softarm.estimator.model import Inputs
-from softarm.estimator.sensing import ActuationMap, Orientation, Scene, SensorSuite
+from softarm.estimator.sensing import ActuationMap, Orientation, SensorSuite
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 SIGMA = np.radians(0.1)
@@ -17,7 +17,7 @@ def test_a_fresh_search_begins_at_the_answer_of_the_guide(arm) -> None:
     truth = Inputs(pressures, np.array([0.12, -0.08, -0.05, 0.1]), GRAVITY)
     state, found = arm.solve(truth, arm.rest())
     assert found
-    readings = suite.predict(Scene(arm.frames(state), truth.loads))
+    readings = suite.predict(arm.frames(state))
     settings = TrackerSettings(
         LoadProcess(np.ones(4), 0.0), ActuationMap(np.ones(6), np.zeros(6), 200.0), np.full(6, 65e3)
     )

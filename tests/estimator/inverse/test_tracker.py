@@ -2,7 +2,7 @@ import numpy as np
 
 from softarm.estimator.inverse import Estimator, LoadProcess, TrackerSettings
 from softarm.estimator.model import Inputs
-from softarm.estimator.sensing import ActuationMap, ModelError, Orientation, Scene, SensorSuite
+from softarm.estimator.sensing import ActuationMap, ModelError, Orientation, SensorSuite
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 SUITE = SensorSuite((Orientation("upper", 0, 2e-3), Orientation("lower", 1, 2e-3)))
@@ -13,7 +13,7 @@ def test_pressures_that_are_lost_at_their_bound_leave_a_finite_estimate(arm):
     settings = TrackerSettings(LoadProcess(np.full(4, 1.0), 1.0), actuation, np.full(6, 65e3))
     follower = Estimator(arm, SUITE, settings)
     inputs = Inputs(np.zeros(6), np.zeros(4), GRAVITY)
-    readings = SUITE.predict(Scene(arm.frames(arm.solve(inputs, arm.rest())[0]), inputs.loads))
+    readings = SUITE.predict(arm.frames(arm.solve(inputs, arm.rest())[0]))
     lost = np.full(6, np.nan)
     for _ in range(4):  # at one time, so that nothing has wandered in between
         estimate = follower.update(1.0, readings, lost, GRAVITY)
@@ -31,7 +31,7 @@ def test_the_condition_of_the_arm_widens_the_noise_and_scales_the_forces(arm):
             LoadProcess(np.full(4, 1.0), 0.0), ActuationMap.identity(6), np.full(6, 65e3), model_error=error
         )
         inputs = Inputs(np.full(6, pressure), np.zeros(4), GRAVITY)
-        readings = SUITE.predict(Scene(arm.frames(arm.solve(inputs, arm.rest())[0]), inputs.loads))
+        readings = SUITE.predict(arm.frames(arm.solve(inputs, arm.rest())[0]))
         return Estimator(arm, SUITE, settings).update(0.0, readings, inputs.pressures, GRAVITY)
 
     def deviations(ratios, pressure):
@@ -56,7 +56,7 @@ def test_a_force_where_nobody_pulled_is_known_to_a_share_of_itself(arm):
             model_error=ModelError.of({}, {"vented pulls on tip": 1.0}),
         )  # fmt: skip
         inputs = Inputs(np.zeros(6), force * np.array([1.0, 0.0, 0.0, 0.0]), GRAVITY)
-        readings = SUITE.predict(Scene(arm.frames(arm.solve(inputs, arm.rest())[0]), inputs.loads))
+        readings = SUITE.predict(arm.frames(arm.solve(inputs, arm.rest())[0]))
         estimate = Estimator(arm, SUITE, settings).update(0.0, readings, inputs.pressures, GRAVITY)
         plain = estimate.covariance[6:, 6:]
         return np.sqrt(np.diag(estimate.load_covariance - plain))

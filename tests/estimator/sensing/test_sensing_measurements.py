@@ -16,7 +16,6 @@ from softarm.estimator.sensing import (
     Measurement,
     Orientation,
     Registration,
-    Scene,
     SensorSuite,
     register,
 )
@@ -27,16 +26,15 @@ SAMPLES = 7
 REGISTRATION = Registration(exp(np.array([0.3, -1.2, 0.5])), np.array([0.2, -0.1, 1.0]))
 
 
-def scene(leading: tuple[int, ...] = ()) -> Scene:
+def frames(leading: tuple[int, ...] = ()) -> Frames:
     positions = RANDOM.normal(size=(*leading, 2, 3)) * 0.1
     rotations = exp(RANDOM.normal(size=(*leading, 2, 3)) * 0.6)
-    return Scene(Frames(positions, rotations), RANDOM.normal(size=(*leading, 4)))
+    return Frames(positions, rotations)
 
 
-def moved(at: Scene, twists: np.ndarray) -> Scene:
+def moved(at: Frames, twists: np.ndarray) -> Frames:
     parts = twists.reshape(2, 6)
-    frames = Frames(at.frames.positions + parts[:, :3], exp(parts[:, 3:]) @ at.frames.rotations)
-    return Scene(frames, at.loads)
+    return Frames(at.positions + parts[:, :3], exp(parts[:, 3:]) @ at.rotations)
 
 
 def misaligned(sensor: Measurement) -> Measurement:
@@ -55,13 +53,13 @@ EACH = pytest.mark.parametrize("sensor", SENSORS, ids=lambda sensor: sensor.name
 
 @EACH
 def test_own_prediction_leaves_no_innovation(sensor: Measurement) -> None:
-    at = scene()
+    at = frames()
     np.testing.assert_allclose(sensor.sensitivity(at, sensor.predict(at)).innovation, 0.0, atol=1e-12)
 
 
 @EACH
 def test_rows_are_the_derivative_by_the_section_twists(sensor: Measurement) -> None:
-    at, reading = scene(), sensor.predict(scene())
+    at, reading = frames(), sensor.predict(frames())
 
     def innovation(twists: np.ndarray) -> np.ndarray:
         return -sensor.sensitivity(moved(at, twists), reading).innovation
@@ -72,7 +70,7 @@ def test_rows_are_the_derivative_by_the_section_twists(sensor: Measurement) -> N
 
 @EACH
 def test_rows_are_the_derivative_by_the_alignment(sensor: Measurement) -> None:
-    at, reading = scene(), sensor.predict(scene())
+    at, reading = frames(), sensor.predict(frames())
 
     def innovation(parameters: np.ndarray) -> np.ndarray:
         return -sensor.with_parameters(parameters).sensitivity(at, reading).innovation
@@ -83,12 +81,12 @@ def test_rows_are_the_derivative_by_the_alignment(sensor: Measurement) -> None:
 
 @EACH
 def test_many_samples_at_once_give_what_each_gives_alone(sensor: Measurement) -> None:
-    at, reading = scene((SAMPLES,)), sensor.predict(scene((SAMPLES,)))
+    at, reading = frames((SAMPLES,)), sensor.predict(frames((SAMPLES,)))
     together = sensor.sensitivity(at, reading)
     parameters = sensor.parameter_rows(at, reading)
     noise = sensor.covariance(reading)
     for k in range(SAMPLES):
-        one = Scene(Frames(at.frames.positions[k], at.frames.rotations[k]), at.loads[k])
+        one = Frames(at.positions[k], at.rotations[k])
         alone = sensor.sensitivity(one, reading[k])
         np.testing.assert_allclose(together.innovation[k], alone.innovation, atol=1e-14)
         np.testing.assert_allclose(together.twists[k], alone.twists, atol=1e-14)
@@ -97,7 +95,7 @@ def test_many_samples_at_once_give_what_each_gives_alone(sensor: Measurement) ->
 
 
 def test_bend_is_exact_and_differentiable_at_the_straight_pose() -> None:
-    straight = Scene(Frames(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1))), np.zeros(4))
+    straight = Frames(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))
     bend = Bend("bend", 1, 0.01)
     rows = bend.sensitivity(straight, np.zeros(2)).twists
     for angle in (1e-5, 1e-4, 2e-3, 0.5, 3.0):
@@ -129,7 +127,7 @@ def test_registration_refuses_markers_on_a_line() -> None:
 
 def test_suite_stacks_any_subset_and_leaves_absent_sensors_out() -> None:
     suite = SensorSuite(tuple(SENSORS))
-    at = scene()
+    at = frames()
     everything = suite.predict(at)
     some = suite.stack({"pose": SENSORS[1].predict(at), "bend_lower": SENSORS[4].predict(at)})
     observation = suite.observe(at, some)
@@ -148,7 +146,7 @@ def test_suite_stacks_any_subset_and_leaves_absent_sensors_out() -> None:
 
 def test_suite_cuts_its_readings_and_names_the_unit_of_each_row() -> None:
     suite = SensorSuite(tuple(SENSORS))
-    at = scene()
+    at = frames()
     readings = suite.predict(at)
     for sensor in SENSORS:
         own = readings[..., suite.reading_slices[sensor.name]]
@@ -165,7 +163,7 @@ def test_suite_cuts_its_readings_and_names_the_unit_of_each_row() -> None:
 
 def test_suite_alignment_is_the_sensors_alignment() -> None:
     suite = SensorSuite(tuple(SENSORS))
-    at, readings = scene(), suite.predict(scene())
+    at, readings = frames(), suite.predict(frames())
     assert len(suite.parameter_names) == len(suite.parameters)
     error = derivative_error(
         lambda values: -suite.with_parameters(values).sensitivity(at, readings).innovation,
@@ -190,7 +188,7 @@ def test_error_of_the_registration_is_common_to_all_that_use_it() -> None:
     covariance = np.diag([1e-3, 2e-3, 3e-3, 0.02, 0.01, 0.03]) ** 2
     uncertain = replace(REGISTRATION, covariance=covariance)
     sensors = tuple(replace(sensor, registration=uncertain) for sensor in SENSORS[:3])
-    suite, at = SensorSuite((*sensors, SENSORS[3])), scene()
+    suite, at = SensorSuite((*sensors, SENSORS[3])), frames()
     readings = suite.predict(at)
     noise = suite.covariance(at, readings, suite.sensitivity(at, readings).twists)
     exact = SensorSuite(tuple(SENSORS[:4]))

@@ -6,7 +6,7 @@ import pytest
 from softarm.analysis.offline.track import track
 from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.model import Inputs, Load
-from softarm.estimator.sensing import Orientation, Scene, SensorSuite
+from softarm.estimator.sensing import Orientation, SensorSuite
 from softarm.estimator.specimen import load_specimen
 from tests.estimator.inverse.toy_arm import ToyArm
 
@@ -23,7 +23,7 @@ def swinging(step: float) -> CalibrationRun:
     for force in HOLDING * np.cos(2.0 * np.pi * time / PERIOD):
         loads = np.array([force])
         state, _ = ARM.solve(Inputs(np.zeros(6), loads, np.array(specimen.gravity_m_s2)), state)
-        readings.append(SUITE.predict(Scene(ARM.frames(state), loads)))
+        readings.append(SUITE.predict(ARM.frames(state)))
     pressures = np.zeros((len(time), 6))
     return CalibrationRun("swing", time, pressures, ("measured",) * 6, SUITE, np.array(readings))
 

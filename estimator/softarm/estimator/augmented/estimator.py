@@ -28,7 +28,7 @@ from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Loa
 from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp, from_quaternions, to_quaternions
-from softarm.estimator.sensing import Scene, SensorSuite
+from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.simulation import Drive, RespondingArm, Segments, SimulatedArm
 from softarm.estimator.simulation.compliance import bounded_inverse
 from softarm.estimator.specimen import Specimen
@@ -266,11 +266,10 @@ class AugmentedEstimator(Generic[State, Step]):
         sensing = [k for k, placed in enumerate(self._effects) if not placed.field]
         if not sensing:
             return readings
-        scene = Scene(seen.frames, np.zeros((1, 0)))
         clean, memories = readings.copy(), list(self._memories)
         for sensor in self._suite.measurements:
             part = self._suite.reading_slices[sensor.name]
-            plain = sensor.predict(scene)
+            plain = sensor.predict(seen.frames)
             for k in sensing:
                 placed = self._effects[k]
                 if placed.spot.place.sensor == sensor.name:

@@ -16,7 +16,7 @@ from softarm.estimator.calibration.forward import NodePredictions
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.setting import Setting
-from softarm.estimator.sensing import Scene, SensorSuite
+from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.sensing.model_error import (
     ON,
     PRESSURISED_PULLS,
@@ -71,11 +71,10 @@ def _squares(
 
     The estimate knows no axial pull.
     """
-    scene = Scene(at.frames, np.zeros((len(own.time), 0)))
-    twists = np.nan_to_num(suite.sensitivity(scene, own.readings).twists)
+    twists = np.nan_to_num(suite.sensitivity(at.frames, own.readings).twists)
     to_pressures, to_loads = twists @ at.response.pressure_jacobian, twists @ at.response.load_jacobian
     spread = np.diag(setting.actuation.chamber_sigma**2)
-    noise = suite.covariance(scene, own.readings, twists)
+    noise = suite.covariance(at.frames, own.readings, twists)
     noise = noise + to_pressures @ spread @ np.swapaxes(to_pressures, 1, 2)
     found = []
     for node, pull in enumerate(setting.pulls(own.loads)):

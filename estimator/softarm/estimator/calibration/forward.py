@@ -12,7 +12,6 @@ from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.unknowns import Prediction
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse, BatchArmModel, BatchInputs
-from softarm.estimator.sensing import Scene
 from softarm.estimator.simulation import Segments, with_segments
 
 
@@ -99,8 +98,7 @@ class Forward:
         if self.segments is not None:
             response = with_segments(response, model, self.segments)
         suite = setting.aligned(nodes.run.suite)
-        scene = Scene(response.frames, np.zeros((len(nodes.time), 0)))
-        seen = suite.sensitivity(scene, nodes.readings)
+        seen = suite.sensitivity(response.frames, nodes.readings)
         return Prediction(
             setting,
             suite,

@@ -13,7 +13,7 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.model import Frames
-from softarm.estimator.sensing import Bend, Scene, SensorSuite
+from softarm.estimator.sensing import Bend, SensorSuite
 
 
 @dataclass(frozen=True)
@@ -86,8 +86,7 @@ def _fit_sensor(sensor: Bend, nodes: Sequence[Nodes], frames: Sequence[Frames], 
             continue
         readings = own.readings[:, part]
         present = np.isfinite(readings).all(axis=1)
-        scene = Scene(seen, np.zeros((len(own.time), 0)))
-        predicted.append(plain.predict(scene)[present])
+        predicted.append(plain.predict(seen)[present])
         recorded.append(readings[present])
         weights.append(own.weights[present])
     return fit_axes(np.concatenate(predicted), np.concatenate(recorded), np.concatenate(weights), mirrored)

@@ -16,7 +16,7 @@ from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import skew
-from softarm.estimator.sensing import ActuationMap, MarkerPosition, MeasuredPose, Scene, SensorSuite
+from softarm.estimator.sensing import ActuationMap, MarkerPosition, MeasuredPose, SensorSuite
 
 LOWEST_COMPLIANCE, HIGHEST_COMPLIANCE = -0.7, 4.0  # shares of the model's that a segment may have more
 SINGLE_STEPS = "raise single chambers in steps over their whole range, each held for 5 s"
@@ -66,8 +66,7 @@ class Prediction:
     @cached_property
     def alignment_jacobian(self) -> Floats:
         """Derivative by the sensors' own parameters, shape (nodes, rows, parameters)."""
-        scene = Scene(self.response.frames, np.zeros((len(self.pressures), 0)))
-        return np.nan_to_num(self.suite.parameter_rows(scene, self.readings))
+        return np.nan_to_num(self.suite.parameter_rows(self.response.frames, self.readings))
 
     @cached_property
     def rigid_jacobian(self) -> Floats:

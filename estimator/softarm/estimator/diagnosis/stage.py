@@ -17,7 +17,7 @@ from softarm.estimator.effects.simulate import recorded_turn, simulate_with
 from softarm.estimator.model import Frames
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.rotations import exp
-from softarm.estimator.sensing import Scene, SensorSuite
+from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.simulation import Drive, LinearisedArm, RespondingArm, Segments, SimulatedArm
 from softarm.estimator.simulation.compliance import stiffness_along
 from softarm.estimator.specimen import Specimen
@@ -83,13 +83,8 @@ class Stage:
     @cached_property
     def base(self) -> Floats:
         """Predicted readings without effects, stacked, shape (samples, readings)."""
-        predicted: Floats = self.suite.predict(self.scene)
+        predicted: Floats = self.suite.predict(self.arm.baseline.frames)
         return predicted
-
-    @cached_property
-    def scene(self) -> Scene:
-        """What the sensors look at without effects."""
-        return Scene(self.arm.baseline.frames, np.zeros((self.session.samples, 0)))
 
     @cached_property
     def couple_jacobian(self) -> Floats:
@@ -108,7 +103,7 @@ class Stage:
 
     def innovation(self, readings: Floats) -> Floats:
         """Compare stacked readings with the prediction without effects, shape (samples, rows)."""
-        left: Floats = self.suite.sensitivity(self.scene, readings).innovation
+        left: Floats = self.suite.sensitivity(self.arm.baseline.frames, readings).innovation
         return np.where(self.arm.baseline.converged[:, None], left, np.nan)
 
     @cached_property
@@ -124,8 +119,7 @@ class Stage:
             np.broadcast_to(frames.positions[:1], frames.positions.shape),
             np.broadcast_to(frames.rotations[:1], frames.rotations.shape),
         )
-        scene = Scene(first, self.scene.loads)
-        rows: Floats = self.suite.sensitivity(scene, self.session.readings).innovation
+        rows: Floats = self.suite.sensitivity(first, self.session.readings).innovation
         return rows
 
     @cached_property
@@ -200,10 +194,10 @@ class Stage:
             np.einsum("tij,tsj->tsi", back, response.frames.positions),
             back[:, None] @ response.frames.rotations,
         )
-        loads, near = self.scene.loads[nodes], self.arm.baseline.at(nodes)
-        readings = self.suite.predict(Scene(frames, loads))
+        near = self.arm.baseline.at(nodes)
+        readings = self.suite.predict(frames)
         readings = np.where(response.converged[:, None], readings, np.nan)
-        left: Floats = self.suite.sensitivity(Scene(near.frames, loads), readings).innovation
+        left: Floats = self.suite.sensitivity(near.frames, readings).innovation
         return np.where(near.converged[:, None], left, np.nan)
 
     def first_order(self, placed: PlacedEffect) -> Floats:
@@ -250,7 +244,7 @@ class Stage:
     @cached_property
     def twist_jacobian(self) -> Floats:
         """Derivative of the predictions by the sections' twists, shape (samples, rows, 6 sections)."""
-        rows: Floats = np.nan_to_num(self.suite.sensitivity(self.scene, self.base).twists)
+        rows: Floats = np.nan_to_num(self.suite.sensitivity(self.arm.baseline.frames, self.base).twists)
         return rows
 
     @cached_property

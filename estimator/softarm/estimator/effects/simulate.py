@@ -16,7 +16,7 @@ from softarm.estimator.effects.effect import Memory
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
 from softarm.estimator.effects.world import World
 from softarm.estimator.response import ArmResponse
-from softarm.estimator.sensing import Scene, SensorSuite
+from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.simulation import Drive, RespondingArm
 
 ITERATIONS = 40
@@ -221,8 +221,7 @@ def _readings(
     """Predict the readings, effects of sensing included."""
     if suite is None:
         return {}
-    scene = Scene(response.frames, drive.wrenches.reshape(drive.samples, -1))
-    readings = {sensor.name: sensor.predict(scene) for sensor in suite.measurements}
+    readings = {sensor.name: sensor.predict(response.frames) for sensor in suite.measurements}
     for k, placed in enumerate(effects):
         if placed.effect.hook == "sensing" and placed.spot.place.sensor in readings:
             name = placed.spot.place.sensor

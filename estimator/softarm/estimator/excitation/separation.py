@@ -24,7 +24,7 @@ from softarm.estimator.excitation.manoeuvre import Manoeuvre
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp, log
-from softarm.estimator.sensing import Scene, SensorSuite
+from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.simulation import Drive, LinearisedArm, RespondingArm, Segments
 
 FADING = 3.0  # s, over which errors of readings and model forget
@@ -111,9 +111,8 @@ class SeparationTrial:
         subject = self.subject
         effects = () if placed is None else (placed,)
         done = simulate_with(effects, self.arm, subject.world, self.drive, subject.suite)
-        scene = Scene(self.arm.baseline.frames, np.zeros((self.drive.samples, 0)))
         parts = [
-            sensor.sensitivity(scene, done.readings[sensor.name]).innovation
+            sensor.sensitivity(self.arm.baseline.frames, done.readings[sensor.name]).innovation
             for sensor in subject.suite.measurements
         ]
         return self._whiten(np.concatenate(parts, axis=1))
@@ -131,9 +130,9 @@ class SeparationTrial:
     def _floors(self) -> Floats:
         """Return the error of each row: the sensor's noise and what repeated runs differ by."""
         rest, rows = self.arm.baseline.frames, []
-        scene = Scene(Frames(rest.positions[0], rest.rotations[0]), np.zeros(0))
+        frames = Frames(rest.positions[0], rest.rotations[0])
         for sensor in self.subject.suite.measurements:
-            noise = np.sqrt(np.diag(sensor.covariance(sensor.predict(scene))))
+            noise = np.sqrt(np.diag(sensor.covariance(sensor.predict(frames))))
             rows.append(np.hypot(noise, [FLOOR[unit] for unit in sensor.units]))
         return np.concatenate(rows)
 
@@ -152,10 +151,9 @@ class SeparationTrial:
         return np.column_stack(columns)
 
     def _moved(self, drive: Drive) -> Floats:
-        scene = Scene(self.arm.baseline.frames, np.zeros((drive.samples, 0)))
-        there = Scene(self.arm.respond(drive).frames, scene.loads)
         suite = self.subject.suite
-        return self._whiten(suite.sensitivity(scene, suite.predict(there)).innovation)
+        there = suite.predict(self.arm.respond(drive).frames)
+        return self._whiten(suite.sensitivity(self.arm.baseline.frames, there).innovation)
 
     def separation(self, effect: PlacedEffect, rival: PlacedEffect) -> float:
         """Compute D^2 of an effect and its rival, fitted from the parameters given or, if less, from none."""

@@ -17,7 +17,7 @@ from softarm.estimator.inverse.objectives import PressureReadings, SensorObjecti
 from softarm.estimator.inverse.observability import join
 from softarm.estimator.inverse.problem import Problem
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation
-from softarm.estimator.sensing import Scene, SensorSuite
+from softarm.estimator.sensing import SensorSuite
 
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
@@ -65,9 +65,8 @@ def replace_loads(
         limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
         tare: Load amplitudes that count as zero, shape (loads,).
     """
-    scene = Scene(estimate.frames, estimate.inputs.loads)
-    readings = suite.predict(scene)
-    jacobian = suite.sensitivity(scene, readings).twists @ estimate.motion
+    readings = suite.predict(estimate.frames)
+    jacobian = suite.sensitivity(estimate.frames, readings).twists @ estimate.motion
     wanted = jacobian[:, estimate.unknowns.chambers :] @ (estimate.inputs.loads - tare)
     return _solve(estimate, suite, limits, (readings, jacobian, wanted), estimate.inputs.pressures)
 
@@ -96,8 +95,7 @@ def settle(
         The better answer with the arm in it, or the first one and None where the search did not converge.
     """
     unknowns, inputs, chambers = estimate.unknowns, estimate.inputs, estimate.unknowns.chambers
-    scene = Scene(estimate.frames, inputs.loads)
-    readings = suite.predict(scene)
+    readings = suite.predict(estimate.frames)
     bounds = InputBounds.free(unknowns.size).bound(slice(0, chambers), 0.0, limits)
     problem = Problem(
         unknowns,
@@ -149,9 +147,8 @@ def approach(
         left_there: Residuals of the estimate there by sensor. With them the readings themselves are led back
             to what they were, whatever share of them the estimate does not explain here or there.
     """
-    scene = Scene(estimate.frames, estimate.inputs.loads)
-    readings = suite.predict(Scene(target, estimate.inputs.loads))
-    sensitivity = suite.sensitivity(scene, readings)
+    readings = suite.predict(target)
+    sensitivity = suite.sensitivity(estimate.frames, readings)
     wanted = sensitivity.innovation.copy()
     for name, rows in suite.slices.items():
         if name in left_there:
@@ -169,9 +166,8 @@ def _solve(
     """Solve for readings, their derivative by the inputs, and the change of them that is wanted."""
     readings, jacobian, wanted = problem
     chambers = estimate.unknowns.chambers
-    scene = Scene(estimate.frames, estimate.inputs.loads)
-    twists = suite.sensitivity(scene, readings).twists
-    covariance = suite.covariance(scene, readings, twists)
+    twists = suite.sensitivity(estimate.frames, readings).twists
+    covariance = suite.covariance(estimate.frames, readings, twists)
     whiten = np.linalg.inv(np.linalg.cholesky(covariance))
     by_pressures = jacobian[:, :chambers] * limits
     matrix = np.concatenate([whiten @ by_pressures, RELUCTANCE * np.eye(chambers)])

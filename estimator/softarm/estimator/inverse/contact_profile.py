@@ -8,7 +8,7 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse.estimate import ArmEstimate
 from softarm.estimator.model import ArmModel, Inputs, Linearisation, Load
-from softarm.estimator.sensing import Scene, SensorSuite
+from softarm.estimator.sensing import SensorSuite
 
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
@@ -128,7 +128,7 @@ class ContactProfile:
         """Place the push by one linearisation about a state under given inputs."""
         step = model.linearise(state, inputs)
         chambers = model.chambers
-        observation = suite.observe(Scene(step.frames, estimate.inputs.loads), readings)
+        observation = suite.observe(step.frames, readings)
         drift, response = step.response(observation.twists)
         to_pressures, to_loads = response[:, :chambers], response[:, chambers:]
         explained = observation.innovation - drift + to_loads @ (inputs.loads - free)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
-from softarm.estimator.sensing import Scene, SensorSuite
+from softarm.estimator.sensing import SensorSuite
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,7 @@ class SensorObjective:
 
     def rows(self, at: Iterate) -> WeightedRows:
         """Linearise at an iterate; rows of absent sensors are left out."""
-        scene = Scene(at.frames, at.vector[at.chambers :])
-        observation = self.suite.observe(scene, self.readings, self._own_noise)
+        observation = self.suite.observe(at.frames, self.readings, self._own_noise)
         drift, motion = at.response(observation.twists)
         innovation = observation.innovation - drift
         information = np.asarray(np.linalg.inv(observation.covariance), dtype=np.float64)

@@ -3,7 +3,7 @@
 from softarm.estimator.sensing.actuation import ActuationMap
 from softarm.estimator.sensing.bend import Bend
 from softarm.estimator.sensing.marker import MarkerPosition
-from softarm.estimator.sensing.measurement import Measurement, Scene, Sensitivity
+from softarm.estimator.sensing.measurement import Measurement, Sensitivity
 from softarm.estimator.sensing.model_error import ModelError, widened
 from softarm.estimator.sensing.orientation import Orientation
 from softarm.estimator.sensing.registration import Registration, register
@@ -20,7 +20,6 @@ __all__ = [
     "Observation",
     "Orientation",
     "Registration",
-    "Scene",
     "Sensitivity",
     "SensorSuite",
     "register",

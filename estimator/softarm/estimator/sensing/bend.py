@@ -6,9 +6,9 @@ from typing import ClassVar, Self
 import numpy as np
 
 from softarm.estimator.arrays import Floats
+from softarm.estimator.model import Frames
 from softarm.estimator.rotations import exp, left_jacobian, skew
 from softarm.estimator.sensing.measurement import (
-    Scene,
     Sensitivity,
     Unit,
     section_rotation,
@@ -86,27 +86,27 @@ class Bend:
             bias=values[7:9],
         )
 
-    def predict(self, scene: Scene) -> Floats:
+    def predict(self, frames: Frames) -> Floats:
         """Return the two angles [rad], shape (..., 2)."""
-        bend: Floats = bend_of(self._direction(scene)) @ self._frame().T * self.scale + self.bias
+        bend: Floats = bend_of(self._direction(frames)) @ self._frame().T * self.scale + self.bias
         return bend
 
-    def sensitivity(self, scene: Scene, reading: Floats) -> Sensitivity:
-        """Compare two angles [rad], shape (..., 2), with the scene."""
-        direction = self._direction(scene)
+    def sensitivity(self, frames: Frames, reading: Floats) -> Sensitivity:
+        """Compare two angles [rad], shape (..., 2), with the frames."""
+        direction = self._direction(frames)
         shape = self.scale[:, None] * self._frame() @ bend_jacobian(direction)
-        reference = section_rotation(scene.frames, self.reference) @ exp(_axes(self.reference_tilt))
+        reference = section_rotation(frames, self.reference) @ exp(_axes(self.reference_tilt))
         # A rotation vector w of the section turns d by U^T (w x U d), one of the reference by its opposite.
         turned = shape @ -skew(direction) @ transpose(reference)
         rows = np.concatenate([np.zeros_like(turned), turned], axis=-1)
-        twists = twist_rows(scene.frames, self.section, rows)
-        twists = twists - twist_rows(scene.frames, self.reference, rows)
+        twists = twist_rows(frames, self.section, rows)
+        twists = twists - twist_rows(frames, self.reference, rows)
         predicted = bend_of(direction) @ self._frame().T * self.scale + self.bias
         return Sensitivity(reading - predicted, twists)
 
-    def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:  # noqa: ARG002
+    def parameter_rows(self, frames: Frames, reading: Floats) -> Floats:  # noqa: ARG002
         """Return the derivative by the alignment parameters, shape (..., 2, 9)."""
-        direction = self._direction(scene)
+        direction = self._direction(frames)
         bend = bend_of(direction)
         shape = self.scale[:, None] * self._frame() @ bend_jacobian(direction)
         quarter = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -116,7 +116,7 @@ class Bend:
         reference, section = _axes(self.reference_tilt), _axes(self.section_tilt)
         right = left_jacobian(-reference)
         rows[..., 1:3] = (shape @ skew(direction) @ right)[..., :2]
-        turned = transpose(self._reference(scene)) @ section_rotation(scene.frames, self.section)
+        turned = transpose(self._reference(frames)) @ section_rotation(frames, self.section)
         left = -skew(exp(section)[:, 2]) @ left_jacobian(section)
         rows[..., 3:5] = (shape @ turned @ left)[..., :2]
         rows[..., 0, 5] = unscaled[..., 0]
@@ -133,13 +133,13 @@ class Bend:
         rotation = np.array([[cosine, -sine], [sine, cosine]])
         return rotation @ MIRROR if self.mirrored else rotation
 
-    def _reference(self, scene: Scene) -> Floats:
-        rotation: Floats = section_rotation(scene.frames, self.reference) @ exp(_axes(self.reference_tilt))
+    def _reference(self, frames: Frames) -> Floats:
+        rotation: Floats = section_rotation(frames, self.reference) @ exp(_axes(self.reference_tilt))
         return rotation
 
-    def _direction(self, scene: Scene) -> Floats:
-        axis = section_rotation(scene.frames, self.section) @ exp(_axes(self.section_tilt))[:, 2]
-        direction: Floats = (transpose(self._reference(scene)) @ axis[..., None])[..., 0]
+    def _direction(self, frames: Frames) -> Floats:
+        axis = section_rotation(frames, self.section) @ exp(_axes(self.section_tilt))[:, 2]
+        direction: Floats = (transpose(self._reference(frames)) @ axis[..., None])[..., 0]
         return direction
 
 

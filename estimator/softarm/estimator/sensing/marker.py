@@ -6,8 +6,9 @@ from typing import ClassVar, Self
 import numpy as np
 
 from softarm.estimator.arrays import Floats
+from softarm.estimator.model import Frames
 from softarm.estimator.rotations import skew
-from softarm.estimator.sensing.measurement import Scene, Sensitivity, Unit, twist_rows
+from softarm.estimator.sensing.measurement import Sensitivity, Unit, twist_rows
 from softarm.estimator.sensing.registration import Registration
 
 
@@ -46,31 +47,31 @@ class MarkerPosition:
         """Return the same marker at another offset [m], shape (3,)."""
         return replace(self, offset=values)
 
-    def predict(self, scene: Scene) -> Floats:
+    def predict(self, frames: Frames) -> Floats:
         """Return the position in the laboratory frame [m], shape (..., 3)."""
-        return self.registration.to_laboratory(self._origin(scene) + self._arm(scene))
+        return self.registration.to_laboratory(self._origin(frames) + self._arm(frames))
 
-    def sensitivity(self, scene: Scene, reading: Floats) -> Sensitivity:
-        """Compare a position in the laboratory frame [m], shape (..., 3), with the scene."""
-        arm = self._arm(scene)
-        innovation = self.registration.to_base(reading) - self._origin(scene) - arm
+    def sensitivity(self, frames: Frames, reading: Floats) -> Sensitivity:
+        """Compare a position in the laboratory frame [m], shape (..., 3), with the frames."""
+        arm = self._arm(frames)
+        innovation = self.registration.to_base(reading) - self._origin(frames) - arm
         identity = np.broadcast_to(np.eye(3), (*arm.shape[:-1], 3, 3))
         rows = np.concatenate([identity, -skew(arm)], axis=-1)
-        return Sensitivity(innovation, twist_rows(scene.frames, self.section, rows))
+        return Sensitivity(innovation, twist_rows(frames, self.section, rows))
 
-    def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:  # noqa: ARG002
+    def parameter_rows(self, frames: Frames, reading: Floats) -> Floats:  # noqa: ARG002
         """Return the derivative by the offset, shape (..., 3, 3)."""
-        rows: Floats = scene.frames.rotations[..., self.section, :, :]
+        rows: Floats = frames.rotations[..., self.section, :, :]
         return rows
 
     def covariance(self, reading: Floats) -> Floats:
         """Return the covariance of the noise [m2], shape (..., 3, 3)."""
         return np.broadcast_to(np.diag(np.broadcast_to(self.sigma, 3) ** 2), (*np.shape(reading)[:-1], 3, 3))
 
-    def _origin(self, scene: Scene) -> Floats:
-        origin: Floats = scene.frames.positions[..., self.section, :]
+    def _origin(self, frames: Frames) -> Floats:
+        origin: Floats = frames.positions[..., self.section, :]
         return origin
 
-    def _arm(self, scene: Scene) -> Floats:
-        arm: Floats = scene.frames.rotations[..., self.section, :, :] @ self.offset
+    def _arm(self, frames: Frames) -> Floats:
+        arm: Floats = frames.rotations[..., self.section, :, :] @ self.offset
         return arm

@@ -18,19 +18,6 @@ Unit = Literal["m", "rad"]
 
 
 @dataclass(frozen=True)
-class Scene:
-    """What the sensors look at.
-
-    Args:
-        frames: Section frames in the base frame; arrays may have leading axes.
-        loads: Amplitudes of the model's loads [N or N m], shape (..., loads).
-    """
-
-    frames: Frames
-    loads: Floats
-
-
-@dataclass(frozen=True)
 class Sensitivity:
     """An innovation and the derivatives of the prediction behind it.
 
@@ -77,13 +64,13 @@ class Measurement(Protocol):
     def with_parameters(self, values: Floats) -> Self:
         """Return the same sensor with other alignment parameters."""
 
-    def predict(self, scene: Scene) -> Floats:
-        """Return the reading that the scene would cause, shape (..., reading_size)."""
+    def predict(self, frames: Frames) -> Floats:
+        """Return the reading that the frames would cause, shape (..., reading_size)."""
 
-    def sensitivity(self, scene: Scene, reading: Floats) -> Sensitivity:
-        """Compare a reading, shape (..., reading_size), with the scene."""
+    def sensitivity(self, frames: Frames, reading: Floats) -> Sensitivity:
+        """Compare a reading, shape (..., reading_size), with the frames."""
 
-    def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:
+    def parameter_rows(self, frames: Frames, reading: Floats) -> Floats:
         """Return the derivative of the prediction by the alignment, shape (..., size, parameters)."""
 
     def covariance(self, reading: Floats) -> Floats:

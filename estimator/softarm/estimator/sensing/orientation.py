@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from softarm.estimator.arrays import Floats
+from softarm.estimator.model import Frames
 from softarm.estimator.rotations import (
     exp,
     from_quaternions,
@@ -19,7 +20,6 @@ from softarm.estimator.rotations import (
     to_quaternions,
 )
 from softarm.estimator.sensing.measurement import (
-    Scene,
     Sensitivity,
     Unit,
     section_rotation,
@@ -64,19 +64,19 @@ class Orientation:
         """Return the same sensor with another misalignment [rad], shape (3,)."""
         return replace(self, misalignment=values)
 
-    def predict(self, scene: Scene) -> Floats:
+    def predict(self, frames: Frames) -> Floats:
         """Return the quaternion in the laboratory frame, shape (..., 4)."""
-        return to_quaternions(self.registration.rotation.T @ self._rotation(scene))
+        return to_quaternions(self.registration.rotation.T @ self._rotation(frames))
 
-    def sensitivity(self, scene: Scene, reading: Floats) -> Sensitivity:
-        """Compare a quaternion in the laboratory frame, shape (..., 4), with the scene."""
-        innovation, rotation = compare(self._rotation(scene), self._measured(reading))
+    def sensitivity(self, frames: Frames, reading: Floats) -> Sensitivity:
+        """Compare a quaternion in the laboratory frame, shape (..., 4), with the frames."""
+        innovation, rotation = compare(self._rotation(frames), self._measured(reading))
         rows = np.concatenate([np.zeros_like(rotation), rotation], axis=-1)
-        return Sensitivity(innovation, twist_rows(scene.frames, self.section, rows))
+        return Sensitivity(innovation, twist_rows(frames, self.section, rows))
 
-    def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:
+    def parameter_rows(self, frames: Frames, reading: Floats) -> Floats:
         """Return the derivative by the misalignment, shape (..., 3, 3)."""
-        innovation, _ = compare(self._rotation(scene), self._measured(reading))
+        innovation, _ = compare(self._rotation(frames), self._measured(reading))
         rows: Floats = inverse_left_jacobian(innovation) @ left_jacobian(-self.misalignment)
         return rows
 
@@ -88,8 +88,8 @@ class Orientation:
     def _alignment(self) -> Floats:
         return exp(self.misalignment)
 
-    def _rotation(self, scene: Scene) -> Floats:
-        rotation: Floats = section_rotation(scene.frames, self.section) @ self._alignment
+    def _rotation(self, frames: Frames) -> Floats:
+        rotation: Floats = section_rotation(frames, self.section) @ self._alignment
         return rotation
 
     def _measured(self, reading: Floats) -> Floats:

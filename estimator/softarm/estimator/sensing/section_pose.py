@@ -6,8 +6,9 @@ from typing import ClassVar, Self
 import numpy as np
 
 from softarm.estimator.arrays import Floats
+from softarm.estimator.model import Frames
 from softarm.estimator.rotations import skew
-from softarm.estimator.sensing.measurement import Scene, Sensitivity, Unit, twist_rows
+from softarm.estimator.sensing.measurement import Sensitivity, Unit, twist_rows
 from softarm.estimator.sensing.orientation import Orientation
 from softarm.estimator.sensing.registration import Registration
 
@@ -52,29 +53,29 @@ class MeasuredPose:
         """Return the same sensor with another offset and misalignment, shape (6,)."""
         return replace(self, offset=values[:3], misalignment=values[3:])
 
-    def predict(self, scene: Scene) -> Floats:
+    def predict(self, frames: Frames) -> Floats:
         """Return position and quaternion in the laboratory frame, shape (..., 7)."""
-        position = self.registration.to_laboratory(self._origin(scene) + self._arm(scene))
-        return np.concatenate([position, self._orientation().predict(scene)], axis=-1)
+        position = self.registration.to_laboratory(self._origin(frames) + self._arm(frames))
+        return np.concatenate([position, self._orientation().predict(frames)], axis=-1)
 
-    def sensitivity(self, scene: Scene, reading: Floats) -> Sensitivity:
-        """Compare position and quaternion in the laboratory frame, shape (..., 7), with the scene."""
-        arm = self._arm(scene)
-        position = self.registration.to_base(reading[..., :3]) - self._origin(scene) - arm
-        turned = self._orientation().sensitivity(scene, reading[..., 3:])
+    def sensitivity(self, frames: Frames, reading: Floats) -> Sensitivity:
+        """Compare position and quaternion in the laboratory frame, shape (..., 7), with the frames."""
+        arm = self._arm(frames)
+        position = self.registration.to_base(reading[..., :3]) - self._origin(frames) - arm
+        turned = self._orientation().sensitivity(frames, reading[..., 3:])
         identity = np.broadcast_to(np.eye(3), (*arm.shape[:-1], 3, 3))
-        moved = twist_rows(scene.frames, self.section, np.concatenate([identity, -skew(arm)], axis=-1))
+        moved = twist_rows(frames, self.section, np.concatenate([identity, -skew(arm)], axis=-1))
         return Sensitivity(
             np.concatenate([position, turned.innovation], axis=-1),
             np.concatenate([moved, turned.twists], axis=-2),
         )
 
-    def parameter_rows(self, scene: Scene, reading: Floats) -> Floats:
+    def parameter_rows(self, frames: Frames, reading: Floats) -> Floats:
         """Return the derivative by offset and misalignment, shape (..., 6, 6)."""
-        rotation = scene.frames.rotations[..., self.section, :, :]
+        rotation = frames.rotations[..., self.section, :, :]
         rows = np.zeros((*rotation.shape[:-2], 6, 6))
         rows[..., :3, :3] = rotation
-        rows[..., 3:, 3:] = self._orientation().parameter_rows(scene, reading[..., 3:])
+        rows[..., 3:, 3:] = self._orientation().parameter_rows(frames, reading[..., 3:])
         return rows
 
     def covariance(self, reading: Floats) -> Floats:
@@ -86,10 +87,10 @@ class MeasuredPose:
     def _orientation(self) -> Orientation:
         return Orientation(self.name, self.section, self.rotation_sigma, self.misalignment, self.registration)
 
-    def _origin(self, scene: Scene) -> Floats:
-        origin: Floats = scene.frames.positions[..., self.section, :]
+    def _origin(self, frames: Frames) -> Floats:
+        origin: Floats = frames.positions[..., self.section, :]
         return origin
 
-    def _arm(self, scene: Scene) -> Floats:
-        arm: Floats = scene.frames.rotations[..., self.section, :, :] @ self.offset
+    def _arm(self, frames: Frames) -> Floats:
+        arm: Floats = frames.rotations[..., self.section, :, :] @ self.offset
         return arm

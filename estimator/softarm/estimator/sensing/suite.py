@@ -12,7 +12,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import skew
 from softarm.estimator.sensing.marker import MarkerPosition
-from softarm.estimator.sensing.measurement import Measurement, Scene, Sensitivity, Unit
+from softarm.estimator.sensing.measurement import Measurement, Sensitivity, Unit
 from softarm.estimator.sensing.orientation import Orientation
 from softarm.estimator.sensing.section_pose import MeasuredPose
 
@@ -117,15 +117,15 @@ class SensorSuite:
             stacked[..., self.reading_slices[measurement.name]] = reading
         return stacked
 
-    def predict(self, scene: Scene) -> Floats:
-        """Return the stacked readings that the scene would cause, shape (..., readings)."""
-        parts = [measurement.predict(scene) for measurement in self.measurements]
-        return np.concatenate([*parts, np.zeros((*scene.loads.shape[:-1], 0))], axis=-1)
+    def predict(self, frames: Frames) -> Floats:
+        """Return the stacked readings that the frames would cause, shape (..., readings)."""
+        parts = [measurement.predict(frames) for measurement in self.measurements]
+        return np.concatenate([*parts, np.zeros((*frames.positions.shape[:-2], 0))], axis=-1)
 
-    def sensitivity(self, scene: Scene, readings: Floats) -> Sensitivity:
-        """Compare stacked readings with the scene; rows of absent sensors have a NaN innovation."""
+    def sensitivity(self, frames: Frames, readings: Floats) -> Sensitivity:
+        """Compare stacked readings with the frames; rows of absent sensors have a NaN innovation."""
         parts = [
-            measurement.sensitivity(scene, reading)
+            measurement.sensitivity(frames, reading)
             for measurement, reading in zip(self.measurements, self._split(readings), strict=True)
         ]
         return Sensitivity(
@@ -133,14 +133,14 @@ class SensorSuite:
             np.concatenate([part.twists for part in parts], axis=-2),
         )
 
-    def covariance(self, scene: Scene, readings: Floats, twists: Floats) -> Floats:
+    def covariance(self, frames: Frames, readings: Floats, twists: Floats) -> Floats:
         """Return the covariance of the noise of all rows, the registrations' errors included.
 
         An error of a registration moves all the readings that use it together. Moving the laboratory is
         moving the arm the other way, so its derivative follows from that by the section twists.
 
         Args:
-            scene: The frames about which the noise is wanted.
+            frames: The frames about which the noise is wanted.
             readings: Stacked readings, shape (..., readings).
             twists: Derivative by the section twists, shape (..., size, 6 sections).
 
@@ -152,7 +152,7 @@ class SensorSuite:
             moved = np.zeros((self.size, 1))
             for name in members:
                 moved[self.slices[name]] = 1.0
-            rigid = moved * (twists @ _rigid_motion(scene.frames))
+            rigid = moved * (twists @ _rigid_motion(frames))
             covariance += rigid @ registration @ np.swapaxes(rigid, -1, -2)
         return covariance
 
@@ -167,19 +167,19 @@ class SensorSuite:
             covariance[..., rows, rows] = measurement.covariance(reading)
         return covariance
 
-    def observe(self, scene: Scene, readings: Floats, own_noise: Floats | None = None) -> Observation:
-        """Compare the present readings of one instant, shape (readings,), with the scene.
+    def observe(self, frames: Frames, readings: Floats, own_noise: Floats | None = None) -> Observation:
+        """Compare the present readings of one instant, shape (readings,), with the frames.
 
         Args:
-            scene: What they look at.
+            frames: What they look at.
             readings: Stacked readings, shape (readings,).
             own_noise: What ``own_noise`` gives for them, where it is known already.
         """
-        whole = self.sensitivity(scene, readings)
+        whole = self.sensitivity(frames, readings)
         rows = np.flatnonzero(np.isfinite(whole.innovation))
         covariance = self.own_noise(readings) if own_noise is None else own_noise
         if self._registrations:
-            covariance = self.covariance(scene, readings, np.nan_to_num(whole.twists))
+            covariance = self.covariance(frames, readings, np.nan_to_num(whole.twists))
         return Observation(
             whole.innovation[rows],
             whole.twists[rows],
@@ -228,10 +228,10 @@ class SensorSuite:
             ),
         )
 
-    def parameter_rows(self, scene: Scene, readings: Floats) -> Floats:
+    def parameter_rows(self, frames: Frames, readings: Floats) -> Floats:
         """Return the derivative by all alignment parameters, shape (..., size, parameters)."""
         parts = [
-            measurement.parameter_rows(scene, reading)
+            measurement.parameter_rows(frames, reading)
             for measurement, reading in zip(self.measurements, self._split(readings), strict=True)
         ]
         rows = np.zeros((*np.shape(readings)[:-1], self.size, len(self.parameter_names)))

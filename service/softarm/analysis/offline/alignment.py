@@ -20,7 +20,7 @@ from softarm.estimator.calibration.search import search_axes
 from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.recording import Recording
 from softarm.estimator.response import BatchArmModel, BatchInputs
-from softarm.estimator.sensing import Bend, Scene
+from softarm.estimator.sensing import Bend
 from softarm.estimator.specimen import Specimen
 
 LEAST_DURATION = 30.0
@@ -86,7 +86,7 @@ def _foreign(model: BatchArmModel, specimen: Specimen, run: CalibrationRun) -> t
     solved, answer = nodes.keep(found.converged), found.at(found.converged)
     if len(solved.time) < 0.5 * PROBES:
         return tuple(m.name for m in run.suite.measurements if isinstance(m, Bend))
-    left = solved.readings - run.suite.predict(Scene(answer.frames, none[found.converged]))
+    left = solved.readings - run.suite.predict(answer.frames)
     fits = search_axes(run.suite, [solved], [answer.frames])
     return tuple(
         name
