@@ -319,29 +319,20 @@ class Search:
         """Return how well folds of the searched stretches are predicted with a candidate and without."""
         key = (_key(candidate.fit), _key(fit))
         if key not in self.predictions:
-            size, fraction = self.evidence.size, self.weights.effective_sample_fraction
 
             def change(stage: Stage) -> Floats:
                 return self.change(stage, candidate.fit)[..., None]
 
-            parts, prior = (
-                _searched(self.evidence.widened(self.weights, change, self.residuals(fit))),
-                self.prior,
-            )
-            background_gain = 0.0
+            parts = _searched(self.evidence.widened(self.weights, change, self.residuals(fit)))
+            prior, background_gain = self.prior, 0.0
             if self.has_background(candidate):
-                beyond, sizes = self.beyond_library(candidate, total(parts, size + 1))
-                first = range(size)
                 nominal = self.evidence.widened(self.weights, change, nominal=True)
-                usual = [part.appended(beyond).selected([*first, size + 1]) for part in nominal]
-                parts = [part.appended(beyond).selected([*first, size + 1, size]) for part in parts]
-                prior = prior_with_background(self.evidence, usual, fraction, self.width, sizes)
-                seen = total(parts, size + 2)
-                background_gain = Marginal.cost_of(self.prior, seen.first(size), fraction)
-                background_gain -= Marginal.cost_of(prior, seen.first(size + 1), fraction)
-            costs = fold_costs(parts, prior, fraction, len(prior.mean))
+                parts, prior, background_gain = self.with_background(candidate, parts, nominal)
+            fraction = self.weights.effective_sample_fraction
             self.predictions[key] = replace(
-                costs, frequency_gain=self.frequency_gain(candidate, fit), background_gain=background_gain
+                fold_costs(parts, prior, fraction, len(prior.mean)),
+                frequency_gain=self.frequency_gain(candidate, fit),
+                background_gain=background_gain,
             )
         return self.predictions[key]
 
@@ -349,6 +340,30 @@ class Search:
         """Return whether nominal recordings may have a little of a candidate."""
         known = any(stage.session.nominal for stage in self.evidence.stages)
         return known and self.effect(candidate).in_healthy_arms
+
+    def with_background(
+        self, candidate: Candidate, parts: Sequence[NormalEquations], nominal: Sequence[NormalEquations]
+    ) -> tuple[list[NormalEquations], Gaussian, float]:
+        """Add what nominal recordings have of a candidate to what is common to all recordings.
+
+        Args:
+            candidate: The candidate.
+            parts: Normal equations of the searched stretches, its change their last column.
+            nominal: The same of the nominal recordings.
+
+        Returns:
+            The normal equations of the searched stretches with that column before the last, the prior of the
+            columns before the last, and by how much that column lowers the cost.
+        """
+        size, fraction = self.evidence.size, self.weights.effective_sample_fraction
+        beyond, sizes = self.beyond_library(candidate, total(parts, size + 1))
+        usual = [part.appended(beyond).selected([*range(size), size + 1]) for part in nominal]
+        prior = prior_with_background(self.evidence, usual, fraction, self.width, sizes)
+        extended = [part.appended(beyond).selected([*range(size), size + 1, size]) for part in parts]
+        seen = total(extended, size + 2)
+        gain = Marginal.cost_of(self.prior, seen.first(size), fraction)
+        gain -= Marginal.cost_of(prior, seen.first(size + 1), fraction)
+        return extended, prior, gain
 
     def beyond_library(self, candidate: Candidate, seen: Total) -> tuple[Floats, float]:
         """Return what the library's columns for a candidate do not stand for, and how large it is.

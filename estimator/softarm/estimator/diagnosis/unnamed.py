@@ -135,7 +135,7 @@ class SmoothFunctions:
             every = np.concatenate(states)
             known = every[np.linspace(0, len(every) - 1, min(POINTS, len(every))).astype(int)]
             values, vectors = np.linalg.eigh(_covariance(known, known))
-            largest = slice(len(values) - count, None)
+            largest = slice(max(len(values) - count, 0), None)
             points.append(known)
             weights.append(vectors[:, largest] / np.sqrt(np.maximum(values[largest], 1e-9)))
         return replace(scale, points=tuple(points), weights=tuple(weights))
@@ -171,7 +171,7 @@ def _covariance(states: Floats, others: Floats) -> Floats:
 
 def _bends(stage: Stage) -> Floats:
     """Return the bends of the segments without effects [rad], shape (samples, segments, 2)."""
-    bends: Floats = stage.arm.baseline.strains[..., :2]
+    bends: Floats = np.nan_to_num(stage.arm.baseline.strains[..., :2])
     return bends
 
 
