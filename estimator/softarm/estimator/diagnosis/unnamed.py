@@ -183,7 +183,8 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
         fit: The accepted effects together; ``None`` where there are none.
     """
     size = search.evidence.size
-    law, prior = likeliest_law(search, smooth=fit is not None)
+    known = any(stage.session.nominal for stage in search.evidence.stages)
+    law, prior = likeliest_law(search, smooth=known and fit is not None)
 
     def columns(stage: Stage) -> Floats:
         own = law.columns(stage)
@@ -200,10 +201,10 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
     else:
         price = 0.5 * search.bic_penalty * (sum(map(len, fit.thetas)) - 1) / len(nothing)
         named = [part.selected([*range(size), last]) for part in parts]
-        known = _log_densities(search, search.prior.augment(0.0, ANY_SIZE), named) - price
+        effects = _log_densities(search, search.prior.augment(0.0, ANY_SIZE), named) - price
         both = _log_densities(search, prior.augment(0.0, ANY_SIZE), parts) - price
-        named_gain, joint_gain = (2.0 * float((one - nothing).sum()) for one in (known, both))
-        densities.append(known)
+        named_gain, joint_gain = (2.0 * float((one - nothing).sum()) for one in (effects, both))
+        densities.append(effects)
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
     nearest = () if fit is None else tuple(hypothesis.name for hypothesis in fit.hypotheses)
     return UnnamedLaw(gain, named_gain, joint_gain, probability, nearest, law.place, law.regime)
@@ -248,7 +249,7 @@ def likeliest_law(search: Search, *, smooth: bool) -> tuple[Law, Gaussian]:
     Args:
         search: The search.
         smooth: Whether it may be any smooth law. What a model gets wrong of an arm that is well is one too:
-            alone it is no sign that something is missing.
+            alone, or where no nominal recording shows that arm, it is no sign that something is missing.
     """
     found = []
     for law in laws(search, smooth=smooth):
