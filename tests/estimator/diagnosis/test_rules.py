@@ -7,6 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from softarm.estimator.diagnosis import diagnose
 from softarm.estimator.diagnosis.candidates import (
     ALIKE,
     MOST_SURPRISE,
@@ -470,3 +471,23 @@ def test_halves_of_a_single_nominal_recording_show_what_changes_by_itself():
 def test_without_confirming_stretches_nothing_is_unproven():
     search = cast("Any", SimpleNamespace(parts=lambda _: [], rng=np.random.default_rng(0)))
     assert unproven(search, chosen(fit_of("tip_payload", 0.02))) == []
+
+
+@pytest.mark.parametrize(("probability", "changed"), [(0.99, True), (0.5, False)])
+def test_a_law_alone_shows_that_something_is_missing_if_it_is_probable(monkeypatch, *, probability, changed):
+    nothing = chosen()
+    law = UnnamedLaw(2.0 * CERTAIN, 0.0, 2.0 * CERTAIN, 1.0, (), Place(), "pressure level")
+    made = {
+        "proven": lambda _: (nothing, []),
+        "without_fragments": lambda _, choice: (choice, None, []),
+        "unnamed_law": lambda *_: law,
+        "unnamed_probability": lambda *_: probability,
+        "held_out": lambda *_, **__: SimpleNamespace(rms=lambda: (1.0, 1.0)),
+        "_remainder": lambda *_: 1.0,
+        "_changed": lambda *_: False,
+    }
+    for name, function in made.items():
+        monkeypatch.setattr(diagnose, name, function)
+    decision = diagnose.decide(cast("Any", None))
+    assert decision.changed is changed
+    assert decision.law is (law if changed else None)

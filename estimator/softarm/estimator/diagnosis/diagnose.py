@@ -30,6 +30,7 @@ from softarm.estimator.diagnosis.nominal import evidence_of_change, prior_before
 from softarm.estimator.diagnosis.normal_equations import total
 from softarm.estimator.diagnosis.nuisances import Nuisances, calibrate_sessions, only_drawn
 from softarm.estimator.diagnosis.pose import with_poses
+from softarm.estimator.diagnosis.probability import CREDIBLE
 from softarm.estimator.diagnosis.result import (
     Baseline,
     Diagnosis,
@@ -269,6 +270,8 @@ def decide(search: Search) -> Decision:
     choice, sizes, fragments = without_fragments(search, choice)
     unnamed = unnamed_law(search, choice.fit)
     law = unnamed if unnamed.outdoes else None
+    if law and not law.nearest and unnamed_probability(search, CHANGED) < CREDIBLE:
+        law = None
     if law is not None:
         choice, sizes = replace(choice, accepted=(), fit=None), None
     confirming = held_out(search, None, choice.fit, known=choice.fit is not None, confirming=True)
