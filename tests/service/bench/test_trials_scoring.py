@@ -76,6 +76,7 @@ def test_foreign_effects_are_to_be_called_unknown():
     hidden = (Concealment("swirl", {}, {}),)
     assert scored("foreign", hidden, verdict="unexplained").called_unknown
     assert not scored("foreign", hidden, finding("fibre_twist")).called_unknown
+    assert scored("foreign", hidden, finding("unknown"), finding("event")).called_unknown
     assert not scored("foreign", hidden, verdict="consistent").called_unknown
 
 
