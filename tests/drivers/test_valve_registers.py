@@ -73,7 +73,7 @@ def test_a_step_goes_towards_the_setpoint_no_faster_than_slew(asked, before, sec
         assert abs(end - start) <= LIMITS.slew * seconds + 1e-9
         assert min(start, target) - 1e-6 <= end <= max(start, target) + 1e-6
         if abs(target - start) <= LIMITS.slew * seconds:
-            assert end == pytest.approx(target)
+            assert end == pytest.approx(target, abs=1e-6)
 
 
 @given(st.lists(st.floats(), min_size=2, max_size=2), pressures)

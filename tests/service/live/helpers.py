@@ -86,7 +86,11 @@ def _until(client, accept):
 
 
 def cleared(client, timeout=PATIENCE_S):
-    """Clear the latched fault, once, when no finding of the valves stands any more."""
+    """Clear the latched fault, once, when no finding of the valves stands any more.
+
+    A loop that stood still finds out only some ticks later that the valves were silent meanwhile.
+    """
+    later(client, 0.5)
     client.states().wait_for(lambda s: not any(f.code.startswith("valve") for f in s.findings), timeout)
     client.clear()
     return wait_for_mode(client, "IDLE")
