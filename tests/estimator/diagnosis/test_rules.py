@@ -490,4 +490,4 @@ def test_a_law_alone_shows_that_something_is_missing_if_it_is_probable(monkeypat
         monkeypatch.setattr(diagnose, name, function)
     decision = diagnose.decide(cast("Any", None))
     assert decision.changed is changed
-    assert decision.law is (law if changed else None)
+    assert decision.law == (replace(law, probability=probability) if changed else None)

@@ -9,6 +9,7 @@ import pytest
 
 from softarm.estimator.diagnosis import sizes
 from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.library import Hypothesis
@@ -73,10 +74,16 @@ class Weighed:
         return self.shape * sum(float(effect.theta[0]) for effect in effects)
 
 
+class Recorded(SimpleNamespace):
+    """Recordings of a diagnosis, as far as sizes need them."""
+
+    has_nominal = RegressionProblem.has_nominal
+
+
 @pytest.fixture
 def search() -> Search:
     stages = [Weighed(0, nominal=True), *(Weighed(seed) for seed in range(1, RUNS + 1))]
-    evidence = SimpleNamespace(
+    evidence = Recorded(
         stages=stages,
         residuals=[stage.residual for stage in stages],
         columns=[stage.common[..., None].astype(np.float32) for stage in stages],

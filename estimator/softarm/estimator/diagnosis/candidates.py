@@ -100,7 +100,7 @@ def is_distinguishable(fit: Fit, number: int) -> bool:
 
 
 def includes(richer: Fit, plain: Fit) -> bool:
-    """Return whether a fitted law states another one at its place: as a part that is told from none."""
+    """Return whether a fitted law states another one at its place: as a part distinguishable from zero."""
     own, other = richer.hypotheses[-1], plain.hypotheses[-1]
     amplitudes = zip(
         own.effect.parameters,

@@ -338,8 +338,7 @@ class Search:
 
     def has_background(self, candidate: Candidate) -> bool:
         """Return whether nominal recordings may have a little of a candidate."""
-        known = any(stage.session.nominal for stage in self.evidence.stages)
-        return known and self.effect(candidate).in_healthy_arms
+        return self.evidence.has_nominal and self.effect(candidate).in_healthy_arms
 
     def with_background(
         self, candidate: Candidate, parts: Sequence[NormalEquations], nominal: Sequence[NormalEquations]

@@ -11,7 +11,7 @@ from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gaussian import Marginal
 from softarm.estimator.diagnosis.innovations import (
-    before_and_after,
+    Residuals,
     channel_errors,
     innovation_test,
     learnt_coefficients,
@@ -122,22 +122,24 @@ def _squares(search: Search, fit: Fit | None, common: Floats, *, confirming: boo
     return np.array(squares), np.array(counts)
 
 
-def heldout_result(search: Search, fit: Fit | None, predictions: Predictions, how: str) -> Heldout:
+def heldout_result(
+    search: Search, predictions: Predictions, before: Residuals, after: Residuals, how: str
+) -> Heldout:
     """Judge the whole model on held-out data.
 
     Args:
         search: The search.
-        fit: All findings.
-        predictions: Costs of held-out stretches without and with them.
+        predictions: Costs of held-out stretches without and with all findings.
+        before: Residuals of each session without them, shape (samples, rows).
+        after: The same with them.
         how: In words, which data these are.
     """
     rms_before, rms_after = predictions.rms()
     interval = (0.0, 0.0)
     if len(predictions.before) > 1 and not np.array_equal(predictions.before, predictions.after):
         interval = bootstrap(search.rng, predictions.before, predictions.after)
-    before, left = before_and_after(search, fit)
-    errors = channel_errors(search, before, left)
-    return Heldout(rms_before, rms_after, interval, how, errors, innovation_test(search, left))
+    errors = channel_errors(search, before, after)
+    return Heldout(rms_before, rms_after, interval, how, errors, innovation_test(search, after))
 
 
 def proven(search: Search) -> tuple[ChosenEffects, list[EffectName]]:

@@ -21,7 +21,7 @@ from softarm.estimator.diagnosis.conclude import (
 from softarm.estimator.diagnosis.detection import detection_limits
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.form import form_columns
-from softarm.estimator.diagnosis.innovations import learnt_coefficients, residuals_of, worst_stretch
+from softarm.estimator.diagnosis.innovations import before_and_after, worst_stretch
 from softarm.estimator.diagnosis.library import Library, build_library, library_columns
 from softarm.estimator.diagnosis.locate import locate
 from softarm.estimator.diagnosis.motion import motions_of
@@ -270,8 +270,9 @@ def decide(search: Search) -> Decision:
     choice, sizes, fragments = without_fragments(search, choice)
     unnamed = unnamed_law(search, choice.fit)
     law = unnamed if unnamed.outdoes else None
-    if law and not law.nearest and unnamed_probability(search, CHANGED) < CREDIBLE:
-        law = None
+    if law is not None and choice.fit is None:
+        probability = unnamed_probability(search, CHANGED)
+        law = replace(law, probability=probability) if probability >= CREDIBLE else None
     if law is not None:
         choice, sizes = replace(choice, accepted=(), fit=None), None
     confirming = held_out(search, None, choice.fit, known=choice.fit is not None, confirming=True)
@@ -327,15 +328,15 @@ def _outcome(
     left_map = _map(search, choice) if choice.fit is not None else first_map
     baseline = _baseline(suspects, evidence.floors)
     verdict = decision.verdict(found=bool(findings))
-    heldout = heldout_result(search, choice.fit, predictions, assembled.how)
-    left = residuals_of(search, choice.fit, learnt_coefficients(search, choice.fit))
+    before, after = before_and_after(search, choice.fit)
+    heldout = heldout_result(search, predictions, before, after, assembled.how)
     unexplained = replace(
         _unexplained(verdict, heldout.after, left_map, law),
         over_nominal=decision.remainder if len(suspects) < len(evidence.stages) else None,
-        worst=worst_stretch(search, left),
+        worst=worst_stretch(search, after),
     )
     if verdict == "unexplained":
-        probability = law.probability if law and law.nearest else unnamed_probability(search, CHANGED)
+        probability = law.probability if law is not None else unnamed_probability(search, CHANGED)
         findings = (unknown(unexplained, heldout, choice.alarm_p, law, probability),)
     diagnosis = Diagnosis(
         specimen=evidence.specimen,
@@ -350,8 +351,8 @@ def _outcome(
         not_testable=_not_testable(search, findings),
         detection_limits=detection_limits(search),
         notes=tuple(notes),
-        traces=traces_of(search, choice.fit),
-        motions=motions_of(search, choice.fit),
+        traces=traces_of(search, before, after),
+        motions=motions_of(evidence, before, after),
     )
     fit = choice.fit
     known = len(evidence.fitted.values)
@@ -401,7 +402,7 @@ def _map(search: Search, choice: ChosenEffects | None) -> LocationMap:
 def _changed(search: Search, choice: ChosenEffects) -> bool:
     """Return whether the recordings in question have changed more than the findings say."""
     evidence, fraction = search.evidence, search.weights.effective_sample_fraction
-    if not any(stage.session.nominal for stage in evidence.stages):
+    if not evidence.has_nominal:
         return False
     left = [part for part in search.parts(choice.fit) if not part.reported]
     return evidence_of_change(evidence, search.prior, search.width, left, fraction) > CHANGED

@@ -82,6 +82,11 @@ class RegressionProblem:
         return self.nuisances + len(self.library.directions)
 
     @property
+    def has_nominal(self) -> bool:
+        """Whether any session shows the arm in its known state."""
+        return any(stage.session.nominal for stage in self.stages)
+
+    @property
     def names(self) -> list[tuple[str, ...]]:
         """Channels of each session."""
         return [channels(stage.suite) for stage in self.stages]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg import LinAlgError, block_diag, cho_factor, cho_solve
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.normal_equations import Total
@@ -74,13 +74,10 @@ class Gaussian:
         inverse: Floats = np.linalg.inv(scaled) / np.outer(size, size)
         return inverse
 
-    def augment(self, mean: float, variance: float) -> "Gaussian":
-        """Add an independent coefficient."""
-        size = len(self.mean)
-        covariance = np.zeros((size + 1, size + 1))
-        covariance[:size, :size] = self.covariance
-        covariance[size, size] = variance
-        return Gaussian(np.append(self.mean, mean), covariance)
+    def augment(self, mean: float, variance: float, count: int = 1) -> "Gaussian":
+        """Add independent coefficients of one mean and variance."""
+        means = np.append(self.mean, np.full(count, mean))
+        return Gaussian(means, block_diag(self.covariance, variance * np.eye(count)))
 
     def with_first(self, known: "Gaussian") -> "Gaussian":
         """Replace the distribution of the first coefficients by an independent one."""

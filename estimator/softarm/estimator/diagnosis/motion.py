@@ -12,9 +12,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.choose import Search
-from softarm.estimator.diagnosis.fit import Fit
-from softarm.estimator.diagnosis.innovations import before_and_after
+from softarm.estimator.diagnosis.evidence import RegressionProblem
+from softarm.estimator.diagnosis.innovations import Residuals
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.recording import BEND_SUFFIXES, MARKER_SUFFIXES, POSE_SUFFIXES, Recording
@@ -30,17 +29,17 @@ def residual_column(which: str, channel: str, unit: str) -> str:
     return f"estimate_residual_{which}_{channel.replace('.', '_')}_{unit.lower()}"
 
 
-def motions_of(search: Search, fit: Fit | None) -> tuple[Recording, ...]:
+def motions_of(evidence: RegressionProblem, before: Residuals, after: Residuals) -> tuple[Recording, ...]:
     """Return every recording in question; its time begins at 0.
 
     Args:
-        search: The search.
-        fit: All findings.
+        evidence: All recordings.
+        before: Residuals of each session without the findings, shape (samples, rows).
+        after: The same with them.
     """
-    before, after = before_and_after(search, fit)
     return tuple(
         _motion(stage, {"before": before[number], "after": after[number]})
-        for number, stage in enumerate(search.evidence.stages)
+        for number, stage in enumerate(evidence.stages)
         if not stage.session.nominal
     )
 

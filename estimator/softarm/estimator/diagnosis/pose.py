@@ -36,7 +36,7 @@ def with_poses(evidence: RegressionProblem, weights: Weights, prior: Gaussian) -
         weights: Noise model.
         prior: Of the common coefficients, after nominal recordings.
     """
-    if not any(stage.session.nominal for stage in evidence.stages):
+    if not evidence.has_nominal:
         return evidence
     moving = np.where(_moves_arm(evidence), prior.mean, 0.0)
     stages = []

@@ -71,8 +71,7 @@ def sized(search: Search, fit: Fit) -> Fit:
         search: The search that chose them.
         fit: The effects, as it fitted them.
     """
-    known = any(stage.session.nominal for stage in search.evidence.stages)
-    if not known or search.natural_frequency is not None:
+    if not search.evidence.has_nominal or search.natural_frequency is not None:
         return fit
     residuals, columns = plain_residuals(search)
     problem = MarginalisedProblem.of(

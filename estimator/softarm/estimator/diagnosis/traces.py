@@ -4,8 +4,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
-from softarm.estimator.diagnosis.fit import Fit
-from softarm.estimator.diagnosis.innovations import before_and_after
+from softarm.estimator.diagnosis.innovations import Residuals
 from softarm.estimator.diagnosis.result import Trace
 from softarm.estimator.diagnosis.session import channels
 
@@ -13,23 +12,23 @@ MOST = 4
 POINTS = 2000
 
 
-def traces_of(search: Search, fit: Fit | None) -> tuple[Trace, ...]:
+def traces_of(search: Search, before: Residuals, after: Residuals) -> tuple[Trace, ...]:
     """Return the channels that the findings change most; without findings, those that are furthest off.
 
     Each channel is shown once, in the recording where it changes most.
 
     Args:
         search: The search.
-        fit: All findings.
+        before: Residuals of each session without the findings, shape (samples, rows).
+        after: The same with them; the same object where nothing was found.
     """
-    before, after = before_and_after(search, fit)
     ranked: list[tuple[float, int, int]] = []
     for number, stage in enumerate(search.evidence.stages):
         if stage.session.nominal:
             continue
         scale = np.array([search.weights.scale[name] for name in channels(stage.suite)])
         first = np.nansum((before[number] / scale) ** 2, axis=0)
-        last = np.nansum((after[number] / scale) ** 2, axis=0) if fit is not None else np.zeros(len(scale))
+        last = np.zeros(len(scale)) if after is before else np.nansum((after[number] / scale) ** 2, axis=0)
         ranked += [(float(gain), number, row) for row, gain in enumerate((first - last).tolist())]
     chosen: dict[str, Trace] = {}
     for _, number, row in sorted(ranked, reverse=True):

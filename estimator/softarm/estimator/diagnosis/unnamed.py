@@ -70,7 +70,7 @@ class UnnamedLaw:
     """How a law without a name fares beside the effects that were accepted.
 
     Args:
-        gain: Twice the logarithm of the odds on it against nothing, on what no fit has seen.
+        gain: Twice the logarithm of the odds on it against nothing, each recording predicted from the others.
         named_gain: The same of the accepted effects.
         joint_gain: The same of both together.
         probability: How probable it is that it acts and not the effects.
@@ -183,26 +183,21 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
         fit: The accepted effects together; ``None`` where there are none.
     """
     size = search.evidence.size
-    known = any(stage.session.nominal for stage in search.evidence.stages)
-    law, prior = likeliest_law(search, smooth=known and fit is not None)
+    law, prior, parts = likeliest_law(search, smooth=search.evidence.has_nominal and fit is not None)
+    nothing = _log_densities(search, search.prior, [part.selected(range(size)) for part in parts])
+    densities = [_log_densities(search, prior, parts), nothing]
+    gain = joint_gain = 2.0 * float((densities[0] - nothing).sum())
+    named_gain = 0.0
+    if fit is not None:
 
-    def columns(stage: Stage) -> Floats:
-        own = law.columns(stage)
-        return own if fit is None else np.append(own, search.change(stage, fit)[..., None], axis=-1)
+        def columns(stage: Stage) -> Floats:
+            return np.append(law.columns(stage), search.change(stage, fit)[..., None], axis=-1)
 
-    parts = _searched(search, columns)
-    last = len(prior.mean)
-    plain, unnamed = ([part.selected(range(count)) for part in parts] for count in (size, last))
-    nothing = _log_densities(search, search.prior, plain)
-    densities = [_log_densities(search, prior, unnamed), nothing]
-    gain = named_gain = joint_gain = 2.0 * float((densities[0] - nothing).sum())
-    if fit is None:
-        named_gain = 0.0
-    else:
         price = 0.5 * search.bic_penalty * (sum(map(len, fit.thetas)) - 1) / len(nothing)
-        named = [part.selected([*range(size), last]) for part in parts]
+        joint = _searched(search, columns)
+        named = [part.selected([*range(size), len(prior.mean)]) for part in joint]
         effects = _log_densities(search, search.prior.augment(0.0, ANY_SIZE), named) - price
-        both = _log_densities(search, prior.augment(0.0, ANY_SIZE), parts) - price
+        both = _log_densities(search, prior.augment(0.0, ANY_SIZE), joint) - price
         named_gain, joint_gain = (2.0 * float((one - nothing).sum()) for one in (effects, both))
         densities.append(effects)
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
@@ -225,8 +220,7 @@ def unnamed_probability(search: Search, changed: float) -> float:
         for key, one in search.tried.items()
         if len(key) == 1 and one is not None and not one.fit.at_bound
     ]
-    law, prior = likeliest_law(search, smooth=False)
-    parts = _searched(search, law.columns)
+    _, prior, parts = likeliest_law(search, smooth=False)
     plain = [part.selected(range(search.evidence.size)) for part in parts]
     fraction, size = search.weights.effective_sample_fraction, search.evidence.size
     alone = -0.5 * np.array(
@@ -243,25 +237,26 @@ def unnamed_probability(search: Search, changed: float) -> float:
     return min(float(pseudo_bma(np.column_stack(densities), search.rng)[len(named) : -1].sum()), 1.0)
 
 
-def likeliest_law(search: Search, *, smooth: bool) -> tuple[Law, Gaussian]:
-    """Return the likeliest law, and the prior of its coefficients behind the common ones.
+def likeliest_law(search: Search, *, smooth: bool) -> tuple[Law, Gaussian, list[NormalEquations]]:
+    """Return the likeliest law, the prior of its coefficients behind the common ones, and what is seen of it.
 
     Args:
         search: The search.
         smooth: Whether it may be any smooth law. What a model gets wrong of an arm that is well is one too:
             alone, or where no nominal recording shows that arm, it is no sign that something is missing.
+
+    Returns:
+        The law, the prior, and the normal equations of the searched stretches with the law's columns last.
     """
     found = []
+    fraction = search.weights.effective_sample_fraction
     for law in laws(search, smooth=smooth):
         parts = _searched(search, law.columns)
         for size in law.sizes:
-            prior = search.prior
-            for _ in range(len(parts[0].vector) - search.evidence.size):
-                prior = prior.augment(0.0, size**2)
-            fraction = search.weights.effective_sample_fraction
-            found.append((predictive(prior, parts, fraction, len(prior.mean)), law, prior))
-    _, law, prior = max(found, key=lambda one: one[0])
-    return law, prior
+            prior = search.prior.augment(0.0, size**2, len(parts[0].vector) - search.evidence.size)
+            found.append((predictive(prior, parts, fraction, len(prior.mean)), law, prior, parts))
+    _, law, prior, parts = max(found, key=lambda one: one[0])
+    return law, prior, parts
 
 
 def laws(search: Search, *, smooth: bool) -> list[Law]:

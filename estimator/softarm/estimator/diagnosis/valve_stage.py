@@ -33,7 +33,7 @@ LEAST_DELAY = 0.015
 LEAST_BAND = 300.0
 LEAST_LOSS = 3000.0
 NAMED = 0.99
-"""Probability over all valves from which a change is told: at most 1 of 100 names is false."""
+"""Probability over all valves from which a change is reported: at most 1 of 100 names is false."""
 CEILING_STD = 100.0
 """Standard deviation of a pressure that is not passed [Pa]."""
 RESOLUTION = 30.0

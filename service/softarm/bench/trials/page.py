@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from softarm.common.files import write_whole
 from softarm.common.tables import Table, as_markdown
 
 TITLE = re.compile(r"^\*\*(.+)\*\*$", re.MULTILINE)
@@ -23,7 +24,8 @@ def write_page(path: Path, tables: Sequence[Table], head: str) -> None:
         tables: Tables that were made; see ``renewed``.
         head: What a page that does not exist yet says first.
     """
-    path.write_text(renewed(path.read_text("utf-8") if path.exists() else head, tables), encoding="utf-8")
+    page = renewed(path.read_text("utf-8") if path.exists() else head, tables)
+    write_whole({path: page.encode()})
 
 
 def renewed(page: str, tables: Sequence[Table]) -> str:

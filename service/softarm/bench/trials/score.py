@@ -109,8 +109,8 @@ class Score:
     @property
     def called_unknown(self) -> bool:
         """Whether a mismatch was reported without a name of physics; an event only says when."""
-        verdict = self.outcome.report.get("verdict")
-        return self.ran and verdict != "consistent" and not {*self.named} - {"event"}
+        mismatch = self.ran and self.outcome.report["verdict"] != "consistent"
+        return mismatch and not {*self.named} - {"event"}
 
     @property
     def right(self) -> bool:
