@@ -24,7 +24,8 @@ from softarm_client.errors import CommandRefusedError
 from softarm_client.messages import Event, State
 from softarm_client.modes import Mode
 
-PRESSURE_PA = 20e3
+PRESSURE_MBAR = 200
+PRESSURE_PA = 100.0 * PRESSURE_MBAR
 WAIT_S = 10.0
 RESTART_S = 90.0
 """An estimator is built anew in ten seconds, or in many more where others compute."""
@@ -132,6 +133,18 @@ class LiveArm:
         held: list[int] = self.fakes.ask("truth")["setpoints_mbar"]["valves"]
         return held
 
+    def wait_commanded(self) -> None:
+        """Wait until the terminal holds the whole pressure; what is measured may be left from before.
+
+        Raises:
+            WorkFailedError: It does not come to that.
+        """
+        deadline = time.monotonic() + WAIT_S
+        while max(self.setpoints()) < PRESSURE_MBAR:
+            if time.monotonic() > deadline:
+                raise WorkFailedError(f"the terminal holds {self.setpoints()} mbar")
+            time.sleep(0.01)
+
     def vented_s(self, since_s: float, within_s: float = 2.0) -> float | None:
         """Wait until the terminal holds zeros and tell how long after an instant that was [s]."""
         while any(self.setpoints()):
@@ -159,6 +172,7 @@ class LiveArm:
             self.client.arm()
             asked = [PRESSURE_PA, *[0.0] * 5]
             self.client.pressures.set(asked, lifetime_s=10.0)
+            self.wait_commanded()
             if mode is Mode.HOLDING:
                 self.client.teach.start()
                 self.wait(lambda s: s.teach_pressures_pa is not None)
@@ -267,6 +281,7 @@ def _frozen_loop(arm: LiveArm) -> ProcessEvent:
 def _killed_client(arm: LiveArm) -> ProcessEvent:
     with other_client(arm.rig.settings, "lease") as process:
         arm.wait(lambda s: s.mode == Mode.ARMED)
+        arm.wait_commanded()
         begin = time.monotonic()
         process.kill()
         vented_s = arm.vented_s(begin)
@@ -295,8 +310,7 @@ def _killed_service(arm: LiveArm) -> ProcessEvent:
         client.acquire()
         client.arm()
         client.pressures.set([PRESSURE_PA] * 6, lifetime_s=10.0)
-        while not any(arm.setpoints()):
-            time.sleep(0.01)
+        arm.wait_commanded()
         begin = time.monotonic()
         os.kill(arm.pid, signal.SIGKILL)
         vented_s = arm.vented_s(begin)

@@ -185,6 +185,23 @@ def test_a_host_that_stalled_does_not_resume(virtual):
     session(virtual, body, verify_every=1000)
 
 
+@pytest.mark.parametrize("verify_every", [1, 1000])
+def test_a_host_that_stalled_with_an_answer_on_its_way_does_not_resume(virtual, verify_every):
+    """The answer was given before the watchdog fired: it is no sign that the terminal was heard since."""
+
+    async def body(bank, terminal, readings):
+        bank.arm()
+        await hold(bank, SIX, 0.6)
+        bank.command(SIX, 1.0)
+        terminal.faults = [lambda: (virtual.stall(0.4), terminal.log.clear())]
+        await asyncio.sleep(0.45)
+        assert not bank.armed
+        assert bank.health.events["the terminal cleared its outputs"] == 1
+        assert not any(any(words) for _, words in terminal.writes())
+
+    session(virtual, body, verify_every=verify_every)
+
+
 def test_an_unanswered_write_is_found_out_before_the_next(virtual):
     async def body(bank, terminal, readings):
         bank.arm()

@@ -72,7 +72,7 @@ class MemoryTerminal:
 
 
 class MemoryLink:
-    """A connection to the terminal; a fault of its list bends one request each."""
+    """A connection to the terminal; a fault of its list bends one request each, or is called after it."""
 
     def __init__(self, terminal):
         self.terminal = terminal
@@ -119,6 +119,8 @@ class MemoryLink:
             answer = action() if fault != "unheard" else None
         except LookupError:
             raise ModbusExceptionError("valves", function, 2, address) from None
+        if callable(fault):
+            fault()
         if fault in ("unheard", "unanswered"):
             await asyncio.sleep(TIMEOUT_S)
             raise NoAnswer("valves", "did not answer", "look")

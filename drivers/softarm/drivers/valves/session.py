@@ -98,7 +98,7 @@ class BankSession:
         self._wrote = False
         self._unknown = False
         self._misses = 0
-        self._answered_ns = self._odd_ns = clock() - CALM_NS
+        self._fed_ns = self._odd_ns = clock() - CALM_NS
         self._verdict = Verdict.OURS
 
     async def identify(self) -> None:
@@ -119,7 +119,7 @@ class BankSession:
     async def stream(self) -> None:
         """Run passes at a fixed rate until the connection is lost."""
         ticker = PollTicker(round(self._settings.period_s * NANOSECONDS), self._clock)
-        self._answered_ns = self._clock()
+        self._fed_ns = self._clock()
         while True:
             tick = await ticker.wait()
             self._health.drift.add(tick.drift_ns)
@@ -140,6 +140,8 @@ class BankSession:
         try:
             sample = await self._read() if self._must_read(tick) else None
             if not self._settings.observe:
+                if sample is not None and self._silent:
+                    sample = await self._read()
                 sample = await self._write() or sample
         except ModbusExceptionError as refusal:
             if not refusal.busy:
@@ -150,7 +152,6 @@ class BankSession:
             self._miss(error)
             return
         self._misses = 0
-        self._answered_ns = self._clock()
         if sample is not None:
             self._publish(sample)
 
@@ -158,11 +159,21 @@ class BankSession:
         """Decide whether to read before writing: to see what happened, not what this pass will make of it."""
         if not self._terminal.exchanges or self._unknown or tick.index % self._settings.verify_every == 0:
             return True
+        return self._silent
+
+    @property
+    def _silent(self) -> bool:
+        """Whether the terminal was last asked so long ago that its watchdog may have fired since.
+
+        It is fed when it is asked: a host may stall while the answer is on its way.
+        """
         quiet_ns = self._watchdog.milliseconds * 500_000 if self._watchdog.milliseconds else QUIET_NS
-        return self._clock() - self._answered_ns > quiet_ns
+        return self._clock() - self._fed_ns > quiet_ns
 
     async def _read(self) -> TimedInputs:
+        asked_ns = self._clock()
         sample = await self._terminal.read()
+        self._fed_ns = asked_ns
         self._judge(sample)
         self._unknown = False
         self._alarms.outputs(unknown=False)
@@ -174,12 +185,14 @@ class BankSession:
         self._health.events["set-point expired"] += plan.expired
         self._echo.attempted(plan.counts, self._clock())
         self._unknown = True
+        asked_ns = self._clock()
         try:
             sample = await self._terminal.write(plan.counts, plan.acknowledge)
         except ModbusExceptionError:
             self._unknown = False
             raise
         self._unknown = False
+        self._fed_ns = asked_ns
         self._echo.answered(self._clock() if sample is None else sample.arrival_ns)
         self._applied, self._setpoint = plan.applied, plan.setpoint
         if sample is not None:
