@@ -119,25 +119,3 @@ class Reconnected(Result):
     """
 
     device: str
-
-
-RESULTS: dict[str, type[Result]] = {
-    "arm": Asked,
-    "disarm": Asked,
-    "stop": Asked,
-    "clear": Cleared,
-    "set_pressures": Asked,
-    "teach/start": Asked,
-    "teach/hold": Hold,
-    "teach/save": Saved,
-    "teach/goto": Hold,
-    "teach/release": Asked,
-    "estimate/tare": Tared,
-    "experiment/begin": Result,
-    "experiment/end": Result,
-    "calibrate/rest": Aligned,
-    "record/start": RecordingStarted,
-    "record/stop": RecordingEnded,
-    "device/reconnect": Reconnected,
-}
-"""What each verb answers, but for the lease and ``teach/list``."""

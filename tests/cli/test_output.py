@@ -33,6 +33,14 @@ def test_markdown_has_one_line_per_row() -> None:
     assert written.splitlines() == ["**Forces**", "", "| force n |", "|---|", "| 0.5 |", "| - |", "", "Note."]
 
 
+def test_markdown_of_a_table_without_rows_is_its_title_and_notes() -> None:
+    assert as_markdown(Table("Forces", [], ("None was measured.",))).splitlines() == [
+        "**Forces**",
+        "",
+        "None was measured.",
+    ]
+
+
 def test_several_tables_are_one_json_document(capsys: pytest.CaptureFixture[str]) -> None:
     show(Table("a", []), Table("b", []), as_json=True)
     assert [t["title"] for t in json.loads(capsys.readouterr().out)["tables"]] == ["a", "b"]

@@ -25,17 +25,27 @@ class Table:
 
 
 def as_markdown(*tables: Table) -> str:
-    """Write tables as Markdown, for pages of the documentation that a command prints."""
+    """Write tables as Markdown, for pages of the documentation that a command prints.
+
+    A table without rows has no headings: its title and its notes are written alone.
+    """
     parts = []
     for table in tables:
-        headings = list(table.rows[0]) if table.rows else []
-        lines = [
-            "| " + " | ".join(heading.replace("_", " ") for heading in headings) + " |",
-            "|" + "---|" * len(headings),
-            *("| " + " | ".join(text(row.get(heading)) for heading in headings) + " |" for row in table.rows),
-        ]
-        parts.append("\n".join([f"**{table.title}**", "", *lines, "", *table.notes]))
+        lines = [f"**{table.title}**", ""]
+        if table.rows:
+            headings = list(table.rows[0])
+            lines += [
+                _markdown_row([heading.replace("_", " ") for heading in headings]),
+                "|" + "---|" * len(headings),
+                *(_markdown_row([text(row.get(heading)) for heading in headings]) for row in table.rows),
+                "",
+            ]
+        parts.append("\n".join([*lines, *table.notes]))
     return "\n\n".join(parts)
+
+
+def _markdown_row(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
 
 
 def text(value: Cell) -> str:
