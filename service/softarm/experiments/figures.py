@@ -6,6 +6,8 @@ from softarm.estimator.arrays import Floats
 from softarm.experiments.paper import Published
 
 Cells = dict[str, str | int | float | bool | None]
+Series = dict[str, list[float]]
+"""Columns of a plot by name."""
 
 
 def error_figures(errors: Floats, unit: str) -> Cells:
@@ -36,6 +38,22 @@ def beside(row: Cells, published: Published, unit: str) -> Cells:
         f"aim_{unit}": published.aim,
         "aim_met": met,
     }
+
+
+def pull_figures(gauge: Floats, error: Floats, std: Floats) -> Cells:
+    """Return the range of the gauge and the errors of the force, in newtons and in percent of that range.
+
+    Args:
+        gauge: Lateral pulls of the gauge [N], shape (samples,).
+        error: Errors of the estimate [N], NaN where lost, shape (samples,).
+        std: Its standard deviations [N], shape (samples,).
+    """
+    span = float(np.ptp(gauge)) if len(gauge) else float("nan")
+    row: Cells = {"range_n": span, **error_figures(error, "n")}
+    mean = row["mean_n"]
+    row["mean_percent"] = 100.0 * mean / span if isinstance(mean, float) and span > 0.0 else None
+    row["inside_2_std"] = inside(error, std)
+    return row
 
 
 def without_unit(row: Cells, unit: str) -> Cells:

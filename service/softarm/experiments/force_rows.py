@@ -17,7 +17,7 @@ from softarm.estimator.recording import Recording
 from softarm.estimator.sensing import ModelError, widened
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
-from softarm.experiments.figures import Cells, beside, error_figures, inside
+from softarm.experiments.figures import Cells, beside, error_figures, inside, pull_figures
 from softarm.experiments.following import follow
 from softarm.experiments.models import tracking_model, wrench_loads
 from softarm.experiments.paper import Published
@@ -130,19 +130,14 @@ def along_cord_row(done: PullTrack, published: Published | None = None) -> Cells
         published: The paper's figures.
     """
     errors = done.errors
-    span = float(np.ptp(errors.gauge)) if len(errors.gauge) else float("nan")
     row: Cells = {
         "condition": done.condition,
         "section": done.pull.section,
         "sensors": done.sensors,
         "unknown_loads": len(done.track.loads),
         "samples": len(errors.gauge),
-        "range_n": span,
-        **error_figures(errors.error, "n"),
+        **pull_figures(errors.gauge, errors.error, errors.std),
     }
-    mean = row["mean_n"]
-    row["mean_percent"] = 100.0 * mean / span if isinstance(mean, float) and span > 0.0 else None
-    row["inside_2_std"] = inside(errors.error, errors.std)
     if published is None:
         return row
     placed = beside(row, published, "n")

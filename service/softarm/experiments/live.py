@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -218,27 +218,38 @@ def live_rig(
         sensors: Kinds of sensors of the fakes' estimator.
     """
     arm, endpoint, specimen = settings.arm, settings.endpoint, settings.specimen
-    with ExitStack() as stack:
-        if arm is not None:
-            client = stack.enter_context(
-                Arm(arm, endpoint or DEFAULT_ENDPOINT, "experiment", settings.zenoh_config)
-            )
-            operator: ExperimentOperator = Person(ask)
-        else:
-            chosen = specimen or str(fake_specimen())
-            started = RigSettings(
-                settings.scenario or DEMO_SCENARIO,
-                specimen=chosen,
-                endpoint=endpoint or free_endpoint(),
-                sensors=sensors,
-                variant=settings.variant,
-                patience=PATIENCE,
-            )
-            rig = stack.enter_context(FakeRig(started, settings.out / "rig"))
-            client = stack.enter_context(connect(rig))
-            control = stack.enter_context(FakeControl(str(rig.announcement["control"])))
-            operator = FakeOperator(control, laboratory_of(control))
-        wait_ready(client)
-        known = load_specimen(specimen) if specimen else specimen_of_arm(client)
-        stack.enter_context(client.lease())
-        yield LiveRig(client, operator, known)
+    if arm is None:
+        started = RigSettings(
+            settings.scenario or DEMO_SCENARIO,
+            specimen=specimen or str(fake_specimen()),
+            endpoint=endpoint or free_endpoint(),
+            sensors=sensors,
+            variant=settings.variant,
+            patience=PATIENCE,
+        )
+        with (
+            FakeRig(started, settings.out / "rig") as rig,
+            connect(rig) as client,
+            live_fakes(rig, client) as live,
+        ):
+            yield live
+    else:
+        with Arm(arm, endpoint or DEFAULT_ENDPOINT, "experiment", settings.zenoh_config) as client:
+            wait_ready(client)
+            known = load_specimen(specimen) if specimen else specimen_of_arm(client)
+            with client.lease():
+                yield LiveRig(client, Person(ask), known)
+
+
+@contextmanager
+def live_fakes(rig: FakeRig, client: Arm) -> Iterator[LiveRig]:
+    """Wait until a rig of fakes is ready, and take its lease and its control port.
+
+    Args:
+        rig: The running rig.
+        client: Client of its service.
+    """
+    wait_ready(client)
+    with FakeControl(str(rig.announcement["control"])) as control, client.lease():
+        operator = FakeOperator(control, laboratory_of(control))
+        yield LiveRig(client, operator, load_specimen(rig.settings.specimen))

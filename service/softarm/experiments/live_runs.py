@@ -103,7 +103,7 @@ def calibrate_live(rig: LiveRig, seed: int, poses: int = 8) -> tuple[Recording, 
     with rig.recording("pulls_pressurised") as paths:
         rig.wait(2.0)
         for azimuth in first_azimuths(rig.specimen, 3):
-            against_the_cord(rig, azimuth, levels=4, ramp_s=1.0, hold_s=2.0)
+            against_the_cord(rig, azimuth, np.linspace(0.25, 1.0, 4), ramp_s=1.0, hold_s=2.0)
     return moved, pulled, rig.load(paths[0])
 
 
@@ -131,27 +131,27 @@ def pull_steps(
         rig.wait(1.5)
 
 
-def against_the_cord(rig: LiveRig, azimuth: float, levels: int, ramp_s: float, hold_s: float) -> None:
+def against_the_cord(rig: LiveRig, azimuth: float, levels: Floats, ramp_s: float, hold_s: float) -> None:
     """Tie the tip on one side, fill the chambers there in steps, which bends the arm away, and vent them.
 
     Args:
         rig: The running arm.
         azimuth: Of the side [rad].
-        levels: Number of steps.
+        levels: Shares of the highest pressures, one per step, shape (steps,).
         ramp_s: How long each takes; venting takes as long.
         hold_s: How long each is held.
     """
     way = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     rig.tie("tip", rig.position("tip") + (CORD_M - 2e-3) * way, CORD_M)
     rig.arm()
-    level = one_side(rig.specimen, azimuth)
-    for share in np.linspace(0.0, 1.0, levels + 1)[1:]:
-        rig.go(share * level, ramp_s, hold_s)
-    rig.go(np.zeros_like(level), ramp_s, hold_s=1.0)
+    highest = one_side(rig.specimen, azimuth)
+    for level in levels:
+        rig.go(level * highest, ramp_s, hold_s)
+        rig.advance()
+    rig.go(np.zeros_like(highest), ramp_s, hold_s=1.0)
     rig.disarm()
     rig.untie()
     rig.wait(1.5)
-    rig.advance()
 
 
 def force_live(rig: LiveRig) -> tuple[Recording, Recording]:
@@ -163,7 +163,7 @@ def force_live(rig: LiveRig) -> tuple[Recording, Recording]:
     with rig.recording("force_pressurised") as paths:
         rig.wait(2.0)
         for azimuth in first_azimuths(rig.specimen, 2):
-            against_the_cord(rig, azimuth, levels=1, ramp_s=8.0, hold_s=0.5)
+            against_the_cord(rig, azimuth, np.ones(1), ramp_s=8.0, hold_s=0.5)
     return still, rig.load(paths[0])
 
 

@@ -10,30 +10,8 @@ from matplotlib.figure import Figure
 
 from softarm.analysis.plots.figures import save
 from softarm.common.tables import Cell
-from softarm.experiments.force import ForceSample
-from softarm.experiments.seed import SeedResult, Series
-
-
-def plot_force(samples: list[ForceSample], path: Path) -> None:
-    """Plot estimate and gauge in the paper's form, one panel a condition."""
-    conditions = list(dict.fromkeys(s.condition for s in samples))
-    with mpl.rc_context({"font.size": 9}):
-        figure = Figure(figsize=(5.0 * len(conditions), 3.2), layout="constrained")
-        panels = figure.subplots(1, len(conditions), squeeze=False)[0]
-        for panel, condition in zip(panels, conditions, strict=True):
-            chosen = [s for s in samples if s.condition == condition]
-            steps = range(len(chosen))
-            panel.plot(steps, [s.gauge_n for s in chosen], "k.-", label="gauge")
-            panel.errorbar(
-                steps,
-                [s.estimate_n for s in chosen],
-                [2.0 * s.std_n for s in chosen],
-                fmt="C1o-",
-                label="estimate, 2 std",
-            )
-            panel.set(title=condition, xlabel="step", ylabel="lateral force [N]")
-            panel.legend()
-        save(figure, path)
+from softarm.experiments.figures import Series
+from softarm.experiments.seed import SeedResult
 
 
 def plot_results(results: Sequence[SeedResult], folder: Path) -> tuple[Path, ...]:
@@ -47,7 +25,7 @@ def plot_results(results: Sequence[SeedResult], folder: Path) -> tuple[Path, ...
     for result in results:
         forces = {name: s for name, s in result.series.items() if name.startswith("force")}
         if forces:
-            paths.append(_save(_forces(forces), folder / f"force_seed{result.number}.png"))
+            paths.append(plot_forces(forces, folder / f"force_seed{result.number}.png"))
         if "validation" in result.series:
             figure = _bars(result.series["validation"], ("mm", "degrees"), "pose")
             paths.append(_save(figure, folder / f"validation_seed{result.number}.png"))
@@ -79,13 +57,13 @@ def plot_prediction(rows: Sequence[Mapping[str, Cell]], path: Path) -> Path:
     return _save(figure, path)
 
 
-def _save(figure: Figure, path: Path) -> Path:
-    with mpl.rc_context({"font.size": 9}):
-        return save(figure, path)
+def plot_forces(series: Mapping[str, Series], path: Path) -> Path:
+    """Draw gauge and estimate over time, one panel a condition.
 
-
-def _forces(series: dict[str, Series]) -> Figure:
-    """Gauge and estimate over time, one panel a condition."""
+    Args:
+        series: Columns ``time_s``, ``gauge_n``, ``estimate_n`` and ``std_n`` by condition.
+        path: Where the picture goes.
+    """
     figure = Figure(figsize=(5.2 * len(series), 3.2), layout="constrained")
     panels = figure.subplots(1, len(series), squeeze=False)[0]
     for panel, (name, columns) in zip(panels, series.items(), strict=True):
@@ -96,7 +74,12 @@ def _forces(series: dict[str, Series]) -> Figure:
         panel.plot(time, columns["gauge_n"], "k-", lw=1.0, label="gauge")
         panel.set(title=name.removeprefix("force "), xlabel="time [s]", ylabel="lateral force [N]")
         panel.legend()
-    return figure
+    return _save(figure, path)
+
+
+def _save(figure: Figure, path: Path) -> Path:
+    with mpl.rc_context({"font.size": 9}):
+        return save(figure, path)
 
 
 def _bars(columns: Series, units: tuple[str, ...], what: str) -> Figure:

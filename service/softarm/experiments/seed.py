@@ -25,7 +25,7 @@ from softarm.estimator.recording import Recording
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.specimen import Specimen, load_specimen, save_specimen
 from softarm.experiments.calibration_rows import comparison_rows, drift_rows, unknown_rows
-from softarm.experiments.figures import Cells
+from softarm.experiments.figures import Cells, Series
 from softarm.experiments.force_rows import (
     SWINGING_HZ,
     PullCase,
@@ -70,7 +70,6 @@ HANDS = {"taught": "leads sideways", "taught_drawn": "also draws out"}
 IN_REACH = "either, poses in reach"
 NODES = 84
 FAILED = " failed: "
-Series = dict[str, list[float]]
 
 
 @dataclass(frozen=True)

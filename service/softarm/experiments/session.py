@@ -3,13 +3,11 @@
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from softarm.estimator.errors import InputError
-from softarm.experiments.force import STEPS, ForceSample, run_fake
 from softarm.experiments.rig import FakeRig
-from softarm.experiments.rig_control import FakeControl
 from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError, UnreachableError
 from softarm_client.messages import State
@@ -106,26 +104,3 @@ def recorded(client: Arm, name: str) -> Iterator[list[str]]:
             paths.append(client.recordings.stop().path)
         except CommandRefusedError as refusal:
             paths.append(f"not written: {refusal}")
-
-
-def force_on_fakes(
-    rig: FakeRig, client: Arm, advance: Callable[[], None], steps: int = STEPS
-) -> tuple[list[ForceSample], str]:
-    """Run the force experiment on a rig of fakes.
-
-    Args:
-        rig: The running rig.
-        client: Client of its service.
-        advance: Called after each look.
-        steps: Looks in each of its two parts.
-
-    Returns:
-        The looks and the recording.
-    """
-    wait_ready(client)
-    with FakeControl(str(rig.announcement["control"])) as fakes, client.lease():
-        fakes.ask("cord")
-        client.tare()
-        with recorded(client, "force") as paths:
-            samples = list(run_fake(client, fakes, advance, steps))
-    return samples, paths[0]

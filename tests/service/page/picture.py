@@ -12,8 +12,10 @@ from itertools import count
 from pathlib import Path
 
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
+from softarm.experiments.force import compare_forces
+from softarm.experiments.live import live_fakes
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
-from softarm.experiments.session import connect, force_on_fakes, wait_ready
+from softarm.experiments.session import connect
 from softarm.page.app import Page
 from softarm.page.server import page_server
 from softarm.page.waiting import ask_arm
@@ -42,12 +44,12 @@ def take_picture(path, folder):
         Arm(settings.arm, settings.endpoint, name="operator page") as watching,
         page_server("127.0.0.1", port, settings.arm) as server,
         open_browser(f"http://127.0.0.1:{port}", folder) as browser,
+        live_fakes(rig, client) as live,
+        Page(ask_arm(watching), server),
     ):
-        wait_ready(client)
-        with Page(ask_arm(watching), server):
-            browser.open()
-            browser.click_away_notices()
-            force_on_fakes(rig, client, lambda: browser.picture(path) if next(looks) == last else None, steps)
+        browser.open()
+        browser.click_away_notices()
+        compare_forces(live, lambda: browser.picture(path) if next(looks) == last else None, steps)
 
 
 def take_picture_of_past(path, folder, option, shown, time_s):
