@@ -19,7 +19,7 @@ from softarm.analysis.offline.alignment import quick_model
 from softarm.analysis.offline.inputs import cut, load_recordings
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import track
-from softarm.cli.output import json_option, progress, quick_option, say, show
+from softarm.cli.output import PATH, json_option, progress, quick_option, say, show
 from softarm.common.tables import Cell, Table, as_markdown
 from softarm.estimator.arm import build_arm
 from softarm.estimator.arrays import Flags, Floats
@@ -69,7 +69,7 @@ rubber, which may be why the regression predicts some angles better.
 @click.command()
 @json_option
 @quick_option
-@click.option("--write", type=click.Path(path_type=Path), help="Write the tables to a page.")
+@click.option("--write", type=PATH, help="Write the tables to a page.")
 def command(as_json: bool, quick: bool, write: Path | None) -> None:
     """Calibrate on real recordings and predict what was held out: two arms and a silicone beam.
 

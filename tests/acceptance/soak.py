@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from acceptance.soak_run import Soak, SoakSettings
-from softarm.cli.output import json_option, progress, show
+from softarm.cli.output import PATH, json_option, progress, show
 from softarm.common.tables import Cell, Table
 
 NOTES = (
@@ -23,7 +23,7 @@ ALLOWED_GROWTH_PERCENT = 5.0
 @click.option("--seconds", default=1800.0, show_default=True, help="How long.")
 @click.option("--model", type=click.Choice(["fem", "rod"]), default="fem", show_default=True)
 @click.option("--seed", default=1, show_default=True, help="Of faults and clients.")
-@click.option("--out", type=click.Path(path_type=Path), help="Folder for logs and recordings; none are kept.")
+@click.option("--out", type=PATH, help="Folder for logs and recordings; none are kept.")
 @json_option
 def command(seconds: float, model: str, seed: int, out: Path | None, as_json: bool) -> int:
     """Run a service at 100 Hz for long; count lost replies, overruns, and memory that grows.

@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 from acceptance.forces import forces_problem, independent_prior
-from softarm.cli.output import json_option, progress, quick_option, show
+from softarm.cli.output import PATH, json_option, progress, quick_option, show
 from softarm.common.tables import Cell, Table
 from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
@@ -181,7 +181,7 @@ def inverse(reference: Reference, samples: int) -> dict[str, Cell]:
 @click.option(
     "--reference",
     "folder",
-    type=click.Path(path_type=Path),
+    type=PATH,
     default=Path("../shared/reference/sofa"),
     show_default=True,
     help="Folder of SOFA's reference solutions.",

@@ -8,6 +8,7 @@ import click
 from softarm.cli.output import (
     force_option,
     json_option,
+    out_option,
     progress,
     recordings_argument,
     say,
@@ -19,7 +20,7 @@ from softarm.cli.output import (
 @click.command()
 @recordings_argument
 @specimen_option
-@click.option("--out", "-o", type=click.Path(path_type=Path), help="Specimen file to write (TOML).")
+@out_option("Specimen file to write (TOML).")
 @click.option(
     "--check",
     is_flag=True,

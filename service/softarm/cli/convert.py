@@ -4,19 +4,19 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import force_option, json_option, progress, say, show
+from softarm.cli.output import PATH, force_option, json_option, progress, say, show
 from softarm.common.tables import Table
 from softarm.recordings import load_recording, read_attachments, save_recording
 from softarm.recordings.summary import summary
 
 
 @click.command()
-@click.argument("source", metavar="IN", type=click.Path(path_type=Path))
-@click.argument("target", metavar="OUT", type=click.Path(path_type=Path))
+@click.argument("source", metavar="IN", type=PATH)
+@click.argument("target", metavar="OUT", type=PATH)
 @click.option(
     "--map",
     "column_map",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="TOML file with the names of a Qualisys export's markers and bodies; by default the .toml of the "
     "same name as the export.",
 )

@@ -6,8 +6,10 @@ from pathlib import Path
 import click
 
 from softarm.cli.output import (
+    PATH,
     force_option,
     json_option,
+    out_option,
     progress,
     recordings_argument,
     say,
@@ -73,19 +75,14 @@ class NominalCommand(click.Command):
 @click.option(
     NOMINAL,
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="RECORDING...",
     help="Recordings of the arm in its known state; only differences from them are reported.",
 )
-@click.option(
-    "--out",
-    "-o",
-    type=click.Path(path_type=Path),
-    help="Folder for report.json, report.html and what softarm page --diagnosis shows.",
-)
+@out_option("Folder for report.json, report.html and what softarm page --diagnosis shows.")
 @click.option(
     "--write-specimen",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="S2",
     help="Specimen file to write, with the accepted effects as physics of the model.",
 )

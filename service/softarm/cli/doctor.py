@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from softarm.cli.output import json_option, progress, show
+from softarm.cli.output import PATH, json_option, progress, show
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Cell, Table
 from softarm.daemon.config import ConfigError
@@ -117,10 +117,7 @@ class Examination:
 
 @click.command()
 @click.option(
-    "--config",
-    "path",
-    type=click.Path(path_type=Path),
-    help="A TOML file with [[devices]], such as the service's configuration.",
+    "--config", "path", type=PATH, help="A TOML file with [[devices]], such as the service's configuration."
 )
 @click.option(
     "--seconds",

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from softarm.cli.output import (
+    PATH,
     force_option,
     json_option,
+    out_option,
     progress,
     recording_argument,
     say,
@@ -33,13 +35,8 @@ NAMES = {"fem": "finite elements", "rod": "calibrated rod"}
 @click.command()
 @recording_argument
 @specimen_option
-@click.option(
-    "--out",
-    "-o",
-    type=click.Path(path_type=Path),
-    help="File or folder for the estimates: .mcap, .csv, .parquet or a folder.",
-)
-@click.option("--plots", type=click.Path(path_type=Path), help="Folder for the plots; by default plots/NAME.")
+@out_option("File or folder for the estimates: .mcap, .csv, .parquet or a folder.")
+@click.option("--plots", type=PATH, help="Folder for the plots; by default plots/NAME.")
 @click.option(
     "--rate",
     type=click.FloatRange(min=0.0, min_open=True),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from softarm.cli.output import json_option, progress, say, show, specimen_option
+from softarm.cli.output import PATH, json_option, out_option, progress, say, show, specimen_option
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.common.tables import Cell, Table
 from softarm_client.session import DEFAULT_ENDPOINT
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 @click.option(
     "--endpoint", default=DEFAULT_ENDPOINT, show_default=True, help="zenoh endpoint of the service."
 )
-@click.option("--zenoh", "zenoh_config", type=click.Path(path_type=Path), help="JSON5 file with credentials.")
+@click.option("--zenoh", "zenoh_config", type=PATH, help="JSON5 file with credentials.")
 @click.option(
     "--report",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Folder of a diagnosis; run only what separates the effects that it could not distinguish.",
 )
 @click.option("--manoeuvre", "names", multiple=True, help="Run only this manoeuvre; may be repeated.")
@@ -43,14 +43,8 @@ if TYPE_CHECKING:
 )
 @click.option("--minutes", type=click.FloatRange(min=0.1), help="Leave out manoeuvres that would end later.")
 @click.option("--dry-run", is_flag=True, help="Print the plan and move nothing.")
-@click.option("--plot", type=click.Path(path_type=Path), help="Write a picture of the planned pressures.")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default=Path("out/excite"),
-    show_default=True,
-    help="With --fake: folder of the service's configuration, logs and recordings.",
-)
+@click.option("--plot", type=PATH, help="Write a picture of the planned pressures.")
+@out_option("With --fake: folder of the service's configuration, logs and recordings.", "out/excite")
 @specimen_option
 @json_option
 def command(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from softarm.cli.output import force_option, json_option, progress, say, show
+from softarm.cli.output import PATH, force_option, json_option, out_option, progress, say, show
 from softarm.common.tables import as_markdown
 
 if TYPE_CHECKING:
@@ -30,12 +30,7 @@ def _common(command: Command) -> Command:
         click.option("--fake", is_flag=True, help="Run on a simulated arm, which the command starts."),
         click.option("--arm", metavar="ID", help="Run on the arm of a running service."),
         click.option("--endpoint", help="zenoh endpoint of that service."),
-        click.option(
-            "--zenoh",
-            "zenoh_config",
-            type=click.Path(path_type=Path),
-            help="JSON5 file with credentials.",
-        ),
+        click.option("--zenoh", "zenoh_config", type=PATH, help="JSON5 file with credentials."),
         click.option(
             "--recorded",
             is_flag=True,
@@ -43,7 +38,7 @@ def _common(command: Command) -> Command:
         ),
         click.option(
             "--scenario",
-            type=click.Path(path_type=Path),
+            type=PATH,
             metavar="FILE",
             help="With --fake: scenario of the simulated instruments and their faults.",
         ),
@@ -62,14 +57,7 @@ def _common(command: Command) -> Command:
         click.option(
             "--resume", is_flag=True, help="With --recorded: reuse the results that --out already holds."
         ),
-        click.option(
-            "--out",
-            "-o",
-            type=click.Path(path_type=Path),
-            default=Path("out/experiments"),
-            show_default=True,
-            help="Folder for recordings, plots, tables and the calibrated specimens.",
-        ),
+        out_option("Folder for recordings, plots, tables and the calibrated specimens.", "out/experiments"),
         json_option,
     ):
         command = option(command)
@@ -97,7 +85,7 @@ for _name, _line in (
 
 @command.command("all")
 @_common
-@click.option("--write", type=click.Path(path_type=Path), help="Write all tables as a Markdown page.")
+@click.option("--write", type=PATH, help="Write all tables as a Markdown page.")
 @force_option
 def everything(write: Path | None, force: bool, **options: Any) -> int:
     """Run all four experiments on recordings of several simulated arms.

@@ -11,7 +11,7 @@ from typing import Any
 import click
 import tomli_w
 
-from softarm.cli.output import force_option, json_option, say, show
+from softarm.cli.output import PATH, force_option, json_option, say, show
 from softarm.common.files import refuse_existing, write_whole
 from softarm.common.shipped import fake_specimen
 from softarm.common.tables import Table
@@ -35,7 +35,7 @@ from softarm.fakes.warp import WarpLoop
 )
 @click.option(
     "--config",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Write a service's configuration that fits these instruments, once they are ready.",
 )
 @click.option("--specimen", metavar="S", help="Specimen whose arm to simulate; SoPrA when left out.")

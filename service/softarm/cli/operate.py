@@ -1,21 +1,18 @@
 """``softarm arm``, ``stop``, ``clear`` and ``tare``: the verbs of a running arm that need no program."""
 
-import threading
-import time
 from contextlib import suppress
 from pathlib import Path
 
 import click
 
 from softarm.cli.output import json_option, say, show
-from softarm.cli.running_arm import arm_options, leased, require_mode
+from softarm.cli.running_arm import arm_options, hold, leased, seconds_option
 from softarm.common.tables import Table
 from softarm.estimator.errors import InputError
 from softarm_client import Arm
 
-STEP_S = 0.25
 LIFETIME_S = 1.0
-"""Time between two set-points, and how long each lives: the arm vents soon after this command is killed."""
+"""How long a set-point lives: the arm vents soon after this command is killed."""
 
 
 @click.command()
@@ -25,11 +22,7 @@ LIFETIME_S = 1.0
     metavar="P,P,...",
     help="Gauge pressures to hold [kPa], one for each chamber; vented when left out.",
 )
-@click.option(
-    "--seconds",
-    type=click.FloatRange(min=0.0, min_open=True),
-    help="How long to hold; by default until Ctrl-C.",
-)
+@seconds_option("How long to hold")
 @json_option
 def arm(
     arm: str, endpoint: str, zenoh_config: Path | None, kpa: str | None, seconds: float | None, as_json: bool
@@ -47,19 +40,14 @@ def arm(
         with suppress(KeyboardInterrupt), leased(running):
             running.arm()
             say(f"{arm}: armed; Ctrl-C vents it")
-            _hold(running, pressures, float("inf") if seconds is None else seconds)
+            hold(running, "ARMED", seconds, lambda: _set(running, pressures))
         _show_mode(running, as_json=as_json)
     return 0
 
 
-def _hold(arm: Arm, pressures: tuple[float, ...] | None, seconds: float) -> None:
-    """Renew the set-points for a while, and check that the arm stays armed."""
-    end = time.monotonic() + seconds
-    while (left := end - time.monotonic()) > 0.0:
-        if pressures is not None:
-            arm.pressures.set(pressures, LIFETIME_S)
-        threading.Event().wait(min(left, STEP_S))
-        require_mode(arm, "ARMED")
+def _set(arm: Arm, pressures: tuple[float, ...] | None) -> None:
+    if pressures is not None:
+        arm.pressures.set(pressures, LIFETIME_S)
 
 
 def _pressures(text: str) -> tuple[float, ...]:

@@ -16,6 +16,8 @@ from rich.table import Table as RichTable
 from softarm.common.tables import Cell, Table, text
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+PATH = click.Path(path_type=Path)
+"""Type of an option that is a path."""
 LINE_EVERY_S = 10.0
 """Time between two lines of progress where stderr is no terminal."""
 LEAST_SHARE = 0.02
@@ -143,16 +145,15 @@ def specimen_option(command: Command) -> Command:
 
 def recording_argument(command: Command) -> Command:
     """Add the argument RECORDING, passed as ``recording``."""
-    return click.argument("recording", type=click.Path(path_type=Path))(command)
+    return click.argument("recording", type=PATH)(command)
 
 
 def recordings_argument(command: Command) -> Command:
     """Add the argument RECORDING..., passed as the tuple ``recordings``."""
-    return click.argument(
-        "recordings", metavar="RECORDING...", nargs=-1, required=True, type=click.Path(path_type=Path)
-    )(command)
+    return click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)(command)
 
 
-def out_option(help_text: str) -> Callable[[Command], Command]:
+def out_option(help_text: str, default: str | None = None) -> Callable[[Command], Command]:
     """Add ``--out``, passed as ``out``."""
-    return click.option("--out", "-o", type=click.Path(path_type=Path), help=help_text)
+    shown = default is not None
+    return click.option("--out", "-o", type=PATH, default=default, show_default=shown, help=help_text)

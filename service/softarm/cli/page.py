@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from softarm.cli.output import say, specimen_option
+from softarm.cli.output import PATH, say, specimen_option
 from softarm.cli.signals import ENDING, awaiting_signals
 from softarm.daemon.config import load_config
 from softarm.daemon.settings import PageSettings
@@ -28,21 +28,16 @@ AGAIN_S = 1.0
 
 @click.command()
 @click.option("--arm", help="Name of the arm.")
-@click.option(
-    "--config",
-    "path",
-    type=click.Path(path_type=Path),
-    help="The service's TOML file, in place of the other options.",
-)
+@click.option("--config", "path", type=PATH, help="The service's TOML file, in place of the other options.")
 @click.option(
     "--recording",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Show this recording in place of a running arm: one that the service made, or the --out of softarm "
     "estimate.",
 )
 @click.option(
     "--diagnosis",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FOLDER",
     help="Show this diagnosis in place of a running arm: the --out of softarm diagnose.",
 )
@@ -50,7 +45,7 @@ AGAIN_S = 1.0
 @click.option("--endpoint", help=f"zenoh endpoint of its service.  [default: {DEFAULT_ENDPOINT}]")
 @click.option("--host", help="Address to serve the page on.  [default: 127.0.0.1]")
 @click.option("--port", type=int, help="Its TCP port.  [default: 8080]")
-@click.option("--zenoh", "zenoh_config", type=click.Path(path_type=Path), help="JSON5 file with credentials.")
+@click.option("--zenoh", "zenoh_config", type=PATH, help="JSON5 file with credentials.")
 @click.option(
     "--origin",
     "origins",

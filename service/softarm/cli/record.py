@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from softarm.cli.output import json_option, progress, say, show
-from softarm.cli.running_arm import arm_options
+from softarm.cli.running_arm import arm_options, seconds_option
 from softarm.cli.signals import ENDING, awaiting_signals
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Table
@@ -18,11 +18,7 @@ LOOK_S = 0.5
 @click.command()
 @arm_options
 @click.option("--name", default="recording", show_default=True, help="Name of the file, without suffix.")
-@click.option(
-    "--seconds",
-    type=click.FloatRange(min=0.0, min_open=True),
-    help="Length of the recording; by default until Ctrl-C.",
-)
+@seconds_option("Length of the recording")
 @click.option("--start", "only", flag_value="start", help="Start a recording and return.")
 @click.option("--stop", "only", flag_value="stop", help="End the running recording and return.")
 @json_option
@@ -55,10 +51,7 @@ def command(
         if only is None:
             _wait(client, seconds)
         ended = client.recordings.stop()
-    show(
-        Table("Recording", [{"file": ended.path, "dropped": ended.dropped}]),
-        as_json=as_json,
-    )
+    show(Table("Recording", [{"file": ended.path, "dropped": ended.dropped}]), as_json=as_json)
 
 
 def _wait(client: Arm, seconds: float | None) -> None:

@@ -13,7 +13,7 @@ from typing import TextIO
 
 import click
 
-from softarm.cli.output import progress
+from softarm.cli.output import PATH, progress
 from softarm.common.errors import WorkFailedError
 from softarm.common.files import require_writable
 from softarm.common.rods import cache_directory, known_trusted_rod, trusted_rod
@@ -33,12 +33,8 @@ STEP_S = 300.0
 
 
 @click.command()
-@click.option(
-    "--config", "path", required=True, type=click.Path(path_type=Path), help="The service's TOML file."
-)
-@click.option(
-    "--replay", type=click.Path(path_type=Path), help="Play this recording instead of the instruments."
-)
+@click.option("--config", "path", required=True, type=PATH, help="The service's TOML file.")
+@click.option("--replay", type=PATH, help="Play this recording instead of the instruments.")
 @click.option(
     "--speed", default=1.0, show_default=True, help="Speed of the replay; 2 is twice as fast as recorded."
 )

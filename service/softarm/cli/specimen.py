@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from softarm.cli.output import force_option, json_option, say, show
+from softarm.cli.output import PATH, force_option, json_option, say, show
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,9 +23,7 @@ def command() -> None:
 
 
 @command.command("new")
-@click.option(
-    "--out", "-o", type=click.Path(path_type=Path), required=True, help="Specimen file to write (TOML)."
-)
+@click.option("--out", "-o", type=PATH, required=True, help="Specimen file to write (TOML).")
 @force_option
 @json_option
 def new(out: Path, force: bool, as_json: bool) -> int:

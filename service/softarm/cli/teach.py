@@ -1,19 +1,17 @@
 """``softarm teach``: poses taught by hand, at the terminal."""
 
-import threading
 from contextlib import suppress
 from pathlib import Path
 
 import click
 
 from softarm.cli.output import json_option, say, show
-from softarm.cli.running_arm import arm_options, leased, require_mode
+from softarm.cli.running_arm import arm_options, hold, leased, seconds_option
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Cell, Table
 from softarm_client import Arm
 from softarm_client.results import Pose
 
-STEP_S = 0.25
 TEACH_S = 10.0
 """The first pressures of a pose come within this time."""
 
@@ -79,11 +77,7 @@ def list_poses(arm: str, endpoint: str, zenoh_config: Path | None, as_json: bool
 @command.command("goto")
 @arm_options
 @click.argument("name")
-@click.option(
-    "--seconds",
-    type=click.FloatRange(min=0.0, min_open=True),
-    help="How long to hold; by default until Ctrl-C.",
-)
+@seconds_option("How long to hold")
 @json_option
 def goto(
     arm: str, endpoint: str, zenoh_config: Path | None, name: str, seconds: float | None, as_json: bool
@@ -99,11 +93,7 @@ def goto(
             running.arm()
             pose = running.teach.goto(name)
             say(f"{arm}: goes to {name}; Ctrl-C vents it")
-            left = float("inf") if seconds is None else seconds
-            while left > 0.0:
-                threading.Event().wait(min(left, STEP_S))
-                left -= STEP_S
-                require_mode(running, "HOLDING")
+            hold(running, "HOLDING", seconds)
         show(Table(f"Pose of {arm}", [_row(name, pose)]), as_json=as_json)
     return 0
 

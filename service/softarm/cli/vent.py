@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import say
+from softarm.cli.output import PATH, say
 from softarm.common.errors import WorkFailedError
 from softarm.daemon.config import load_config
 from softarm.drivers.device import close_all, connect_all
@@ -14,9 +14,7 @@ from softarm.drivers.valves import ValveBank
 
 
 @click.command()
-@click.option(
-    "--config", "path", required=True, type=click.Path(path_type=Path), help="The service's TOML file."
-)
+@click.option("--config", "path", required=True, type=PATH, help="The service's TOML file.")
 def command(path: Path) -> None:
     """Vent every chamber; systemd runs this after the service has ended, also after a crash.
 

@@ -18,7 +18,7 @@ from softarm.bench.trials.page import from_source, write_page
 from softarm.bench.trials.run import run_trials
 from softarm.bench.trials.score import score
 from softarm.bench.trials.tables import score_tables
-from softarm.cli.output import json_option, progress, quick_option, say, show
+from softarm.cli.output import PATH, json_option, progress, quick_option, say, show
 from softarm.common.tables import Table
 
 MOTIONS = ("designed", "ordinary")
@@ -42,7 +42,7 @@ the answers lie in a folder that only the scorer opens.
 @jobs_option
 @click.option(
     "--folder",
-    type=click.Path(path_type=Path),
+    type=PATH,
     default=Path("out/diagnosis-proof"),
     show_default=True,
     help="Recordings, answers, reports and outcomes; a run that was ended goes on from what is there.",
@@ -58,7 +58,7 @@ the answers lie in a folder that only the scorer opens.
     help="What to prove; all but the sensitivity, on the trials that --keep kept, when left out.",
 )
 @click.option("--forces", default=12, show_default=True, help="Trials on whose pull the force is estimated.")
-@click.option("--write", type=click.Path(path_type=Path), help="Write the tables to a page; its others stay.")
+@click.option("--write", type=PATH, help="Write the tables to a page; its others stay.")
 @quick_option
 @json_option
 def command(
