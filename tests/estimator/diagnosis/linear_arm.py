@@ -11,6 +11,7 @@ from softarm.estimator.diagnosis.prepare import blocks_of
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Model
 from softarm.estimator.effects import EFFECTS, Effect, Spot
+from softarm.estimator.effects.effect import Memory, Signals
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.effects.simulate import simulate_with
 from softarm.estimator.response import ArmResponse, BatchInputs
@@ -26,6 +27,21 @@ Concealed = Sequence[tuple[str | Effect, Place, Sequence[float]]]
 """Effects by name, or of one's own, with their places and parameters."""
 NOISE = 4e-4
 STEP = 0.2
+
+
+def _lock(signals: Signals, theta: np.ndarray, spot: Spot, memory: Memory) -> tuple[np.ndarray, Memory]:
+    """Let a segment bend ``theta[1]`` less than it would of all that is beyond ``theta[0]`` rad."""
+    start, lost = theta
+    bend = np.linalg.norm(signals.strains[..., :2], axis=-1, keepdims=True)
+    left = 1.0 - lost * np.maximum(bend - start, 0.0) / np.maximum(bend, 1e-9)
+    chosen = spot.segments[:, None] > 0.0
+    strains = signals.strains.copy()
+    strains[..., :2] = np.where(chosen, strains[..., :2] * left, strains[..., :2])
+    return strains, memory
+
+
+LOCKING = replace(EFFECTS["material_stiffening"], act=_lock)
+"""Physics that the library lacks."""
 
 
 @dataclass(frozen=True)

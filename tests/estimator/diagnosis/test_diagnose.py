@@ -10,10 +10,8 @@ from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, assemble, beg
 from softarm.estimator.diagnosis.motion import HELDOUT, residual_column
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.split import hold_out
-from softarm.estimator.effects import EFFECTS, Spot
-from softarm.estimator.effects.effect import Memory, Signals
 from softarm.estimator.specimen.physics import Place
-from tests.estimator.diagnosis.linear_arm import model, session, trial
+from tests.estimator.diagnosis.linear_arm import LOCKING, model, session, trial
 
 TRIED = (
     "chamber_gain",
@@ -24,21 +22,6 @@ TRIED = (
     "pressure_bias",
 )
 WEAK = ("chamber_gain", Place(chamber=1), (-0.15,))
-
-
-def _lock(signals: Signals, theta: np.ndarray, spot: Spot, memory: Memory) -> tuple[np.ndarray, Memory]:
-    """Let a segment bend ``theta[1]`` less than it would of all that is beyond ``theta[0]`` rad."""
-    start, lost = theta
-    bend = np.linalg.norm(signals.strains[..., :2], axis=-1, keepdims=True)
-    left = 1.0 - lost * np.maximum(bend - start, 0.0) / np.maximum(bend, 1e-9)
-    chosen = spot.segments[:, None] > 0.0
-    strains = signals.strains.copy()
-    strains[..., :2] = np.where(chosen, strains[..., :2] * left, strains[..., :2])
-    return strains, memory
-
-
-LOCKING = replace(EFFECTS["material_stiffening"], act=_lock)
-"""Physics that the library lacks."""
 
 
 def _diagnose(sessions: list[Session]) -> DiagnosisOutcome:

@@ -357,8 +357,19 @@ def test_a_delay_beside_another_mass_is_its_vibration_unless_it_weighs():
     for share, vibrates in ((0.5 * DELAY_SHARE, True), (2.0 * DELAY_SHARE, False)):
         late = candidate(fit_of("line_lag", 0.1), share * 1000.0, 1)
         assert search.only_moves(late)
-        assert search.another_vibration(late, [heavy]) is vibrates
-        assert not search.another_vibration(late, [])
+        assert search.another_vibration(late, [late], [heavy]) is vibrates
+        assert not search.another_vibration(late, [late], [])
+
+
+def test_a_delay_is_another_vibration_where_that_explains_more():
+    late, swinging = Hypothesis(EFFECTS["line_lag"], Place(chamber=0)), hypothesis("inertia_damping")
+    search = searching(Library((hypothesis("tip_payload"), late, swinging), ()))
+    heavy = Accepted(candidate(fit_of("tip_payload", 0.02), 1000.0, 0), judgement(), ())
+    vibration = candidate(fit_of("inertia_damping", 1.0, 0.1), 200.0, 2)
+    for gain, vibrates in ((150.0, True), (300.0, False)):
+        delay = candidate(fit_of("line_lag", 0.1), gain, 1)
+        assert search.another_vibration(delay, [delay, vibration], [heavy]) is vibrates
+        assert not search.another_vibration(delay, [delay, vibration], [])
 
 
 def test_a_force_along_the_arm_beside_a_material_law_is_its_stretch_unless_it_weighs():

@@ -254,7 +254,7 @@ class Search:
         field = [
             one
             for one in field
-            if not self.another_vibration(one, accepted) and not self.another_stretch(one, accepted)
+            if not self.another_vibration(one, field, accepted) and not self.another_stretch(one, accepted)
         ]
         for candidate in self.likely(field, fit)[:TRIED]:
             judgement = replace(self.judge(candidate, fit, null), certain=certain)
@@ -281,12 +281,20 @@ class Search:
         near.sort(key=lambda k: (self.only_moves(able[k]), len(able[k].fit.thetas[-1]), -weights[k]))
         return [able[k] for k in near]
 
-    def another_vibration(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
-        """Return whether a candidate is a consequence of accepted effects on stiffness or mass."""
+    def another_vibration(
+        self, candidate: Candidate, field: Sequence[Candidate], accepted: Sequence[Accepted]
+    ) -> bool:
+        """Return whether a candidate is a consequence of accepted effects on stiffness or mass.
+
+        A delay is one if it gains little beside them, or less than some change of the vibration does.
+        """
         weighty = [one.candidate.delta_bic for one in accepted if self.changes_vibration(one.candidate)]
         if not weighty or not self.only_moves(candidate):
             return False
-        return self.changes_vibration(candidate) or candidate.delta_bic < DELAY_SHARE * max(weighty)
+        if self.changes_vibration(candidate):
+            return True
+        vibrations = [one.delta_bic for one in field if self.only_moves(one) and self.changes_vibration(one)]
+        return candidate.delta_bic < max([DELAY_SHARE * max(weighty), *vibrations])
 
     def another_stretch(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
         """Return whether a candidate is a force along the arm that a law of bending leaves of the stretch."""

@@ -39,24 +39,30 @@ def prior_before(evidence: RegressionProblem, weights: Weights) -> tuple[Gaussia
 
 
 def prior_with_background(
-    evidence: RegressionProblem, parts: Sequence[NormalEquations], fraction: float, width: float, size: float
+    evidence: RegressionProblem,
+    parts: Sequence[NormalEquations],
+    fraction: float,
+    width: float,
+    size: float,
+    count: int = 1,
 ) -> Gaussian:
-    """Return the prior with one more coefficient: what nominal recordings have of an effect at its own shape.
+    """Return the prior with more coefficients: what nominal recordings have of an effect or a law.
 
-    The library's columns stand for an effect at a few shapes; an arm that is well may have a little of it at
-    another one, and what it has always had is no change.
+    The library's columns stand for effects at a few shapes; an arm that is well may have a little of one at
+    another shape, or of a law that no effect stands for, and what it has always had is no change.
 
     Args:
         evidence: All recordings, nominal ones among them.
-        parts: Normal equations of the nominal recordings; the last column is what the library's do not stand
-            for.
+        parts: Normal equations of the nominal recordings; the last columns are what the library's do not
+            stand for.
         fraction: Effective sample fraction: independent samples over samples.
         width: What changes from one nominal run to another, in typical sizes.
-        size: Amplitude of the effect in typical sizes.
+        size: Amplitude of a coefficient of 1 in typical sizes.
+        count: Number of the last columns.
     """
-    prior = evidence.sound().augment(0.0, (BACKGROUND / size) ** 2)
-    learnt = prior.posterior(total(parts, evidence.size + 1), fraction)
-    return learnt.inflate(np.append(_spreads(evidence, width), width / size))
+    prior = evidence.sound().augment(0.0, (BACKGROUND / size) ** 2, count)
+    learnt = prior.posterior(total(parts, evidence.size + count), fraction)
+    return learnt.inflate(np.append(_spreads(evidence, width), np.full(count, width / size)))
 
 
 def _spreads(evidence: RegressionProblem, width: float) -> Floats:

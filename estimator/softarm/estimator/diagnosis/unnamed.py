@@ -7,6 +7,10 @@ largest components at some of the states (Williams and Seeger, Advances in Neura
 Systems 13 (2001) 682). The likeliest law competes with the effects that were accepted by what each predicts
 of recordings that it was not fitted to: where the law predicts more, and the effects hardly anything beside
 it, what was left out is not in the library, and the nearest name would be wrong.
+
+The library's columns do not stand for a law, so what nominal recordings have of one is learnt from these:
+only a change of it counts. The process is not compared so. It is wide enough that whatever has changed
+looks like something it had before.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,7 +25,7 @@ from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
 from softarm.estimator.diagnosis.judge import ANY_SIZE, CERTAIN, MATERIAL, folds_of
-from softarm.estimator.diagnosis.nominal import changed_prior, predictive
+from softarm.estimator.diagnosis.nominal import changed_prior, predictive, prior_with_background
 from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
 from softarm.estimator.diagnosis.probability import density, pseudo_bma
 from softarm.estimator.diagnosis.stage import Stage
@@ -57,12 +61,41 @@ class Law:
         regime: What it varies with; empty where that may be anything.
         columns: Gives what its coefficients change in a recording, shape (samples, rows, coefficients).
         sizes: Standard deviations of the coefficients that are tried.
+        compared: Whether nominal recordings tell what the arm has of it when it is well.
     """
 
     place: Place
     regime: str
     columns: Columns
     sizes: tuple[float, ...]
+    compared: bool = True
+
+
+@dataclass(frozen=True)
+class LawEvidence:
+    """What the recordings in question show of a law of some size.
+
+    Args:
+        law: The law.
+        known: The prior without a change: of the common coefficients and, where the law is compared with
+            nominal recordings, of what these have of it.
+        changed: The prior with a change, whose coefficients are the last.
+        parts: Normal equations of the searched stretches, with the columns of ``changed``.
+    """
+
+    law: Law
+    known: Gaussian
+    changed: Gaussian
+    parts: tuple[NormalEquations, ...]
+
+    @property
+    def usual(self) -> range:
+        """Columns without the change."""
+        return range(len(self.known.mean))
+
+    def without(self) -> list[NormalEquations]:
+        """Return the normal equations without the change."""
+        return [part.selected(self.usual) for part in self.parts]
 
 
 @dataclass(frozen=True)
@@ -182,22 +215,19 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
         search: The search.
         fit: The accepted effects together; ``None`` where there are none.
     """
-    size = search.evidence.size
-    law, prior, parts = likeliest_law(search, smooth=search.evidence.has_nominal and fit is not None)
-    nothing = _log_densities(search, search.prior, [part.selected(range(size)) for part in parts])
-    densities = [_log_densities(search, prior, parts), nothing]
+    shown = likeliest_law(search, smooth=search.evidence.has_nominal and fit is not None)
+    law = shown.law
+    nothing = _log_densities(search, shown.known, shown.known, shown.without())
+    densities = [_log_densities(search, shown.known, shown.changed, shown.parts), nothing]
     gain = joint_gain = 2.0 * float((densities[0] - nothing).sum())
     named_gain = 0.0
     if fit is not None:
-
-        def columns(stage: Stage) -> Floats:
-            return np.append(law.columns(stage), search.change(stage, fit)[..., None], axis=-1)
-
+        number = len(shown.changed.mean)
         price = 0.5 * search.bic_penalty * (sum(map(len, fit.thetas)) - 1) / len(nothing)
-        joint = _searched(search, columns)
-        named = [part.selected([*range(size), len(prior.mean)]) for part in joint]
-        effects = _log_densities(search, search.prior.augment(0.0, ANY_SIZE), named) - price
-        both = _log_densities(search, prior.augment(0.0, ANY_SIZE), joint) - price
+        joint = _with_effects(search, shown, fit)
+        named = [part.selected([*shown.usual, number]) for part in joint]
+        effects = _log_densities(search, shown.known, shown.known.augment(0.0, ANY_SIZE), named) - price
+        both = _log_densities(search, shown.known, shown.changed.augment(0.0, ANY_SIZE), joint) - price
         named_gain, joint_gain = (2.0 * float((one - nothing).sum()) for one in (effects, both))
         densities.append(effects)
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
@@ -220,50 +250,75 @@ def unnamed_probability(search: Search, changed: float) -> float:
         for key, one in search.tried.items()
         if len(key) == 1 and one is not None and not one.fit.at_bound
     ]
-    _, prior, parts = likeliest_law(search, smooth=False)
-    plain = [part.selected(range(search.evidence.size)) for part in parts]
+    law = likeliest_law(search, smooth=False)
+    plain = [part.selected(range(search.evidence.size)) for part in law.parts]
     fraction, size = search.weights.effective_sample_fraction, search.evidence.size
     alone = -0.5 * np.array(
         [Marginal.cost_of(search.prior, total(fold, size), fraction) for fold in folds_of(plain)]
     )
     wide = changed_prior(search.evidence, search.prior, search.width, plain, fraction)
     # What changes from run to run, a prior that allows for little learns as well.
-    little = _log_densities(search, search.prior, plain, relearnt=True) + 0.5 * changed / len(alone)
+    little = _log_densities(search, None, search.prior, plain) + 0.5 * changed / len(alone)
     unnamed = [
-        _log_densities(search, wide, plain, relearnt=True) - little,
-        _log_densities(search, prior, parts) - _log_densities(search, search.prior, plain),
+        _log_densities(search, None, wide, plain) - little,
+        _log_densities(search, law.known, law.changed, law.parts)
+        - _log_densities(search, law.known, law.known, law.without()),
     ]
     densities = [*named, *(alone + more for more in unnamed), alone]
     return min(float(pseudo_bma(np.column_stack(densities), search.rng)[len(named) : -1].sum()), 1.0)
 
 
-def likeliest_law(search: Search, *, smooth: bool) -> tuple[Law, Gaussian, list[NormalEquations]]:
-    """Return the likeliest law, the prior of its coefficients behind the common ones, and what is seen of it.
+def likeliest_law(search: Search, *, smooth: bool) -> LawEvidence:
+    """Return the law, and its size, under which the recordings in question are likeliest.
 
     Args:
         search: The search.
         smooth: Whether it may be any smooth law. What a model gets wrong of an arm that is well is one too:
             alone, or where no nominal recording shows that arm, it is no sign that something is missing.
-
-    Returns:
-        The law, the prior, and the normal equations of the searched stretches with the law's columns last.
     """
-    found = []
     fraction = search.weights.effective_sample_fraction
-    for law in laws(search, smooth=smooth):
-        parts = _searched(search, law.columns)
-        for size in law.sizes:
-            prior = search.prior.augment(0.0, size**2, len(parts[0].vector) - search.evidence.size)
-            found.append((predictive(prior, parts, fraction, len(prior.mean)), law, prior, parts))
-    _, law, prior, parts = max(found, key=lambda one: one[0])
-    return law, prior, parts
+    tried = [shown for law in laws(search, smooth=smooth) for shown in _law_evidence(search, law)]
+    return max(tried, key=lambda one: predictive(one.changed, one.parts, fraction, len(one.changed.mean)))
+
+
+def _law_evidence(search: Search, law: Law) -> list[LawEvidence]:
+    """Return what the searched stretches show of a law, for each size that is tried."""
+    evidence, fraction = search.evidence, search.weights.effective_sample_fraction
+    parts = _searched(search, law.columns)
+    columns = len(parts[0].vector)
+    count = columns - evidence.size
+    if not (law.compared and evidence.has_nominal):
+        return [
+            LawEvidence(law, search.prior, search.prior.augment(0.0, size**2, count), tuple(parts))
+            for size in law.sizes
+        ]
+    nominal = evidence.widened(search.weights, law.columns, nominal=True)
+    twice = tuple(part.selected([*range(columns), *range(evidence.size, columns)]) for part in parts)
+    found = []
+    for size in law.sizes:
+        known = prior_with_background(evidence, nominal, fraction, search.width, 1.0 / size, count)
+        found.append(LawEvidence(law, known, known.augment(0.0, size**2, count), twice))
+    return found
+
+
+def _with_effects(search: Search, shown: LawEvidence, fit: Fit) -> list[NormalEquations]:
+    """Return the normal equations of a law's evidence with what effects change as one more column."""
+    law, size = shown.law, search.evidence.size
+
+    def columns(stage: Stage) -> Floats:
+        return np.append(law.columns(stage), search.change(stage, fit)[..., None], axis=-1)
+
+    parts = _searched(search, columns)
+    effects = len(parts[0].vector) - 1
+    order = [*shown.usual, *range(size, effects), effects]
+    return [part.selected(order) for part in parts]
 
 
 def laws(search: Search, *, smooth: bool) -> list[Law]:
     """List the laws for the recordings in question; see ``likeliest_law``."""
     stages = [stage for stage in search.evidence.stages if not stage.session.nominal]
     highest = max(1.0, *(float(stage.session.pressures.max(initial=0.0)) for stage in stages))
-    found = [Law(Place(), "", SmoothFunctions.of(stages).columns, STRAINS)] if smooth else []
+    found = [Law(Place(), "", SmoothFunctions.of(stages).columns, STRAINS, compared=False)] if smooth else []
     for index, segment in enumerate(stages[0].world.segments):
         largest = max(float(np.linalg.norm(_bends(stage)[:, index], axis=-1).max()) for stage in stages)
         own = partial(by_bend, segment=index, knots=KNOTS * largest)
@@ -320,23 +375,23 @@ def _searched(search: Search, columns: Columns) -> list[NormalEquations]:
 
 
 def _log_densities(
-    search: Search, prior: Gaussian, parts: Sequence[NormalEquations], *, relearnt: bool = False
+    search: Search, known: Gaussian | None, prior: Gaussian, parts: Sequence[NormalEquations]
 ) -> Floats:
     """Return the logarithm of the density of each fold, given what the others teach, shape (folds,).
 
     Args:
         search: The search.
-        prior: Of the common coefficients, then of those that the other folds teach.
+        known: Prior of the first coefficients, which the other folds do not teach: what has followed a change
+            would hide it; ``None`` where they teach all.
+        prior: Of all coefficients.
         parts: Normal equations of the searched stretches.
-        relearnt: Whether the other folds teach the common coefficients too; else these have the prior from
-            before any of the recordings in question.
     """
     fraction, size = search.weights.effective_sample_fraction, len(prior.mean)
     found = []
     for fold in folds_of(parts):
         rest = [part for part in parts if part not in fold]
         learnt = prior.posterior(total(rest, size), fraction)
-        if not relearnt:
-            learnt = learnt.with_first(search.prior)
+        if known is not None:
+            learnt = learnt.with_first(known)
         found.append(0.5 * predictive(learnt, fold, fraction, size))
     return np.array(found)
