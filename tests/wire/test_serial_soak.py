@@ -66,7 +66,7 @@ async def torment(rig, device, judge, chance):
 def fresh(device):
     latest = device.stream.latest
     stale_ns = 1e9 * device.timing.stale_after_s
-    return latest is not None and latest.valid and latest.age_ns(device.clock()) <= stale_ns
+    return latest is not None and latest.valid and device.clock() - latest.measured_ns <= stale_ns
 
 
 @pytest.mark.parametrize("seed", [1])

@@ -35,10 +35,6 @@ class Reading(NamedTuple, Generic[Value]):
     source: str
     flags: tuple[str, ...] = ()
 
-    def age_ns(self, now_ns: int) -> int:
-        """Return how long ago the value was measured [ns]."""
-        return now_ns - self.measured_ns
-
 
 Sink = Callable[[Reading[Any]], None]
 """Takes readings as they come; it must return at once."""

@@ -52,10 +52,6 @@ class Notifier:
         report = f"READY=1\nSTATUS={status}"
         self._unsent = "" if self._send(report) else report
 
-    def status(self, status: str) -> None:
-        """Report in one line what the service does."""
-        self._send(f"STATUS={status}")
-
     def watchdog(self, starting: bool = False) -> None:
         """Report that the control loop is healthy; only a healthy tick may call this.
 

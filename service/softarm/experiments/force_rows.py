@@ -51,7 +51,6 @@ class PullTrack:
         pull: What the gauge says.
         track: The estimates.
         errors: Estimates beside the gauge while the cord is on.
-        tied: Samples at which it is on, shape (samples,).
     """
 
     condition: str
@@ -59,7 +58,6 @@ class PullTrack:
     pull: GaugePull
     track: Track[Any]
     errors: ForceErrors
-    tied: Flags
 
 
 @dataclass(frozen=True)
@@ -119,7 +117,7 @@ def follow_pull(
     tied = pull.tied
     vented = np.nan_to_num(slow.pressures).max(axis=1) < VENTED_PA
     free = ~tied & vented
-    return PullTrack(case.condition, sensors, pull, found, force_errors(found, pull, free).keep(tied), tied)
+    return PullTrack(case.condition, sensors, pull, found, force_errors(found, pull, free).keep(tied))
 
 
 def along_cord_row(done: PullTrack, published: Published | None = None) -> Cells:

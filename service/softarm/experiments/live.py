@@ -80,17 +80,17 @@ class LiveRig:
         silent = (finding for finding in self.client.state().findings if finding.code == "stale_sensor")
         return [f"{finding.where}: {finding.message}; {finding.hint}" for finding in silent]
 
-    def require_gauge(self, section: str = "tip") -> None:
-        """Make sure that a gauge reads before anybody pulls.
+    def require_gauge(self) -> None:
+        """Make sure that the gauge at the tip reads before anybody pulls.
 
         Raises:
             InputError: It tells nothing.
         """
         try:
-            self.client.states().wait_for(lambda s: s.gauges_n.get(section) is not None, GAUGE_S)
+            self.client.states().wait_for(lambda s: s.gauges_n.get("tip") is not None, GAUGE_S)
         except TimeoutError:
             raise InputError(
-                f"{self.client.keys.arm}, gauge of {section}",
+                f"{self.client.keys.arm}, gauge of tip",
                 "publishes nothing",
                 "switch it on, check its cable and its entry in [[sensors]], then pull anew",
             ) from None
@@ -138,15 +138,15 @@ class LiveRig:
             self._began = time.monotonic()
             yield paths
 
-    def load(self, path: str, section: str = "tip") -> Recording:
-        """Load the recording and add where the gauge was.
+    def load(self, path: str) -> Recording:
+        """Load the recording and add where the gauge at the tip was.
 
         Raises:
             InputError: The recording is on another host, or was not written.
         """
         if not Path(path).exists():
             raise InputError(path, "is not on this machine", "copy it here and run softarm calibrate on it")
-        return with_hooks(load_recording(Path(path)), self.hooks, section)
+        return with_hooks(load_recording(Path(path)), self.hooks, "tip")
 
 
 def with_hooks(recording: Recording, hooks: Sequence[HookPlace], section: str) -> Recording:

@@ -36,14 +36,12 @@ class PaperCalibration:
         force: Specimen after the second: other moduli, the same gains.
         alpha_shape: Factor on the moduli of the first, with its deviation.
         alpha_force: Of the second.
-        gains: nu_1..6.
     """
 
     shape: Specimen
     force: Specimen
     alpha_shape: Value
     alpha_force: Value
-    gains: tuple[float, ...]
 
 
 def calibrate_as_paper(
@@ -75,7 +73,7 @@ def calibrate_as_paper(
     second = _fit(model, shape, [subset(pulls, "orientations")], with_gains=False)
     after = {s.name: float(np.exp(v)) for s, v in zip(specimen.segments, second.values, strict=True)}
     alpha_force = _alpha(second, after)
-    return PaperCalibration(shape, _written(specimen, alpha_force, gains), alpha, alpha_force, gains)
+    return PaperCalibration(shape, _written(specimen, alpha_force, gains), alpha, alpha_force)
 
 
 def _fit(

@@ -110,14 +110,14 @@ class TeachResult:
         )
 
 
-def taught_poses(recording: Recording, specimen: Specimen, section: str = "tip") -> TaughtPoses:
-    """Find the poses at which a hand held the vented arm still.
+def taught_poses(recording: Recording, specimen: Specimen) -> TaughtPoses:
+    """Find the poses of the tip at which a hand held the vented arm still.
 
     Raises:
         InputError: There are too few of them.
     """
     run = arrange(recording, specimen)
-    sensor, readings = pose_of(run, section)
+    sensor, readings = pose_of(run, "tip")
     windows = still_windows(run.time, readings[:, :3])
     held = means(replace(run, suite=SensorSuite((sensor,)), readings=readings), windows)
     rest = readings[np.isfinite(readings).all(axis=1)][0, :3]

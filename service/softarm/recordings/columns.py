@@ -13,7 +13,7 @@
 
 import difflib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from softarm.estimator.errors import InputError
@@ -110,13 +110,11 @@ def check_names(source: str, columns: Sequence[str]) -> None:
         )
 
 
-def nearest(column: str, known: Iterable[str] = ()) -> str:
+def nearest(column: str) -> str:
     """Return the canonical name that a misnamed column most likely means."""
     if re.fullmatch(r"(host_)?(time|t|seconds)(_?stamp|_s|_sec)?", column.lower()):
         return TIME
-    candidates = [*known, *_examples(column)]
-    matches = difflib.get_close_matches(column.lower(), candidates, n=1, cutoff=0.0)
-    return matches[0]
+    return difflib.get_close_matches(column.lower(), [*_examples(column)], n=1, cutoff=0.0)[0]
 
 
 def _refuse_duplicates(source: str, columns: Sequence[str]) -> None:

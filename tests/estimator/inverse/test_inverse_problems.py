@@ -73,7 +73,7 @@ def test_four_forces_from_two_orientations_and_exact_pressures(arm) -> None:
     np.testing.assert_allclose(estimate.inputs.loads, LOADS, atol=1e-6)
     np.testing.assert_allclose(estimate.inputs.pressures, PRESSURES)
     np.testing.assert_allclose(estimate.frames.positions, arm.frames(state).positions, atol=1e-7)
-    assert estimate.rank == 4
+    assert estimate.observability.rank == 4
     assert "6 independent readings, 4 unknowns" in estimate.observability.statement
     assert estimate.observability.statement.endswith("all are determined.")
     assert (estimate.observability.prior_share[6:] < 1e-3).all()
@@ -110,9 +110,12 @@ def test_six_pressures_and_four_forces_are_too_many_for_two_orientations(arm) ->
     problem = bounded_problem(unknowns, suite, readings_of(arm, suite, inputs, state), prior)
     estimate = problem.solve(arm, start(arm))
     assert estimate.converged
-    assert estimate.rank <= 6
-    assert len(estimate.unobservable_directions) == 10 - estimate.rank
-    assert f"{10 - estimate.rank} of their combinations cannot be seen" in estimate.observability.statement
+    assert estimate.observability.rank <= 6
+    assert len(estimate.unobservable_directions) == 10 - estimate.observability.rank
+    assert (
+        f"{10 - estimate.observability.rank} of their combinations cannot be seen"
+        in estimate.observability.statement
+    )
     assert (estimate.inputs.pressures >= 0.0).all()
     assert (estimate.inputs.pressures <= LIMITS).all()
     for name, residual in estimate.residuals.items():

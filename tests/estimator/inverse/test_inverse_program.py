@@ -22,17 +22,16 @@ def test_solution_meets_the_optimality_conditions(spread: float) -> None:
     for _ in range(20):
         given = program(spread)
         solution = solve_program(given)
-        assert solution.solved
-        assert (given.lower <= solution.value).all()
-        assert (solution.value <= given.upper).all()
-        slope = given.hessian @ solution.value - given.gradient
+        assert (given.lower <= solution).all()
+        assert (solution <= given.upper).all()
+        slope = given.hessian @ solution - given.gradient
         held = given.lower == given.upper
-        low = ~held & (solution.value <= given.lower + 1e-6)
-        high = ~held & (solution.value >= given.upper - 1e-6)
+        low = ~held & (solution <= given.lower + 1e-6)
+        high = ~held & (solution >= given.upper - 1e-6)
         assert (slope[low] >= -1e-6).all()
         assert (slope[high] <= 1e-6).all()
         np.testing.assert_allclose(slope[~(held | low | high)], 0.0, atol=1e-6)
-        assert solution.value[2] == 0.1
+        assert solution[2] == 0.1
 
 
 def test_crossed_bounds_are_refused() -> None:

@@ -134,7 +134,6 @@ def calibrate(
         lags=lags,
         status=final.status,
         nodes=sum(len(own.time) for own in nodes),
-        unsolved=sum(int((~evaluation.converged).sum()) for evaluation in final.evaluations),
         recordings=tuple(run.name for run in runs),
         scatter=scatter,
         force_ratio=force_ratios(layout.setting(final.values), left_out(everything, final), nodes, scatter),

@@ -54,7 +54,6 @@ class Calibrated:
         lags: Seconds by which the motion lags the pressures in each run, ``None`` where it cannot be told.
         status: How the last fit ended.
         nodes: Number of nodes.
-        unsolved: Nodes at which the model found no equilibrium.
         recordings: Names of the runs.
         scatter: Root mean square of measured minus predicted, by sensor and quantity [m or rad], where no fit
             had seen it.
@@ -69,7 +68,6 @@ class Calibrated:
     lags: tuple[float | None, ...]
     status: str
     nodes: int
-    unsolved: int
     recordings: tuple[str, ...]
     scatter: Mapping[str, float]
     force_ratio: Mapping[str, float]

@@ -205,14 +205,14 @@ class RegressionProblem:
             nominal=session.nominal,
         )
 
-    def weigh(self, rounds: int = 2) -> Weights:
+    def weigh(self) -> Weights:
         """Learn the noise model from what the fullest model leaves outside the held-out stretches.
 
         What something missing leaves in the recordings in question must not count as their noise: where
         there are nominal ones, it is at most ``NOVELTY`` times the noise of these.
         """
         weights = self._weights(self.residuals, range(len(self.stages)))
-        for _ in range(rounds):
+        for _ in range(2):
             each = [self._fullest(weights, self.residuals, nominal=nominal) for nominal in (True, False)]
             left = [each[0 if s.session.nominal else 1][k] for k, s in enumerate(self.stages)]
             calmed = self._calmed(left, weights)

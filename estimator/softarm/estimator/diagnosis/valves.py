@@ -6,7 +6,7 @@ min((1 + g) (u - dead band) + b, ceiling). d and tau come from the changes, S fr
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -54,7 +54,6 @@ class Valve:
         deadband: Set-point up to which nothing comes [Pa].
         ceiling: Pressure that is not passed however much is asked [Pa]; infinite where it is never met.
         rms: Root mean square of measured minus asked [Pa].
-        left: Root mean square of measured minus this law [Pa].
         noise: Standard deviation of the reading in holds [Pa].
     """
 
@@ -69,7 +68,6 @@ class Valve:
     deadband: float
     ceiling: float
     rms: float
-    left: float
     noise: float
 
 
@@ -134,9 +132,7 @@ def _valve(chamber: int, time: Floats, asked: Floats, given: Floats, ceiling: fl
     dead_time, lag = _timing(time, asked, given, law) if timed else (0.0, 0.0)
     noise = MAD_TO_STD * float(np.median(np.abs(np.diff(given)))) / np.sqrt(2.0)
     rms = float(np.sqrt(np.mean((given - asked) ** 2)))
-    valve = Valve(chamber, dead_time, lag, timed, found is not None, *law, rms=rms, left=0.0, noise=noise)
-    left = given - predict(valve, time, asked)
-    return replace(valve, left=float(np.sqrt(np.mean(left**2))))
+    return Valve(chamber, dead_time, lag, timed, found is not None, *law, rms=rms, noise=noise)
 
 
 def _settled(time: Floats, asked: Floats) -> Flags:

@@ -38,7 +38,6 @@ class Simulation:
         readings: Predicted reading of each sensor, effects of sensing included.
         memories: Memory of each effect after the last sample.
         settled: Whether the fixed point was found.
-        passes: Answers of the arm that it took.
     """
 
     drive: Drive
@@ -46,7 +45,6 @@ class Simulation:
     readings: Mapping[str, Floats]
     memories: tuple[Memory, ...]
     settled: bool
-    passes: int
 
 
 def simulate_with(
@@ -95,7 +93,7 @@ def simulate_with(
         response = arm.respond(drive, response)
         passes += 1
     readings = _readings(effects, world, drive, response, suite, before, after)
-    return Simulation(drive, response, readings, tuple(after), settled, passes)
+    return Simulation(drive, response, readings, tuple(after), settled)
 
 
 def advance_with(

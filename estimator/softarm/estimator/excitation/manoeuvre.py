@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.effects.effect import Excitation
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,6 @@ class Manoeuvre:
         shows: What it excites, in words for people.
         times: Of the points [s], rising from 0, shape (points,).
         pressures: At the points [Pa], shape (points, chambers).
-        excites: What effects need and it gives.
         by_hand: What somebody does to the arm; empty where nobody is needed.
         turn: Rotation vector of the mount in its usual base frame [rad].
         forces: Force on the last section at the points, by hand, base frame [N], shape (points, 3).
@@ -47,7 +45,6 @@ class Manoeuvre:
     shows: str
     times: Floats
     pressures: Floats
-    excites: frozenset[Excitation] = frozenset()
     by_hand: str = ""
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
     forces: Floats | None = None

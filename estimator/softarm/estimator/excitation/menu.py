@@ -5,7 +5,6 @@ from collections.abc import Callable
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.effects.effect import Excitation
 from softarm.estimator.excitation.manoeuvre import Manoeuvre, ManoeuvreLimits, ManoeuvrePath
 
 Segments = tuple[int, ...]
@@ -31,7 +30,7 @@ def menu(segments: Segments, limits: ManoeuvreLimits) -> tuple[Manoeuvre, ...]:
 def rest(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:  # noqa: ARG001
     """Leave the arm vented: noise, its correlation in time, drift."""
     path = ManoeuvrePath(limits).hold(60.0)
-    return Manoeuvre("rest", "noise and drift", path.times, path.pressures, frozenset({"rest"}))
+    return Manoeuvre("rest", "noise and drift", path.times, path.pressures)
 
 
 def growing_cycles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -44,7 +43,6 @@ def growing_cycles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
         "softening on first stretch",
         path.times,
         path.pressures,
-        frozenset({"motion", "growing_cycles", "two_amplitudes", "large_pressures"}),
     )
 
 
@@ -55,10 +53,7 @@ def each_alone(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:  # noq
         for level in np.diag(limits.top):
             path.go(level, ramp).hold(hold).vent(ramp).hold(1.0)
     shows = "each chamber's gain, bias, line and cross-talk"
-    excites: frozenset[Excitation] = frozenset(
-        {"motion", "each_chamber", "two_rates", "pressure_steps", "large_pressures"}
-    )
-    return Manoeuvre("each_alone", shows, path.times, path.pressures, excites)
+    return Manoeuvre("each_alone", shows, path.times, path.pressures)
 
 
 def ramps(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -66,8 +61,7 @@ def ramps(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     path, full = ManoeuvrePath(limits), _one_of_each(segments, limits, 1)
     for seconds in (3.0, 10.0, 30.0):
         path.go(full, seconds).hold(2.0).vent(seconds).hold(2.0)
-    excites: frozenset[Excitation] = frozenset({"motion", "two_rates", "large_pressures"})
-    return Manoeuvre("ramps", "what depends on the rate", path.times, path.pressures, excites)
+    return Manoeuvre("ramps", "what depends on the rate", path.times, path.pressures)
 
 
 def triangles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -76,18 +70,14 @@ def triangles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     for speed in (8e3, 40e3):
         for level, before in ((1.0, 0.0), (0.3, 1.0), (0.8, 0.3), (0.0, 0.8), (0.5, 0.0), (0.0, 0.5)):
             path.go(level * full, float(abs(level - before) * full.max()) / speed)
-    excites: frozenset[Excitation] = frozenset({"motion", "two_rates", "two_amplitudes", "large_pressures"})
-    return Manoeuvre("triangles", "loops that no rate changes", path.times, path.pressures, excites)
+    return Manoeuvre("triangles", "loops that no rate changes", path.times, path.pressures)
 
 
 def holds(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     """Step to a pose and hold it long, then vent and wait as long."""
     path = ManoeuvrePath(limits)
     path.go(_one_of_each(segments, limits, 2)).hold(40.0).vent().hold(40.0)
-    excites: frozenset[Excitation] = frozenset(
-        {"motion", "holds", "pressure_steps", "large_pressures", "rest"}
-    )
-    return Manoeuvre("holds", "what creeps and recovers", path.times, path.pressures, excites)
+    return Manoeuvre("holds", "what creeps and recovers", path.times, path.pressures)
 
 
 def steps(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -97,10 +87,7 @@ def steps(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
         path.go(_one_of_each(segments, limits, number) * (1.0 if number % 2 else 0.4)).hold(3.0).vent().hold(
             3.0
         )
-    excites: frozenset[Excitation] = frozenset(
-        {"motion", "pressure_steps", "two_amplitudes", "large_pressures"}
-    )
-    return Manoeuvre("steps", "lags, inertia and damping", path.times, path.pressures, excites)
+    return Manoeuvre("steps", "lags, inertia and damping", path.times, path.pressures)
 
 
 def staircase(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -110,8 +97,7 @@ def staircase(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
         for level in np.arange(1e3, 8.5e3, 1e3):
             path.go(level * unit).hold(1.0)
         path.vent().hold(0.5)
-    excites: frozenset[Excitation] = frozenset({"motion", "small_pressures"})
-    return Manoeuvre("staircase", "dead bands and biases near zero", path.times, path.pressures, excites)
+    return Manoeuvre("staircase", "dead bands and biases near zero", path.times, path.pressures)
 
 
 def co_contraction(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -120,8 +106,7 @@ def co_contraction(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     groups = [np.array(segments) == s for s in sorted(set(segments))]
     for mask in (*groups, np.ones(len(segments), dtype=bool)):
         path.go(level * mask, 5.0).hold(2.0).vent(5.0).hold(1.0)
-    excites: frozenset[Excitation] = frozenset({"motion", "large_pressures"})
-    return Manoeuvre("co_contraction", "stretch without bending", path.times, path.pressures, excites)
+    return Manoeuvre("co_contraction", "stretch without bending", path.times, path.pressures)
 
 
 def poses(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -135,13 +120,11 @@ def poses(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
                 level[mine[(number + s) % len(mine)]] = 0.0
         path.go(level, 0.5).hold(5.0)
     path.vent(0.5).hold(2.0)
-    excites: frozenset[Excitation] = frozenset({"motion", "large_pressures", "pressure_steps"})
     return Manoeuvre(
         "poses",
         "loads, contacts and other effects that depend on the pose",
         path.times,
         path.pressures,
-        excites,
     )
 
 
@@ -157,7 +140,6 @@ def mount_turned(axis: str) -> Callable[[Segments, ManoeuvreLimits], Manoeuvre]:
             "weight and sensors apart from everything else",
             path.times,
             path.pressures,
-            frozenset({"motion", "mount_turned", "each_chamber", "large_pressures"}),
             f"turn the mount by 90 degrees about the {axis} axis of its base and clamp it there",
             (QUARTER, 0.0, 0.0) if axis == "x" else (0.0, QUARTER, 0.0),
         )
@@ -177,7 +159,6 @@ def pluck(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:  # noqa: AR
         "inertia and damping without any pressure",
         np.array(times),
         np.zeros((len(times), len(limits.pressures))),
-        frozenset({"motion"}),
         "draw the tip aside, hold it for two seconds and let go; once along x, once along y",
         forces=np.array(forces),
     )

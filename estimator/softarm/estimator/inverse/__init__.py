@@ -18,7 +18,6 @@ from softarm.estimator.inverse.problem import Problem
 from softarm.estimator.inverse.process import LoadProcess
 from softarm.estimator.inverse.program import (
     QuadraticProgram,
-    QuadraticSolution,
     build_program,
     solve_program,
 )
@@ -41,7 +40,6 @@ __all__ = [
     "Prior",
     "Problem",
     "QuadraticProgram",
-    "QuadraticSolution",
     "SensorObjective",
     "Status",
     "Tolerances",

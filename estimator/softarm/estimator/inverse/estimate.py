@@ -125,11 +125,6 @@ class ArmEstimate(Generic[State]):
         return analyse(self.unknowns, ~self.limits.held, jacobian, information, self.covariance)
 
     @property
-    def rank(self) -> int:
-        """Number of directions of the inputs that the data determine."""
-        return self.observability.rank
-
-    @property
     def unobservable_directions(self) -> tuple[str, ...]:
         """Combinations of inputs that the data do not see, in words."""
         return self.observability.unobservable_directions

@@ -192,8 +192,8 @@ class _Search(Generic[State, Step]):
 
     def _change(self, point: _Point[State, Step], radius: float) -> tuple[Floats, float]:
         program = build_program(point.rows, self.limits, point.at.vector, self.unknowns.scale, radius)
-        solution = solve_program(program)
-        return solution.value * self.unknowns.scale, float(np.abs(solution.value).max(initial=0.0))
+        scaled = solve_program(program)
+        return scaled * self.unknowns.scale, float(np.abs(scaled).max(initial=0.0))
 
     def _improves(self, point: _Point[State, Step], candidate: _Point[State, Step]) -> bool:
         """Accept what is finite, not far out of balance, and does not raise the cost noticeably."""

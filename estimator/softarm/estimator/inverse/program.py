@@ -34,19 +34,6 @@ class QuadraticProgram:
     upper: Floats
 
 
-@dataclass(frozen=True)
-class QuadraticSolution:
-    """Outcome of a quadratic program.
-
-    Args:
-        value: z, shape (inputs,).
-        solved: Whether the solver reached its tolerance.
-    """
-
-    value: Floats
-    solved: bool
-
-
 def build_program(
     rows: Sequence[WeightedRows],
     limits: InputBounds,
@@ -83,7 +70,7 @@ def build_program(
     return QuadraticProgram(hessian, gradient * scale, lower, upper)
 
 
-def solve_program(program: QuadraticProgram) -> QuadraticSolution:
+def solve_program(program: QuadraticProgram) -> Floats:
     """Solve a program: by one linear system where no bound binds, else with ProxQP.
 
     A convex program whose optimum without its bounds lies inside them has that optimum; only otherwise is
@@ -91,6 +78,9 @@ def solve_program(program: QuadraticProgram) -> QuadraticSolution:
 
     Args:
         program: What to solve.
+
+    Returns:
+        z, shape (inputs,).
     """
     held = program.lower == program.upper
     value = np.where(held, program.lower, 0.0)
@@ -101,11 +91,11 @@ def solve_program(program: QuadraticProgram) -> QuadraticSolution:
             inner, program.gradient[free] - program.hessian[np.ix_(free, held)] @ value[held]
         )
     if ((program.lower <= value) & (value <= program.upper)).all():
-        return QuadraticSolution(value, bool(np.isfinite(value).all()))
+        return value
     return _proxqp(program, held)
 
 
-def _proxqp(program: QuadraticProgram, held: NDArray[np.bool_]) -> QuadraticSolution:
+def _proxqp(program: QuadraticProgram, held: NDArray[np.bool_]) -> Floats:
     size = len(program.gradient)
     equalities = np.eye(size)[held]
     problem = proxqp.dense.QP(size, len(equalities), int(size - len(equalities)))
@@ -123,7 +113,6 @@ def _proxqp(program: QuadraticProgram, held: NDArray[np.bool_]) -> QuadraticSolu
         program.upper[free],
     )
     problem.solve()
-    solved = problem.results.info.status == proxqp.PROXQP_SOLVED
     # The solver meets bounds to its tolerance only; what leaves here never exceeds a pressure limit.
-    value = np.minimum(np.maximum(np.array(problem.results.x), program.lower), program.upper)
-    return QuadraticSolution(value, bool(solved))
+    value: Floats = np.minimum(np.maximum(np.array(problem.results.x), program.lower), program.upper)
+    return value

@@ -202,7 +202,6 @@ def _calibrated(specimen: Specimen, outcome: DiagnosisOutcome) -> Specimen:
         lags=(),
         status="converged",
         nodes=0,
-        unsolved=0,
         recordings=names,
         scatter={},
         force_ratio={},

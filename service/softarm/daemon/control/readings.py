@@ -89,10 +89,6 @@ class Readings:
         arrivals = {self._latest[n].host_monotonic_ns if n in self._latest else None for n in self._leading}
         return len(arrivals) == 1
 
-    def latest(self, name: str) -> ChannelReading | None:
-        """Return the newest sample of a channel, however old."""
-        return self._latest.get(name)
-
     def fresh(self, name: str, now_ns: int) -> ChannelReading | None:
         """Return the newest sample of a channel unless it is stale."""
         age_s = self.age_s(name, now_ns)

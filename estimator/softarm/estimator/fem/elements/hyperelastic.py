@@ -61,7 +61,6 @@ class Solids:
     part is zero in every homogeneous deformation (after Flanagan and Belytschko 1981).
 
     Args:
-        kind: Element kind.
         connectivity: Nodes, shape (elements, nodes per element).
         batches: The same arrays in groups of lanes, as the kernel reads them.
         gradients: Gradients of the shape functions at rest [1/m], shape (elements, nodes, 3, points).
@@ -69,18 +68,15 @@ class Solids:
         values: Shape functions at the quadrature points, shape (points, nodes).
         coefficients: Law code, half shear modulus, bulk modulus of the mean, a, b, bulk modulus at the points
             of each element, shape (elements, 6).
-        hourglass: Stiffness of the hourglass modes [N/m], shape (elements, nodes, nodes).
         region: Region of each element, shape (elements,).
     """
 
-    kind: str
     connectivity: Indices
     batches: "Batches"
     gradients: Floats
     weights: Floats
     values: Floats
     coefficients: Floats
-    hourglass: Floats
     region: Indices
 
     def attach(self, pattern: Pattern) -> "Solids":
@@ -197,9 +193,7 @@ def build_solids(points: Floats, block: ElementBlock, materials: tuple[Material,
     coefficients = _split_bulk(table[region], LOCAL_BULK[block.kind])
     hourglass = HOURGLASS[block.kind] * _hourglass(corners, weights, 2.0 * coefficients[:, 1])
     batches = _batches(connectivity, gradients, weights, coefficients, hourglass, region)
-    return Solids(
-        block.kind, connectivity, batches, gradients, weights, values, coefficients, hourglass, region
-    )
+    return Solids(connectivity, batches, gradients, weights, values, coefficients, region)
 
 
 def _hourglass(corners: Floats, weights: Floats, shear: Floats) -> Floats:
