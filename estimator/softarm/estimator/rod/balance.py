@@ -15,7 +15,7 @@ from softarm.estimator.rod.tangent import (
     unit_wrenches,
     wrench_jacobian,
 )
-from softarm.estimator.rod.vectors import add_rotated
+from softarm.estimator.vectors import add_rotated
 
 
 @njit(cache=True, nogil=True)

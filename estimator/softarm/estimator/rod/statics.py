@@ -16,8 +16,8 @@ from numba import njit
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.rod.arrays import Actions, ChainInputs
-from softarm.estimator.rod.vectors import add_rotated, add_rotated_back, cross, multiply, rotate, rotate_back
 from softarm.estimator.rotations import exp_kernel, quaternion_kernel, rotation_vector_kernel
+from softarm.estimator.vectors import add_rotated, add_rotated_back, cross, multiply, rotate, rotate_back
 
 
 @njit(cache=True, nogil=True)

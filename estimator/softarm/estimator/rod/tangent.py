@@ -6,8 +6,8 @@ from numba import njit
 from softarm.estimator.arrays import Floats
 from softarm.estimator.rod.arrays import Actions, ChainInputs
 from softarm.estimator.rod.statics import add_part
-from softarm.estimator.rod.vectors import add_rotated_back, cross, rotate, rotate_back
 from softarm.estimator.rotations import exp_kernel, jacobian_kernel
+from softarm.estimator.vectors import add_rotated_back, cross, rotate, rotate_back
 
 
 @njit(cache=True, nogil=True)

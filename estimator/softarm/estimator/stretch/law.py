@@ -12,14 +12,15 @@ pushes on, which the model's own chamber loses as it grows longer.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numba import njit
 
-from softarm.estimator.arc import arc_over_chord
+from softarm.estimator.arc import arc_kernel
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.geometry import build_mesh
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Section, Specimen
+from softarm.estimator.vectors import cross, dot, rotate
 
 
 @dataclass(frozen=True)
@@ -82,54 +83,25 @@ class StretchLaw:
 
     def stretches(self, frames: Frames) -> Floats:
         """Return the stretch of each chamber, shape (..., C)."""
-        reach, angle = self._reach(frames), self._angle(frames)
-        stretched: Floats = np.linalg.norm(reach, axis=-1) * arc_over_chord(angle)[0] / self.lengths - 1.0
-        return np.where(self._known, stretched, 0.0)
+        return self._evaluated(frames, rows=False)[0]
 
     def rows(self, frames: Frames) -> Floats:
         """Differentiate the stretches by the stacked twists of the sections, shape (..., C, 6 sections)."""
-        rotations, reach, angle = frames.rotations, self._reach(frames), self._angle(frames)
-        chord = np.linalg.norm(reach, axis=-1)[..., None]
-        ratio, over_angle = arc_over_chord(angle)
-        along = reach / np.maximum(chord, 1e-12) * (ratio / self.lengths)[..., None]
-        arms = (
-            _turned(rotations, self.below, self.starts),
-            _turned(rotations, self.above, self.ends),
-        )
-        lower, upper = self._axes(frames)
-        # The cross product has the size sin(turn): with the ratio's slope it gives that by the cosine.
-        by_cosine = -over_angle / np.sinc(angle / np.pi)
-        bend = np.cross(lower, upper) * (chord[..., 0] * by_cosine / self.lengths)[..., None]
-        sections = frames.positions.shape[-2]
-        rows = np.zeros((*reach.shape[:-1], sections, 6))
-        for k in np.flatnonzero(self._known):
-            for section, sign, arm in ((self.below[k], -1.0, arms[0]), (self.above[k], 1.0, arms[1])):
-                rows[..., k, section, :3] += sign * along[..., k, :]
-                turned = np.cross(arm[..., k, :], along[..., k, :]) - bend[..., k, :]
-                rows[..., k, section, 3:] += sign * turned
-        return rows.reshape(*reach.shape[:-1], 6 * sections)
+        return self._evaluated(frames, rows=True)[1]
 
-    @property
-    def _known(self) -> NDArray[np.bool_]:
-        return np.asarray(self.below != self.above)
-
-    def _axes(self, frames: Frames) -> tuple[Floats, Floats]:
-        return (
-            _turned(frames.rotations, self.below, self.lower_axes),
-            _turned(frames.rotations, self.above, self.upper_axes),
-        )
-
-    def _reach(self, frames: Frames) -> Floats:
-        """Return B - A, shape (..., C, 3)."""
-        start = frames.positions[..., self.below, :] + _turned(frames.rotations, self.below, self.starts)
-        end = frames.positions[..., self.above, :] + _turned(frames.rotations, self.above, self.ends)
-        return np.asarray(end - start)
-
-    def _angle(self, frames: Frames) -> Floats:
-        """Return the angle between the sections' axes [rad], shape (..., C)."""
-        lower, upper = self._axes(frames)
-        across = np.linalg.norm(np.cross(lower, upper), axis=-1)
-        return np.asarray(np.arctan2(across, (lower * upper).sum(axis=-1)))
+    def _evaluated(self, frames: Frames, *, rows: bool) -> tuple[Floats, Floats]:
+        """Return the stretches and, where wanted, their derivatives; else these have no columns."""
+        leading, sections = frames.positions.shape[:-2], frames.positions.shape[-2]
+        positions = np.ascontiguousarray(frames.positions).reshape(-1, sections, 3)
+        rotations = np.ascontiguousarray(frames.rotations).reshape(-1, sections, 3, 3)
+        count, width = len(self.lengths), 6 * sections if rows else 0
+        stretches = np.zeros((len(positions), count))
+        derivatives = np.zeros((len(positions), count, width))
+        stretch_kernel(
+            positions, rotations, self.below, self.above, self.starts, self.ends, self.lengths,
+            self.lower_axes, self.upper_axes, stretches, derivatives,
+        )  # fmt: skip
+        return stretches.reshape(*leading, count), derivatives.reshape(*leading, count, width)
 
 
 def _rest(entry: Section) -> Floats:
@@ -142,6 +114,61 @@ def _seen_from(entry: Section, point: Floats) -> Floats:
     return local
 
 
-def _turned(rotations: Floats, sections: Indices, vectors: Floats) -> Floats:
-    """Turn a vector of each chamber with a section, shape (..., C, 3)."""
-    return np.asarray(np.einsum("...cij,cj->...ci", rotations[..., sections, :, :], vectors))
+@njit(cache=True, nogil=True)
+def stretch_kernel(
+    positions: Floats,
+    rotations: Floats,
+    below: Indices,
+    above: Indices,
+    starts: Floats,
+    ends: Floats,
+    lengths: Floats,
+    lower_axes: Floats,
+    upper_axes: Floats,
+    stretches: Floats,
+    rows: Floats,
+) -> None:
+    """Fill in the stretches of C chambers, and their derivatives where rows have columns.
+
+    Args:
+        positions: Of the sections [m], shape (n, sections, 3).
+        rotations: Of the sections, shape (n, sections, 3, 3).
+        below: See ``StretchLaw``, as for all that follow.
+        above: Shape (C,).
+        starts: Shape (C, 3).
+        ends: Shape (C, 3).
+        lengths: Shape (C,).
+        lower_axes: Shape (C, 3).
+        upper_axes: Shape (C, 3).
+        stretches: Filled, zeros to begin with, shape (n, C).
+        rows: Likewise, shape (n, C, 6 sections) or without columns.
+    """
+    start, end, reach = np.empty(3), np.empty(3), np.empty(3)
+    lower, upper, across, turned = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for n in range(positions.shape[0]):
+        for c in range(len(lengths)):
+            b, a = below[c], above[c]
+            if a == b:
+                continue
+            rotate(rotations[n, b], starts[c], start)
+            rotate(rotations[n, a], ends[c], end)
+            for k in range(3):
+                reach[k] = positions[n, a, k] + end[k] - positions[n, b, k] - start[k]
+            rotate(rotations[n, b], lower_axes[c], lower)
+            rotate(rotations[n, a], upper_axes[c], upper)
+            cross(lower, upper, across)
+            chord, sine = np.sqrt(dot(reach, reach)), np.sqrt(dot(across, across))
+            angle = np.arctan2(sine, dot(lower, upper))
+            ratio, over_angle = arc_kernel(angle)
+            stretches[n, c] = chord * ratio / lengths[c] - 1.0
+            if rows.shape[2] == 0:
+                continue
+            # The cross product has the size sin(angle): with the ratio's slope it gives that by the cosine.
+            cardinal = np.sin(angle) / angle if angle > 0.0 else 1.0
+            bend = -over_angle / cardinal * chord / lengths[c]
+            along = ratio / lengths[c] / max(chord, 1e-12)
+            for section, sign, arm in ((b, -1.0, start), (a, 1.0, end)):
+                cross(arm, reach, turned)
+                for k in range(3):
+                    rows[n, c, 6 * section + k] = sign * along * reach[k]
+                    rows[n, c, 6 * section + 3 + k] = sign * (along * turned[k] - bend * across[k])

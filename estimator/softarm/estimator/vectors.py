@@ -10,6 +10,13 @@ from softarm.estimator.arrays import Floats
 
 
 @njit(cache=True, nogil=True)
+def dot(a: Floats, b: Floats) -> float:
+    """Return a . b."""
+    product: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return product
+
+
+@njit(cache=True, nogil=True)
 def cross(a: Floats, b: Floats, out: Floats) -> None:
     """Fill out, shape (3,), with a x b."""
     out[0] = a[1] * b[2] - a[2] * b[1]
