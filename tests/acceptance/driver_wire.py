@@ -18,7 +18,7 @@ from softarm.common.tables import Cell
 from softarm.drivers.clock import NANOSECONDS
 from softarm.drivers.device import Device, close_all, connect_all
 from softarm.drivers.errors import DeviceErrors
-from softarm.drivers.histogram import Histogram
+from softarm.drivers.health import Histogram
 from softarm.drivers.reading import Reading, ignore
 from softarm.drivers.registry import KINDS, load_devices
 from softarm.drivers.supervisor import ALIVE

@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from softarm.drivers.health import COUNTERS, Health
-from softarm.drivers.histogram import Histogram
+from softarm.drivers.health import COUNTERS, Health, Histogram
 from softarm.drivers.stream import ReadingStream
 
 

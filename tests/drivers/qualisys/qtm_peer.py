@@ -10,7 +10,7 @@ import pytest
 from softarm.drivers.errors import DeviceErrors
 from softarm.drivers.qualisys.connection import Connection
 from softarm.drivers.qualisys.device import MotionCapture, QualisysConfig
-from softarm.drivers.qualisys.motion import MotionFrame
+from softarm.drivers.qualisys.poses import MotionFrame
 from softarm.drivers.qualisys.session import QtmSession
 from softarm.drivers.reading import Reading
 

@@ -4,9 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from softarm.daemon.safety.checks import ALL_CHECKS
-from softarm.daemon.safety.checks.estimator import FAILURES_ALLOWED, STEERING_BY_THE_ESTIMATE
-from softarm.daemon.safety.checks.inputs import FOLLOWING_THE_POSE
+from softarm.daemon.safety.checks import (
+    ALL_CHECKS,
+    FAILURES_ALLOWED,
+    FOLLOWING_THE_POSE,
+    STEERING_BY_THE_ESTIMATE,
+)
 from softarm.daemon.safety.diagnostics import HealthMonitor
 from softarm.daemon.safety.modes import PRESSURISED, Mode
 from softarm.daemon.safety.observation import (

@@ -10,7 +10,7 @@ from softarm.drivers.config import DriverConfig, Seconds
 from softarm.drivers.device import Device
 from softarm.drivers.errors import ConnectionLost
 from softarm.drivers.qualisys.connection import PORT_CURE, Connection
-from softarm.drivers.qualisys.motion import MotionFrame
+from softarm.drivers.qualisys.poses import MotionFrame
 from softarm.drivers.qualisys.publisher import MotionPublisher
 from softarm.drivers.qualisys.session import QtmSession, SessionOptions
 from softarm.drivers.reading import Sink, ignore

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from softarm.estimator.arrays import Floats, Indices
-from softarm.estimator.geometry.orphans import without_orphans
-from softarm.estimator.mesh import ElementBlock, ElementKind, ElementSurface, FacetKind, Mesh
+from softarm.estimator.mesh import ElementBlock, ElementKind, ElementSurface, FacetKind, Mesh, without_orphans
 from softarm.estimator.reference_elements import ELEMENT_FACES, HEX_EDGES, TET_EDGES, parent_nodes
 from softarm.estimator.shape_functions import shape_functions
 

@@ -10,8 +10,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.geometry.checks import check_elements, check_mesh
 from softarm.estimator.geometry.faces import boundary_faces, connected_parts, is_among
 from softarm.estimator.geometry.groups import MeshFileContent, read_content
-from softarm.estimator.geometry.orphans import without_orphans
-from softarm.estimator.mesh import ElementBlock, ElementSurface, FacetKind, Mesh
+from softarm.estimator.mesh import ElementBlock, ElementSurface, FacetKind, Mesh, without_orphans
 from softarm.estimator.reference_elements import FACE_KIND
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Chamber, MeshFile, Section, Specimen

@@ -7,10 +7,9 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.geometry.faces import boundary_faces, element_faces, is_among
-from softarm.estimator.geometry.orphans import without_orphans
 from softarm.estimator.geometry.patches import Patch, PatchLayout, build_plan
 from softarm.estimator.geometry.resolution import Resolution
-from softarm.estimator.mesh import ElementBlock, ElementSurface, Mesh
+from softarm.estimator.mesh import ElementBlock, ElementSurface, Mesh, without_orphans
 from softarm.estimator.specimen import Specimen
 
 LEVEL_TOLERANCE_M = 1e-9

@@ -1,6 +1,10 @@
 """All steps of an intake, in the order in which each may rely on the one before."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
 
 from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
 from softarm.estimator.errors import InputError
@@ -13,11 +17,84 @@ from softarm.estimator.intake.mounts import check_mount
 from softarm.estimator.intake.result import Intake, RecordingFault
 from softarm.estimator.intake.sections import mend_bends, mend_sections
 from softarm.estimator.intake.signs import mend_signs
-from softarm.estimator.intake.structure import misfit
-from softarm.estimator.intake.times import mend_time
 from softarm.estimator.intake.units import mend_units
 from softarm.estimator.recording import Recording
-from softarm.estimator.specimen import Specimen
+from softarm.estimator.specimen import SHIPPED, Specimen
+
+
+def misfit(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, ...]:
+    """List what of a recording the specimen lacks, as one refusal; empty where it fits."""
+    words = []
+    count = len(specimen.chambers)
+    strange = [k for k in recording.chambers if k >= count]
+    if strange:
+        words.append(f"it has chambers {_listed(recording.chambers)}, the specimen {count}")
+    sections = [section.name for section in specimen.sections]
+    for kind, names in (("bends", recording.bends), ("frames", recording.frames)):
+        unknown = [name for name in names if name not in sections]
+        if unknown:
+            words.append(
+                f"it has {kind} of {_listed(unknown)}, the specimen's sections are {_listed(sections)}"
+            )
+    known = {marker.name for marker in specimen.markers}
+    bodies = [name for name in recording.markers if name != "hook"]
+    if bodies and not known & set(bodies) and not recording.bends and not recording.frames:
+        words.append(f"its markers are {_listed(bodies)}, the specimen's {_listed(sorted(known)) or 'none'}")
+    named = recording.info.get("specimen")
+    declared = isinstance(named, str) and specimen.name in (named, Path(named).stem)
+    chambers = recording.chambers
+    # One pressure alone may be all that was connected; several that end early look like another arm's.
+    fewer = 1 < len(chambers) < count and chambers[-1] < count - 1
+    if not declared and fewer and (recording.bends or recording.frames or recording.markers):
+        words.append(f"it has chambers {_listed(chambers)}, the specimen {count}")
+    if isinstance(named, str) and not declared and (words or {named, specimen.name} <= {*SHIPPED}):
+        words.insert(0, f"it was recorded on {named!r}, not on {specimen.name!r}")
+    if not words:
+        return ()
+    cure = (
+        f"give --specimen {named}"
+        if isinstance(named, str) and named != specimen.name
+        else f"set specimen = {specimen.name!r} in recording.toml if the others stayed vented, or give the "
+        "specimen that was recorded"
+        if not declared and fewer
+        else "give the specimen that was recorded, or remove the columns"
+    )
+    return (
+        RecordingFault(
+            recording.name, "structure", ("specimen",), "; ".join(dict.fromkeys(words)), cure, mended=False
+        ),
+    )
+
+
+def _listed(names: object) -> str:
+    return ", ".join(map(str, names)) if isinstance(names, list | tuple) else str(names)
+
+
+TIME_UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
+NEAR = 1.5
+"""Factor within which steps agree with the stated rate."""
+LONGEST_STEP = 2.0
+"""Steps longer than this [s] show no motion; without a stated rate nobody knows their unit."""
+
+
+def mend_time(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:  # noqa: ARG001
+    """Bring the time to seconds where only another unit agrees with the stated rate."""
+    if len(recording.time) < 2:
+        return recording, ()
+    step = float(np.median(np.diff(recording.time)))
+    rate = recording.info.get("rate_hz")
+    if isinstance(rate, int | float) and rate > 0:
+        for unit, factor in TIME_UNITS.items():
+            if 1.0 / NEAR < step * factor * rate < NEAR:
+                what = f"t_s rises by {step:.4g} a sample at a stated rate of {rate:g} Hz: it is in {unit}"
+                time = recording.time * factor
+                mended = RecordingFault(recording.name, "unit", ("t_s",), what, "converted for this run")
+                return replace(recording, time=time), (mended,)
+    elif step > LONGEST_STEP:
+        what = f"t_s rises by {step:.4g} from sample to sample, too slow for seconds"
+        cure = "convert it to seconds, or set rate_hz in recording.toml"
+        return recording, (RecordingFault(recording.name, "unit", ("t_s",), what, cure, mended=False),)
+    return recording, ()
 
 
 def _swapped(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:

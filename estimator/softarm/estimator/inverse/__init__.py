@@ -15,13 +15,12 @@ from softarm.estimator.inverse.objectives import (
 )
 from softarm.estimator.inverse.observability import Observability
 from softarm.estimator.inverse.problem import Problem
-from softarm.estimator.inverse.process import LoadProcess
 from softarm.estimator.inverse.program import (
     QuadraticProgram,
     build_program,
     solve_program,
 )
-from softarm.estimator.inverse.tracker import Estimator, TrackerSettings
+from softarm.estimator.inverse.tracker import Estimator, LoadProcess, TrackerSettings
 from softarm.estimator.inverse.unknowns import Unknowns
 
 __all__ = [

@@ -7,7 +7,7 @@ from typing import Any
 from softarm.drivers.bend.device import BendAngles
 from softarm.drivers.gauges.force import Force
 from softarm.drivers.imu.sample import ImuSample
-from softarm.drivers.qualisys.motion import MotionFrame
+from softarm.drivers.qualisys.poses import MotionFrame
 from softarm.drivers.reading import Reading
 from softarm.drivers.valves import BankReading
 

@@ -14,7 +14,7 @@ from typing import IO, Any
 
 from google.protobuf.message import Message
 
-from softarm.daemon.safety.checks.disk import RESERVE_BYTES
+from softarm.daemon.safety.checks import RESERVE_BYTES
 from softarm.daemon.safety.observation import RecorderHealth
 from softarm.recordings.info import format_info
 from softarm.recordings.mcap_writer import INFO_FILE, STARTED, RecordTimes, Start, StreamWriter, Topic

@@ -4,7 +4,11 @@ Only what follows an arm live imports this package; ``FiniteElementModel`` is th
 reference.
 """
 
-from softarm.estimator.fem.tracking.background import BackgroundFactorisation
-from softarm.estimator.fem.tracking.model import TrackingModel, TrackingState, TrackingStep
+from softarm.estimator.fem.tracking.model import (
+    BackgroundFactorisation,
+    TrackingModel,
+    TrackingState,
+    TrackingStep,
+)
 
 __all__ = ["BackgroundFactorisation", "TrackingModel", "TrackingState", "TrackingStep"]

@@ -15,12 +15,12 @@ from softarm.estimator.fem.linalg.pattern import Pattern
 from softarm.estimator.fem.linalg.symbolic import analyse
 from softarm.estimator.fem.rotation_strain import REGULARISATION, QuadraturePoints
 from softarm.estimator.fem.tracking.rotation_strain_kernel import (
+    SINGLE_LANES,
     carried_divergence,
     finite_rotation_divergence,
     point_gradients,
     rotations_between,
 )
-from softarm.estimator.fem.tracking.simd_single import SINGLE_LANES
 from softarm.estimator.fem.tracking.single_factor import SingleFactor
 from softarm.estimator.mesh import Singles
 
