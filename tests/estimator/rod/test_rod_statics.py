@@ -110,6 +110,16 @@ def test_motion_is_the_derivative_by_pressures_and_loads() -> None:
     assert derivative_error(twists, step.motion, vector, steps) < 1e-5
 
 
+def test_the_frames_of_a_state_in_equilibrium_are_those_of_the_linearisation() -> None:
+    rod = linear_rod(8, curl=0.05, quadratic=1e-3)
+    inputs = Inputs(np.linspace(0.0, 5e4, 6), np.full(4, 0.1), HANGING)
+    state, found = rod.solve(inputs, rod.rest())
+    assert found
+    frames, expected = rod.section_frames(state), rod.linearise(state, inputs).frames
+    np.testing.assert_allclose(frames.positions, expected.positions, atol=1e-9)
+    np.testing.assert_allclose(frames.rotations, expected.rotations, atol=1e-9)
+
+
 def test_a_batch_may_be_empty() -> None:
     rod = linear_rod(8, curl=0.05, quadratic=1e-3, scaled=True)
     batch = rod.evaluate(BatchInputs(np.zeros((0, 6)), np.zeros((0, 4)), np.zeros((0, 3))))

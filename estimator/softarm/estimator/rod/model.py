@@ -13,6 +13,7 @@ from softarm.estimator.response import ArmResponse, BatchInputs
 from softarm.estimator.rod.arrays import Actions, ChainInputs, Laws, Work, new_work
 from softarm.estimator.rod.balance import respond, respond_all
 from softarm.estimator.rod.chain import Chain
+from softarm.estimator.rod.statics import place
 
 TOLERANCE, COARSE = 1e-6, 1e-4
 """Gap of a strain [rad, share of a link's length] that one more Newton step closes to about its square; the
@@ -141,6 +142,16 @@ class CalibratedRod:
     def refreshed(self, state: Floats) -> Floats:
         """Return a state: it holds nothing of earlier linearisations."""
         return state
+
+    def section_frames(self, state: Floats) -> Frames:
+        """Compute the sections' frames in a state."""
+        chain = self.chain
+        rotations, positions = np.empty((chain.links + 1, 3, 3)), np.empty((chain.links + 1, 3))
+        rotations[0], positions[0] = np.eye(3), (0.0, 0.0, chain.heights[0])
+        place(_dense(state), self._lengths, rotations, positions, np.empty((chain.links, 3, 3)))
+        turned = rotations[chain.section_station]
+        moved = (turned @ chain.section_offset[:, :, None])[..., 0]
+        return Frames(positions[chain.section_station] + moved, turned @ chain.section_rotation)
 
     def linearise(self, state: Floats, inputs: Inputs) -> RodStep:
         """Find the equilibrium under inputs near a state and linearise there."""

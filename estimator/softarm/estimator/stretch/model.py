@@ -6,7 +6,7 @@ unchanged inputs and E the rows of s, the stretches move by z = E (d + C dP + D 
 dP = (1 + g s) dp + g p (z + q), q being the stretches at the frames less those that P was made with.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Generic, TypeVar
@@ -24,8 +24,9 @@ Step = TypeVar("Step", bound=Linearisation)
 
 PASSES = 12
 SETTLED = 1e-6
-"""Change of a stretch from pass to pass, or residual over the applied forces, at which pressures and
-stretches agree."""
+"""Residual over the applied forces at which pressures and stretches agree."""
+LEAST_PA = 1.0
+"""Pressures below this are none: they are not divided by."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +50,30 @@ class StretchedStep(Generic[State, Step]):
         """Frames of the sections at the iterate."""
         return self.step.frames
 
-    @property
+    @cached_property
     def residual_norm(self) -> float:
-        """Norm of the out-of-balance force over that of the applied forces."""
-        return self.step.residual_norm
+        """Norm of the out-of-balance force over that of the applied forces.
+
+        Pressures that do not belong to the stretch at the iterate are out of balance: a wrapped model that
+        finds its equilibrium has left the state whose stretch they were made with.
+        """
+        applied = max(float(np.linalg.norm(self.inputs.pressures)), LEAST_PA)
+        return max(self.step.residual_norm, float(np.linalg.norm(self._push * self._behind)) / applied)
+
+    @cached_property
+    def _stretches(self) -> Floats:
+        """Stretches at the iterate, shape (chambers,)."""
+        return self.model.law.stretches(self.frames)
+
+    @property
+    def _behind(self) -> Floats:
+        """Stretches that the wrapped model's pressures do not have yet, shape (chambers,)."""
+        return self._stretches - self.made_with
+
+    @property
+    def _push(self) -> Floats:
+        """Effective pressures per unit of stretch [Pa], shape (chambers,)."""
+        return self.model.law.gain * self.inputs.pressures
 
     def response(self, rows: Floats) -> tuple[Floats, Floats]:
         """Project the motion of the sections on rows; see ``Linearisation.response``."""
@@ -68,10 +89,9 @@ class StretchedStep(Generic[State, Step]):
         """Change of the wrapped model's pressures: at unchanged inputs, (chambers,), and per input."""
         law, chambers = self.model.law, self.model.chambers
         drift, columns = self.step.response(law.rows(self.frames))
-        push, stretches = law.gain * self.inputs.pressures, law.stretches(self.frames)
+        push, behind = self._push, self._behind
         direct = np.zeros((chambers, columns.shape[1]))
-        direct[:, :chambers] = np.diag(1.0 + law.gain * stretches)
-        behind = stretches - self.made_with
+        direct[:, :chambers] = np.diag(1.0 + law.gain * self._stretches)
         kept = np.eye(chambers) - columns[:, :chambers] * push
         still = np.linalg.solve(kept, drift + columns[:, :chambers] @ (push * behind))
         input_jacobian = columns[:, :chambers] @ direct
@@ -92,7 +112,7 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
     Its states are those of the wrapped model.
 
     Args:
-        model: The model of the arm.
+        model: The model of the arm; it gives the ``section_frames`` of any state.
         law: The stretch of its chambers and the effective pressures it makes.
     """
 
@@ -104,11 +124,6 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
         wrapped: Any = self.model
         return replace(self, model=wrapped.with_loads(loads))
 
-    @property
-    def _frames_at(self) -> Callable[[State], Frames] | None:
-        """Gives the frames of a state that need not be in equilibrium; None where the model has none."""
-        return getattr(self.model, "section_frames", None)
-
     def rest(self) -> State:
         """Return the unloaded state."""
         return self.model.rest()
@@ -119,11 +134,10 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
 
     def linearise(self, state: State, inputs: Inputs) -> StretchedStep[State, Step]:
         """Linearise about a state under given inputs."""
-        if self._frames_at is not None:
-            return self._step(state, inputs, self.law.stretches(self._frames_at(state)))
-        # Such a model finds an equilibrium itself, whose stretches are nearly the right ones.
-        plain = self._step(state, inputs, np.zeros(self.chambers))
-        return self._step(state, inputs, self.law.stretches(plain.frames))
+        placing: Any = self.model
+        stretches = self.law.stretches(placing.section_frames(state))
+        given = replace(inputs, pressures=self.law.effective(inputs.pressures, stretches))
+        return StretchedStep(self, inputs, stretches, self.model.linearise(state, given))
 
     def advance(self, step: StretchedStep[State, Step], change: Floats) -> State:
         """Take the Newton step for inputs changed by ``change`` (pressures, then loads)."""
@@ -131,8 +145,6 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
 
     def solve(self, inputs: Inputs, start: State) -> tuple[State, bool]:
         """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
-        if self._frames_at is None:
-            return self._solve_by_passes(inputs, start)
         given = replace(inputs, pressures=self.law.effective(inputs.pressures, np.zeros(self.chambers)))
         state, converged = self.model.solve(given, start)
         unchanged = np.zeros(self.chambers + len(self.loads))
@@ -142,23 +154,6 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
                 return state, True
             state = self.advance(step, unchanged)
         return state, False
-
-    def _solve_by_passes(self, inputs: Inputs, start: State) -> tuple[State, bool]:
-        """Solve a model that finds equilibria alone until its stretches no longer change."""
-        state, stretches = start, np.zeros(self.chambers)
-        for _ in range(PASSES):
-            given = replace(inputs, pressures=self.law.effective(inputs.pressures, stretches))
-            state, converged = self.model.solve(given, state)
-            if not converged:
-                return state, False
-            before, stretches = stretches, self.law.stretches(self.model.linearise(state, given).frames)
-            if np.abs(stretches - before).max(initial=0.0) < SETTLED:
-                break
-        return state, True
-
-    def _step(self, state: State, inputs: Inputs, stretches: Floats) -> StretchedStep[State, Step]:
-        given = replace(inputs, pressures=self.law.effective(inputs.pressures, stretches))
-        return StretchedStep(self, inputs, stretches, self.model.linearise(state, given))
 
 
 def stretched(model: ArmModel[State, Step], specimen: Specimen) -> ArmModel[State, Any]:
