@@ -139,7 +139,7 @@ def verdict_of(search: Search) -> Verdict:
     fit = decision.choice.fit
     hypotheses = () if fit is None else fit.hypotheses
     names = sorted(f"{h.name} ({describe(h.place)})" for h in hypotheses)
-    return decision.verdict(found=bool(names)), *names
+    return decision.verdict(explained=bool(names)), *names
 
 
 def remembering(evidence: RegressionProblem) -> RememberingSearch:

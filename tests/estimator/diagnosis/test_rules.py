@@ -338,7 +338,7 @@ def test_the_verdict_follows_from_findings_and_what_is_left(found, changed, doub
         alarm, low = doubt
         turned_down = candidate(fit_of("tip_payload", 0.02), 20.0), judgement(gain_ci95=(low, 0.9))
         plain = ChosenEffects((), None, alarm, turned_down)
-    assert Decision(plain, (), None, 1.0, changed).verdict(found=found) == verdict
+    assert Decision(plain, (), None, 1.0, changed).verdict(explained=found) == verdict
 
 
 def searching(library: Library) -> Search:

@@ -1,38 +1,38 @@
 import numpy as np
 import pytest
 
-from softarm.estimator.simulation.inertia import Masses, Swaying
+from softarm.estimator.simulation.inertia import Masses, ModalDynamics
 from tests.estimator.simulation.straight_arm import HEIGHTS, SEGMENTS, STIFFNESS, straight_arm
 
 TIP = Masses(np.array([0.0, 0.08]), np.zeros(2))
 TIME = np.arange(0.0, 4.0, 0.01)
 
 
-def swaying(masses, samples=1):
-    return Swaying.of(straight_arm(np.zeros(samples)).baseline, SEGMENTS, masses)
+def dynamics(masses, samples=1):
+    return ModalDynamics.of(straight_arm(np.zeros(samples)).baseline, SEGMENTS, masses)
 
 
 def oscillator(frequency, samples):
     """One strain that vibrates at a frequency [Hz]."""
-    return Swaying(np.full((samples, 1, 1), (2 * np.pi * frequency) ** 2), np.ones((samples, 1, 1)))
+    return ModalDynamics(np.full((samples, 1, 1), (2 * np.pi * frequency) ** 2), np.ones((samples, 1, 1)))
 
 
 def test_a_tip_mass_vibrates_at_its_frequency():
     levers = HEIGHTS[1] - np.array([0.065, 0.20])
     compliance = (levers**2 / STIFFNESS[:, 0]).sum()
     expected = 1.0 / (2 * np.pi * np.sqrt(TIP.sections[1] * compliance))
-    found = swaying(TIP).frequencies()
+    found = dynamics(TIP).frequencies()
     assert found[:2] == pytest.approx([expected, expected], rel=0.01)  # its gyration counts a little
 
 
 def test_heavier_masses_vibrate_slower():
     heavy = Masses(4.0 * TIP.sections, TIP.segments)
-    assert swaying(heavy).frequencies()[0] == pytest.approx(swaying(TIP).frequencies()[0] / 2)
+    assert dynamics(heavy).frequencies()[0] == pytest.approx(dynamics(TIP).frequencies()[0] / 2)
 
 
 def test_a_segment_bent_to_an_arc_has_the_energy_of_a_uniform_arc():
     # T = 1/2 m L^2 theta'^2 / 20 for a clamped arc of small curvature, by integration.
-    mass = swaying(Masses(np.zeros(2), np.array([1.0, 0.0]))).mass[0]
+    mass = dynamics(Masses(np.zeros(2), np.array([1.0, 0.0]))).mass[0]
     assert mass[0, 0] == pytest.approx(0.13**2 / 20, rel=0.06)
 
 

@@ -203,11 +203,11 @@ def _axes_wanted(specimen: Specimen, options: Options) -> bool:
     return not specimen.calibration.bends
 
 
-def _with_axes(run: CalibrationRun, found: Mapping[str, AxesFit]) -> CalibrationRun:
+def _with_axes(run: CalibrationRun, axes: Mapping[str, AxesFit]) -> CalibrationRun:
     """Return a run whose bends have the axes that were found."""
     measurements = tuple(
-        replace(m, in_plane=found[m.name].in_plane, mirrored=found[m.name].mirrored)
-        if isinstance(m, Bend) and m.name in found
+        replace(m, in_plane=axes[m.name].in_plane, mirrored=axes[m.name].mirrored)
+        if isinstance(m, Bend) and m.name in axes
         else m
         for m in run.suite.measurements
     )
@@ -229,16 +229,16 @@ def _fit_determined(
 ) -> tuple[CalibrationFit, Layout]:
     """Fit on the training nodes, settle what they do not determine, and fit the rest again."""
     part = _part(forward, train)
-    found = fit(part, start, iterations=options.iterations, evaluations=_subset(before, train))
-    verdicts = identify(known, found.values, found.covariance)
+    solution = fit(part, start, iterations=options.iterations, evaluations=_subset(before, train))
+    verdicts = identify(known, solution.values, solution.covariance)
     lost = {entry.unknown.name for entry in verdicts if entry.share > KEPT}
     layout = part.layout.without(lost)
     if not lost or not layout.unknowns:
-        return found, layout
+        return solution, layout
     remaining = np.array([name not in lost for name in part.layout.names])
     again = replace(part, layout=layout)
     return fit(
-        again, found.values[remaining], iterations=options.iterations, evaluations=found.evaluations
+        again, solution.values[remaining], iterations=options.iterations, evaluations=solution.evaluations
     ), layout
 
 
@@ -269,13 +269,13 @@ def _line(
     suite = nodes[0].run.suite
     if not all(isinstance(m, Bend) for m in suite.measurements):
         return {}, 0
-    fitted, seen = _parts(nodes, train), _parts(nodes, judged)
+    fitted, tested = _parts(nodes, train), _parts(nodes, judged)
     line = fit_line(
         np.concatenate([own.pressures for own in fitted]), np.concatenate([own.readings for own in fitted])
     )
-    left = np.concatenate([own.readings - line.predict(own.pressures) for own in seen])
+    residual = np.concatenate([own.readings - line.predict(own.pressures) for own in tested])
     names = [f"{m.name}.{axis}" for m in suite.measurements for axis in range(m.size)]
-    values = np.sqrt(np.nanmean(left**2, axis=0)).tolist()
+    values = np.sqrt(np.nanmean(residual**2, axis=0)).tolist()
     return dict(zip(names, values, strict=True)), line.parameters
 
 
@@ -318,13 +318,13 @@ def _require_excitation(layout: Layout) -> None:
     )
 
 
-def _require_convergence(found: CalibrationFit, layout: Layout) -> None:
-    moves = found.unsettled
+def _require_convergence(solution: CalibrationFit, layout: Layout) -> None:
+    moves = solution.unsettled
     if moves.max(initial=0.0) > UNSETTLED:
         unknown = layout.unknowns[int(np.argmax(moves))]
         raise CalibrationRefusedError(
             "calibration",
-            f"the fit does not converge: after {found.iterations} iterations {unknown.name} would still "
+            f"the fit does not converge: after {solution.iterations} iterations {unknown.name} would still "
             f"move by {moves.max():.1f} of its standard deviations",
             f"{unknown.manoeuvre}, and hold random poses",
         )

@@ -18,20 +18,20 @@ def data_quality_notes(recording: Recording, run: CalibrationRun) -> tuple[str, 
         recording: What was recorded.
         run: The same, arranged.
     """
-    found = []
+    notes = []
     tied = HOOK in recording.markers or not {"gauge_section", "gauge_direction"}.isdisjoint(recording.info)
     for gauge in recording.gauges:
         tension = recording.gauge(gauge)
         beyond = silent_at_most(recording.time, tension)
         if not np.isfinite(tension).any():
-            found.append(f"{run.name}, gauge {gauge}: never answered; check its cable and its section")
+            notes.append(f"{run.name}, gauge {gauge}: never answered; check its cable and its section")
         elif beyond:
-            found.append(
+            notes.append(
                 f"{run.name}, gauge {gauge}: saturated gauge: silent for {beyond:.1f} s where it pulled "
                 "most, as beyond its range; pull less, or with a larger gauge"
             )
         elif tied and float(np.nanmax(np.abs(tension))) <= LEAST_PULL:
-            found.append(
+            notes.append(
                 f"{run.name}, gauge {gauge}: its cord was slack throughout, so it measured no force; "
                 "move the gauge away until the cord is taut, then in small steps"
             )
@@ -40,7 +40,7 @@ def data_quality_notes(recording: Recording, run: CalibrationRun) -> tuple[str, 
         "and record poses of more than 10 degrees"
         for name in silent_sensors(run)
     )
-    return (*found, *silent)
+    return (*notes, *silent)
 
 
 def silent_at_most(time: Floats, tension: Floats) -> float:
@@ -51,8 +51,8 @@ def silent_at_most(time: Floats, tension: Floats) -> float:
         tension: Its readings [N], NaN where there is none, shape (samples,).
     """
     pull = np.abs(tension)
-    seen = np.isfinite(pull)
-    times, pulls = time[seen], pull[seen]
+    observed = np.isfinite(pull)
+    times, pulls = time[observed], pull[observed]
     if len(times) < 3 or pulls.max() <= LEAST_PULL:
         return 0.0
     gaps = np.diff(times)

@@ -174,15 +174,15 @@ def fit(
     return CalibrationFit(values, covariance, current, scatter, status, count, unsettled)
 
 
-def left_out(forward: Forward, found: CalibrationFit) -> tuple[NodePredictions, ...]:
+def left_out(forward: Forward, solution: CalibrationFit) -> tuple[NodePredictions, ...]:
     """Return the predictions of each block of ten seconds by the fit to all others, per run.
 
     To first order about the fit to all: without the normal equations N_b and the gradient g_b of a block, the
     fit moves by (N - N_b)^-1 (g - g_b).
     """
-    rows = collect(found.evaluations, forward.nodes)
-    normal, gradient, _ = _normal_equations(forward, rows, found.values, found.scatter)
-    scale, whitened, weight = _whitened(rows, found.scatter)
+    rows = collect(solution.evaluations, forward.nodes)
+    normal, gradient, _ = _normal_equations(forward, rows, solution.values, solution.scatter)
+    scale, whitened, weight = _whitened(rows, solution.scatter)
     innovation = rows.innovation.copy()
     for block in np.unique(rows.block):
         own = rows.block == block
@@ -191,11 +191,11 @@ def left_out(forward: Forward, found: CalibrationFit) -> tuple[NodePredictions, 
         step = np.linalg.solve(normal - weighted @ jacobian, gradient - weighted @ whitened[own])
         innovation[own] -= rows.jacobian[own] @ step
     predictions, first = [], 0
-    for evaluation in found.evaluations:
-        seen = np.isfinite(evaluation.innovation)
+    for evaluation in solution.evaluations:
+        observed = np.isfinite(evaluation.innovation)
         unseen = evaluation.innovation.copy()
-        unseen[seen] = innovation[first : first + int(seen.sum())]
-        first += int(seen.sum())
+        unseen[observed] = innovation[first : first + int(observed.sum())]
+        first += int(observed.sum())
         predictions.append(replace(evaluation, innovation=unseen))
     return tuple(predictions)
 
@@ -220,20 +220,20 @@ def collect(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> R
             rows = suite.slices[measurement.name]
             kind[rows] = _kinds(measurement)
             registered[rows] = measurement.registration is not None
-        seen = np.isfinite(evaluation.innovation)
+        observed = np.isfinite(evaluation.innovation)
         shape = evaluation.innovation.shape
         suffix = np.where(held, HELD, PULLED if own.run.pulled else "")
         parts.append(
             ResidualRows(
-                evaluation.innovation[seen],
-                evaluation.jacobian[seen],
-                (evaluation.rigid * registered[:, None])[seen],
-                np.broadcast_to(number, shape)[seen],
-                np.char.add(kind[None, :], suffix[:, None])[seen],
-                np.broadcast_to(np.array(suite.units), shape)[seen],
-                np.broadcast_to(own.weights[:, None], shape)[seen],
-                np.broadcast_to(suite.noise, shape)[seen],
-                np.broadcast_to(own.blocks[:, None] + first_block, shape)[seen],
+                evaluation.innovation[observed],
+                evaluation.jacobian[observed],
+                (evaluation.rigid * registered[:, None])[observed],
+                np.broadcast_to(number, shape)[observed],
+                np.char.add(kind[None, :], suffix[:, None])[observed],
+                np.broadcast_to(np.array(suite.units), shape)[observed],
+                np.broadcast_to(own.weights[:, None], shape)[observed],
+                np.broadcast_to(suite.noise, shape)[observed],
+                np.broadcast_to(own.blocks[:, None] + first_block, shape)[observed],
             )
         )
         first_block += int(own.blocks.max(initial=-1)) + 1

@@ -57,11 +57,11 @@ def force_ratios(
                 suite = widened(setting.aligned(own.run.suite), condition.scatter)
                 for section, square, weight in _squares(setting, suite, at.keep(flags), own.keep(flags)):
                     squares.setdefault(f"{name}{ON}{section}", []).append((square, weight))
-    return {name: _root_mean(np.array(found)) for name, found in squares.items() if found}
+    return {name: _root_mean(np.array(values)) for name, values in squares.items() if values}
 
 
-def _root_mean(found: Floats) -> float:
-    return float(np.sqrt(np.average(found[:, 0], weights=found[:, 1])))
+def _root_mean(squares: Floats) -> float:
+    return float(np.sqrt(np.average(squares[:, 0], weights=squares[:, 1])))
 
 
 def _squares(
@@ -76,18 +76,20 @@ def _squares(
     spread = np.diag(setting.actuation.chamber_sigma**2)
     noise = suite.covariance(at.frames, own.readings, twists)
     noise = noise + to_pressures @ spread @ np.swapaxes(to_pressures, 1, 2)
-    found = []
+    squares = []
     for node, pull in enumerate(setting.pulls(own.loads)):
         first = int(np.argmax(np.abs(pull))) // 3 * 3
         axial = first + LATERAL
         missed = at.innovation[node] + to_loads[node, :, axial] * pull[axial]
-        seen = np.flatnonzero(np.isfinite(missed))
-        rows = to_loads[node][seen, first:axial]
-        weighed = np.linalg.solve(noise[node][np.ix_(seen, seen)], np.column_stack([rows, missed[seen]]))
+        observed = np.flatnonzero(np.isfinite(missed))
+        rows = to_loads[node][observed, first:axial]
+        weighed = np.linalg.solve(
+            noise[node][np.ix_(observed, observed)], np.column_stack([rows, missed[observed]])
+        )
         matched = rows.T @ weighed
         if np.linalg.matrix_rank(matched[:, :LATERAL]) == LATERAL:
             b = matched[:, LATERAL]
             square = float(b @ np.linalg.solve(matched[:, :LATERAL], b)) / LATERAL
             section = own.run.load_names[first].rpartition("_")[0]
-            found.append((section, square, float(own.weights[node])))
-    return found
+            squares.append((section, square, float(own.weights[node])))
+    return squares

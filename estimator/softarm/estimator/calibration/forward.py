@@ -98,7 +98,7 @@ class Forward:
         if self.segments is not None:
             response = with_segments(response, model, self.segments)
         suite = setting.aligned(nodes.run.suite)
-        seen = suite.sensitivity(response.frames, nodes.readings)
+        sensitivity = suite.sensitivity(response.frames, nodes.readings)
         return Prediction(
             setting,
             suite,
@@ -107,6 +107,6 @@ class Forward:
             nodes.loads,
             gravity,
             nodes.readings,
-            seen.innovation,
-            np.nan_to_num(seen.twists),
+            sensitivity.innovation,
+            np.nan_to_num(sensitivity.twists),
         )

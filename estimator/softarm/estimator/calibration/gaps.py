@@ -15,10 +15,10 @@ def interpolate(wanted: Floats, time: Floats, values: Floats) -> Floats:
         time: Times of the column [s], shape (samples,).
         values: The column, NaN where there is no reading, shape (samples,).
     """
-    seen = np.isfinite(values)
-    if not seen.any():
+    observed = np.isfinite(values)
+    if not observed.any():
         return np.full(len(wanted), np.nan)
-    times, known = time[seen], values[seen]
+    times, known = time[observed], values[observed]
     result = np.interp(wanted, times, known)
     after = np.clip(np.searchsorted(times, wanted), 0, len(times) - 1)
     before = np.clip(after - 1, 0, len(times) - 1)

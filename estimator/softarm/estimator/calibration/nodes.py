@@ -124,9 +124,9 @@ def _resting(run: CalibrationRun, speeds: Floats, number: int, margin: float) ->
 
 
 def _mean(readings: Floats) -> Floats:
-    seen = np.isfinite(readings)
-    total = np.where(seen, readings, 0.0).sum(axis=0)
-    return np.where(seen.any(axis=0), total / np.maximum(seen.sum(axis=0), 1), np.nan)
+    observed = np.isfinite(readings)
+    total = np.where(observed, readings, 0.0).sum(axis=0)
+    return np.where(observed.any(axis=0), total / np.maximum(observed.sum(axis=0), 1), np.nan)
 
 
 def _speed(run: CalibrationRun) -> Floats:
@@ -149,9 +149,9 @@ def _speed(run: CalibrationRun) -> Floats:
 
 def _noise(columns: Floats) -> Floats:
     """Return each column's standard deviation from sample to sample, by its mean second difference."""
-    turns = np.abs(np.diff(columns, n=2, axis=0))
-    seen = np.isfinite(turns)
-    sizes: Floats = np.where(seen, turns, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
+    curvature = np.abs(np.diff(columns, n=2, axis=0))
+    observed = np.isfinite(curvature)
+    sizes: Floats = np.where(observed, curvature, 0.0).sum(axis=0) / np.maximum(observed.sum(axis=0), 1)
     noise: Floats = sizes * (NORMAL_MEAN / np.sqrt(6.0))
     return noise
 

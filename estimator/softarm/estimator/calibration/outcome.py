@@ -88,34 +88,34 @@ class Calibrated:
         return None
 
 
-def calibrated_specimen(specimen: Specimen, found: Calibrated, provenance: str = "") -> Specimen:
+def calibrated_specimen(specimen: Specimen, calibrated: Calibrated, provenance: str = "") -> Specimen:
     """Write a calibration into its specimen; what was kept stays as it was.
 
     Args:
         specimen: The specimen that was calibrated.
-        found: What was found.
+        calibrated: What was found.
         provenance: When and how.
     """
     old = specimen.calibration
     scales = dict(old.modulus_scale)
     for segment in specimen.segments:
-        scale = found.value(f"modulus.{segment.name}")
+        scale = calibrated.value(f"modulus.{segment.name}")
         if scale is not None:
             scales[segment.name] = scale
     calibration = old.model_copy(
         update={
-            "recordings": tuple(dict.fromkeys((*old.recordings, *found.recordings))),
+            "recordings": tuple(dict.fromkeys((*old.recordings, *calibrated.recordings))),
             "provenance": provenance or old.provenance,
-            "scatter": dict(found.scatter),
-            "force_ratio": dict(found.force_ratio),
+            "scatter": dict(calibrated.scatter),
+            "force_ratio": dict(calibrated.force_ratio),
             "modulus_scale": scales,
-            "stretch_gain": found.value("stretch") or old.stretch_gain,
-            "chambers": tuple(_chamber(specimen, c.index, found) for c in specimen.chambers),
-            "bends": _bends(specimen, found),
-            "frames": _frames(specimen, found),
+            "stretch_gain": calibrated.value("stretch") or old.stretch_gain,
+            "chambers": tuple(_chamber(specimen, c.index, calibrated) for c in specimen.chambers),
+            "bends": _bends(specimen, calibrated),
+            "frames": _frames(specimen, calibrated),
         }
     )
-    gravity = _gravity(specimen, found)
+    gravity = _gravity(specimen, calibrated)
     return specimen.model_copy(update={"calibration": calibration, "gravity_m_s2": gravity})
 
 
@@ -135,12 +135,12 @@ def quantity_of(component: str) -> str:
     return f"{sensor} {'position' if int(number) < 3 else 'rotation'}"
 
 
-def _chamber(specimen: Specimen, index: int, found: Calibrated) -> ChamberCalibration:
+def _chamber(specimen: Specimen, index: int, calibrated: Calibrated) -> ChamberCalibration:
     old = specimen.calibration.chamber(index)
     segment = next(c.segment for c in specimen.chambers if c.index == index)
-    gain, bias = found.value(f"gain.{index}"), found.value(f"bias.{index}")
-    curve, bow = found.value(f"curve.{segment}"), found.value(f"bow.{segment}")
-    shares = [found.value(f"crosstalk.{index}.{c.index}") or ZERO for c in specimen.chambers]
+    gain, bias = calibrated.value(f"gain.{index}"), calibrated.value(f"bias.{index}")
+    curve, bow = calibrated.value(f"curve.{segment}"), calibrated.value(f"bow.{segment}")
+    shares = [calibrated.value(f"crosstalk.{index}.{c.index}") or ZERO for c in specimen.chambers]
     crossed = any(share.value for share in shares)
     return ChamberCalibration(
         index=index,
@@ -153,80 +153,83 @@ def _chamber(specimen: Specimen, index: int, found: Calibrated) -> ChamberCalibr
     )
 
 
-def _gravity(specimen: Specimen, found: Calibrated) -> tuple[float, float, float]:
+def _gravity(specimen: Specimen, calibrated: Calibrated) -> tuple[float, float, float]:
     """Tilt gravity as it was found; what turns it about itself cannot be seen."""
     gravity = np.array(specimen.gravity_m_s2)
-    tilts = [found.value(f"gravity.tilt_{axis}") for axis in "xy"]
+    tilts = [calibrated.value(f"gravity.tilt_{axis}") for axis in "xy"]
     vector = np.array([0.0 if tilt is None else tilt.value for tilt in tilts])
     x, y, z = (exp(vector @ gravity_axes(gravity)) @ gravity).tolist()
     return x, y, z
 
 
-def _bends(specimen: Specimen, found: Calibrated) -> tuple[BendCalibration, ...]:
+def _bends(specimen: Specimen, calibrated: Calibrated) -> tuple[BendCalibration, ...]:
     entries = {entry.section: entry for entry in specimen.calibration.bends}
-    for section, mirrored in found.mirrored.items():
+    for section, mirrored in calibrated.mirrored.items():
         old = specimen.calibration.bend(section)
         entries[section] = BendCalibration(
             section=section,
-            rotation_rad=found.value(f"bend_{section}.in_plane") or old.rotation_rad,
+            rotation_rad=calibrated.value(f"bend_{section}.in_plane") or old.rotation_rad,
             mirrored=mirrored,
-            bias_x_rad=found.value(f"bend_{section}.bias_x") or old.bias_x_rad,
-            bias_y_rad=found.value(f"bend_{section}.bias_y") or old.bias_y_rad,
+            bias_x_rad=calibrated.value(f"bend_{section}.bias_x") or old.bias_x_rad,
+            bias_y_rad=calibrated.value(f"bend_{section}.bias_y") or old.bias_y_rad,
         )
     return tuple(entries.values())
 
 
-def _frames(specimen: Specimen, found: Calibrated) -> tuple[FrameCalibration, ...]:
+def _frames(specimen: Specimen, calibrated: Calibrated) -> tuple[FrameCalibration, ...]:
     entries = {entry.section: entry for entry in specimen.calibration.frames}
-    names = {entry.unknown.name for entry in found.identified}
+    names = {entry.unknown.name for entry in calibrated.identified}
     for section in (section.name for section in specimen.sections):
         kinds = [kind for kind in ("frame", "orientation") if f"{kind}_{section}.misalignment_x" in names]
         if not kinds:
             continue
         old = specimen.calibration.frame(section)
-        turned = [found.value(f"{kinds[0]}_{section}.misalignment_{axis}") for axis in "xyz"]
-        moved = [found.value(f"frame_{section}.offset_{axis}") for axis in "xyz"]
+        rotation = [calibrated.value(f"{kinds[0]}_{section}.misalignment_{axis}") for axis in "xyz"]
+        moved = [calibrated.value(f"frame_{section}.offset_{axis}") for axis in "xyz"]
         entries[section] = FrameCalibration(
             section=section,
-            misalignment_rad=_vector(turned, old.misalignment_rad, "value"),
-            misalignment_std_rad=_vector(turned, old.misalignment_std_rad, "std"),
+            misalignment_rad=_vector(rotation, old.misalignment_rad, "value"),
+            misalignment_std_rad=_vector(rotation, old.misalignment_std_rad, "std"),
             offset_m=_vector(moved, old.offset_m, "value"),
             offset_std_m=_vector(moved, old.offset_std_m, "std"),
         )
-    mounted = _mounted(specimen, found)
+    mounted = _mounted(specimen, calibrated)
     if mounted is not None:
         entries[mounted.section] = mounted
     return tuple(entries.values())
 
 
-def _mounted(specimen: Specimen, found: Calibrated) -> FrameCalibration | None:
+def _mounted(specimen: Specimen, calibrated: Calibrated) -> FrameCalibration | None:
     """Return how the body on the base is mounted; it adds to what the registration already knew."""
-    turned = [found.value(f"base.turn_{axis}") for axis in "xyz"]
-    moved = [found.value(f"base.shift_{axis}") for axis in "xyz"]
-    if all(value is None for value in (*turned, *moved)):
+    rotation = [calibrated.value(f"base.turn_{axis}") for axis in "xyz"]
+    moved = [calibrated.value(f"base.shift_{axis}") for axis in "xyz"]
+    if all(value is None for value in (*rotation, *moved)):
         return None
     section = specimen.sections[0]
     old = specimen.calibration.frame(section.name)
     rest = from_quaternions(np.array(section.frame_quaternion))
-    turn, shift = np.array(_vector(turned, (0, 0, 0), "value")), np.array(_vector(moved, (0, 0, 0), "value"))
+    rotation_vector, shift = (
+        np.array(_vector(rotation, (0, 0, 0), "value")),
+        np.array(_vector(moved, (0, 0, 0), "value")),
+    )
     origin = np.array(section.frame_origin_m)
     before = origin + rest @ np.array(old.offset_m)
-    offset = rest.T @ (exp(turn) @ before + shift - origin)
-    misalignment = log(rest.T @ exp(turn) @ rest @ exp(np.array(old.misalignment_rad)))
+    offset = rest.T @ (exp(rotation_vector) @ before + shift - origin)
+    misalignment = log(rest.T @ exp(rotation_vector) @ rest @ exp(np.array(old.misalignment_rad)))
     return FrameCalibration(
         section=section.name,
         misalignment_rad=tuple(misalignment.tolist()),
-        misalignment_std_rad=_vector(turned, old.misalignment_std_rad, "std"),
+        misalignment_std_rad=_vector(rotation, old.misalignment_std_rad, "std"),
         offset_m=tuple(offset.tolist()),
         offset_std_m=_vector(moved, old.offset_std_m, "std"),
     )
 
 
 def _vector(
-    found: list[Value | None], old: tuple[float, float, float], field: str
+    values: list[Value | None], old: tuple[float, float, float], field: str
 ) -> tuple[float, float, float]:
     x, y, z = (
         kept if value is None else float(getattr(value, field))
-        for value, kept in zip(found, old, strict=True)
+        for value, kept in zip(values, old, strict=True)
     )
     return x, y, z

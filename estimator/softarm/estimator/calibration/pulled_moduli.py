@@ -75,10 +75,10 @@ def moduli_from_pulls(
     layout = forward.layout.without(out)
     inside = np.array([name not in out for name in forward.layout.names])
     pulls = Forward(forward.model, layout, part)
-    found = fit(pulls, start[inside], iterations=ITERATIONS, evaluations=near)
+    solution = fit(pulls, start[inside], iterations=ITERATIONS, evaluations=near)
     values = start.copy()
-    values[inside] = found.values
-    deviations = np.sqrt(np.diag(found.covariance)).tolist()
+    values[inside] = solution.values
+    deviations = np.sqrt(np.diag(solution.covariance)).tolist()
     moduli = zip(layout.unknowns, deviations, strict=True)
     return PulledModuli(values, {p.name: deviation for p, deviation in moduli if isinstance(p, Modulus)})
 

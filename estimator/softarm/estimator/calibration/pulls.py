@@ -118,14 +118,14 @@ def cord_direction(
 
 def _bridged(recording: Recording, places: Floats) -> Floats:
     """Return places at the times of the gauge as well, which reads in between, shape (samples, 3)."""
-    time, seen = recording.time, np.isfinite(places).all(axis=1)
-    if not seen.any():
+    time, observed = recording.time, np.isfinite(places).all(axis=1)
+    if not observed.any():
         return places
-    known = np.flatnonzero(seen)
+    known = np.flatnonzero(observed)
     after = np.clip(np.searchsorted(known, np.arange(len(time))), 0, len(known) - 1)
     gap = time[known[after]] - time[known[np.maximum(after - 1, 0)]]
     bridged = np.column_stack([interpolate(time, time, column) for column in places.T])
-    return np.where((seen | (gap <= LONGEST_BRIDGE))[:, None], bridged, np.nan)
+    return np.where((observed | (gap <= LONGEST_BRIDGE))[:, None], bridged, np.nan)
 
 
 def require_unsaturated(recording: Recording, gauge: str, section: str) -> None:
@@ -158,12 +158,12 @@ def saturation(recording: Recording, gauge: str, section: str) -> tuple[float, i
         Largest reading [N], and its repeats in a row; 0 where the range did not end.
     """
     pull = np.abs(recording.gauge(gauge))
-    seen = np.flatnonzero(np.isfinite(pull))
-    values = pull[seen]
+    observed = np.flatnonzero(np.isfinite(pull))
+    values = pull[observed]
     top = float(values.max(initial=0.0))
     if top < 10 * LEAST_PULL or np.ptp(values) <= 0.5 * top:
         return top, 0
-    apart = np.diff(recording.time[seen], prepend=-np.inf, append=np.inf) > LONGEST_BRIDGE
+    apart = np.diff(recording.time[observed], prepend=-np.inf, append=np.inf) > LONGEST_BRIDGE
     edges = np.flatnonzero(apart | (np.diff(values, prepend=np.nan, append=np.nan) != 0.0))
     lengths, levels = np.diff(edges), values[edges[:-1]]
     longest = int(lengths[levels == top].max())
@@ -171,7 +171,7 @@ def saturation(recording: Recording, gauge: str, section: str) -> tuple[float, i
         return top, 0
     if longest > UNLIKE_OTHERS * lengths[levels < top].max():
         return top, longest
-    runs = [slice(seen[first], seen[last - 1] + 1) for first, last in pairwise(edges)]
+    runs = [slice(observed[first], observed[last - 1] + 1) for first, last in pairwise(edges)]
     ways = np.array([_way(recording, section, run) for run in runs])
     usual = ways[(levels < top) & (levels > LEAST_PULL)].max(initial=LEAST_WAY)
     return top, longest if ways[levels == top].max() > UNLIKE_OTHERS * usual else 0
@@ -182,5 +182,5 @@ def _way(recording: Recording, section: str, during: slice) -> float:
     places = [recording.marker(HOOK)] if HOOK in recording.markers else []
     places += [recording.pose(section)[:, :3]] if section in recording.frames else []
     parts = [place[during] for place in places]
-    seen = [part[np.isfinite(part).all(axis=1)] for part in parts]
-    return max((float(np.ptp(part, axis=0).max()) for part in seen if len(part)), default=0.0)
+    observed = [part[np.isfinite(part).all(axis=1)] for part in parts]
+    return max((float(np.ptp(part, axis=0).max()) for part in observed if len(part)), default=0.0)

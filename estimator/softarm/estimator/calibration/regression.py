@@ -40,8 +40,8 @@ def fit_line(pressures: Floats, readings: Floats) -> Line:
         pressures: [Pa], shape (samples, chambers).
         readings: Shape (samples, readings).
     """
-    seen = np.isfinite(pressures).all(axis=1) & np.isfinite(readings).all(axis=1)
-    slopes, *_ = np.linalg.lstsq(_columns(pressures[seen]), readings[seen], rcond=None)
+    observed = np.isfinite(pressures).all(axis=1) & np.isfinite(readings).all(axis=1)
+    slopes, *_ = np.linalg.lstsq(_columns(pressures[observed]), readings[observed], rcond=None)
     return Line(np.asarray(slopes, dtype=np.float64))
 
 
@@ -65,20 +65,20 @@ def estimate_lag(run: CalibrationRun) -> float | None:
 
 def _unexplained(run: CalibrationRun) -> float:
     """Return the share of the readings' variance that a line leaves, each reading over its own."""
-    seen = np.isfinite(run.readings).all(axis=1) & np.isfinite(run.pressures).all(axis=1)
-    readings = run.readings[seen]
-    left = readings - fit_line(run.pressures[seen], readings).predict(run.pressures[seen])
+    observed = np.isfinite(run.readings).all(axis=1) & np.isfinite(run.pressures).all(axis=1)
+    readings = run.readings[observed]
+    residual = readings - fit_line(run.pressures[observed], readings).predict(run.pressures[observed])
     variance = readings.var(axis=0)
     moving = variance > 0
-    return float((left[:, moving].var(axis=0) / variance[moving]).mean()) if moving.any() else 1.0
+    return float((residual[:, moving].var(axis=0) / variance[moving]).mean()) if moving.any() else 1.0
 
 
-def _lowest(lags: Floats, left: Floats) -> float:
+def _lowest(lags: Floats, unexplained: Floats) -> float:
     """Find the minimum of a parabola through the lowest point and its neighbours."""
-    at = int(np.argmin(left))
+    at = int(np.argmin(unexplained))
     if at in (0, len(lags) - 1):
         return float(lags[at])
-    before, here, after = left[at - 1 : at + 2]
+    before, here, after = unexplained[at - 1 : at + 2]
     bow = before - 2.0 * here + after
     shift = 0.5 * (before - after) / bow if bow > 0 else 0.0
     return float(lags[at] + shift * (lags[1] - lags[0]))

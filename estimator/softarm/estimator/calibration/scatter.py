@@ -36,7 +36,7 @@ def scatter_by_condition(evaluations: Sequence[NodePredictions], nodes: Sequence
         f", {VENTED_PULLS}": [own.run.pulled & vented(own.pressures) for own in nodes],
         f", {PRESSURISED_PULLS}": [own.run.pulled & ~vented(own.pressures) for own in nodes],
     }
-    found: dict[str, float] = {}
+    scatter: dict[str, float] = {}
     for suffix, flags in conditions.items():
         pairs = [
             (evaluation.keep(chosen), own.keep(chosen))
@@ -45,7 +45,7 @@ def scatter_by_condition(evaluations: Sequence[NodePredictions], nodes: Sequence
         ]
         if pairs:
             parts = by_quantity(rms([pair[0] for pair in pairs], [pair[1] for pair in pairs]))
-            found |= {f"{name}{suffix}": value for name, value in parts.items()}
+            scatter |= {f"{name}{suffix}": value for name, value in parts.items()}
         elif not suffix:
-            found = by_quantity(rms(evaluations, nodes))
-    return found
+            scatter = by_quantity(rms(evaluations, nodes))
+    return scatter

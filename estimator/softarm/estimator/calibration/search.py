@@ -49,8 +49,8 @@ def fit_axes(predicted: Floats, recorded: Floats, weights: Floats, mirrored: boo
     root = np.sqrt(weights)
     columns = np.column_stack([model, np.ones_like(model)]) * root[:, None]
     (factor, bias), *_ = np.linalg.lstsq(columns, data * root, rcond=None)
-    left = data - factor * model - bias
-    rms = float(np.sqrt((weights * np.abs(left) ** 2).sum() / max(2.0 * weights.sum(), 1e-12)))
+    residual = data - factor * model - bias
+    rms = float(np.sqrt((weights * np.abs(residual) ** 2).sum() / max(2.0 * weights.sum(), 1e-12)))
     offset = np.array([bias.real, bias.imag])
     return AxesFit(mirrored, float(np.angle(factor)), float(np.abs(factor)), offset, rms)
 
@@ -71,7 +71,7 @@ def search_axes(suite: SensorSuite, nodes: Sequence[Nodes], frames: Sequence[Fra
     least = np.inf
     for mirrored in (False, True):
         fits = {sensor.name: _fit_sensor(sensor, nodes, frames, mirrored) for sensor in sensors}
-        total = sum(found.rms**2 for found in fits.values())
+        total = sum(fitted.rms**2 for fitted in fits.values())
         if total < least:
             best, least = fits, total
     return best
@@ -80,13 +80,13 @@ def search_axes(suite: SensorSuite, nodes: Sequence[Nodes], frames: Sequence[Fra
 def _fit_sensor(sensor: Bend, nodes: Sequence[Nodes], frames: Sequence[Frames], mirrored: bool) -> AxesFit:
     plain = replace(sensor, in_plane=0.0, bias=np.zeros(2), mirrored=False)
     predicted, recorded, weights = [], [], []
-    for own, seen in zip(nodes, frames, strict=True):
+    for own, observed in zip(nodes, frames, strict=True):
         part = own.run.suite.reading_slices.get(sensor.name)
         if part is None:
             continue
         readings = own.readings[:, part]
         present = np.isfinite(readings).all(axis=1)
-        predicted.append(plain.predict(seen)[present])
+        predicted.append(plain.predict(observed)[present])
         recorded.append(readings[present])
         weights.append(own.weights[present])
     return fit_axes(np.concatenate(predicted), np.concatenate(recorded), np.concatenate(weights), mirrored)

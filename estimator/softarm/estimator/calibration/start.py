@@ -30,8 +30,8 @@ def solvable(forward: Forward, known: Floats, factors: Sequence[float] = STIFFER
     values = known
     for factor in factors:
         values = known + np.log(factor) * modulus
-        found = replace(forward, nodes=probes).evaluate(values)
-        if all(evaluation.converged.all() for evaluation in found):
+        predictions = replace(forward, nodes=probes).evaluate(values)
+        if all(evaluation.converged.all() for evaluation in predictions):
             break
     return values
 
@@ -62,18 +62,18 @@ def _highest(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
     return tuple(np.split(chosen, np.cumsum([len(own) for own in sums])[:-1]))
 
 
-def sized_by_bends(specimen: Specimen, layout: Layout, first: Floats, found: Mapping[str, AxesFit]) -> Floats:
+def sized_by_bends(specimen: Specimen, layout: Layout, first: Floats, axes: Mapping[str, AxesFit]) -> Floats:
     """Begin with moduli that give the bends their recorded size, and with the biases that remain."""
     values = np.where(layout.of(Modulus), first, layout.means)
     for index, unknown in enumerate(layout.unknowns):
         if isinstance(unknown, Modulus):
             name = f"bend_{specimen.section_below(specimen.segment(unknown.segment).to_m)}"
-            if name in found:
-                values[index] -= float(np.clip(np.log(max(found[name].gain, 1e-3)), -1.0, 1.0))
+            if name in axes:
+                values[index] -= float(np.clip(np.log(max(axes[name].gain, 1e-3)), -1.0, 1.0))
         for axis, letter in enumerate("xy"):
             sensor = unknown.name.removesuffix(f".bias_{letter}")
-            if sensor != unknown.name and sensor in found:
-                values[index] = found[sensor].bias[axis]
+            if sensor != unknown.name and sensor in axes:
+                values[index] = axes[sensor].bias[axis]
     return values
 
 

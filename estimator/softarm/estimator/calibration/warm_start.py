@@ -28,12 +28,12 @@ def nearest_states(
     inputs = np.concatenate([_inputs(own) for own in nodes])[converged]
     scale = np.maximum(np.ptp(inputs, axis=0), 1e-9)
     tree = cKDTree(inputs / scale)
-    found = []
+    starts = []
     for part, own in zip(others, sought, strict=True):
         near = states[tree.query(_inputs(own) / scale)[1]]
         response = replace(part.response, states=near, converged=np.ones(len(near), dtype=bool))
-        found.append(replace(part, response=response))
-    return tuple(found)
+        starts.append(replace(part, response=response))
+    return tuple(starts)
 
 
 def _inputs(nodes: Nodes) -> Floats:
@@ -49,10 +49,10 @@ def joined(
     train: Sequence[Flags],
 ) -> tuple[NodePredictions, ...]:
     """Return evaluations of all nodes with the model's states of the last evaluations of both parts."""
-    found = []
+    merged = []
     for every, seen, unseen, flags in zip(whole, trained, held_out, train, strict=True):
         converged, states = every.converged.copy(), every.response.states.copy()
         for chosen, part in ((flags, seen), (~flags, unseen)):
             converged[chosen], states[chosen] = part.converged, part.response.states
-        found.append(replace(every, response=replace(every.response, states=states, converged=converged)))
-    return tuple(found)
+        merged.append(replace(every, response=replace(every.response, states=states, converged=converged)))
+    return tuple(merged)

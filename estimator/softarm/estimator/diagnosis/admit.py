@@ -89,10 +89,10 @@ def motion_columns(recording: Recording) -> dict[str, Floats]:
 def moves(recording: Recording) -> bool:
     """Return whether any reading moves by more than noise."""
     for name, values in motion_columns(recording).items():
-        seen = values[np.isfinite(values)]
-        if len(seen) < 2:
+        observed = values[np.isfinite(values)]
+        if len(observed) < 2:
             continue
-        low, high = np.percentile(seen, [2.0, 98.0])
+        low, high = np.percentile(observed, [2.0, 98.0])
         if high - low > (STILL["m"] if name.endswith("_m") else STILL["rad"]):
             return True
     return False
@@ -145,19 +145,19 @@ def _check_length(recording: Recording) -> None:
 
 def _time_notes(recording: Recording) -> list[str]:
     """Report gaps, jumps of the clock, and sensors that lost many of their readings."""
-    found = [_break_note(recording)] if _breaks(recording.time) else []
+    notes = [_break_note(recording)] if _breaks(recording.time) else []
     for name, values in motion_columns(recording).items():
         if not name.endswith(("_x_m", "_x_rad")):
             continue
-        seen = np.isfinite(values)
+        observed = np.isfinite(values)
         sensor = name.removesuffix("_x_m").removesuffix("_x_rad")
-        lost = _lost(recording.time, seen)
+        lost = _lost(recording.time, observed)
         if lost > 0.2:
-            found.append(f"{recording.name}: {lost:.0%} of the readings of {sensor} are lost.")
-        elif _breaks(recording.time[seen]) and not found:
-            longest = float(np.diff(recording.time[seen]).max())
-            found.append(f"{recording.name}: {sensor} has a gap of {longest:.2f} s.")
-    return found
+            notes.append(f"{recording.name}: {lost:.0%} of the readings of {sensor} are lost.")
+        elif _breaks(recording.time[observed]) and not notes:
+            longest = float(np.diff(recording.time[observed]).max())
+            notes.append(f"{recording.name}: {sensor} has a gap of {longest:.2f} s.")
+    return notes
 
 
 def _breaks(time: Floats) -> bool:
@@ -165,12 +165,12 @@ def _breaks(time: Floats) -> bool:
     return len(steps) > 0 and float(steps.max()) > max(LONGEST_GAP, 20.0 * float(np.median(steps)))
 
 
-def _lost(time: Floats, seen: NDArray[np.bool_]) -> float:
+def _lost(time: Floats, observed: NDArray[np.bool_]) -> float:
     """Give the share of a sensor's own readings that are missing; streams may be of different rates."""
-    if seen.sum() < 3:
+    if observed.sum() < 3:
         return 1.0
-    expected = float(time[-1] - time[0]) / float(np.median(np.diff(time[seen]))) + 1.0
-    return 1.0 - float(seen.sum()) / expected
+    expected = float(time[-1] - time[0]) / float(np.median(np.diff(time[observed]))) + 1.0
+    return 1.0 - float(observed.sum()) / expected
 
 
 def _break_note(recording: Recording) -> str:

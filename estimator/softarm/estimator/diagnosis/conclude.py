@@ -105,7 +105,7 @@ def _squares(search: Search, fit: Fit | None, common: Floats, *, confirming: boo
     floors = search.evidence.floors
     squares: list[float] = []
     counts: list[float] = []
-    for number, left in enumerate(search.residuals(fit)):
+    for number, residual in enumerate(search.residuals(fit)):
         stage = search.evidence.stages[number]
         session = stage.session
         unseen = session.heldout & ~session.reported if confirming else session.reported
@@ -114,7 +114,7 @@ def _squares(search: Search, fit: Fit | None, common: Floats, *, confirming: boo
         names = channels(stage.suite)
         row = np.array([search.weights.scale[name] for name in names])
         calm = row / np.hypot(row, stage.model_error_std) / [floors[name] for name in names]
-        own = ((left - search.evidence.columns[number] @ common) * calm) ** 2
+        own = ((residual - search.evidence.columns[number] @ common) * calm) ** 2
         for block in np.unique(session.blocks[unseen]):
             chosen = own[(session.blocks == block) & unseen]
             squares.append(float(np.nansum(chosen)))
@@ -213,8 +213,8 @@ def expected_gain(search: Search, fit: Fit, rest: Fit | None) -> float:
 
     parts = _confirming(search.evidence.widened(search.weights, change, search.residuals(fit)))
     extended = search.prior.augment(0.0, SMALLEST)
-    seen = total(parts, search.evidence.size + 1)
-    return float(Marginal.of(extended, seen, search.weights.effective_sample_fraction).matrix[-1, -1])
+    data = total(parts, search.evidence.size + 1)
+    return float(Marginal.of(extended, data, search.weights.effective_sample_fraction).matrix[-1, -1])
 
 
 def _confirming(parts: Sequence[NormalEquations]) -> list[NormalEquations]:
@@ -260,23 +260,27 @@ def findings_of(search: Search, choice: ChosenEffects) -> tuple[Finding, ...]:
 
 
 def unknown(
-    left: Unexplained, heldout: Heldout, search_p: float, law: UnnamedLaw | None, probability: float
+    unexplained: Unexplained, heldout: Heldout, search_p: float, law: UnnamedLaw | None, probability: float
 ) -> Finding:
     """Report that something is missing which no known effect explains.
 
     Args:
-        left: Where it sits and what it varies with, as far as that is known.
+        unexplained: Where it sits and what it varies with, as far as that is known.
         heldout: The error on held-out data, which nothing lowers.
         search_p: Chance that the whole search finds as much where nothing is missing.
         law: A law without a name that outdoes the effects that were found, where it does.
         probability: Posterior probability that what is missing has no name.
     """
-    sits = f" They differ most at {describe(left.where)}, and {dependence(left.when)}." if left.when else ""
+    sits = (
+        f" They differ most at {describe(unexplained.where)}, and {dependence(unexplained.when)}."
+        if unexplained.when
+        else ""
+    )
     differ = "Model and recordings differ, and no known effect improves the prediction of unseen data."
     return Finding(
         effect="unknown",
-        where=left.where,
-        when=left.when,
+        where=unexplained.where,
+        when=unexplained.when,
         statement=(differ if law is None else law.tell()) + ("" if law and law.regime else sits),
         parameters={},
         evidence=Evidence(

@@ -37,8 +37,8 @@ def detection_limits(search: Search) -> tuple[DetectionLimit, ...]:
         Those that have a limit within the bounds of their parameter.
     """
     evidence, library = search.evidence, search.evidence.library
-    seen = total([part for part in search.parts(None) if not part.heldout], evidence.size)
-    marginal = Marginal.of(search.prior, seen, search.weights.effective_sample_fraction)
+    data = total([part for part in search.parts(None) if not part.heldout], evidence.size)
+    marginal = Marginal.of(search.prior, data, search.weights.effective_sample_fraction)
     # A generator of its own: the limits must not change what is drawn after them.
     null = null_scores(evidence, marginal, np.random.default_rng(0))
     chance = float(np.quantile(null, 1.0 - FALSE_ALARM))

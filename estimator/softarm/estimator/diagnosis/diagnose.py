@@ -251,13 +251,13 @@ class Decision:
     remainder: float
     changed: bool
 
-    def verdict(self, *, found: bool) -> Verdict:
+    def verdict(self, *, explained: bool) -> Verdict:
         """Put it into one word.
 
         Args:
-            found: Whether anything is reported.
+            explained: Whether anything is reported.
         """
-        if found:
+        if explained:
             return "partly_explained" if self.changed else "explained"
         turned_down, alarm = self.choice.turned_down, self.choice.alarm_p
         doubtful = turned_down is not None and turned_down[1].gain_ci95[0] > DOUBTFUL
@@ -325,13 +325,13 @@ def _outcome(
     predictions = held_out(search, None, choice.fit, known=choice.fit is not None)
     findings = (*findings_of(search, choice), *stuck_findings(assembled.stuck))
     first_map = _map(search, None)
-    left_map = _map(search, choice) if choice.fit is not None else first_map
+    remaining_map = _map(search, choice) if choice.fit is not None else first_map
     baseline = _baseline(suspects, evidence.floors)
-    verdict = decision.verdict(found=bool(findings))
+    verdict = decision.verdict(explained=bool(findings))
     before, after = before_and_after(search, choice.fit)
     heldout = heldout_result(search, predictions, before, after, assembled.how)
     unexplained = replace(
-        _unexplained(verdict, heldout.after, left_map, law),
+        _unexplained(verdict, heldout.after, remaining_map, law),
         over_nominal=decision.remainder if len(suspects) < len(evidence.stages) else None,
         worst=worst_stretch(search, after),
     )
@@ -389,9 +389,9 @@ def _remainder(search: Search, choice: ChosenEffects, over_noise: float) -> floa
     Without nominal recordings it is over the noise: then nobody says that a mismatch is usual.
     """
     evidence, weights = search.evidence, search.weights
-    left = evidence.leftover(weights, search.residuals(choice.fit), nominal=False)
+    remaining = evidence.leftover(weights, search.residuals(choice.fit), nominal=False)
     known = evidence.leftover(weights, evidence.residuals, nominal=True)
-    return left / known if known > 0.0 else max(left, over_noise)
+    return remaining / known if known > 0.0 else max(remaining, over_noise)
 
 
 def _map(search: Search, choice: ChosenEffects | None) -> LocationMap:
@@ -404,17 +404,19 @@ def _changed(search: Search, choice: ChosenEffects) -> bool:
     evidence, fraction = search.evidence, search.weights.effective_sample_fraction
     if not evidence.has_nominal:
         return False
-    left = [part for part in search.parts(choice.fit) if not part.reported]
-    return evidence_of_change(evidence, search.prior, search.width, left, fraction) > CHANGED
+    parts = [part for part in search.parts(choice.fit) if not part.reported]
+    return evidence_of_change(evidence, search.prior, search.width, parts, fraction) > CHANGED
 
 
-def _unexplained(verdict: Verdict, after: float, found: LocationMap, law: UnnamedLaw | None) -> Unexplained:
+def _unexplained(
+    verdict: Verdict, after: float, location: LocationMap, law: UnnamedLaw | None
+) -> Unexplained:
     if law is not None and law.regime:
-        return Unexplained(after, law.place, law.regime, found)
-    best = found.best
+        return Unexplained(after, law.place, law.regime, location)
+    best = location.best
     if verdict in ("consistent", "explained") or best is None or best.p_value > SIGNIFICANT:
-        return Unexplained(after, Place(), "", found)
-    return Unexplained(after, best.place, best.regime, found)
+        return Unexplained(after, Place(), "", location)
+    return Unexplained(after, best.place, best.regime, location)
 
 
 def _not_testable(search: Search, findings: Sequence[Finding]) -> tuple[NotTestable, ...]:
@@ -428,14 +430,14 @@ def _not_testable(search: Search, findings: Sequence[Finding]) -> tuple[NotTesta
     there = excitation(suspects, limits)
     parts = [part for part in search.parts(None) if not part.heldout]
     gains: dict[EffectName, float] = {effect.name: 0.0 for effect in EFFECTS.values()}
-    seen = total(parts, search.evidence.size)
+    data = total(parts, search.evidence.size)
     for column, direction in enumerate(search.evidence.library.directions):
         name = search.evidence.library.hypotheses[direction.hypothesis].name
         own = search.evidence.nuisances + column
         gains[name] = max(
-            gains[name], search.weights.effective_sample_fraction * float(seen.matrix[own, own])
+            gains[name], search.weights.effective_sample_fraction * float(data.matrix[own, own])
         )
-    found = []
+    untestable = []
     pneumatic = len(limits) > 0
     tried = {hypothesis.name for hypothesis in search.evidence.library.hypotheses}
     shown = {finding.effect for finding in findings}
@@ -445,8 +447,8 @@ def _not_testable(search: Search, findings: Sequence[Finding]) -> tuple[NotTesta
         if gains[name] >= DETECTABLE or name in shown or name not in tried:
             continue
         lacking = possible(effect.needs - there, pneumatic=pneumatic)
-        found.append(NotTestable(name, "; ".join(lacking) or "larger motion than was recorded"))
-    return tuple(found)
+        untestable.append(NotTestable(name, "; ".join(lacking) or "larger motion than was recorded"))
+    return tuple(untestable)
 
 
 __all__ = ["DiagnosisOutcome", "diagnose"]

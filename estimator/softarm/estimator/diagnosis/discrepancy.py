@@ -44,11 +44,11 @@ class Autoregression:
         best: tuple[float, Floats, float] | None = None
         for order in range(min(LONGEST, count // SAMPLES) + 1):
             past, now = rows[:, LONGEST - order : LONGEST][:, ::-1], rows[:, LONGEST]
-            found = np.linalg.lstsq(past, now, rcond=None)[0]
-            variance = float(np.sum((now - past @ found) ** 2)) / max(count - order, 1)
+            solution = np.linalg.lstsq(past, now, rcond=None)[0]
+            variance = float(np.sum((now - past @ solution) ** 2)) / max(count - order, 1)
             price = count * np.log(max(variance, 1e-300)) + order * np.log(max(count, 1))
             if best is None or price < best[0]:
-                best = (price, found, variance)
+                best = (price, solution, variance)
         assert best is not None
         return cls(best[1], float(np.sqrt(best[2])))
 
@@ -61,8 +61,8 @@ class Autoregression:
             return np.full(len(stretch), np.nan)
         order = len(self.coefficients)
         rows = sliding_window_view(stretch, order + 1) if len(stretch) > order else np.zeros((0, order + 1))
-        found: Floats = (rows[:, -1] - rows[:, :-1] @ self.coefficients[::-1]) / self.deviation
-        return found
+        innovations: Floats = (rows[:, -1] - rows[:, :-1] @ self.coefficients[::-1]) / self.deviation
+        return innovations
 
 
 def ljung_box(stretches: Sequence[Floats]) -> tuple[float, float]:

@@ -134,11 +134,13 @@ class RegressionProblem:
             self.kept[key] = [self._first(weights, number) for number in range(len(self.stages))]
         if residuals is None:
             return [part for parts in self.kept[key] for part in parts]
-        found = []
+        products = []
         for number, stage in enumerate(self.stages):
             scale, blocks = self.scale(weights, number), stage.session.blocks
-            found += renewed(self.kept[key][number], residuals[number], self.columns[number], scale, blocks)
-        return found
+            products += renewed(
+                self.kept[key][number], residuals[number], self.columns[number], scale, blocks
+            )
+        return products
 
     def widened(
         self,
@@ -157,19 +159,19 @@ class RegressionProblem:
             nominal: Give those of the nominal recordings instead.
         """
         plain = self.products(weights, residuals)
-        left = self.residuals if residuals is None else residuals
-        found = []
+        residual = self.residuals if residuals is None else residuals
+        products = []
         for number, stage in enumerate(self.stages):
             if stage.session.nominal == nominal:
-                found += with_columns(
+                products += with_columns(
                     [part for part in plain if part.session == number],
-                    left[number],
+                    residual[number],
                     self.columns[number],
                     more(stage),
                     self.scale(weights, number),
                     stage.session.blocks,
                 )
-        return found
+        return products
 
     def scale(self, weights: Weights, number: int) -> Floats:
         """Give the standard deviation of each residual of a session, shape (samples, rows)."""
@@ -181,7 +183,7 @@ class RegressionProblem:
     @cached_property
     def _model_error_std(self) -> list[Floats]:
         """What the model may get wrong of each residual beside its noise, each of shape (samples, rows)."""
-        found = []
+        errors = []
         for stage in self.stages:
             groups, sizes = _groups(stage), np.nan_to_num(np.abs(stage.residual))
             largest = {
@@ -189,8 +191,8 @@ class RegressionProblem:
                 for group in groups
             }
             mismatch = np.stack([largest[group] for group in groups], axis=1)
-            found.append(np.hypot(stage.model_error_std, RELATIVE_MODEL_ERROR * mismatch))
-        return found
+            errors.append(np.hypot(stage.model_error_std, RELATIVE_MODEL_ERROR * mismatch))
+        return errors
 
     def _first(self, weights: Weights, number: int) -> list[NormalEquations]:
         session = self.stages[number].session
@@ -214,8 +216,8 @@ class RegressionProblem:
         weights = self._weights(self.residuals, range(len(self.stages)))
         for _ in range(2):
             each = [self._fullest(weights, self.residuals, nominal=nominal) for nominal in (True, False)]
-            left = [each[0 if s.session.nominal else 1][k] for k, s in enumerate(self.stages)]
-            calmed = self._calmed(left, weights)
+            residuals = [each[0 if s.session.nominal else 1][k] for k, s in enumerate(self.stages)]
+            calmed = self._calmed(residuals, weights)
             weights = self._weights(calmed, range(len(self.stages)))
             nominal = [k for k, stage in enumerate(self.stages) if stage.session.nominal]
             if nominal:
@@ -223,51 +225,53 @@ class RegressionProblem:
         return weights
 
     def _weights(self, residuals: Sequence[Floats], chosen: Sequence[int]) -> Weights:
-        seen = self._seen(residuals)
+        observed = self._observed(residuals)
         names, sigmas = self.names, self._sigmas
-        return weights_of([names[k] for k in chosen], [seen[k] for k in chosen], [sigmas[k] for k in chosen])
+        return weights_of(
+            [names[k] for k in chosen], [observed[k] for k in chosen], [sigmas[k] for k in chosen]
+        )
 
     def _calmed(self, residuals: Sequence[Floats], weights: Weights) -> list[Floats]:
         """Shrink residuals by what the error of the model adds to their scatter."""
-        found = []
-        for number, (stage, left) in enumerate(zip(self.stages, residuals, strict=True)):
+        shrunk = []
+        for number, (stage, residual) in enumerate(zip(self.stages, residuals, strict=True)):
             row = np.array([weights.scale[name] for name in channels(stage.suite)])
-            found.append(left * row / self.scale(weights, number))
-        return found
+            shrunk.append(residual * row / self.scale(weights, number))
+        return shrunk
 
     def leftover(self, weights: Weights, residuals: Sequence[Floats], *, nominal: bool) -> float:
         """Give the rms, over its scatter, of what everything at once leaves of some recordings."""
-        left = self._calmed(self._fullest(weights, residuals, nominal=nominal), weights)
+        shrunk = self._calmed(self._fullest(weights, residuals, nominal=nominal), weights)
         squares = [
             (own[~stage.session.heldout] / [weights.scale[name] for name in names]).ravel() ** 2
-            for stage, own, names in zip(self.stages, left, self.names, strict=True)
+            for stage, own, names in zip(self.stages, shrunk, self.names, strict=True)
             if stage.session.nominal == nominal
         ]
         return float(np.sqrt(np.nanmean(np.concatenate(squares)))) if squares else 0.0
 
-    def _fullest(self, weights: Weights, left: Sequence[Floats], *, nominal: bool) -> list[Floats]:
+    def _fullest(self, weights: Weights, residuals: Sequence[Floats], *, nominal: bool) -> list[Floats]:
         """Give what everything at once leaves of nominal, or other, recordings, widened by what it spent."""
-        every = self.products(weights, left)
+        every = self.products(weights, residuals)
         parts = [p for p in every if not p.heldout and p.nominal == nominal]
         if not parts:
-            return list(left)
+            return list(residuals)
         everything = total(parts, self.size)
         posterior = self.prior(FULLEST, FULLEST).posterior(everything, 1.0)
         spent = float(np.einsum("ij,ji->", posterior.covariance, everything.matrix))
         widen = np.sqrt(everything.count / max(everything.count - spent, 0.1 * everything.count))
         return [
             widen * (own - c @ posterior.mean) if stage.session.nominal == nominal else own
-            for stage, own, c in zip(self.stages, left, self.columns, strict=True)
+            for stage, own, c in zip(self.stages, residuals, self.columns, strict=True)
         ]
 
     @cached_property
     def floors(self) -> dict[str, float]:
         """Noise of each channel, as the quieter recordings show it [m, rad]."""
-        found: dict[str, list[float]] = {}
+        noise: dict[str, list[float]] = {}
         for stage, names in zip(self.stages, self.names, strict=True):
             for name, sigma in zip(names, stage.session.sigma.tolist(), strict=True):
-                found.setdefault(name, []).append(sigma)
-        return {name: float(np.percentile(sigmas, QUIET)) for name, sigmas in found.items()}
+                noise.setdefault(name, []).append(sigma)
+        return {name: float(np.percentile(sigmas, QUIET)) for name, sigmas in noise.items()}
 
     @cached_property
     def _sigmas(self) -> list[Floats]:
@@ -275,8 +279,8 @@ class RegressionProblem:
         squares: dict[tuple[str, str], list[Floats]] = {}
         groups = [_groups(stage) for stage in self.stages]
         for stage, own in zip(self.stages, groups, strict=True):
-            seen = stage.reading_rows[~stage.session.heldout]
-            for group, column in zip(own, seen.T, strict=True):
+            readings = stage.reading_rows[~stage.session.heldout]
+            for group, column in zip(own, readings.T, strict=True):
                 squares.setdefault(group, []).append(column[np.isfinite(column)] ** 2)
         # A body that moves along one axis is off along all: a group's channels share the largest motion.
         form: dict[tuple[str, str], float] = {}
@@ -288,8 +292,10 @@ class RegressionProblem:
             np.hypot(floor, [form[group] for group in own]) for floor, own in zip(noise, groups, strict=True)
         ]
 
-    def _seen(self, residuals: Sequence[Floats]) -> list[Floats]:
-        return [left[~stage.session.heldout] for stage, left in zip(self.stages, residuals, strict=True)]
+    def _observed(self, residuals: Sequence[Floats]) -> list[Floats]:
+        return [
+            residual[~stage.session.heldout] for stage, residual in zip(self.stages, residuals, strict=True)
+        ]
 
 
 def _groups(stage: Stage) -> list[tuple[str, str]]:

@@ -30,14 +30,14 @@ class ExactModel:
         drive: What acts on it without effects.
         baseline: Its response to that, which holds no eigenstrains.
         world: What effects may refer to.
-        seen: The response without effects as these see it.
+        observed: The response without effects as these see it.
     """
 
     arm: RespondingArm
     drive: Drive
     baseline: ArmResponse
     world: World
-    seen: ArmResponse
+    observed: ArmResponse
 
     @cached_property
     def nodes(self) -> Indices:
@@ -61,7 +61,7 @@ class ExactModel:
         Returns:
             What acts in the end, and the response at the nodes, without derivatives.
         """
-        plain, near = self.seen, self.baseline.at(self.nodes)
+        plain, near = self.observed, self.baseline.at(self.nodes)
         answering = [placed for placed in effects if placed.effect.responds_to_own_effect]
         others = [placed for placed in effects if not placed.effect.responds_to_own_effect]
         drive = self._shaped(others, plain)
@@ -85,13 +85,13 @@ class ExactModel:
         response = self.arm.respond(drive.at(nodes), begun, jacobians=False)
         if not answering:
             return drive, response
-        offset = self.seen.frames.positions[nodes] - self.baseline.frames.positions[nodes]
+        offset = self.observed.frames.positions[nodes] - self.baseline.frames.positions[nodes]
         signals = signals_of(drive.at(nodes), self.world, _moved(response, offset))
         loads = [placed.act(signals, ())[0] for placed in answering]
         met = np.flatnonzero(np.abs(loads).max(axis=(0, 2, 3)))
         if not len(met):
             return drive, response
-        arm, there = _SeenArm(self.arm, offset[met]), drive.at(nodes[met])
+        arm, there = _ObservedArm(self.arm, offset[met]), drive.at(nodes[met])
         wrenches = drive.wrenches.copy()
         wrenches[nodes[met]] = simulate_with(answering, arm, self.world, there).drive.wrenches
         loaded = replace(drive, wrenches=wrenches)
@@ -102,14 +102,18 @@ class ExactModel:
         clock, nodes = self.drive.time, self.drive.time[self.nodes]
         columns = []
         for column in values.reshape(len(nodes), -1).T:
-            found = np.isfinite(column)
-            known = np.interp(clock, nodes[found], column[found]) if found.any() else np.zeros(len(clock))
+            known_nodes = np.isfinite(column)
+            known = (
+                np.interp(clock, nodes[known_nodes], column[known_nodes])
+                if known_nodes.any()
+                else np.zeros(len(clock))
+            )
             columns.append(known)
         return np.stack(columns, axis=-1).reshape(len(clock), *values.shape[1:])
 
-    def _shaped(self, effects: Sequence[PlacedEffect], seen: ArmResponse) -> Drive:
+    def _shaped(self, effects: Sequence[PlacedEffect], response: ArmResponse) -> Drive:
         """Let effects act on the drive, as they see it in a response."""
-        drive, signals = self.drive, signals_of(self.drive, self.world, seen)
+        drive, signals = self.drive, signals_of(self.drive, self.world, response)
         for placed in effects:
             change, _ = placed.change(replace(signals, pressures=drive.pressures))
             drive = placed.apply(drive, change)
@@ -124,7 +128,7 @@ def _settled(drive: Drive, again: Drive) -> bool:
 
 
 @dataclass(frozen=True)
-class _SeenArm:
+class _ObservedArm:
     """A model whose sections effects see elsewhere: by offsets [m], shape (samples, sections, 3)."""
 
     arm: RespondingArm

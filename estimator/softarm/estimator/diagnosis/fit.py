@@ -64,15 +64,15 @@ class MarginalisedProblem:
 
     @classmethod
     def of(
-        cls, residuals: Sequence[RecordingResidual], prior: Gaussian, fraction: float, seen: Total
+        cls, residuals: Sequence[RecordingResidual], prior: Gaussian, fraction: float, data: Total
     ) -> "MarginalisedProblem":
         """Prepare fits to residuals whose normal equations are known."""
-        right = seen.vector - seen.matrix @ prior.mean
+        right = data.vector - data.matrix @ prior.mean
         return cls(
             tuple(residuals),
             prior,
             fraction,
-            Factor.of(fraction * seen.matrix + prior.precision),
+            Factor.of(fraction * data.matrix + prior.precision),
             fraction * right,
         )
 
@@ -224,15 +224,15 @@ def _secant(slopes: list[Floats], step: Floats, change: list[Floats]) -> None:
     length = float(step @ step)
     if length == 0.0 or not all(np.isfinite(c).all() for c in change):
         return
-    for own, seen in zip(slopes, change, strict=True):
-        own += (seen[:, 0] - own @ step)[:, None] * (step / length)
+    for own, observed in zip(slopes, change, strict=True):
+        own += (observed[:, 0] - own @ step)[:, None] * (step / length)
 
 
 def whitened(
     problem: MarginalisedProblem, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats], *, exact: bool
 ) -> list[Floats]:
     """Give what effects change, over the residuals' scale, each session flattened to one column."""
-    found = []
+    changes = []
     for recorded in problem.residuals:
         world = recorded.stage.world
         placed = [
@@ -241,8 +241,8 @@ def whitened(
             if hypothesis.place.sensor in (None, *world.sensors)
         ]
         change = recorded.stage.change(placed, exact=exact)
-        found.append(np.nan_to_num(change * recorded.weight, nan=0.0).reshape(-1, 1))
-    return found
+        changes.append(np.nan_to_num(change * recorded.weight, nan=0.0).reshape(-1, 1))
+    return changes
 
 
 def gain_of(
@@ -328,13 +328,13 @@ class Parametrisation:
     @property
     def spreads(self) -> Floats:
         """Spread of the priors; those of amplitudes are wide, so that only the data speak of size."""
-        found = [
+        spreads = [
             p.spread
             if p.transform == "log"
             else (10.0 if p.role == "amplitude" else 3.0) * p.spread / p.scale
             for p in self.parameters
         ]
-        return np.asarray(np.maximum(np.array(found), 1e-3), dtype=np.float64)
+        return np.asarray(np.maximum(np.array(spreads), 1e-3), dtype=np.float64)
 
     def penalty(self, values: Floats) -> float:
         """Give the cost of values beforehand."""

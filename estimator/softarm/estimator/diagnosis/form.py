@@ -49,12 +49,12 @@ def monomials(stage: Stage, segment: int) -> Floats:
     members = [k for k, own in enumerate(stage.world.chamber_segment) if own == segment]
     pressures = stage.session.pressures[:, members] / PRESSURE
     strains = stage.arm.baseline.strains[:, segment, :3] / STRAIN
-    found = [
+    products = [
         np.prod(pressures[:, list(term)], axis=1)
         for degree in range(1, DEGREE + 1)
         for term in combinations_with_replacement(range(len(members)), degree)
     ]
-    found += [strains[:, k] for k in range(3)]
-    found += [strains[:, j] * strains[:, k] for j, k in combinations_with_replacement(range(2), 2)]
-    found += [strains[:, j] * pressures[:, k] for j in range(2) for k in range(len(members))]
-    return np.stack(found, axis=-1)
+    products += [strains[:, k] for k in range(3)]
+    products += [strains[:, j] * strains[:, k] for j, k in combinations_with_replacement(range(2), 2)]
+    products += [strains[:, j] * pressures[:, k] for j in range(2) for k in range(len(members))]
+    return np.stack(products, axis=-1)

@@ -91,16 +91,16 @@ class Gaussian:
         """Add independent variation of each coefficient with standard deviations, shape (columns,)."""
         return Gaussian(self.mean, self.covariance + np.diag(spreads**2))
 
-    def posterior(self, seen: Total, fraction: float) -> "Gaussian":
+    def posterior(self, data: Total, fraction: float) -> "Gaussian":
         """Condition on products.
 
         Args:
-            seen: Sum of products.
+            data: Sum of products.
             fraction: Effective sample fraction: independent samples over samples.
         """
-        normal = fraction * seen.matrix + self.precision
+        normal = fraction * data.matrix + self.precision
         factor = Factor.of(normal)
-        right = fraction * seen.vector + self.precision @ self.mean
+        right = fraction * data.vector + self.precision @ self.mean
         return Gaussian(factor.solve(right), _symmetric(factor.solve(np.eye(len(right)))))
 
 
@@ -121,20 +121,20 @@ class Marginal:
     count: float
 
     @classmethod
-    def of(cls, prior: Gaussian, seen: Total, fraction: float) -> "Marginal":
+    def of(cls, prior: Gaussian, data: Total, fraction: float) -> "Marginal":
         """Marginalise the common coefficients over what was seen."""
-        gram, (right, sum_of_squares) = fraction * seen.matrix, _surprise(prior, seen, fraction)
+        gram, (right, sum_of_squares) = fraction * data.matrix, _surprise(prior, data, fraction)
         solved = Factor.of(gram + prior.precision).solve(np.column_stack([gram, right]))
         matrix = gram - gram @ solved[:, :-1]
         vector = right - gram @ solved[:, -1]
         cost = sum_of_squares - float(right @ solved[:, -1])
-        return cls(_symmetric(matrix), vector, cost, fraction * seen.count)
+        return cls(_symmetric(matrix), vector, cost, fraction * data.count)
 
     @staticmethod
-    def cost_of(prior: Gaussian, seen: Total, fraction: float) -> float:
+    def cost_of(prior: Gaussian, data: Total, fraction: float) -> float:
         """Give the cost alone."""
-        right, sum_of_squares = _surprise(prior, seen, fraction)
-        factor = Factor.of(fraction * seen.matrix + prior.precision)
+        right, sum_of_squares = _surprise(prior, data, fraction)
+        factor = Factor.of(fraction * data.matrix + prior.precision)
         return sum_of_squares - float(right @ factor.solve(right))
 
     def gain(self, columns: Sequence[int]) -> tuple[float, Floats]:
@@ -168,11 +168,11 @@ class Marginal:
         return drawn
 
 
-def _surprise(prior: Gaussian, seen: Total, fraction: float) -> tuple[Floats, float]:
+def _surprise(prior: Gaussian, data: Total, fraction: float) -> tuple[Floats, float]:
     """Give the products of the columns with what the prior mean leaves, and its weighted squares."""
-    right = fraction * (seen.vector - seen.matrix @ prior.mean)
+    right = fraction * (data.vector - data.matrix @ prior.mean)
     sum_of_squares = (
-        seen.sum_of_squares - 2.0 * prior.mean @ seen.vector + prior.mean @ seen.matrix @ prior.mean
+        data.sum_of_squares - 2.0 * prior.mean @ data.vector + prior.mean @ data.matrix @ prior.mean
     )
     return right, fraction * float(sum_of_squares)
 

@@ -19,8 +19,8 @@ Residuals = Sequence[Floats]
 
 def learnt_coefficients(search: Search, fit: Fit | None) -> Floats:
     """Return the common coefficients that the searched stretches show with some effects, shape (columns,)."""
-    seen = total([part for part in search.parts(fit) if not part.heldout], search.evidence.size)
-    return search.prior.posterior(seen, search.weights.effective_sample_fraction).mean
+    data = total([part for part in search.parts(fit) if not part.heldout], search.evidence.size)
+    return search.prior.posterior(data, search.weights.effective_sample_fraction).mean
 
 
 def residuals_of(search: Search, fit: Fit | None, coefficients: Floats) -> list[Floats]:
@@ -30,8 +30,8 @@ def residuals_of(search: Search, fit: Fit | None, coefficients: Floats) -> list[
         Of each session, shape (samples, rows).
     """
     return [
-        left - columns @ coefficients
-        for left, columns in zip(search.residuals(fit), search.evidence.columns, strict=True)
+        residual - columns @ coefficients
+        for residual, columns in zip(search.residuals(fit), search.evidence.columns, strict=True)
     ]
 
 
@@ -63,8 +63,8 @@ def channel_errors(search: Search, before: Residuals, after: Residuals) -> dict[
     squares: dict[str, list[Floats]] = {}
     kinds: dict[str, str] = {}
     for number, stage in _questioned(search):
-        seen = stage.session.reported
-        both = np.stack([before[number][seen], after[number][seen]])
+        reported = stage.session.reported
+        both = np.stack([before[number][reported], after[number][reported]])
         for row, (name, unit) in enumerate(zip(channels(stage.suite), stage.suite.units, strict=True)):
             good = np.isfinite(both[..., row]).all(axis=0)
             squares.setdefault(name, []).append(both[:, good, row] ** 2)
@@ -106,7 +106,7 @@ def innovation_test(search: Search, residuals: Residuals) -> InnovationTest:
 
 def _standardised(search: Search, residuals: Residuals, *, reported: bool) -> dict[str, list[Floats]]:
     """List the residuals of each channel by stretch, over the standard deviation that the choice assumed."""
-    found: dict[str, list[Floats]] = {}
+    standardised: dict[str, list[Floats]] = {}
     for number, stage in enumerate(search.evidence.stages):
         session = stage.session
         if session.nominal:
@@ -116,8 +116,8 @@ def _standardised(search: Search, residuals: Residuals, *, reported: bool) -> di
         for block in np.unique(session.blocks[chosen]):
             own = scaled[(session.blocks == block) & chosen]
             for name, column in zip(channels(stage.suite), own.T, strict=True):
-                found.setdefault(name, []).append(column)
-    return found
+                standardised.setdefault(name, []).append(column)
+    return standardised
 
 
 def worst_stretch(search: Search, residuals: Residuals) -> Stretch | None:
@@ -127,7 +127,7 @@ def worst_stretch(search: Search, residuals: Residuals) -> Stretch | None:
         search: The search.
         residuals: Of each session with all findings, shape (samples, rows).
     """
-    found: tuple[float, Stretch] | None = None
+    worst: tuple[float, Stretch] | None = None
     for number, stage in enumerate(search.evidence.stages):
         session = stage.session
         if session.nominal:
@@ -140,13 +140,13 @@ def worst_stretch(search: Search, residuals: Residuals) -> Stretch | None:
             rms = np.sqrt(squares.sum(axis=0) / np.maximum(finite.sum(axis=0), 1))
             row = int(np.argmax(rms / scale))
             time = session.clock[own] - session.clock[0]
-            if found is None or rms[row] / scale[row] > found[0]:
+            if worst is None or rms[row] / scale[row] > worst[0]:
                 place = (session.name, channels(stage.suite)[row], stage.suite.units[row])
-                found = (
+                worst = (
                     float(rms[row] / scale[row]),
                     Stretch(*place, float(time[0]), float(time[-1]), float(rms[row])),
                 )
-    return found[1] if found else None
+    return worst[1] if worst else None
 
 
 def _questioned(search: Search) -> Iterator[tuple[int, Stage]]:

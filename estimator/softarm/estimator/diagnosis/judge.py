@@ -101,10 +101,10 @@ def fold_costs(parts: Sequence[NormalEquations], prior: Gaussian, fraction: floa
         rest = [part for part in parts if part not in fold]
         learnt = extended.posterior(total(rest, size + 1), fraction)
         known = prior.augment(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
-        seen = total(fold, size + 1)
-        before = Marginal.cost_of(prior, seen.first(size), fraction)
-        after = Marginal.cost_of(known, seen, fraction)
-        rows.append((before, after, fraction * seen.count, fraction * seen.matrix[-1, -1]))
+        data = total(fold, size + 1)
+        before = Marginal.cost_of(prior, data.first(size), fraction)
+        after = Marginal.cost_of(known, data, fraction)
+        rows.append((before, after, fraction * data.count, fraction * data.matrix[-1, -1]))
     return FoldCosts(*np.array(rows, dtype=np.float64).T)
 
 

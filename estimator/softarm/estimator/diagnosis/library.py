@@ -80,10 +80,10 @@ class Library:
 
     def groups(self) -> list[tuple[int, int, list[int]]]:
         """List hypothesis, shape and the columns that belong to them."""
-        found: dict[tuple[int, int], list[int]] = {}
+        groups: dict[tuple[int, int], list[int]] = {}
         for column, direction in enumerate(self.directions):
-            found.setdefault((direction.hypothesis, direction.shape), []).append(column)
-        return [(hypothesis, shape, columns) for (hypothesis, shape), columns in found.items()]
+            groups.setdefault((direction.hypothesis, direction.shape), []).append(column)
+        return [(hypothesis, shape, columns) for (hypothesis, shape), columns in groups.items()]
 
 
 def build_library(
@@ -149,12 +149,12 @@ def _directions(number: int, effect: Effect, place: Place, world: World, highest
         return [Direction(number, shape, -1, theta, 1.0, 1.0) for shape, theta in enumerate(present)]
     amplitudes = [k for k, p in enumerate(effect.parameters) if p.role == "amplitude"]
     shapes = [k for k, p in enumerate(effect.parameters) if p.role == "shape"]
-    found = []
+    directions = []
     for shape, values in enumerate(effect.shapes):
         for k in amplitudes:
             theta = effect.neutral
             theta[shapes] = values
             typical = abs(effect.parameters[k].typical)
             theta[k] = SMALL * typical
-            found.append(Direction(number, shape, k, theta, SMALL * typical, typical))
-    return found
+            directions.append(Direction(number, shape, k, theta, SMALL * typical, typical))
+    return directions

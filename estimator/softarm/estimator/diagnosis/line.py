@@ -32,17 +32,17 @@ def _line_error(sessions: Sequence[Session], name: str) -> float | None:
         if values is None:
             continue
         rows = np.column_stack([session.pressures, np.ones(session.samples), values])
-        seen = np.isfinite(rows).all(axis=1)
-        known.append(rows[seen & ~session.heldout])
+        observed = np.isfinite(rows).all(axis=1)
+        known.append(rows[observed & ~session.heldout])
         if not session.nominal:
-            asked.append(rows[seen & session.reported])
+            asked.append(rows[observed & session.reported])
     if not asked or not len(np.concatenate(asked)) or not len(np.concatenate(known)):
         return None
     learnt, reported = np.concatenate(known), np.concatenate(asked)
     scale = np.maximum(np.abs(learnt[:, :-1]).max(axis=0), 1e-12)
     line, *_ = np.linalg.lstsq(learnt[:, :-1] / scale, learnt[:, -1], rcond=1e-9)
-    left = reported[:, -1] - reported[:, :-1] / scale @ line
-    return float(np.sqrt(np.mean(left**2)))
+    residual = reported[:, -1] - reported[:, :-1] / scale @ line
+    return float(np.sqrt(np.mean(residual**2)))
 
 
 def _readings(session: Session, name: str) -> Floats | None:

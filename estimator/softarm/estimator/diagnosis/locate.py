@@ -67,20 +67,20 @@ def locate(
         prior: Of the common coefficients, which stay free.
         rng: Of the draws without mismatch.
     """
-    found: list[tuple[CellKind, str, str, str, Regime]] = []
+    labels: list[tuple[CellKind, str, str, str, Regime]] = []
     parts: list[tuple[Floats, Floats, Floats]] = []
     for number, stage in enumerate(evidence.stages):
         if stage.session.nominal or stage.session.heldout.all():
             continue
         names, columns = cells_of(stage)
-        found = found or names
-        if names == found:
+        labels = labels or names
+        if names == labels:
             parts.append(_cross(evidence, weights, number, residuals[number], columns))
     if not parts:
         return LocationMap()
     searched = [p for p in evidence.products(weights, residuals) if not p.nominal and not p.heldout]
-    seen = total(searched, evidence.size)
-    marginal = Marginal.of(*_joined(prior, seen, parts), weights.effective_sample_fraction)
+    data = total(searched, evidence.size)
+    marginal = Marginal.of(*_joined(prior, data, parts), weights.effective_sample_fraction)
     first = evidence.size
     diagonal = np.maximum(np.diag(marginal.matrix)[first:], 1e-300)
     values = marginal.vector[first:] / diagonal
@@ -98,7 +98,7 @@ def locate(
             float(gain / explainable),
             float((null >= gain).mean()),
         )
-        for (kind, name, axis, unit, regime), value, gain in zip(found, values, gains, strict=True)
+        for (kind, name, axis, unit, regime), value, gain in zip(labels, values, gains, strict=True)
     ]
     return LocationMap(tuple(sorted(cells, key=lambda cell: -cell.share)))
 
@@ -123,45 +123,45 @@ def _cross(
 ) -> tuple[Floats, Floats, Floats]:
     """Multiply cells with common columns, with one another and with the residual of a session."""
     stage = evidence.stages[number]
-    seen = np.isfinite(residual) & ~stage.session.heldout[:, None]
-    inverse = np.where(seen, 1.0 / evidence.scale(weights, number), 0.0).astype(np.float32)
+    observed = np.isfinite(residual) & ~stage.session.heldout[:, None]
+    inverse = np.where(observed, 1.0 / evidence.scale(weights, number), 0.0).astype(np.float32)
     cells = (columns * inverse[..., None]).reshape(-1, columns.shape[-1])
     common = (evidence.columns[number] * inverse[..., None]).reshape(len(cells), -1)
-    left = np.where(seen, np.nan_to_num(residual), 0.0) * inverse
+    residuals = np.where(observed, np.nan_to_num(residual), 0.0) * inverse
     return (
         np.asarray(np.dot(common.T, cells), dtype=np.float64),
         np.asarray(np.dot(cells.T, cells), dtype=np.float64),
-        np.asarray(np.dot(cells.T, left.ravel()), dtype=np.float64),
+        np.asarray(np.dot(cells.T, residuals.ravel()), dtype=np.float64),
     )
 
 
 def _joined(
-    prior: Gaussian, seen: Total, parts: Sequence[tuple[Floats, Floats, Floats]]
+    prior: Gaussian, data: Total, parts: Sequence[tuple[Floats, Floats, Floats]]
 ) -> tuple[Gaussian, Total]:
     """Put cells beside the common columns; the prior mean of cells is zero."""
     known = len(prior.mean)
     cross, own, pull = (np.sum([part[k] for part in parts], axis=0) for k in range(3))
     size = known + len(pull)
     matrix, covariance = np.zeros((size, size)), np.zeros((size, size))
-    matrix[:known, :known], matrix[known:, known:] = seen.matrix, own
+    matrix[:known, :known], matrix[known:, known:] = data.matrix, own
     matrix[:known, known:], matrix[known:, :known] = cross, cross.T
     covariance[:known, :known] = prior.covariance
     covariance[np.arange(known, size), np.arange(known, size)] = 1e-18
     joined = Gaussian(np.append(prior.mean, np.zeros(len(pull))), covariance)
-    return joined, Total(seen.count, matrix, np.append(seen.vector, pull), seen.sum_of_squares)
+    return joined, Total(data.count, matrix, np.append(data.vector, pull), data.sum_of_squares)
 
 
 def spotted(stage: Stage) -> list[Spotted]:
     """List the equivalent loads and offsets of all places."""
     chambers = stage.drive.pressures.shape[1]
     by_pressure, couple_jacobian = stage.input_jacobian[..., :chambers], stage.couple_jacobian
-    found = []
+    cells = []
     for g, segment in enumerate(stage.arm.segments.names):
-        found += [
+        cells += [
             Spotted("segment", segment, letter, unit, couple_jacobian[..., 4 * g + axis])
             for axis, (letter, unit) in enumerate(zip(COUPLES, COUPLE_UNITS, strict=True))
         ]
-    found += [
+    cells += [
         Spotted("chamber", str(chamber), "pressure", "Pa", by_pressure[..., chamber])
         for chamber in range(chambers)
     ]
@@ -169,15 +169,15 @@ def spotted(stage: Stage) -> list[Spotted]:
         sensor, _, letter = channel.rpartition(".")
         column = np.zeros(stage.residual.shape)
         column[:, row] = 1.0
-        found.append(Spotted("sensor", sensor, letter, unit, column))
+        cells.append(Spotted("sensor", sensor, letter, unit, column))
     for axis, letter in enumerate("xy"):
-        turned = np.zeros((stage.session.samples, 3))
-        turned[:, axis] = TILT
-        twists = stage.arm.twists(_tilted(stage, turned)) / TILT
-        found.append(
+        rotation = np.zeros((stage.session.samples, 3))
+        rotation[:, axis] = TILT
+        twists = stage.arm.twists(_tilted(stage, rotation)) / TILT
+        cells.append(
             Spotted("base", "base", letter, "rad", np.einsum("tri,ti->tr", stage.twist_jacobian, twists))
         )
-    return found
+    return cells
 
 
 def regimes(stage: Stage) -> dict[Regime, Floats]:
@@ -215,5 +215,5 @@ def _unit(values: Floats) -> Floats:
     return values / size if size > 0.0 else values
 
 
-def _tilted(stage: Stage, turned: Floats) -> Drive:
-    return replace(stage.drive, base_rotation=stage.drive.base_rotation + turned)
+def _tilted(stage: Stage, rotation: Floats) -> Drive:
+    return replace(stage.drive, base_rotation=stage.drive.base_rotation + rotation)

@@ -72,16 +72,18 @@ class NaturalFrequency:
             return np.split(np.concatenate([fixed, before + scale * change]), np.cumsum(sizes)[:-1])
 
         def residual(change: Floats) -> Floats:
-            left = self.ratio - self.predicted(fit.hypotheses, parts(change))
-            return np.append(change @ whitener, left / SIGMA)
+            innovation = self.ratio - self.predicted(fit.hypotheses, parts(change))
+            return np.append(change @ whitener, innovation / SIGMA)
 
         lower, upper = np.array([(p.lower, p.upper) for p in parameters]).T
         least, most = np.sort([(lower - before) / scale, (upper - before) / scale], axis=0)
         bounds = np.minimum(least, 0.0), np.maximum(most, 0.0)
-        found = least_squares(residual, np.zeros(free), bounds=bounds, x_scale=np.sqrt(values.max()))
-        thetas = tuple(parts(found.x))
-        total = self.gain(self.predicted(fit.hypotheses, thetas)) - float(found.fun[:-1] @ found.fun[:-1])
-        covariance = np.linalg.inv(found.jac.T @ found.jac)
+        solution = least_squares(residual, np.zeros(free), bounds=bounds, x_scale=np.sqrt(values.max()))
+        thetas = tuple(parts(solution.x))
+        total = self.gain(self.predicted(fit.hypotheses, thetas)) - float(
+            solution.fun[:-1] @ solution.fun[:-1]
+        )
+        covariance = np.linalg.inv(solution.jac.T @ solution.jac)
         return replace(fit, thetas=thetas, covariance=covariance, gain=fit.gain + total)
 
 

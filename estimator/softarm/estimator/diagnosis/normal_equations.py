@@ -75,7 +75,7 @@ def normal_equations(
         session: Number of the session.
         nominal: Whether the arm was in its known state.
     """
-    found = []
+    parts = []
     for block, samples, recorded, weight in _stretches(residual, scale, blocks):
         weighted = residual[samples][recorded] * weight
         rows: NDArray[Any] = np.asarray(columns[samples][recorded] * weight[:, None], dtype=columns.dtype)
@@ -83,10 +83,10 @@ def normal_equations(
         vector = np.asarray(rows.T @ weighted, dtype=np.float64)
         flags = bool(heldout[samples].any()), bool(reported[samples].any())
         sum_of_squares = float(weighted @ weighted)
-        found.append(
+        parts.append(
             NormalEquations(session, block, nominal, *flags, len(weighted), matrix, vector, sum_of_squares)
         )
-    return found
+    return parts
 
 
 def renewed(
@@ -97,11 +97,13 @@ def renewed(
     blocks: NDArray[np.int64],
 ) -> list[NormalEquations]:
     """Compute those of a session with another residual, lost at the same places; see ``normal_equations``."""
-    found = []
+    renewed_parts = []
     for part, samples, present, precision in _weighted(parts, residual, scale, blocks):
         vector = _pull(columns[samples], precision * present)
-        found.append(replace(part, vector=vector, sum_of_squares=float(present @ (precision * present))))
-    return found
+        renewed_parts.append(
+            replace(part, vector=vector, sum_of_squares=float(present @ (precision * present)))
+        )
+    return renewed_parts
 
 
 def with_columns(
@@ -113,14 +115,16 @@ def with_columns(
     blocks: NDArray[np.int64],
 ) -> list[NormalEquations]:
     """Compute those of a session with more columns, shape (samples, rows, more); see ``normal_equations``."""
-    found = []
+    widened = []
     for part, samples, present, precision in _weighted(parts, residual, scale, blocks):
         added = np.nan_to_num(more[samples]).reshape(-1, more.shape[-1])
         weighted = precision[:, None] * added
         cross = _pull(columns[samples], weighted)
         matrix = np.block([[part.matrix, cross], [cross.T, added.T @ weighted]])
-        found.append(replace(part, matrix=matrix, vector=np.concatenate([part.vector, weighted.T @ present])))
-    return found
+        widened.append(
+            replace(part, matrix=matrix, vector=np.concatenate([part.vector, weighted.T @ present]))
+        )
+    return widened
 
 
 def _weighted(
@@ -144,14 +148,14 @@ def _stretches(
     residual: Floats, scale: Floats, blocks: NDArray[np.int64]
 ) -> list[tuple[int, Flags, Flags, Floats]]:
     """List the stretches that have residuals: number, samples, present residuals and their weights."""
-    found = []
+    stretches = []
     spread = np.broadcast_to(scale, residual.shape)
     for block in np.unique(blocks):
         samples = blocks == block
         recorded = np.isfinite(residual[samples])
         if recorded.any():
-            found.append((int(block), samples, recorded, 1.0 / spread[samples][recorded]))
-    return found
+            stretches.append((int(block), samples, recorded, 1.0 / spread[samples][recorded]))
+    return stretches
 
 
 @dataclass(frozen=True)

@@ -44,12 +44,12 @@ def with_poses(evidence: RegressionProblem, weights: Weights, prior: Gaussian) -
         if not stage.session.nominal:
             correction = np.asarray(columns @ moving, dtype=np.float64)
             noise = np.array([weights.scale[name] for name in names])
-            stage = replace(stage, seen=seen_arm(stage, correction, noise))
+            stage = replace(stage, observed=observed_arm(stage, correction, noise))
         stages.append(stage)
     return replace(evidence, stages=tuple(stages))
 
 
-def seen_arm(stage: Stage, correction: Floats, noise: Floats) -> LinearisedArm:
+def observed_arm(stage: Stage, correction: Floats, noise: Floats) -> LinearisedArm:
     """Move the linearised arm of a session to where corrected predictions have it.
 
     Args:

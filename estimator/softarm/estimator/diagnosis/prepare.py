@@ -154,8 +154,8 @@ def _without_repeated_bends(recording: Recording, specimen: Specimen, notes: lis
         above = order[order.index(section) - 1] if order.index(section) > 0 else None
         if section in recording.frames and above in recording.frames:
             told = _tilt(recording.pose(above or ""), recording.pose(section))
-            left = np.abs(told - recording.bend(section))
-            if np.isfinite(left).any() and float(np.nanmedian(left)) < SAME:
+            difference = np.abs(told - recording.bend(section))
+            if np.isfinite(difference).any() and float(np.nanmedian(difference)) < SAME:
                 repeated.append(section)
     if repeated:
         notes.append(f"{recording.name}: bends of {', '.join(repeated)} repeat the frames and are left out.")
@@ -168,14 +168,14 @@ def _without_columns(recording: Recording, prefixes: Sequence[str]) -> Recording
 
 
 def _tilt(above: Floats, below: Floats) -> Floats:
-    seen = np.isfinite(above).all(axis=1) & np.isfinite(below).all(axis=1)
+    observed = np.isfinite(above).all(axis=1) & np.isfinite(below).all(axis=1)
     tilt = np.full((len(above), 2), np.nan)
-    if seen.any():
-        upper, lower = from_quaternions(above[seen, 3:]), from_quaternions(below[seen, 3:])
+    if observed.any():
+        upper, lower = from_quaternions(above[observed, 3:]), from_quaternions(below[observed, 3:])
         axis = np.einsum("tji,tj->ti", upper, lower[:, :, 2])
         sine = np.linalg.norm(axis[:, :2], axis=1)
         angle = np.arctan2(sine, axis[:, 2])
-        tilt[seen] = axis[:, :2] * (angle / np.maximum(sine, 1e-12))[:, None]
+        tilt[observed] = axis[:, :2] * (angle / np.maximum(sine, 1e-12))[:, None]
     return tilt
 
 
@@ -225,9 +225,9 @@ def _unit(suite: SensorSuite, readings: Floats) -> Floats:
 def _means(columns: Floats, places: NDArray[np.int64], count: int) -> Floats:
     means = np.full((count, columns.shape[1]), np.nan)
     for index, column in enumerate(columns.T):
-        seen = np.isfinite(column)
-        members = np.bincount(places[seen], minlength=count)
-        total = np.bincount(places[seen], column[seen], count)
+        observed = np.isfinite(column)
+        members = np.bincount(places[observed], minlength=count)
+        total = np.bincount(places[observed], column[observed], count)
         means[members > 0, index] = total[members > 0] / members[members > 0]
     return means
 
@@ -261,10 +261,10 @@ def _white_noise(session: Session) -> Floats:
     second = np.diff(rows, 2, axis=0)
     sigma = np.zeros(rows.shape[1])
     for index, column in enumerate(second.T):
-        seen = column[np.isfinite(column)]
-        if len(seen):
+        observed = column[np.isfinite(column)]
+        if len(observed):
             # The quieter half of the run: motion itself has second differences too.
-            sigma[index] = np.percentile(np.abs(seen), 25.0) / 0.3186 / np.sqrt(6.0)
+            sigma[index] = np.percentile(np.abs(observed), 25.0) / 0.3186 / np.sqrt(6.0)
     return sigma
 
 

@@ -65,11 +65,11 @@ def pseudo_bma(densities: Floats, rng: np.random.Generator) -> Floats:
 
 def credible_set(probable: Mapping[Explanation, float]) -> set[Explanation]:
     """Return the fewest explanations that together are credible, the likeliest first."""
-    found: set[Explanation] = set()
+    credible: set[Explanation] = set()
     reached = 0.0
     for explanation, weight in sorted(probable.items(), key=lambda entry: -entry[1]):
         if reached >= CREDIBLE:
             break
-        found.add(explanation)
+        credible.add(explanation)
         reached += weight
-    return found
+    return credible

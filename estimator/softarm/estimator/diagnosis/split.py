@@ -52,16 +52,16 @@ def hold_out(sessions: Sequence[Session], limits: np.ndarray) -> tuple[tuple[Ses
 
 def excitation(sessions: Sequence[Session], limits: np.ndarray) -> frozenset[str]:
     """List what some recordings excite together."""
-    found: set[str] = set()
+    excitations: set[str] = set()
     for session in sessions:
         if session.pressures.shape[1]:
-            found |= inventory(session.clock, session.pressures, session.gravity, limits)
+            excitations |= inventory(session.clock, session.pressures, session.gravity, limits)
     if mount_turned(np.concatenate([session.gravity for session in sessions])):
-        found.add("mount_turned")
+        excitations.add("mount_turned")
     clock = np.concatenate([session.clock for session in sessions])
     if float(np.ptp(clock)) >= 600.0:
-        found.add("long_run")
-    return frozenset(found)
+        excitations.add("long_run")
+    return frozenset(excitations)
 
 
 def _spare(sessions: Sequence[Session], suspects: Sequence[int], limits: np.ndarray) -> list[int]:

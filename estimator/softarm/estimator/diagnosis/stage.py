@@ -67,7 +67,7 @@ class Stage:
         suite: The sensors, aligned.
         drive: The calibrated drive.
         vibration_error_std: Error of the model of the vibration, where there is one, shape (samples, rows).
-        seen: The linearised arm where effects see it, if that is elsewhere; see ``pose.py``.
+        observed: The linearised arm where effects see it, if that is elsewhere; see ``pose.py``.
     """
 
     session: Session
@@ -78,7 +78,7 @@ class Stage:
     suite: SensorSuite
     drive: Drive
     vibration_error_std: Floats | None = None
-    seen: LinearisedArm | None = None
+    observed: LinearisedArm | None = None
 
     @cached_property
     def base(self) -> Floats:
@@ -103,8 +103,8 @@ class Stage:
 
     def innovation(self, readings: Floats) -> Floats:
         """Compare stacked readings with the prediction without effects, shape (samples, rows)."""
-        left: Floats = self.suite.sensitivity(self.arm.baseline.frames, readings).innovation
-        return np.where(self.arm.baseline.converged[:, None], left, np.nan)
+        innovation: Floats = self.suite.sensitivity(self.arm.baseline.frames, readings).innovation
+        return np.where(self.arm.baseline.converged[:, None], innovation, np.nan)
 
     @cached_property
     def residual(self) -> Floats:
@@ -134,13 +134,13 @@ class Stage:
             return self.vibration_error_std
         bends = self.arm.baseline.strains[..., :2].reshape(self.session.samples, -1)
         back = max(1, round(SUDDEN / self.session.step))
-        left = np.zeros(self.session.samples)
+        changes = np.zeros(self.session.samples)
         if back * self.session.step < RINGDOWN and self.session.samples > back:
             change = np.abs(bends[back:] - bends[:-back]).max(axis=1)
-            left[back:] = change
-            left = fading(self.session.clock, left)
+            changes[back:] = change
+            changes = fading(self.session.clock, changes)
         lever = np.array([LEVER if unit == "m" else 1.0 for unit in self.suite.units])
-        uncertain: Floats = RINGING * left[:, None] * lever
+        uncertain: Floats = RINGING * changes[:, None] * lever
         return uncertain
 
     def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> Floats:
@@ -168,11 +168,11 @@ class Stage:
     @cached_property
     def _there(self) -> "Stage":
         """The same session where effects see the arm."""
-        return self if self.seen is None else replace(self, arm=self.seen, seen=None)
+        return self if self.observed is None else replace(self, arm=self.observed, observed=None)
 
     def _simulated(self, effects: Sequence[PlacedEffect]) -> Floats:
-        found = simulate_with(effects, self.arm, self.world, self.drive, self.suite)
-        readings = np.concatenate([found.readings[m.name] for m in self.suite.measurements], axis=-1)
+        simulation = simulate_with(effects, self.arm, self.world, self.drive, self.suite)
+        readings = np.concatenate([simulation.readings[m.name] for m in self.suite.measurements], axis=-1)
         return self.innovation(readings)
 
     @cached_property
@@ -197,8 +197,8 @@ class Stage:
         near = self.arm.baseline.at(nodes)
         readings = self.suite.predict(frames)
         readings = np.where(response.converged[:, None], readings, np.nan)
-        left: Floats = self.suite.sensitivity(near.frames, readings).innovation
-        return np.where(near.converged[:, None], left, np.nan)
+        innovation: Floats = self.suite.sensitivity(near.frames, readings).innovation
+        return np.where(near.converged[:, None], innovation, np.nan)
 
     def first_order(self, placed: PlacedEffect) -> Floats:
         """Give by how much an effect changes the predictions to first order, shape (samples, rows).
@@ -211,9 +211,9 @@ class Stage:
         drive = self.drive
         change, _ = placed.change(signals_of(drive, self.world, self.arm.baseline))
         if placed.field == "base_rotation":
-            turned = placed.apply(drive, change)
-            usual = replace(drive, base_rotation=self._usual(turned, (placed,)))
-            return _applied(self.twist_jacobian, self.arm.twists(turned) - self.arm.rigid(usual))
+            rotated = placed.apply(drive, change)
+            usual = replace(drive, base_rotation=self._usual(rotated, (placed,)))
+            return _applied(self.twist_jacobian, self.arm.twists(rotated) - self.arm.rigid(usual))
         return _applied(self.by_drive[placed.field], change.reshape(drive.samples, -1))
 
     @property
@@ -302,10 +302,10 @@ def build_stage(model: Model, session: Session, setting: Setting) -> Stage:
 
 def fading(clock: Floats, sizes: Floats) -> Floats:
     """Give the largest of late of some sizes, forgotten with ``RINGDOWN``, shape (samples, ...)."""
-    left, kept = sizes.copy(), np.exp(-np.diff(clock) / RINGDOWN)
-    for k in range(1, len(left)):
-        left[k] = np.maximum(left[k], left[k - 1] * kept[k - 1])
-    return left
+    envelope, kept = sizes.copy(), np.exp(-np.diff(clock) / RINGDOWN)
+    for k in range(1, len(envelope)):
+        envelope[k] = np.maximum(envelope[k], envelope[k - 1] * kept[k - 1])
+    return envelope
 
 
 def thinned(session: Session, count: int) -> Session:

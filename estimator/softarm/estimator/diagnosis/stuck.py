@@ -59,15 +59,15 @@ def stuck_pressures(recording: Recording) -> tuple[Stuck, ...]:
 
     A valve that does not answer is something else: its sensor goes on showing noise.
     """
-    found = []
+    stuck = []
     time = recording.time - recording.time[0]
     for chamber in recording.chambers:
         asked = recording.columns.get(f"pressure_cmd_{chamber}_pa")
         given = recording.columns.get(f"pressure_{chamber}_pa")
         if asked is None or given is None:
             continue
-        seen = np.flatnonzero(np.isfinite(asked) & np.isfinite(given))
-        for part in np.split(seen, np.flatnonzero(np.diff(given[seen]) != 0.0) + 1):
+        observed = np.flatnonzero(np.isfinite(asked) & np.isfinite(given))
+        for part in np.split(observed, np.flatnonzero(np.diff(given[observed]) != 0.0) + 1):
             if len(part) < 3 or time[part[-1]] - time[part[0]] < LEAST:
                 continue
             # A set-point that has just changed is not answered yet.
@@ -76,10 +76,10 @@ def stuck_pressures(recording: Recording) -> tuple[Stuck, ...]:
                 continue
             error = float(np.sqrt(np.mean((asked[part] - given[part]) ** 2)))
             span = float(time[part[0]]), float(time[part[-1]])
-            found.append(
+            stuck.append(
                 Stuck(recording.name, f"pressure_{chamber}", *span, error / RESOLUTION, 1.0, len(part))
             )
-    return tuple(found)
+    return tuple(stuck)
 
 
 def without_pressures(
@@ -108,28 +108,28 @@ def stuck_notes(stuck: Sequence[Stuck]) -> list[str]:
 
 def find_stuck(stage: Stage) -> tuple[Stuck, ...]:
     """Find sensors of a session that stand still while the model says that they should move."""
-    found = []
+    stuck = []
     time = stage.session.clock - stage.session.clock[0]
-    measured, left = stage.reading_rows, stage.residual
-    predicted = measured - left
+    measured, residual = stage.reading_rows, stage.residual
+    predicted = measured - residual
     for measurement in stage.suite.measurements:
         rows = stage.suite.slices[measurement.name]
         size = np.array([LEVER if unit == "m" else 1.0 for unit in measurement.units])
         shown, wanted = measured[:, rows] / size, predicted[:, rows] / size
         for start, end in _still(time, shown, wanted):
             own = slice(start, end)
-            found.append(
+            stuck.append(
                 Stuck(
                     stage.session.name,
                     measurement.name,
                     float(time[start]),
                     float(time[end - 1]),
-                    float(np.sqrt(np.nanmean((left[own, rows] / size) ** 2))),
+                    float(np.sqrt(np.nanmean((residual[own, rows] / size) ** 2))),
                     float(np.sqrt(np.nanmean((shown[own] - np.nanmean(shown[own], axis=0)) ** 2))),
                     end - start,
                 )
             )
-    return tuple(found)
+    return tuple(stuck)
 
 
 def without_stuck(stage: Stage, stuck: tuple[Stuck, ...]) -> Stage:
@@ -147,7 +147,7 @@ def without_stuck(stage: Stage, stuck: tuple[Stuck, ...]) -> Stage:
 
 def stuck_findings(stuck: Sequence[Stuck]) -> tuple[Finding, ...]:
     """Report every sensor that stood still, from the first time on."""
-    found = []
+    findings = []
     for sensor in dict.fromkeys(one.sensor for one in stuck):
         own = [one for one in stuck if one.sensor == sensor]
         count = sum(one.samples for one in own)
@@ -162,7 +162,7 @@ def stuck_findings(stuck: Sequence[Stuck]) -> tuple[Finding, ...]:
         moving = "its set-point" if sensor.startswith("pressure") else "the arm"
         gain = count * np.log(max(before, 1e-12) / max(after, 1e-6)) - 2.0 * np.log(count)
         share = 1.0 - after / max(before, 1e-12)
-        found.append(
+        findings.append(
             Finding(
                 "sensor_stuck",
                 place,
@@ -173,7 +173,7 @@ def stuck_findings(stuck: Sequence[Stuck]) -> tuple[Finding, ...]:
                 probability=float(expit(gain)),
             )
         )
-    return tuple(found)
+    return tuple(findings)
 
 
 def _still(time: Floats, shown: Floats, wanted: Floats) -> list[tuple[int, int]]:

@@ -48,10 +48,10 @@ def _swapped_pressures(recording: Recording) -> str:
         return ""
     asked = recording.stack(tuple(f"pressure_cmd_{k}_pa" for k in names))
     given = recording.stack(tuple(f"pressure_{k}_pa" for k in names))
-    seen = np.isfinite(asked).all(axis=1) & np.isfinite(given).all(axis=1)
-    if seen.sum() < 10 * len(names):
+    observed = np.isfinite(asked).all(axis=1) & np.isfinite(given).all(axis=1)
+    if observed.sum() < 10 * len(names):
         return ""
-    follows = _correlation(given[seen], asked[seen])
+    follows = _correlation(given[observed], asked[observed])
     for a, b in combinations(range(len(names)), 2):
         own, crossed = (follows[a, a], follows[b, b]), (follows[a, b], follows[b, a])
         if max(own) < STRAYS and min(crossed) > FOLLOWS:
@@ -90,12 +90,15 @@ def _unexplained(recording: Recording, section: str, chambers: Sequence[int]) ->
     """Give the share of a bend's variance that some chambers' pressures leave."""
     bend = recording.bend(section)
     pressures = np.column_stack([recording.pressure(k)[0] for k in chambers])
-    seen = np.isfinite(bend).all(axis=1) & np.isfinite(pressures).all(axis=1)
-    if seen.sum() < 10 * len(chambers):
+    observed = np.isfinite(bend).all(axis=1) & np.isfinite(pressures).all(axis=1)
+    if observed.sum() < 10 * len(chambers):
         return 1.0
-    bend, pressures = bend[seen] - bend[seen].mean(axis=0), pressures[seen] - pressures[seen].mean(axis=0)
-    left = bend - pressures @ np.linalg.lstsq(pressures, bend, rcond=None)[0]
-    return float((left**2).sum()) / max(float((bend**2).sum()), 1e-12)
+    bend, pressures = (
+        bend[observed] - bend[observed].mean(axis=0),
+        pressures[observed] - pressures[observed].mean(axis=0),
+    )
+    residual = bend - pressures @ np.linalg.lstsq(pressures, bend, rcond=None)[0]
+    return float((residual**2).sum()) / max(float((bend**2).sum()), 1e-12)
 
 
 def refuse_swapped(stages: Sequence[Stage]) -> None:
@@ -112,15 +115,15 @@ def refuse_swapped(stages: Sequence[Stage]) -> None:
     names = ", ".join(stage.session.name for stage in suspects)
     chambers = suspects[0].drive.pressures.shape[1]
     for a, b in combinations(range(chambers), 2):
-        left = sum(_squares(stage, stage.residual - _exchanged(stage, a, b)) for stage in suspects)
-        if left < CLEARLY * plain:
+        exchanged = sum(_squares(stage, stage.residual - _exchanged(stage, a, b)) for stage in suspects)
+        if exchanged < CLEARLY * plain:
             raise _refusal(names, f"pressure_{a}_pa and pressure_{b}_pa")
     sensors = suspects[0].suite.measurements
     for one, other in combinations(sensors, 2):
         if one.reading_size != other.reading_size:
             continue
-        left = sum(_squares(stage, _misread(stage, one.name, other.name)) for stage in suspects)
-        if left < CLEARLY * plain:
+        exchanged = sum(_squares(stage, _misread(stage, one.name, other.name)) for stage in suspects)
+        if exchanged < CLEARLY * plain:
             raise _refusal(names, f"{one.name} and {other.name}")
 
 
@@ -128,9 +131,9 @@ def _refusal(names: str, pair: str) -> InputError:
     return InputError(names, f"{pair} look exchanged", "exchange their columns, or check the wiring")
 
 
-def _squares(stage: Stage, left: Floats) -> float:
+def _squares(stage: Stage, residual: Floats) -> float:
     size = np.array([SIZES[unit] for unit in stage.suite.units])
-    return float(np.nansum((left / size) ** 2))
+    return float(np.nansum((residual / size) ** 2))
 
 
 def _exchanged(stage: Stage, one: int, other: int) -> Floats:

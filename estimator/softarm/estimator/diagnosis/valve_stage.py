@@ -77,7 +77,7 @@ class Split:
 
 def splits_of(recordings: Sequence[Recording]) -> list[Split]:
     """Learn each valve's law from the first half of its activity in each recording."""
-    found = []
+    splits = []
     ceilings = ceilings_of(recordings)
     valves = [(recording, valve) for recording in recordings for valve in valves_of(recording, ceilings)]
     for chamber in sorted({valve.chamber for _, valve in valves}):
@@ -90,19 +90,19 @@ def splits_of(recordings: Sequence[Recording]) -> list[Split]:
             if not np.isfinite(asked[time > middle] + given[time > middle]).any():
                 continue
             learnt = {valve.chamber: valve for valve in valves_of(half, met)}
-            seen = np.isfinite(asked) & np.isfinite(given)
-            found.append(
+            observed = np.isfinite(asked) & np.isfinite(given)
+            splits.append(
                 Split(
                     recording.name,
                     whole,
-                    time[seen],
-                    asked[seen],
-                    given[seen],
-                    predict(learnt.get(chamber, whole), time[seen], asked[seen]),
-                    time[seen] > middle,
+                    time[observed],
+                    asked[observed],
+                    given[observed],
+                    predict(learnt.get(chamber, whole), time[observed], asked[observed]),
+                    time[observed] > middle,
                 )
             )
-    return found
+    return splits
 
 
 def _columns(recording: Recording, chamber: int) -> tuple[Floats, Floats]:
@@ -126,7 +126,7 @@ def _middle(recording: Recording, chamber: int) -> float:
 
 def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple[Finding, ...]:
     """Report what the valves do otherwise; those that nominal recordings leave out are not judged."""
-    found: list[Finding] = []
+    findings: list[Finding] = []
     scatter = _scatter(_offsets, SCATTER, [suspects, nominal])
     jitter = _scatter(_delayed, max((_jitter(split) for split in suspects), default=0.0), [suspects, nominal])
     chambers = sorted({split.valve.chamber for split in suspects})
@@ -134,13 +134,13 @@ def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple
         own = [split for split in suspects if split.valve.chamber == chamber]
         known = [split for split in nominal if split.valve.chamber == chamber]
         evidence = _evidence(own)
-        found += _ceiling(chamber, own, known, evidence)
+        findings += _ceiling(chamber, own, known, evidence)
         if nominal and not known:
             continue
         if 2.0 * evidence.log_bayes_factor >= LEAST_BIC and evidence.heldout_after < evidence.heldout_before:
-            found += _steady(chamber, own, known, scatter, evidence, len(chambers))
-            found += _delays(chamber, own, known, jitter, evidence, len(chambers))
-    return tuple(found)
+            findings += _steady(chamber, own, known, scatter, evidence, len(chambers))
+            findings += _delays(chamber, own, known, jitter, evidence, len(chambers))
+    return tuple(findings)
 
 
 def _scatter(
@@ -191,7 +191,7 @@ def valve_diagnosis(
     floors = np.array([max(split.valve.noise, RESOLUTION) for split in splits])
     before, after = (float(np.sqrt(np.mean((column / floors) ** 2))) for column in errors.T)
     gains = 1.0 - errors[:, 1] / np.maximum(errors[:, 0], 1e-9)
-    left = after > LEFT_OVER
+    remaining = after > LEFT_OVER
     verdicts: dict[tuple[bool, bool], Verdict] = {
         (False, False): "consistent",
         (False, True): "unexplained",
@@ -202,7 +202,7 @@ def valve_diagnosis(
         specimen=specimen,
         recordings=tuple(recording.name for recording in admitted.suspects),
         nominal=tuple(recording.name for recording in admitted.nominal),
-        verdict=verdicts[bool(faults), left],
+        verdict=verdicts[bool(faults), remaining],
         baseline=Baseline(
             {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in rms.items()},
             {name: float(np.mean(values)) for name, values in noise.items()},

@@ -93,11 +93,11 @@ def ceilings_of(recordings: Sequence[Recording]) -> dict[int, float]:
             level, pressure = _holds(time, asked, given)
             levels.setdefault(chamber, []).append(level)
             reached.setdefault(chamber, []).append(pressure)
-    found = {
+    ceilings = {
         chamber: _ceiling(np.concatenate(own), np.concatenate(reached[chamber]))
         for chamber, own in levels.items()
     }
-    return {chamber: ceiling for chamber, ceiling in found.items() if np.isfinite(ceiling)}
+    return {chamber: ceiling for chamber, ceiling in ceilings.items() if np.isfinite(ceiling)}
 
 
 def _opened(recording: Recording) -> Iterator[tuple[int, Floats, Floats, Floats]]:
@@ -107,9 +107,9 @@ def _opened(recording: Recording) -> Iterator[tuple[int, Floats, Floats, Floats]
         given = recording.columns.get(f"pressure_{chamber}_pa")
         if asked is None or given is None:
             continue
-        seen = np.isfinite(asked) & np.isfinite(given)
-        if seen.sum() > 50 and float(asked[seen].max()) > OPEN:
-            yield chamber, recording.time[seen], asked[seen], given[seen]
+        observed = np.isfinite(asked) & np.isfinite(given)
+        if observed.sum() > 50 and float(asked[observed].max()) > OPEN:
+            yield chamber, recording.time[observed], asked[observed], given[observed]
 
 
 def predict(valve: Valve, time: Floats, asked: Floats) -> Floats:
@@ -126,13 +126,13 @@ def static(asked: Floats, bias: float, gain: float, deadband: float, ceiling: fl
 
 
 def _valve(chamber: int, time: Floats, asked: Floats, given: Floats, ceiling: float) -> Valve:
-    found = _static_law(*_holds(time, asked, given), ceiling)
-    law = found or ValveLaw()
+    fitted = _static_law(*_holds(time, asked, given), ceiling)
+    law = fitted or ValveLaw()
     timed = bool(np.abs(np.interp(time + SUDDEN, time, asked) - asked).max() > LEAST_CHANGE)
     dead_time, lag = _timing(time, asked, given, law) if timed else (0.0, 0.0)
     noise = MAD_TO_STD * float(np.median(np.abs(np.diff(given)))) / np.sqrt(2.0)
     rms = float(np.sqrt(np.mean((given - asked) ** 2)))
-    return Valve(chamber, dead_time, lag, timed, found is not None, *law, rms=rms, noise=noise)
+    return Valve(chamber, dead_time, lag, timed, fitted is not None, *law, rms=rms, noise=noise)
 
 
 def _settled(time: Floats, asked: Floats) -> Flags:
@@ -174,9 +174,9 @@ def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw | N
     if len(error) >= 4 and np.ptp(level[below]) > 10e3:
         gain = float(np.polyfit(level[below], error, 1)[0])
         gain = gain if abs(gain) > 0.01 else 0.0
-    left = error - gain * level[below]
-    spread = float(np.std(left, ddof=1)) if len(left) > 1 else 100.0
-    bias = float(np.median(left))
+    residual = error - gain * level[below]
+    spread = float(np.std(residual, ddof=1)) if len(residual) > 1 else 100.0
+    bias = float(np.median(residual))
     return ValveLaw(bias + (1.0 + gain) * deadband if deadband else bias, spread, gain, deadband, ceiling)
 
 
@@ -203,19 +203,19 @@ def _timing(time: Floats, asked: Floats, given: Floats, law: ValveLaw) -> tuple[
     late = np.interp(time - dead_time, time, asked)
     target = static(late, law.bias, law.gain, law.deadband, law.ceiling)
 
-    def left(lag: float) -> float:
+    def mean_square(lag: float) -> float:
         return float(np.mean((given - first_order(time, target, lag, ())[0])[near] ** 2))
 
-    best = int(np.argmin([left(float(lag)) for lag in LAGS]))
+    best = int(np.argmin([mean_square(float(lag)) for lag in LAGS]))
     if best == len(LAGS) - 1:
         return dead_time, float(LAGS[-1])
     bounds = (float(LAGS[max(best - 1, 0)]), float(LAGS[best + 1]))
-    return dead_time, float(minimize_scalar(left, bounds=bounds, method="bounded").x)
+    return dead_time, float(minimize_scalar(mean_square, bounds=bounds, method="bounded").x)
 
 
 def _onset(time: Floats, asked: Floats, given: Floats) -> float:
     """Give the median time from a step of the set-point to the first 5 % of the pressure's answer [s]."""
-    found = []
+    onsets = []
     for k in np.flatnonzero(np.abs(np.diff(asked)) > STEP):
         end = int(np.searchsorted(time, time[k + 1] + 1.0))
         if end - k < 10 or np.abs(np.diff(asked[k + 1 : end])).max(initial=0.0) > STEP:
@@ -223,7 +223,7 @@ def _onset(time: Floats, asked: Floats, given: Floats) -> float:
         answer = np.abs(given[k + 1 : end] - given[k])
         moved = np.flatnonzero(answer > 0.05 * abs(asked[k + 1] - asked[k]))
         if len(moved) and moved[0] > 0:
-            found.append(float(time[k + 1 + moved[0]] - time[k + 1]))
+            onsets.append(float(time[k + 1 + moved[0]] - time[k + 1]))
         elif len(moved):
-            found.append(0.0)
-    return float(np.median(found)) if found else 0.0
+            onsets.append(0.0)
+    return float(np.median(onsets)) if onsets else 0.0

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.stage import Stage, fading
 from softarm.estimator.simulation import LinearisedArm
-from softarm.estimator.simulation.inertia import Masses, Swaying
+from softarm.estimator.simulation.inertia import Masses, ModalDynamics
 
 LONGEST_STEP = 0.11
 """Samples that are further apart [s] do not show a vibration."""
@@ -76,23 +76,25 @@ def fit_vibration(stages: Sequence[Stage], masses: Masses) -> tuple[Vibration | 
     if not quick:
         return None, notes
     still = [_fast(stage, stage.residual) for stage in quick]
-    loudest = np.argsort([-float(left @ left) for left in still])[:BUSIEST]
+    loudest = np.argsort([-float(residuals @ residuals) for residuals in still])[:BUSIEST]
     quick, still = [quick[k] for k in loudest], [still[k] for k in loudest]
-    matrices = [_swaying(stage, masses) for stage in quick]
+    matrices = [_modal_dynamics(stage, masses) for stage in quick]
 
-    def left(theta: Floats) -> Floats:
+    def residuals(theta: Floats) -> Floats:
         return np.concatenate(
             [
-                _fast(stage, stage.residual - _seen(stage, swaying, _lag(stage, swaying, theta)))
-                for stage, swaying in zip(quick, matrices, strict=True)
+                _fast(stage, stage.residual - _observed(stage, dynamics, _lag(stage, dynamics, theta)))
+                for stage, dynamics in zip(quick, matrices, strict=True)
             ]
         )
 
-    found = least_squares(left, START, bounds=(LOWER, UPPER), diff_step=1e-2, x_scale=(0.2, 1.0, 0.01, 0.02))
-    before, after = float(sum(one @ one for one in still)), float(found.fun @ found.fun)
+    solution = least_squares(
+        residuals, START, bounds=(LOWER, UPPER), diff_step=1e-2, x_scale=(0.2, 1.0, 0.01, 0.02)
+    )
+    before, after = float(sum(one @ one for one in still)), float(solution.fun @ solution.fun)
     if after > (1.0 - LEAST_GAIN) * before:
         return None, notes
-    logarithm, a, b, delay = found.x.tolist()
+    logarithm, a, b, delay = solution.x.tolist()
     mass = float(np.exp(logarithm))
     frequency = matrices[0].frequencies()[0] / np.sqrt(mass)
     vibration = Vibration(mass, (a, b), delay, float(np.sqrt(after / before)), float(frequency))
@@ -103,13 +105,13 @@ def with_vibration(stage: Stage, vibration: Vibration, masses: Masses) -> Stage:
     """Return a stage whose model vibrates; the couples that make it do so become part of its drive."""
     if stage.session.step > LONGEST_STEP or not _bounded(stage, masses):
         return stage
-    swaying = _swaying(stage, masses)
+    dynamics = _modal_dynamics(stage, masses)
     theta = np.array([np.log(vibration.mass), *vibration.damping, vibration.delay])
-    lag = _lag(stage, swaying, theta)
-    couples = _couples(swaying, lag).reshape(stage.drive.couples.shape)
+    lag = _lag(stage, dynamics, theta)
+    couples = _couples(dynamics, lag).reshape(stage.drive.couples.shape)
     drive = stage.drive.plus(np.zeros_like(stage.drive.wrenches), couples)
     arm = LinearisedArm(stage.arm.segments, drive, stage.arm.respond(drive))
-    error = vibration.relative_error * _envelope(stage, _seen(stage, swaying, lag))
+    error = vibration.relative_error * _envelope(stage, _observed(stage, dynamics, lag))
     error = np.where(_held(stage)[:, None], stage.model_error_std, error)
     return replace(stage, arm=arm, drive=drive, vibration_error_std=error)
 
@@ -118,34 +120,36 @@ def _bounded(stage: Stage, masses: Masses) -> bool:
     """Check that an arm with the usual masses vibrates by finite amounts along a stage."""
     if not stage.arm.baseline.converged.any():
         return False
-    swaying = _swaying(stage, masses)
-    if not (np.isfinite(swaying.stiffness).all() and np.isfinite(swaying.mass).all()):
+    dynamics = _modal_dynamics(stage, masses)
+    if not (np.isfinite(dynamics.stiffness).all() and np.isfinite(dynamics.mass).all()):
         return False
-    return bool(np.isfinite(_couples(swaying, _lag(stage, swaying, np.array(START)))).all())
+    return bool(np.isfinite(_couples(dynamics, _lag(stage, dynamics, np.array(START)))).all())
 
 
 def _envelope(stage: Stage, vibrated: Floats) -> Floats:
     """Return how far the arm has vibrated of late, for each row of the predictions, shape (samples, rows)."""
     angles = np.array([unit == "rad" for unit in stage.suite.units])
-    seen = np.abs(vibrated)
-    size = [seen[:, angles].max(axis=1, initial=0.0), seen[:, ~angles].max(axis=1, initial=0.0)]
-    left = fading(stage.session.clock, np.stack(size, axis=-1))
-    envelope: Floats = np.where(angles, left[:, :1], left[:, 1:])
+    swing = np.abs(vibrated)
+    size = [swing[:, angles].max(axis=1, initial=0.0), swing[:, ~angles].max(axis=1, initial=0.0)]
+    recent = fading(stage.session.clock, np.stack(size, axis=-1))
+    envelope: Floats = np.where(angles, recent[:, :1], recent[:, 1:])
     return envelope
 
 
-def _swaying(stage: Stage, masses: Masses) -> Swaying:
-    return Swaying.of(stage.arm.baseline, stage.arm.segments, masses)
+def _modal_dynamics(stage: Stage, masses: Masses) -> ModalDynamics:
+    return ModalDynamics.of(stage.arm.baseline, stage.arm.segments, masses)
 
 
-def _lag(stage: Stage, swaying: Swaying, theta: Floats) -> Floats:
+def _lag(stage: Stage, dynamics: ModalDynamics, theta: Floats) -> Floats:
     """Return by how much the strains vibrate about the quasi-static ones, shape (samples, strains)."""
-    clock, found = stage.session.clock, stage.arm.baseline.converged
+    clock, converged = stage.session.clock, stage.arm.baseline.converged
     still = stage.arm.baseline.strains.reshape(len(clock), -1)
-    late = np.stack([np.interp(clock - theta[3], clock[found], column[found]) for column in still.T], axis=-1)
+    late = np.stack(
+        [np.interp(clock - theta[3], clock[converged], column[converged]) for column in still.T], axis=-1
+    )
     damping = (float(theta[1]), float(theta[2]))
-    lag = swaying.strains(clock, late, damping, float(np.exp(theta[0]))) - still
-    return np.where((_held(stage) | ~found)[:, None], 0.0, lag)
+    lag = dynamics.strains(clock, late, damping, float(np.exp(theta[0]))) - still
+    return np.where((_held(stage) | ~converged)[:, None], 0.0, lag)
 
 
 def _held(stage: Stage) -> NDArray[np.bool_]:
@@ -157,15 +161,15 @@ def _held(stage: Stage) -> NDArray[np.bool_]:
     return held
 
 
-def _couples(swaying: Swaying, lag: Floats) -> Floats:
+def _couples(dynamics: ModalDynamics, lag: Floats) -> Floats:
     """Give the couples that strain the arm so, shape (samples, strains)."""
-    couples: Floats = np.einsum("tij,tj->ti", swaying.stiffness, lag)
+    couples: Floats = np.einsum("tij,tj->ti", dynamics.stiffness, lag)
     return couples
 
 
-def _seen(stage: Stage, swaying: Swaying, lag: Floats) -> Floats:
+def _observed(stage: Stage, dynamics: ModalDynamics, lag: Floats) -> Floats:
     """Give what strains change of the predictions, shape (samples, rows)."""
-    change: Floats = np.einsum("trk,tk->tr", stage.couple_jacobian, _couples(swaying, lag))
+    change: Floats = np.einsum("trk,tk->tr", stage.couple_jacobian, _couples(dynamics, lag))
     return change
 
 
@@ -176,8 +180,8 @@ def _driven(stage: Stage) -> bool:
     )
 
 
-def _fast(stage: Stage, left: Floats) -> Floats:
+def _fast(stage: Stage, residual: Floats) -> Floats:
     """Give what changes from sample to sample outside the held-out stretches, in usual sizes."""
-    scaled = left / np.array([SIZES[unit] for unit in stage.suite.units])
+    scaled = residual / np.array([SIZES[unit] for unit in stage.suite.units])
     fast: Floats = np.nan_to_num(np.diff(scaled, axis=0)[~stage.session.heldout[1:]]).ravel()
     return fast

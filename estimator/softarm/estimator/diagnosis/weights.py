@@ -45,9 +45,9 @@ def weights_of(
     squares: dict[str, list[Floats]] = {}
     floors: dict[str, float] = {}
     lengths: list[float] = []
-    for own, left, sigma in zip(names, residuals, sigmas, strict=True):
+    for own, residual, sigma in zip(names, residuals, sigmas, strict=True):
         for index, name in enumerate(own):
-            column = left[:, index]
+            column = residual[:, index]
             squares.setdefault(name, []).append(column[np.isfinite(column)] ** 2)
             floors[name] = max(floors.get(name, 0.0), float(sigma[index]))
             lengths.append(correlation_length(column))

@@ -214,9 +214,9 @@ class _Search(Generic[State, Step]):
         """Take a shorter step and let the model find its equilibrium there."""
         change, _ = self._change(point, radius)
         vector = point.at.vector + change
-        state, found = self.model.solve(self.unknowns.inputs(vector, gravity), point.state)
+        state, settled = self.model.solve(self.unknowns.inputs(vector, gravity), point.state)
         candidate = self._linearise(state, vector, gravity)
-        return candidate if found and candidate.cost <= point.cost * (1.0 + 1e-6) + 1e-9 else point
+        return candidate if settled and candidate.cost <= point.cost * (1.0 + 1e-6) + 1e-9 else point
 
     def _end(
         self, point: _Point[State, Step], change: Floats, status: Status, iterations: int, gravity: Floats

@@ -56,7 +56,7 @@ class Masses:
 
 
 @dataclass(frozen=True)
-class Swaying:
+class ModalDynamics:
     """The matrices of the vibration along a response, in the strains of all segments.
 
     Args:
@@ -68,7 +68,7 @@ class Swaying:
     mass: Floats
 
     @classmethod
-    def of(cls, response: ArmResponse, segments: Segments, masses: Masses) -> "Swaying":
+    def of(cls, response: ArmResponse, segments: Segments, masses: Masses) -> "ModalDynamics":
         """Reduce the arm to its strains in every pose."""
         frames = response.frames
         samples, sections = frames.positions.shape[:2]
@@ -153,7 +153,7 @@ def mass_matrix(frames: Frames, neighbours: Neighbours, masses: Masses, twists: 
 
 @njit(cache=True, nogil=True)
 def _newmark(clock: Floats, still: Floats, stiffness: Floats, mass: Floats, damping: Floats) -> Floats:
-    """Step through the windows of all samples; see ``Swaying.strains``."""
+    """Step through the windows of all samples; see ``ModalDynamics.strains``."""
     samples, size = still.shape
     means = np.empty((samples, size))
     half = 0.5 * (clock[1] - clock[0]) if samples > 1 else 0.5
