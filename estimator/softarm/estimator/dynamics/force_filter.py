@@ -64,7 +64,7 @@ class ForceFilter:
         means = self.mean[:, 2 * count :]
         mean: Floats = self.weights @ means
         apart = means - mean
-        within = np.tensordot(self.weights, self.covariance[:, 2 * count :, 2 * count :], 1)
+        within = _weighed(self.weights, self.covariance[:, 2 * count :, 2 * count :])
         return mean, within + (self.weights[:, None] * apart).T @ apart
 
     def _mixed(self, seconds: float) -> "ForceFilter":
@@ -79,7 +79,7 @@ class ForceFilter:
         apart = self.mean - means[:, None]
         between = (shares[:, :, None] * apart).transpose(0, 2, 1) @ apart
         return replace(
-            self, mean=means, covariance=np.tensordot(shares, self.covariance, 1) + between, weights=ahead
+            self, mean=means, covariance=_weighed(shares, self.covariance) + between, weights=ahead
         )
 
     def _predicted(self, arm: ReducedArm, seconds: float) -> "ForceFilter":
@@ -123,3 +123,9 @@ class ForceFilter:
             likely / likely.sum(),
             arm.unloaded,
         )
+
+
+def _weighed(shares: Floats, matrices: Floats) -> Floats:
+    """Return weighted sums of matrices, shape (..., n, n), by shares, shape (..., filters)."""
+    sums: Floats = shares @ matrices.reshape(len(matrices), -1)
+    return sums.reshape(*shares.shape[:-1], *matrices.shape[1:])

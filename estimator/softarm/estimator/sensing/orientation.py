@@ -82,7 +82,14 @@ class Orientation:
 
     def covariance(self, reading: Floats) -> Floats:
         """Return the covariance of the noise [rad2], shape (..., 3, 3)."""
-        return np.broadcast_to(np.diag(np.broadcast_to(self.sigma, 3) ** 2), (*np.shape(reading)[:-1], 3, 3))
+        leading = np.shape(reading)[:-1]
+        return np.broadcast_to(self._noise, (*leading, 3, 3)) if leading else self._noise
+
+    @cached_property
+    def _noise(self) -> Floats:
+        noise = np.diag(np.broadcast_to(self.sigma, 3) ** 2)
+        noise.setflags(write=False)
+        return noise
 
     @cached_property
     def _alignment(self) -> Floats:
@@ -104,9 +111,11 @@ def compare(predicted: Floats, measured: Floats) -> tuple[Floats, Floats]:
         log(H^T Y) with H predicted and Y measured, shape (..., 3), and the derivative of H's part in it by a
         rotation vector in the base frame, shape (..., 3, 3).
     """
-    shape = np.broadcast_shapes(np.shape(predicted), np.shape(measured))
-    first = np.ascontiguousarray(np.broadcast_to(predicted, shape)).reshape(-1, 3, 3)
-    second = np.ascontiguousarray(np.broadcast_to(measured, shape)).reshape(-1, 3, 3)
+    if predicted.shape != measured.shape:
+        predicted, measured = np.broadcast_arrays(predicted, measured)
+    shape = predicted.shape
+    first = np.ascontiguousarray(predicted).reshape(-1, 3, 3)
+    second = np.ascontiguousarray(measured).reshape(-1, 3, 3)
     innovations, rows = np.empty((len(first), 3)), np.empty((len(first), 3, 3))
     compare_kernel(first, second, innovations, rows)
     return innovations.reshape(shape[:-1]), rows.reshape(shape)

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -45,32 +46,39 @@ class LoadMap:
         rows = tuple(sections.index(load.section or load.name) for load in loads)
         return cls(sections, rows, np.array([load.direction for load in loads]))
 
-    @property
+    @cached_property
     def not_estimated(self) -> tuple[str, ...]:
         """Name the axes along which no force is estimated: there the model has no load."""
         return tuple(
             f"force on {section} along {axis}: it is not estimated"
-            for section in self.sections
-            for axis, spanned in zip("xyz", self._spanned(section), strict=True)
+            for section, spans in zip(self.sections, self._spanned, strict=True)
+            for axis, spanned in zip("xyz", spans, strict=True)
             if not spanned
         )
 
-    def _spanned(self, section: str) -> tuple[bool, ...]:
-        """Return whether the loads of a section span each axis of the base frame."""
-        index = self.sections.index(section)
-        directions = self.directions[[row for row, place in enumerate(self.rows) if place == index]]
-        projection = np.linalg.pinv(directions) @ directions
-        return tuple(bool(entry > 1.0 - SPANNED) for entry in np.diag(projection))
+    @cached_property
+    def _members(self) -> tuple[list[int], ...]:
+        """Indices of the loads on each section."""
+        places = range(len(self.sections))
+        return tuple([row for row, place in enumerate(self.rows) if place == index] for index in places)
+
+    @cached_property
+    def _spanned(self) -> tuple[tuple[bool, ...], ...]:
+        """Whether the loads of each section span each axis of the base frame."""
+        spanned = []
+        for members in self._members:
+            directions = self.directions[members]
+            projection = np.linalg.pinv(directions) @ directions
+            spanned.append(tuple(bool(entry > 1.0 - SPANNED) for entry in np.diag(projection)))
+        return tuple(spanned)
 
     def forces(self, amplitudes: Floats, covariance: Floats) -> tuple[LoadEstimate, ...]:
         """Convert load amplitudes to one force with covariance per section."""
         estimates = []
-        for index, section in enumerate(self.sections):
-            members = [row for row, place in enumerate(self.rows) if place == index]
+        for section, members, spanned in zip(self.sections, self._members, self._spanned, strict=True):
             directions = self.directions[members]
             force = amplitudes[members] @ directions
             cartesian = directions.T @ covariance[np.ix_(members, members)] @ directions
-            spanned = self._spanned(section)
             estimates.append(
                 LoadEstimate(
                     section=section,
