@@ -4,7 +4,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import get_args
 
-from softarm.estimator.effects.effect import Effect, Memory, ModalChange, ParameterSpec, Signals, describe
+from softarm.estimator.effects.effect import Effect, ParameterSpec, describe
 from softarm.estimator.effects.world import Spot, World
 from softarm.estimator.specimen.physics import EffectName
 
@@ -17,10 +17,7 @@ EFFECTS: dict[str, Effect] = {name: import_module(f"{__name__}.{name}").EFFECT f
 __all__ = [
     "EFFECTS",
     "Effect",
-    "Memory",
-    "ModalChange",
     "ParameterSpec",
-    "Signals",
     "Spot",
     "World",
     "describe",

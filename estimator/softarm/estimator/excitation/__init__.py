@@ -3,7 +3,7 @@
 from softarm.estimator.excitation.manoeuvre import Manoeuvre, ManoeuvreLimits
 from softarm.estimator.excitation.menu import menu
 from softarm.estimator.excitation.plan import ChosenManoeuvre, ExcitationPlan, Rivals, plan_for, whole
-from softarm.estimator.excitation.separation import SeparatedArm, SeparationTrial
+from softarm.estimator.excitation.separation import SeparatedArm
 
 __all__ = [
     "ChosenManoeuvre",
@@ -12,7 +12,6 @@ __all__ = [
     "ManoeuvreLimits",
     "Rivals",
     "SeparatedArm",
-    "SeparationTrial",
     "menu",
     "plan_for",
     "whole",

@@ -6,22 +6,20 @@
 from softarm.estimator.fem.elements.fibre import Membrane
 from softarm.estimator.fem.elements.material import Material
 from softarm.estimator.fem.loads import DistributedLoad
-from softarm.estimator.fem.model import FiniteElementModel, FiniteElementState, FiniteElementStep
+from softarm.estimator.fem.model import FiniteElementModel, FiniteElementState
 from softarm.estimator.fem.parity.springs import Springs
 from softarm.estimator.fem.sections import SectionNodes
 from softarm.estimator.fem.statics.equilibrium import Settings
-from softarm.estimator.fem.statics.solution import Solution, SolveStatus
+from softarm.estimator.fem.statics.solution import SolveStatus
 
 __all__ = [
     "DistributedLoad",
     "FiniteElementModel",
     "FiniteElementState",
-    "FiniteElementStep",
     "Material",
     "Membrane",
     "SectionNodes",
     "Settings",
-    "Solution",
     "SolveStatus",
     "Springs",
 ]

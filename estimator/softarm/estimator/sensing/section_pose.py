@@ -7,8 +7,8 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
-from softarm.estimator.rotations import skew
-from softarm.estimator.sensing.measurement import Sensitivity, Unit, twist_rows
+from softarm.estimator.sensing.marker import MarkerPosition
+from softarm.estimator.sensing.measurement import Sensitivity, Unit
 from softarm.estimator.sensing.orientation import Orientation
 from softarm.estimator.sensing.registration import Registration
 
@@ -55,19 +55,15 @@ class MeasuredPose:
 
     def predict(self, frames: Frames) -> Floats:
         """Return position and quaternion in the laboratory frame, shape (..., 7)."""
-        position = self.registration.to_laboratory(self._origin(frames) + self._arm(frames))
-        return np.concatenate([position, self._orientation().predict(frames)], axis=-1)
+        return np.concatenate([self._marker().predict(frames), self._orientation().predict(frames)], axis=-1)
 
     def sensitivity(self, frames: Frames, reading: Floats) -> Sensitivity:
         """Compare position and quaternion in the laboratory frame, shape (..., 7), with the frames."""
-        arm = self._arm(frames)
-        position = self.registration.to_base(reading[..., :3]) - self._origin(frames) - arm
-        turned = self._orientation().sensitivity(frames, reading[..., 3:])
-        identity = np.broadcast_to(np.eye(3), (*arm.shape[:-1], 3, 3))
-        moved = twist_rows(frames, self.section, np.concatenate([identity, -skew(arm)], axis=-1))
+        moved = self._marker().sensitivity(frames, reading[..., :3])
+        rotated = self._orientation().sensitivity(frames, reading[..., 3:])
         return Sensitivity(
-            np.concatenate([position, turned.innovation], axis=-1),
-            np.concatenate([moved, turned.twists], axis=-2),
+            np.concatenate([moved.innovation, rotated.innovation], axis=-1),
+            np.concatenate([moved.twists, rotated.twists], axis=-2),
         )
 
     def parameter_rows(self, frames: Frames, reading: Floats) -> Floats:
@@ -84,13 +80,8 @@ class MeasuredPose:
         diagonal = np.diag(np.concatenate([position, rotation]) ** 2)
         return np.broadcast_to(diagonal, (*np.shape(reading)[:-1], 6, 6))
 
+    def _marker(self) -> MarkerPosition:
+        return MarkerPosition(self.name, self.section, self.position_sigma, self.offset, self.registration)
+
     def _orientation(self) -> Orientation:
         return Orientation(self.name, self.section, self.rotation_sigma, self.misalignment, self.registration)
-
-    def _origin(self, frames: Frames) -> Floats:
-        origin: Floats = frames.positions[..., self.section, :]
-        return origin
-
-    def _arm(self, frames: Frames) -> Floats:
-        arm: Floats = frames.rotations[..., self.section, :, :] @ self.offset
-        return arm

@@ -8,7 +8,6 @@ from softarm.estimator.fem.tracking.model import (
     BackgroundFactorisation,
     TrackingModel,
     TrackingState,
-    TrackingStep,
 )
 
-__all__ = ["BackgroundFactorisation", "TrackingModel", "TrackingState", "TrackingStep"]
+__all__ = ["BackgroundFactorisation", "TrackingModel", "TrackingState"]

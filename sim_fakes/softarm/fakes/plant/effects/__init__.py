@@ -4,12 +4,10 @@ Those of ``arm`` and ``instrument`` are the diagnosis's vocabulary, those of ``f
 """
 
 from softarm.fakes.plant.effects.effect import (
-    ArmEffect,
     Concealed,
     ConcealedEffect,
     EffectParameter,
     Filter,
-    InstrumentEffect,
 )
 from softarm.fakes.plant.effects.registry import (
     ARM_EFFECTS,
@@ -25,12 +23,10 @@ __all__ = [
     "ARM_EFFECTS",
     "FOREIGN_EFFECTS",
     "INSTRUMENT_EFFECTS",
-    "ArmEffect",
     "Concealed",
     "ConcealedEffect",
     "EffectParameter",
     "Filter",
-    "InstrumentEffect",
     "apply",
     "arm_effects",
     "effect",
