@@ -91,5 +91,5 @@ def _noise(estimate: ArmEstimate[Any], own_noise: Floats) -> Floats:
     for row in estimate.rows:
         if row.name == "sensors":
             gain = estimate.covariance @ row.jacobian.T @ row.information
-            noise += gain @ own_noise[np.ix_(row.members, row.members)] @ gain.T
+            noise += gain @ own_noise[row.members][:, row.members] @ gain.T
     return noise

@@ -159,7 +159,7 @@ def posterior(rows: tuple[WeightedRows, ...], scale: Floats, fixed: Flags) -> Fl
     for row in rows:
         information += row.jacobian.T @ row.information @ row.jacobian
     free = np.flatnonzero(~fixed)
-    scaled = (information * scale[:, None] * scale)[np.ix_(free, free)]
+    scaled = (information * scale[:, None] * scale)[free][:, free]
     covariance = np.zeros((size, size))
     inverse = np.linalg.inv(scaled + 1e-6 * np.eye(len(free)))
     covariance[np.ix_(free, free)] = inverse * scale[free, None] * scale[free]

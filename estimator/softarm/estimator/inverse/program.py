@@ -86,9 +86,9 @@ def solve_program(program: QuadraticProgram) -> Floats:
     value = np.where(held, program.lower, 0.0)
     free = ~held
     if free.any():
-        inner = program.hessian[np.ix_(free, free)]
+        inner = program.hessian[free][:, free]
         value[free] = np.linalg.solve(
-            inner, program.gradient[free] - program.hessian[np.ix_(free, held)] @ value[held]
+            inner, program.gradient[free] - program.hessian[free][:, held] @ value[held]
         )
     if ((program.lower <= value) & (value <= program.upper)).all():
         return value

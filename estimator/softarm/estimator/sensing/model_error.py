@@ -92,7 +92,7 @@ class ModelError:
 
     def at(self, pressures: Floats) -> Condition:
         """Return the condition at measured pressures [Pa], lost ones taken as 0, shape (chambers,)."""
-        return self.vented if bool(vented(np.nan_to_num(pressures))) else self.pressurised
+        return self.pressurised if (pressures >= VENTED_PA).any() else self.vented
 
 
 def vented(pressures: Floats) -> Flags:

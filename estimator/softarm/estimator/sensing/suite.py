@@ -183,7 +183,7 @@ class SensorSuite:
         return Observation(
             whole.innovation[rows],
             whole.twists[rows],
-            covariance[np.ix_(rows, rows)],
+            covariance[rows][:, rows],
             rows,
         )
 

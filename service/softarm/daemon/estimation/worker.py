@@ -108,8 +108,8 @@ def _serve(requests: Connection, results: Connection, factory: SolverFactory, ni
             request = requests.recv()
             faulthandler.dump_traceback_later(0.9 * STUCK_S)  # shows in the log where it is stuck
             result = built.solve(request)
-            faulthandler.cancel_dump_traceback_later()
             results.send(result)
+            faulthandler.cancel_dump_traceback_later()  # waits for the thread that would write it
     except (EOFError, BrokenPipeError):
         return
 
