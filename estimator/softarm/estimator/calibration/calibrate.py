@@ -100,7 +100,7 @@ def calibrate(
     if _axes_wanted(specimen, options):
         solved = tuple(flags & part.converged for flags, part in zip(train, before, strict=True))
         gains = search_axes(nodes[0].run.suite, _parts(nodes, solved), _frames(before, solved))
-        nodes = tuple(replace(own, run=_with_axes(own.run, gains)) for own in nodes)
+        nodes = tuple(replace(run_nodes, run=_with_axes(run_nodes.run, gains)) for run_nodes in nodes)
         forward = _forward(model, specimen, nodes)
     known_before = forward.layout
     sized = sized_by_bends(specimen, known_before, first, gains)
@@ -133,7 +133,7 @@ def calibrate(
         check=check,
         lags=lags,
         status=final.status,
-        nodes=sum(len(own.time) for own in nodes),
+        nodes=sum(len(run_nodes.time) for run_nodes in nodes),
         recordings=tuple(run.name for run in runs),
         scatter=scatter,
         force_ratio=force_ratios(layout.setting(final.values), left_out(everything, final), nodes, scatter),
@@ -151,11 +151,11 @@ def most_solves(options: Options) -> int:
 
 def training_flags(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
     """Return which nodes a fit may see: alternate blocks of long runs, else alternate runs, else all."""
-    if any(own.blocks.max(initial=0) >= 1 for own in nodes):
-        return tuple(training_blocks(own.blocks) for own in nodes)
+    if any(run_nodes.blocks.max(initial=0) >= 1 for run_nodes in nodes):
+        return tuple(training_blocks(run_nodes.blocks) for run_nodes in nodes)
     if len(nodes) > 1:
-        return tuple(np.full(len(own.time), number % 2 == 0) for number, own in enumerate(nodes))
-    return tuple(np.ones(len(own.time), dtype=bool) for own in nodes)
+        return tuple(np.full(len(run_nodes.time), number % 2 == 0) for number, run_nodes in enumerate(nodes))
+    return tuple(np.ones(len(run_nodes.time), dtype=bool) for run_nodes in nodes)
 
 
 def _judged(
@@ -176,9 +176,9 @@ def _choose(runs: Sequence[CalibrationRun], lags: Sequence[float | None], count:
     durations = [max(float(run.time[-1] - run.time[0]), 1e-3) * _weight(run) for run in aligned]
     shares = [max(8, round(count * duration / sum(durations))) for duration in durations]
     chosen = tuple(choose_nodes(run, share) for run, share in zip(aligned, shares, strict=True))
-    if not sum(len(own.time) for own in chosen):
+    if not sum(len(run_nodes.time) for run_nodes in chosen):
         raise CalibrationRefusedError(", ".join(run.name for run in runs), NEVER_TOGETHER, TOGETHER)
-    return tuple(own for own in chosen if len(own.time))
+    return tuple(run_nodes for run_nodes in chosen if len(run_nodes.time))
 
 
 def _weight(run: CalibrationRun) -> float:
@@ -187,12 +187,14 @@ def _weight(run: CalibrationRun) -> float:
 
 
 def _forward(model: BatchArmModel, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Forward:
-    pressures = np.concatenate([own.pressures for own in nodes])
+    pressures = np.concatenate([run_nodes.pressures for run_nodes in nodes])
     moved = [k for k in range(pressures.shape[1]) if np.ptp(pressures[:, k]) > LEAST_PRESSURE_SPREAD]
     sources = nodes[0].run.pressure_source
-    measurements = {m.name: m for own in nodes for m in own.run.suite.measurements}
+    measurements = {m.name: m for run_nodes in nodes for m in run_nodes.run.suite.measurements}
     suite = SensorSuite(tuple(measurements.values()))
-    pulled = bool(sum((np.abs(own.loads) > LEAST_PULL).any(axis=1).sum() for own in nodes) > FEWEST_PULLS)
+    pulled = bool(
+        sum((np.abs(run_nodes.loads) > LEAST_PULL).any(axis=1).sum() for run_nodes in nodes) > FEWEST_PULLS
+    )
     layout = build_layout(specimen, suite, sources, moved, model.regions, pulled, model.sections)
     return Forward(model, layout, nodes)
 
@@ -271,9 +273,12 @@ def _line(
         return {}, 0
     fitted, tested = _parts(nodes, train), _parts(nodes, judged)
     line = fit_line(
-        np.concatenate([own.pressures for own in fitted]), np.concatenate([own.readings for own in fitted])
+        np.concatenate([run_nodes.pressures for run_nodes in fitted]),
+        np.concatenate([run_nodes.readings for run_nodes in fitted]),
     )
-    residual = np.concatenate([own.readings - line.predict(own.pressures) for own in tested])
+    residual = np.concatenate(
+        [run_nodes.readings - line.predict(run_nodes.pressures) for run_nodes in tested]
+    )
     names = [f"{m.name}.{axis}" for m in suite.measurements for axis in range(m.size)]
     values = np.sqrt(np.nanmean(residual**2, axis=0)).tolist()
     return dict(zip(names, values, strict=True)), line.parameters
@@ -284,7 +289,7 @@ def _part(forward: Forward, flags: Sequence[Flags]) -> Forward:
 
 
 def _parts(nodes: Sequence[Nodes], flags: Sequence[Flags]) -> tuple[Nodes, ...]:
-    return tuple(own.keep(chosen) for own, chosen in zip(nodes, flags, strict=True))
+    return tuple(run_nodes.keep(chosen) for run_nodes, chosen in zip(nodes, flags, strict=True))
 
 
 def _frames(evaluations: Sequence[NodePredictions], flags: Sequence[Flags]) -> list[Frames]:
@@ -296,7 +301,7 @@ def _subset(evaluations: Sequence[NodePredictions], flags: Sequence[Flags]) -> t
 
 
 def _handedness(nodes: Sequence[Nodes]) -> dict[str, bool]:
-    bends = [m for own in nodes for m in own.run.suite.measurements if isinstance(m, Bend)]
+    bends = [m for run_nodes in nodes for m in run_nodes.run.suite.measurements if isinstance(m, Bend)]
     return {bend.name.removeprefix("bend_"): bend.mirrored for bend in bends}
 
 
@@ -304,7 +309,7 @@ def _require_solutions(evaluations: Sequence[NodePredictions], nodes: Sequence[N
     solved = np.concatenate([evaluation.converged for evaluation in evaluations])
     if solved.mean() < LEAST_SOLVED:
         raise CalibrationRefusedError(
-            ", ".join(own.run.name for own in nodes),
+            ", ".join(run_nodes.run.name for run_nodes in nodes),
             f"the model finds an equilibrium for {solved.mean():.0%} of the samples only",
             "check the pressures' unit and the specimen's moduli",
         )

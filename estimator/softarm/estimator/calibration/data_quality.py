@@ -64,4 +64,4 @@ def silent_at_most(time: Floats, tension: Floats) -> float:
 def silent_sensors(run: CalibrationRun) -> tuple[str, ...]:
     """Name the sensors of a run that have no reading at all."""
     slices = run.suite.reading_slices
-    return tuple(name for name, own in slices.items() if not np.isfinite(run.readings[:, own]).any())
+    return tuple(name for name, columns in slices.items() if not np.isfinite(run.readings[:, columns]).any())

@@ -80,7 +80,7 @@ def check_drift(
             "has no sensor that the calibration knew",
             f"record one of {', '.join(known)}",
         )
-    count = sum(len(own.time) for own in chosen)
+    count = sum(len(run_nodes.time) for run_nodes in chosen)
     limit = float(
         np.sqrt(fdtri(max(count / NODES_PER_FREEDOM, 1.0), CALIBRATION_FREEDOM, 1.0 - SIGNIFICANCE))
     )
@@ -97,14 +97,14 @@ def _judge(name: str, scatter: float, calibrated: float, limit: float) -> Drift:
 def _nodes(runs: Sequence[CalibrationRun], count: int) -> tuple[Nodes, ...]:
     aligned = [run.delayed(lag) if (lag := estimate_lag(run)) else run for run in runs]
     chosen = tuple(choose_nodes(run, max(8, count // len(runs))) for run in aligned)
-    if not sum(len(own.time) for own in chosen):
+    if not sum(len(run_nodes.time) for run_nodes in chosen):
         raise InputError(", ".join(run.name for run in runs), NEVER_TOGETHER, TOGETHER)
-    return tuple(own for own in chosen if len(own.time))
+    return tuple(run_nodes for run_nodes in chosen if len(run_nodes.time))
 
 
 def _forward(model: BatchArmModel, specimen: Specimen, nodes: tuple[Nodes, ...]) -> Forward:
     """Settle every unknown at its calibrated value."""
-    measurements = {m.name: m for own in nodes for m in own.run.suite.measurements}
+    measurements = {m.name: m for run_nodes in nodes for m in run_nodes.run.suite.measurements}
     suite = SensorSuite(tuple(measurements.values()))
     layout = build_layout(
         specimen, suite, nodes[0].run.pressure_source, (), model.regions, sections=model.sections

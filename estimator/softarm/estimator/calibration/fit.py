@@ -185,11 +185,11 @@ def left_out(forward: Forward, solution: CalibrationFit) -> tuple[NodePrediction
     scale, whitened, weight = _whitened(rows, solution.scatter)
     innovation = rows.innovation.copy()
     for block in np.unique(rows.block):
-        own = rows.block == block
-        jacobian = rows.jacobian[own] / scale[own, None]
-        weighted = jacobian.T * weight[own]
-        step = np.linalg.solve(normal - weighted @ jacobian, gradient - weighted @ whitened[own])
-        innovation[own] -= rows.jacobian[own] @ step
+        in_block = rows.block == block
+        jacobian = rows.jacobian[in_block] / scale[in_block, None]
+        weighted = jacobian.T * weight[in_block]
+        step = np.linalg.solve(normal - weighted @ jacobian, gradient - weighted @ whitened[in_block])
+        innovation[in_block] -= rows.jacobian[in_block] @ step
     predictions, first = [], 0
     for evaluation in solution.evaluations:
         observed = np.isfinite(evaluation.innovation)
@@ -211,10 +211,10 @@ def collect(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> R
     """Stack the residuals that are present."""
     parts = []
     first_block = 0
-    for number, (evaluation, own) in enumerate(zip(evaluations, nodes, strict=True)):
-        suite = own.run.suite
+    for number, (evaluation, run_nodes) in enumerate(zip(evaluations, nodes, strict=True)):
+        suite = run_nodes.run.suite
         kind = np.empty(suite.size, dtype="U64")
-        held = own.run.pulled & ~vented(own.pressures)
+        held = run_nodes.run.pulled & ~vented(run_nodes.pressures)
         registered = np.zeros(suite.size)
         for measurement in suite.measurements:
             rows = suite.slices[measurement.name]
@@ -222,7 +222,7 @@ def collect(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> R
             registered[rows] = measurement.registration is not None
         observed = np.isfinite(evaluation.innovation)
         shape = evaluation.innovation.shape
-        suffix = np.where(held, HELD, PULLED if own.run.pulled else "")
+        suffix = np.where(held, HELD, PULLED if run_nodes.run.pulled else "")
         parts.append(
             ResidualRows(
                 evaluation.innovation[observed],
@@ -231,12 +231,12 @@ def collect(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> R
                 np.broadcast_to(number, shape)[observed],
                 np.char.add(kind[None, :], suffix[:, None])[observed],
                 np.broadcast_to(np.array(suite.units), shape)[observed],
-                np.broadcast_to(own.weights[:, None], shape)[observed],
+                np.broadcast_to(run_nodes.weights[:, None], shape)[observed],
                 np.broadcast_to(suite.noise, shape)[observed],
-                np.broadcast_to(own.blocks[:, None] + first_block, shape)[observed],
+                np.broadcast_to(run_nodes.blocks[:, None] + first_block, shape)[observed],
             )
         )
-        first_block += int(own.blocks.max(initial=-1)) + 1
+        first_block += int(run_nodes.blocks.max(initial=-1)) + 1
     return ResidualRows(
         *(
             np.concatenate([getattr(part, name) for part in parts])
@@ -248,8 +248,8 @@ def collect(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> R
 def mean_correlation_length(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> float:
     """Compute the number of consecutive nodes that say the same thing, averaged over the sensors' rows."""
     lengths: list[float] = []
-    for evaluation, own in zip(evaluations, nodes, strict=True):
-        root = np.sqrt(own.weights)[:, None] * np.nan_to_num(evaluation.innovation)
+    for evaluation, run_nodes in zip(evaluations, nodes, strict=True):
+        root = np.sqrt(run_nodes.weights)[:, None] * np.nan_to_num(evaluation.innovation)
         lengths.extend(map(correlation_length, root.T))
     return float(np.mean(lengths)) if lengths else 1.0
 
@@ -266,11 +266,11 @@ def _scatter(rows: ResidualRows) -> dict[str, float]:
     """Estimate each kind's scatter by the weighted median of its residuals; not below the sensors' noise."""
     scatter = {}
     for name in np.unique(rows.kind):
-        own = rows.kind == name
-        sizes, weights = np.abs(rows.innovation[own]), rows.weight[own]
+        of_kind = rows.kind == name
+        sizes, weights = np.abs(rows.innovation[of_kind]), rows.weight[of_kind]
         median = weighted_median(sizes, weights)
         trusted = PULL_TRUST if str(name).endswith(PULLED) else 1.0
-        scatter[str(name)] = max(trusted * MAD_TO_STD * median, float(rows.noise[own].max()))
+        scatter[str(name)] = max(trusted * MAD_TO_STD * median, float(rows.noise[of_kind].max()))
     return scatter
 
 
@@ -339,8 +339,8 @@ def _registration_covariance(
     """
     scale, _, weight = _whitened(rows, scatter)
     total = np.zeros_like(normal)
-    for number, own in enumerate(forward.nodes):
-        covariances = [m.registration.covariance for m in own.run.suite.measurements if m.registration]
+    for number, run_nodes in enumerate(forward.nodes):
+        covariances = [m.registration.covariance for m in run_nodes.run.suite.measurements if m.registration]
         part = rows.run == number
         if not covariances or not part.any():
             continue

@@ -49,13 +49,15 @@ def force_ratios(
     """
     error = ModelError.of(scatter)
     squares: dict[str, list[tuple[float, float]]] = {}
-    for at, own in zip(evaluations, nodes, strict=True):
-        pulled = (np.abs(own.loads) > LEAST_PULL).any(axis=1) & at.converged
+    for at, run_nodes in zip(evaluations, nodes, strict=True):
+        pulled = (np.abs(run_nodes.loads) > LEAST_PULL).any(axis=1) & at.converged
         for name, condition in ((VENTED_PULLS, error.vented), (PRESSURISED_PULLS, error.pressurised)):
-            flags = pulled & (vented(own.pressures) == (name == VENTED_PULLS))
+            flags = pulled & (vented(run_nodes.pressures) == (name == VENTED_PULLS))
             if flags.any():
-                suite = widened(setting.aligned(own.run.suite), condition.scatter)
-                for section, square, weight in _squares(setting, suite, at.keep(flags), own.keep(flags)):
+                suite = widened(setting.aligned(run_nodes.run.suite), condition.scatter)
+                for section, square, weight in _squares(
+                    setting, suite, at.keep(flags), run_nodes.keep(flags)
+                ):
                     squares.setdefault(f"{name}{ON}{section}", []).append((square, weight))
     return {name: _root_mean(np.array(values)) for name, values in squares.items() if values}
 
@@ -65,19 +67,19 @@ def _root_mean(squares: Floats) -> float:
 
 
 def _squares(
-    setting: Setting, suite: SensorSuite, at: NodePredictions, own: Nodes
+    setting: Setting, suite: SensorSuite, at: NodePredictions, run_nodes: Nodes
 ) -> list[tuple[str, float, float]]:
     """Return the pulled section, the mean square of error over deviation and the weight of each node.
 
     The estimate knows no axial pull.
     """
-    twists = np.nan_to_num(suite.sensitivity(at.frames, own.readings).twists)
+    twists = np.nan_to_num(suite.sensitivity(at.frames, run_nodes.readings).twists)
     to_pressures, to_loads = twists @ at.response.pressure_jacobian, twists @ at.response.load_jacobian
     spread = np.diag(setting.actuation.chamber_sigma**2)
-    noise = suite.covariance(at.frames, own.readings, twists)
+    noise = suite.covariance(at.frames, run_nodes.readings, twists)
     noise = noise + to_pressures @ spread @ np.swapaxes(to_pressures, 1, 2)
     squares = []
-    for node, pull in enumerate(setting.pulls(own.loads)):
+    for node, pull in enumerate(setting.pulls(run_nodes.loads)):
         first = int(np.argmax(np.abs(pull))) // 3 * 3
         axial = first + LATERAL
         missed = at.innovation[node] + to_loads[node, :, axial] * pull[axial]
@@ -90,6 +92,6 @@ def _squares(
         if np.linalg.matrix_rank(matched[:, :LATERAL]) == LATERAL:
             b = matched[:, LATERAL]
             square = float(b @ np.linalg.solve(matched[:, :LATERAL], b)) / LATERAL
-            section = own.run.load_names[first].rpartition("_")[0]
-            squares.append((section, square, float(own.weights[node])))
+            section = run_nodes.run.load_names[first].rpartition("_")[0]
+            squares.append((section, square, float(run_nodes.weights[node])))
     return squares

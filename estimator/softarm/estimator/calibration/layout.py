@@ -135,10 +135,10 @@ class Layout:
         Returns:
             (known - value) / spread, shape (rows,), and the derivative of value / spread, (rows, unknowns).
         """
-        own = (self.means - values) / self.spreads
+        innovation = (self.means - values) / self.spreads
         sums = (self.combination_means - self.combinations @ values) / self.combination_spreads
         rows = np.vstack([np.diag(1.0 / self.spreads), self.combinations / self.combination_spreads[:, None]])
-        return np.concatenate([own, sums]), rows
+        return np.concatenate([innovation, sums]), rows
 
     def prior_covariance(self) -> Floats:
         """Return the covariance of the prior, shape (unknowns, unknowns)."""

@@ -49,9 +49,9 @@ class PulledModuli:
 
     def widened(self, layout: Layout, covariance: Floats) -> Floats:
         """Return a covariance in which the moduli are no better known than from the pulls."""
-        own = np.sqrt(np.diag(covariance))
+        stds = np.sqrt(np.diag(covariance))
         least = np.array([self.spreads.get(name, 0.0) for name in layout.names])
-        ratio = np.maximum(own, least) / own
+        ratio = np.maximum(stds, least) / stds
         return np.asarray(covariance * np.outer(ratio, ratio))
 
 

@@ -14,8 +14,8 @@ from softarm.estimator.sensing.model_error import PRESSURISED_PULLS, VENTED_PULL
 def rms(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> dict[str, float]:
     """Return the root mean square of the innovations by component of each sensor, over all runs."""
     squares: dict[str, list[Floats]] = {}
-    for evaluation, own in zip(evaluations, nodes, strict=True):
-        for name, rows in own.run.suite.slices.items():
+    for evaluation, run_nodes in zip(evaluations, nodes, strict=True):
+        for name, rows in run_nodes.run.suite.slices.items():
             for number, column in enumerate(evaluation.innovation[:, rows].T):
                 squares.setdefault(f"{name}.{number}", []).append(column[np.isfinite(column)] ** 2)
     joined = {name: np.concatenate(parts) for name, parts in squares.items()}
@@ -32,15 +32,17 @@ def scatter_by_condition(evaluations: Sequence[NodePredictions], nodes: Sequence
         nodes: The nodes it was predicted for.
     """
     conditions = {
-        "": [np.full(len(own.time), not own.run.pulled) for own in nodes],
-        f", {VENTED_PULLS}": [own.run.pulled & vented(own.pressures) for own in nodes],
-        f", {PRESSURISED_PULLS}": [own.run.pulled & ~vented(own.pressures) for own in nodes],
+        "": [np.full(len(run_nodes.time), not run_nodes.run.pulled) for run_nodes in nodes],
+        f", {VENTED_PULLS}": [run_nodes.run.pulled & vented(run_nodes.pressures) for run_nodes in nodes],
+        f", {PRESSURISED_PULLS}": [
+            run_nodes.run.pulled & ~vented(run_nodes.pressures) for run_nodes in nodes
+        ],
     }
     scatter: dict[str, float] = {}
     for suffix, flags in conditions.items():
         pairs = [
-            (evaluation.keep(chosen), own.keep(chosen))
-            for evaluation, own, chosen in zip(evaluations, nodes, flags, strict=True)
+            (evaluation.keep(chosen), run_nodes.keep(chosen))
+            for evaluation, run_nodes, chosen in zip(evaluations, nodes, flags, strict=True)
             if chosen.any()
         ]
         if pairs:

@@ -80,13 +80,13 @@ def search_axes(suite: SensorSuite, nodes: Sequence[Nodes], frames: Sequence[Fra
 def _fit_sensor(sensor: Bend, nodes: Sequence[Nodes], frames: Sequence[Frames], mirrored: bool) -> AxesFit:
     plain = replace(sensor, in_plane=0.0, bias=np.zeros(2), mirrored=False)
     predicted, recorded, weights = [], [], []
-    for own, observed in zip(nodes, frames, strict=True):
-        part = own.run.suite.reading_slices.get(sensor.name)
+    for run_nodes, observed in zip(nodes, frames, strict=True):
+        part = run_nodes.run.suite.reading_slices.get(sensor.name)
         if part is None:
             continue
-        readings = own.readings[:, part]
+        readings = run_nodes.readings[:, part]
         present = np.isfinite(readings).all(axis=1)
         predicted.append(plain.predict(observed)[present])
         recorded.append(readings[present])
-        weights.append(own.weights[present])
+        weights.append(run_nodes.weights[present])
     return fit_axes(np.concatenate(predicted), np.concatenate(recorded), np.concatenate(weights), mirrored)

@@ -25,12 +25,12 @@ def nearest_states(
     if not converged.any():
         return tuple(others)
     states = np.concatenate([part.response.states for part in solved])[converged]
-    inputs = np.concatenate([_inputs(own) for own in nodes])[converged]
+    inputs = np.concatenate([_inputs(run_nodes) for run_nodes in nodes])[converged]
     scale = np.maximum(np.ptp(inputs, axis=0), 1e-9)
     tree = cKDTree(inputs / scale)
     starts = []
-    for part, own in zip(others, sought, strict=True):
-        near = states[tree.query(_inputs(own) / scale)[1]]
+    for part, run_nodes in zip(others, sought, strict=True):
+        near = states[tree.query(_inputs(run_nodes) / scale)[1]]
         response = replace(part.response, states=near, converged=np.ones(len(near), dtype=bool))
         starts.append(replace(part, response=response))
     return tuple(starts)

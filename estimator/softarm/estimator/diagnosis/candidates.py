@@ -101,16 +101,16 @@ def is_distinguishable(fit: Fit, number: int) -> bool:
 
 def includes(richer: Fit, plain: Fit) -> bool:
     """Return whether a fitted law states another one at its place: as a part distinguishable from zero."""
-    own, other = richer.hypotheses[-1], plain.hypotheses[-1]
+    hypothesis, other = richer.hypotheses[-1], plain.hypotheses[-1]
     amplitudes = zip(
-        own.effect.parameters,
+        hypothesis.effect.parameters,
         richer.thetas[-1].tolist(),
         richer.scaled_stds(len(richer.hypotheses) - 1).tolist(),
         strict=True,
     )
     for parameter, value, std in amplitudes:
         name, sign = parameter.alone or ("", 0.0)
-        if name == other.name and own.place == other.place:
+        if name == other.name and hypothesis.place == other.place:
             alike = sign * value * float(plain.thetas[-1][0]) > 0.0
             return alike and bool(abs(parameter.scaled(value)) >= TOLD * std)
     return False

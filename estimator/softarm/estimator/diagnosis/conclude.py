@@ -114,9 +114,9 @@ def _squares(search: Search, fit: Fit | None, common: Floats, *, confirming: boo
         names = channels(stage.suite)
         row = np.array([search.weights.scale[name] for name in names])
         calm = row / np.hypot(row, stage.model_error_std) / [floors[name] for name in names]
-        own = ((residual - search.evidence.columns[number] @ common) * calm) ** 2
+        squared = ((residual - search.evidence.columns[number] @ common) * calm) ** 2
         for block in np.unique(session.blocks[unseen]):
-            chosen = own[(session.blocks == block) & unseen]
+            chosen = squared[(session.blocks == block) & unseen]
             squares.append(float(np.nansum(chosen)))
             counts.append(float(np.isfinite(chosen).sum()))
     return np.array(squares), np.array(counts)
@@ -370,7 +370,7 @@ def _rivals(
     search: Search, accepted: Accepted, probable: Mapping[Explanation, float]
 ) -> tuple[tuple[Rival, ...], tuple[Rejected, ...]]:
     winner = accepted.candidate
-    own = search.evidence.library.hypotheses[winner.number]
+    hypothesis = search.evidence.library.hypotheses[winner.number]
     pneumatic = len(search.evidence.stages[0].world.pressure_limits) > 0
     credible = credible_set(probable)
     rivals: dict[str, Rival] = {}
@@ -380,8 +380,8 @@ def _rivals(
         if candidate.number == winner.number:
             continue
         lost = (winner.delta_bic - candidate.delta_bic) / 2.0
-        if (other.name, other.place) in credible and other.name != own.name:
-            words = manoeuvre(own.name, other.name, pneumatic=pneumatic)
+        if (other.name, other.place) in credible and other.name != hypothesis.name:
+            words = manoeuvre(hypothesis.name, other.name, pneumatic=pneumatic)
             rivals.setdefault(other.name, Rival(other.name, other.place, words, lost))
         else:
             rejected.append(Rejected(other.name, other.place, lost))

@@ -433,9 +433,9 @@ def _not_testable(search: Search, findings: Sequence[Finding]) -> tuple[NotTesta
     data = total(parts, search.evidence.size)
     for column, direction in enumerate(search.evidence.library.directions):
         name = search.evidence.library.hypotheses[direction.hypothesis].name
-        own = search.evidence.nuisances + column
+        number = search.evidence.nuisances + column
         gains[name] = max(
-            gains[name], search.weights.effective_sample_fraction * float(data.matrix[own, own])
+            gains[name], search.weights.effective_sample_fraction * float(data.matrix[number, number])
         )
     untestable = []
     pneumatic = len(limits) > 0

@@ -110,8 +110,8 @@ class RegressionProblem:
         forms = np.arange(count, self.nuisances)
         covariance[forms, forms] = form**2
         covariance[self.nuisances - 1, self.nuisances - 1] = 1.0  # the clocks are unknown whatever is assumed
-        own = np.arange(self.nuisances, self.size)
-        covariance[own, own] = background**2
+        effect_columns = np.arange(self.nuisances, self.size)
+        covariance[effect_columns, effect_columns] = background**2
         mean = np.zeros(self.size)
         # It pulls towards what was known beforehand, not towards the values at which residuals are taken.
         mean[:count] = np.linalg.lstsq(rows, known, rcond=None)[0]
@@ -243,8 +243,8 @@ class RegressionProblem:
         """Give the rms, over its scatter, of what everything at once leaves of some recordings."""
         shrunk = self._calmed(self._fullest(weights, residuals, nominal=nominal), weights)
         squares = [
-            (own[~stage.session.heldout] / [weights.scale[name] for name in names]).ravel() ** 2
-            for stage, own, names in zip(self.stages, shrunk, self.names, strict=True)
+            (residual[~stage.session.heldout] / [weights.scale[name] for name in names]).ravel() ** 2
+            for stage, residual, names in zip(self.stages, shrunk, self.names, strict=True)
             if stage.session.nominal == nominal
         ]
         return float(np.sqrt(np.nanmean(np.concatenate(squares)))) if squares else 0.0
@@ -260,8 +260,8 @@ class RegressionProblem:
         spent = float(np.einsum("ij,ji->", posterior.covariance, everything.matrix))
         widen = np.sqrt(everything.count / max(everything.count - spent, 0.1 * everything.count))
         return [
-            widen * (own - c @ posterior.mean) if stage.session.nominal == nominal else own
-            for stage, own, c in zip(self.stages, residuals, self.columns, strict=True)
+            widen * (residual - c @ posterior.mean) if stage.session.nominal == nominal else residual
+            for stage, residual, c in zip(self.stages, residuals, self.columns, strict=True)
         ]
 
     @cached_property

@@ -86,9 +86,9 @@ class MarginalisedProblem:
         k = changes[0].shape[1]
         gram, right = np.zeros((k, k)), np.zeros(k)
         cross = np.zeros((len(self.right), k))
-        for recorded, own, change in zip(self.residuals, self._innovations, changes, strict=True):
+        for recorded, innovation, change in zip(self.residuals, self._innovations, changes, strict=True):
             gram += change.T @ change
-            right += change.T @ own
+            right += change.T @ innovation
             cross += recorded.common.T @ change.astype(np.float32)
         solved = self.factor.solve(self.fraction * cross)
         matrix: Floats = self.fraction * (gram - cross.T @ solved)
@@ -224,8 +224,8 @@ def _secant(slopes: list[Floats], step: Floats, change: list[Floats]) -> None:
     length = float(step @ step)
     if length == 0.0 or not all(np.isfinite(c).all() for c in change):
         return
-    for own, observed in zip(slopes, change, strict=True):
-        own += (observed[:, 0] - own @ step)[:, None] * (step / length)
+    for slope, observed in zip(slopes, change, strict=True):
+        slope += (observed[:, 0] - slope @ step)[:, None] * (step / length)
 
 
 def whitened(
@@ -279,9 +279,9 @@ def slopes_of(
         step = -size if values[index] + size > parametrisation.upper[index] else size
         moved[index] += step
         there = whitened(problem, hypotheses, [*fixed, *parametrisation.split(moved)], exact=exact)
-        for own, ahead, here in zip(columns, there, change, strict=True):
-            own.append((ahead - here) / step)
-    return [np.concatenate(own, axis=1) for own in columns]
+        for slopes, ahead, here in zip(columns, there, change, strict=True):
+            slopes.append((ahead - here) / step)
+    return [np.concatenate(slopes, axis=1) for slopes in columns]
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,8 @@ def form_columns(stage: Stage) -> Floats:
     for g in range(len(stage.world.segments)):
         features = monomials(stage, g)
         for axis in range(4):
-            own = SPREAD * size[axis] * by_eigenstrain[..., 4 * g + axis]
-            columns.append(own[..., None] * features[:, None, :])
+            jacobian = SPREAD * size[axis] * by_eigenstrain[..., 4 * g + axis]
+            columns.append(jacobian[..., None] * features[:, None, :])
     predicted = np.nan_to_num(stage.reading_rows - stage.residual)
     late = -CLOCK * np.gradient(predicted, stage.session.clock, axis=0)
     return np.concatenate([*columns, late[..., None]], axis=-1)

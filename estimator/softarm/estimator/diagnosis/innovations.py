@@ -95,11 +95,11 @@ def innovation_test(search: Search, residuals: Residuals) -> InnovationTest:
     variance, correlation, chance = {}, {}, {}
     for name in kept:
         process = Autoregression.fitted(seen.get(name, []))
-        own = [process.innovations(one) for one in unseen[name]]
-        size = _mean([one**2 for one in own])
+        innovations = [process.innovations(one) for one in unseen[name]]
+        size = _mean([one**2 for one in innovations])
         if np.isfinite(size):
             variance[name] = size
-            correlation[name], chance[name] = ljung_box(own)
+            correlation[name], chance[name] = ljung_box(innovations)
     alike = {name: ljung_box(unseen[name])[0] for name in kept}
     return InnovationTest(variance, correlation, chance, kept, alike)
 
@@ -114,8 +114,8 @@ def _standardised(search: Search, residuals: Residuals, *, reported: bool) -> di
         scaled = residuals[number] / _assumed(search, stage)
         chosen = session.reported if reported else ~session.heldout
         for block in np.unique(session.blocks[chosen]):
-            own = scaled[(session.blocks == block) & chosen]
-            for name, column in zip(channels(stage.suite), own.T, strict=True):
+            stretch = scaled[(session.blocks == block) & chosen]
+            for name, column in zip(channels(stage.suite), stretch.T, strict=True):
                 standardised.setdefault(name, []).append(column)
     return standardised
 
@@ -134,12 +134,12 @@ def worst_stretch(search: Search, residuals: Residuals) -> Stretch | None:
             continue
         scale = np.array([search.weights.scale[name] for name in channels(stage.suite)])
         for block in np.unique(session.blocks):
-            own = session.blocks == block
-            finite = np.isfinite(residuals[number][own])
-            squares = np.where(finite, residuals[number][own], 0.0) ** 2
+            in_block = session.blocks == block
+            finite = np.isfinite(residuals[number][in_block])
+            squares = np.where(finite, residuals[number][in_block], 0.0) ** 2
             rms = np.sqrt(squares.sum(axis=0) / np.maximum(finite.sum(axis=0), 1))
             row = int(np.argmax(rms / scale))
-            time = session.clock[own] - session.clock[0]
+            time = session.clock[in_block] - session.clock[0]
             if worst is None or rms[row] / scale[row] > worst[0]:
                 place = (session.name, channels(stage.suite)[row], stage.suite.units[row])
                 worst = (

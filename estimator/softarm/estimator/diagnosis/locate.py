@@ -140,10 +140,10 @@ def _joined(
 ) -> tuple[Gaussian, Total]:
     """Put cells beside the common columns; the prior mean of cells is zero."""
     known = len(prior.mean)
-    cross, own, pull = (np.sum([part[k] for part in parts], axis=0) for k in range(3))
+    cross, square, pull = (np.sum([part[k] for part in parts], axis=0) for k in range(3))
     size = known + len(pull)
     matrix, covariance = np.zeros((size, size)), np.zeros((size, size))
-    matrix[:known, :known], matrix[known:, known:] = data.matrix, own
+    matrix[:known, :known], matrix[known:, known:] = data.matrix, square
     matrix[:known, known:], matrix[known:, :known] = cross, cross.T
     covariance[:known, :known] = prior.covariance
     covariance[np.arange(known, size), np.arange(known, size)] = 1e-18

@@ -217,8 +217,8 @@ def _orientations(suite: SensorSuite) -> list[slice]:
 
 def _unit(suite: SensorSuite, readings: Floats) -> Floats:
     out = readings.copy()
-    for own in _orientations(suite):
-        out[:, own] /= np.linalg.norm(out[:, own], axis=1, keepdims=True)
+    for orientations in _orientations(suite):
+        out[:, orientations] /= np.linalg.norm(out[:, orientations], axis=1, keepdims=True)
     return out
 
 

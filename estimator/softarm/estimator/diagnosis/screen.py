@@ -34,10 +34,10 @@ def screen(
     for number, _, columns in evidence.library.groups():
         if number in taken:
             continue
-        own = [evidence.nuisances + c for c in columns]
-        if marginal.matrix[own, own].min() <= INVISIBLE:
+        numbers = [evidence.nuisances + c for c in columns]
+        if marginal.matrix[numbers, numbers].min() <= INVISIBLE:
             continue
-        gain, values = marginal.gain(own)
+        gain, values = marginal.gain(numbers)
         effect = evidence.library.hypotheses[number].effect
         theta, allowed = _start(effect.parameters, [directions[c] for c in columns], values)
         score = (gain if allowed else 0.0) - bic_penalty * len(effect.parameters)
@@ -54,13 +54,13 @@ def null_scores(evidence: RegressionProblem, marginal: Marginal, rng: np.random.
     bic_penalty = np.log(max(marginal.count, 2.0))
     best = np.full(DRAWS, -np.inf)
     for number, _, columns in evidence.library.groups():
-        own = [evidence.nuisances + c for c in columns]
-        if marginal.matrix[own, own].min() <= INVISIBLE:
+        numbers = [evidence.nuisances + c for c in columns]
+        if marginal.matrix[numbers, numbers].min() <= INVISIBLE:
             continue
-        block = marginal.matrix[np.ix_(own, own)]
+        block = marginal.matrix[np.ix_(numbers, numbers)]
         size = np.sqrt(np.maximum(np.diag(block), 1e-300))
-        scaled = block / np.outer(size, size) + 1e-6 * np.eye(len(own))
-        whitened = drawn[:, [k - first for k in own]] / size
+        scaled = block / np.outer(size, size) + 1e-6 * np.eye(len(numbers))
+        whitened = drawn[:, [k - first for k in numbers]] / size
         gains = (whitened * np.linalg.solve(scaled, whitened.T).T).sum(axis=1)
         parameters = len(evidence.library.hypotheses[number].effect.parameters)
         best = np.maximum(best, gains - bic_penalty * parameters)

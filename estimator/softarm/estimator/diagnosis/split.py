@@ -95,6 +95,6 @@ def _by_stretches(sessions: Sequence[Session]) -> tuple[Session, ...]:
     marked = []
     for k, session in enumerate(sessions):
         out = (session.blocks % 4 == 2) & (not session.nominal)
-        own = [block for number, block in confirming if number == k]
-        marked.append(replace(session, heldout=out, confirms=out & np.isin(session.blocks, own)))
+        blocks = [block for number, block in confirming if number == k]
+        marked.append(replace(session, heldout=out, confirms=out & np.isin(session.blocks, blocks)))
     return tuple(marked)

@@ -235,10 +235,10 @@ class Stage:
     def _misread(self, placed: PlacedEffect, truth: Floats) -> Floats:
         """Give stacked readings as an effect of sensing turns them, shape (samples, readings)."""
         readings = truth.copy()
-        own = self.suite.reading_slices.get(placed.spot.place.sensor or "")
-        if own is not None:
+        entries = self.suite.reading_slices.get(placed.spot.place.sensor or "")
+        if entries is not None:
             signals = signals_of(self.drive, self.world, self.arm.baseline)
-            readings[:, own], _ = placed.act(replace(signals, reading=truth[:, own]), ())
+            readings[:, entries], _ = placed.act(replace(signals, reading=truth[:, entries]), ())
         return readings
 
     @cached_property

@@ -90,10 +90,10 @@ def without_pressures(
     time = recording.time - recording.time[0]
     for one in stuck:
         if one.recording == recording.name:
-            own = (time >= one.since) & (time <= one.until)
+            during = (time >= one.since) & (time <= one.until)
             name = f"{one.sensor}_pa"
             instead = columns[name.replace("pressure_", "pressure_cmd_")] if by_set_points else np.nan
-            columns[name] = np.where(own, instead, columns[name])
+            columns[name] = np.where(during, instead, columns[name])
     return replace(recording, columns=columns)
 
 
@@ -117,15 +117,15 @@ def find_stuck(stage: Stage) -> tuple[Stuck, ...]:
         size = np.array([LEVER if unit == "m" else 1.0 for unit in measurement.units])
         shown, wanted = measured[:, rows] / size, predicted[:, rows] / size
         for start, end in _still(time, shown, wanted):
-            own = slice(start, end)
+            during = slice(start, end)
             stuck.append(
                 Stuck(
                     stage.session.name,
                     measurement.name,
                     float(time[start]),
                     float(time[end - 1]),
-                    float(np.sqrt(np.nanmean((residual[own, rows] / size) ** 2))),
-                    float(np.sqrt(np.nanmean((shown[own] - np.nanmean(shown[own], axis=0)) ** 2))),
+                    float(np.sqrt(np.nanmean((residual[during, rows] / size) ** 2))),
+                    float(np.sqrt(np.nanmean((shown[during] - np.nanmean(shown[during], axis=0)) ** 2))),
                     end - start,
                 )
             )
@@ -139,9 +139,9 @@ def without_stuck(stage: Stage, stuck: tuple[Stuck, ...]) -> Stage:
     readings = stage.session.readings.copy()
     time = stage.session.clock - stage.session.clock[0]
     for one in stuck:
-        own = stage.suite.reading_slices.get(one.sensor)
-        if own is not None:
-            readings[(time >= one.since) & (time <= one.until), own] = np.nan
+        entries = stage.suite.reading_slices.get(one.sensor)
+        if entries is not None:
+            readings[(time >= one.since) & (time <= one.until), entries] = np.nan
     return replace(stage, session=replace(stage.session, readings=readings))
 
 
@@ -149,15 +149,15 @@ def stuck_findings(stuck: Sequence[Stuck]) -> tuple[Finding, ...]:
     """Report every sensor that stood still, from the first time on."""
     findings = []
     for sensor in dict.fromkeys(one.sensor for one in stuck):
-        own = [one for one in stuck if one.sensor == sensor]
-        count = sum(one.samples for one in own)
+        intervals = [one for one in stuck if one.sensor == sensor]
+        count = sum(one.samples for one in intervals)
         before, after = (
-            float(np.sqrt(sum(one.samples * getattr(one, name) ** 2 for one in own) / count))
+            float(np.sqrt(sum(one.samples * getattr(one, name) ** 2 for one in intervals) / count))
             for name in ("before", "after")
         )
-        first = min(one.since for one in own)
+        first = min(one.since for one in intervals)
         place = Place(sensor=sensor)
-        where = "; ".join(f"{one.recording} from {one.since:.1f} to {one.until:.1f} s" for one in own)
+        where = "; ".join(f"{one.recording} from {one.since:.1f} to {one.until:.1f} s" for one in intervals)
         words = EFFECTS["sensor_stuck"].tell(np.array([1.0, first]), place)
         moving = "its set-point" if sensor.startswith("pressure") else "the arm"
         gain = count * np.log(max(before, 1e-12) / max(after, 1e-6)) - 2.0 * np.log(count)

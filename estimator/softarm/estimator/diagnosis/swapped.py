@@ -53,8 +53,8 @@ def _swapped_pressures(recording: Recording) -> str:
         return ""
     follows = _correlation(given[observed], asked[observed])
     for a, b in combinations(range(len(names)), 2):
-        own, crossed = (follows[a, a], follows[b, b]), (follows[a, b], follows[b, a])
-        if max(own) < STRAYS and min(crossed) > FOLLOWS:
+        straight, crossed = (follows[a, a], follows[b, b]), (follows[a, b], follows[b, a])
+        if max(straight) < STRAYS and min(crossed) > FOLLOWS:
             return f"pressure_{names[a]}_pa and pressure_{names[b]}_pa"
     return ""
 

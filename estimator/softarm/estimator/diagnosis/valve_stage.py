@@ -70,8 +70,8 @@ class Split:
 
     def errors(self) -> tuple[float, float]:
         """Give the root mean square on unseen samples of set-point and of law against pressure [Pa]."""
-        own = self.heldout
-        asked, law = self.given[own] - self.asked[own], self.given[own] - self.predicted[own]
+        heldout = self.heldout
+        asked, law = self.given[heldout] - self.asked[heldout], self.given[heldout] - self.predicted[heldout]
         return float(np.sqrt(np.mean(asked**2))), float(np.sqrt(np.mean(law**2)))
 
 
@@ -81,11 +81,11 @@ def splits_of(recordings: Sequence[Recording]) -> list[Split]:
     ceilings = ceilings_of(recordings)
     valves = [(recording, valve) for recording in recordings for valve in valves_of(recording, ceilings)]
     for chamber in sorted({valve.chamber for _, valve in valves}):
-        own = [(recording, valve) for recording, valve in valves if valve.chamber == chamber]
-        middles = [_middle(recording, chamber) for recording, _ in own]
-        early = [_until(r, chamber, middle) for (r, _), middle in zip(own, middles, strict=True)]
+        chosen = [(recording, valve) for recording, valve in valves if valve.chamber == chamber]
+        middles = [_middle(recording, chamber) for recording, _ in chosen]
+        early = [_until(r, chamber, middle) for (r, _), middle in zip(chosen, middles, strict=True)]
         met = ceilings_of(early)
-        for (recording, whole), half, middle in zip(own, early, middles, strict=True):
+        for (recording, whole), half, middle in zip(chosen, early, middles, strict=True):
             time, asked, given = recording.time, *_columns(recording, chamber)
             if not np.isfinite(asked[time > middle] + given[time > middle]).any():
                 continue
@@ -131,15 +131,15 @@ def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple
     jitter = _scatter(_delayed, max((_jitter(split) for split in suspects), default=0.0), [suspects, nominal])
     chambers = sorted({split.valve.chamber for split in suspects})
     for chamber in chambers:
-        own = [split for split in suspects if split.valve.chamber == chamber]
+        splits = [split for split in suspects if split.valve.chamber == chamber]
         known = [split for split in nominal if split.valve.chamber == chamber]
-        evidence = _evidence(own)
-        findings += _ceiling(chamber, own, known, evidence)
+        evidence = _evidence(splits)
+        findings += _ceiling(chamber, splits, known, evidence)
         if nominal and not known:
             continue
         if 2.0 * evidence.log_bayes_factor >= LEAST_BIC and evidence.heldout_after < evidence.heldout_before:
-            findings += _steady(chamber, own, known, scatter, evidence, len(chambers))
-            findings += _delays(chamber, own, known, jitter, evidence, len(chambers))
+            findings += _steady(chamber, splits, known, scatter, evidence, len(chambers))
+            findings += _delays(chamber, splits, known, jitter, evidence, len(chambers))
     return tuple(findings)
 
 
@@ -239,13 +239,15 @@ def valve_diagnosis(
     )
 
 
-def _ceiling(chamber: int, own: Sequence[Split], known: Sequence[Split], evidence: Evidence) -> list[Finding]:
+def _ceiling(
+    chamber: int, splits: Sequence[Split], known: Sequence[Split], evidence: Evidence
+) -> list[Finding]:
     """Report a pressure that is not passed; a law learnt before it was met cannot be judged by it."""
-    ceilings = [split.valve.ceiling for split in own if np.isfinite(split.valve.ceiling)]
+    ceilings = [split.valve.ceiling for split in splits if np.isfinite(split.valve.ceiling)]
     if not ceilings or any(np.isfinite(split.valve.ceiling) for split in known):
         return []
     ceiling = float(np.median(ceilings))
-    lost = max(float(split.asked.max()) for split in own) - ceiling
+    lost = max(float(split.asked.max()) for split in splits) - ceiling
     if lost <= LEAST_LOSS:
         return []
     words = f"The pressure in chamber {chamber} stops at {1e-3 * ceiling:.1f} kPa, below its set-point."
@@ -256,25 +258,25 @@ def _ceiling(chamber: int, own: Sequence[Split], known: Sequence[Split], evidenc
 
 def _steady(
     chamber: int,
-    own: Sequence[Split],
+    splits: Sequence[Split],
     known: Sequence[Split],
     scatter: float,
     evidence: Evidence,
     valves: int,
 ) -> list[Finding]:
     """Report a steady error, or one that is new where there are nominal recordings."""
-    ours, theirs = _offsets(own), _offsets(known)
+    ours, theirs = _offsets(splits), _offsets(known)
     if not ours or (known and not theirs):
         return []
     offset = float(np.mean(ours))
     change = offset - (float(np.mean(theirs)) if theirs else 0.0)
-    within = max(split.valve.bias_std for split in own if split.valve.held) / np.sqrt(len(ours))
+    within = max(split.valve.bias_std for split in splits if split.valve.held) / np.sqrt(len(ours))
     between = scatter * np.sqrt(1.0 / len(ours) + 1.0 / len(theirs)) if theirs else 0.0
     spread = max(float(np.hypot(within, between)), 20.0)
     sure = _probability(abs(change), spread, len(ours) + len(theirs), valves)
     if abs(change) <= LEAST_BIAS or sure < NAMED:
         return []
-    shut = any(split.valve.deadband > LEAST_BAND - (change - offset) for split in own)
+    shut = any(split.valve.deadband > LEAST_BAND - (change - offset) for split in splits)
     if shut and change < 0.0:
         words = f"The first {-1e-3 * change:.2f} kPa of the set-point of chamber {chamber} have no effect."
         quantity = {"band": Quantity(-change, spread, "Pa")}
@@ -295,14 +297,14 @@ def _delays(
     valves: int,
 ) -> list[Finding]:
     """Report a dead time and a lag, or what is new of them."""
-    own, known = _timed(suspects), _timed(nominal)
-    if not own or (nominal and not known):
+    splits, known = _timed(suspects), _timed(nominal)
+    if not splits or (nominal and not known):
         return []
-    dead, lag = (float(np.mean(values)) for values in _times(own))
+    dead, lag = (float(np.mean(values)) for values in _times(splits))
     dead_before, lag_before = (float(np.mean(values)) if known else 0.0 for values in _times(known))
     late, slower = dead - dead_before, lag - lag_before
-    spread = jitter * float(np.sqrt(1.0 / len(own) + (1.0 / len(known) if known else 0.0)))
-    sure = _probability(late + slower, spread, len(own) + len(known), valves)
+    spread = jitter * float(np.sqrt(1.0 / len(splits) + (1.0 / len(known) if known else 0.0)))
+    sure = _probability(late + slower, spread, len(splits) + len(known), valves)
     if late + slower <= LEAST_DELAY or sure < NAMED:
         return []
     deviation = max(spread, max(_jitter(split) for split in suspects))
@@ -356,17 +358,17 @@ def _channel_error(pairs: Floats) -> ChannelError:
     return ChannelError("Pa", before, after)
 
 
-def _evidence(own: Sequence[Split]) -> Evidence:
-    pairs = np.array([split.errors() for split in own])
-    noise = np.array([max(split.valve.noise, RESOLUTION) for split in own])
+def _evidence(splits: Sequence[Split]) -> Evidence:
+    pairs = np.array([split.errors() for split in splits])
+    noise = np.array([max(split.valve.noise, RESOLUTION) for split in splits])
     before, after = (float(np.sqrt(np.mean((column / noise) ** 2))) for column in pairs.T)
     gains = 1.0 - pairs[:, 1] / np.maximum(pairs[:, 0], 1e-9)
-    count = sum(int(split.heldout.sum()) for split in own)
+    count = sum(int(split.heldout.sum()) for split in splits)
     # Samples of a valve's answer say the same for about its settling time.
     effective = max(count / 50.0, 2.0)
     gain = effective * (before**2 - after**2) / max(after**2, 1.0)
     low, high = (float(gains.min()), float(gains.max())) if len(gains) > 1 else (float(gains[0]),) * 2
-    channel = {f"pressure_{own[0].valve.chamber}": _channel_error(pairs)}
+    channel = {f"pressure_{splits[0].valve.chamber}": _channel_error(pairs)}
     log_bayes_factor = gain / 2.0 - 2.0 * np.log(effective)
     return Evidence(log_bayes_factor, before, after, (low, high), float("nan"), channel)
 
