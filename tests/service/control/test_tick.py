@@ -1,6 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
+from softarm.daemon.control.lateness import SkippedTicks
 from softarm.daemon.control.tick import Ticker, TickSchedule
 
 INTERVAL = 10_000_000
@@ -30,3 +31,12 @@ async def test_ticker_ticks_and_stops():
             if len(indices) == 20:
                 break
     assert indices == sorted(set(indices))
+
+
+def test_skipped_ticks_count_for_a_second_however_many_there_are() -> None:
+    skipped = SkippedTicks()
+    skipped.add(0, 1500)
+    skipped.add(400_000_000, 0)
+    skipped.add(600_000_000, 2)
+    assert [skipped.recent(now_ns) for now_ns in (700_000_000, 1_000_000_000, 1_600_000_000)] == [1502, 2, 0]
+    assert skipped.total == 1502

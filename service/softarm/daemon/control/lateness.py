@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+SECOND_NS = 1_000_000_000
 WINDOW_NS = 5_000_000_000
 RECENT_NS = 500_000_000
 LATE_NS = 20_000_000
@@ -63,12 +64,35 @@ class Lateness:
         for at_ns, drift_ns in reversed(self._ticks):
             if now_ns - at_ns > RECENT_NS:
                 break
-            worst_ns = max(worst_ns, drift_ns)
+            if drift_ns > worst_ns:  # a call of max takes longer, and each tick looks at all recent ones
+                worst_ns = drift_ns
         if worst_ns > LATE_NS:
             return f"the control loop came {worst_ns * 1e-6:.0f} ms late"
         if self.starved_percent is not None and self.starved_percent > STARVED_PERCENT:
             return f"programs waited for the processor {self.starved_percent:.0f} % of the time"
         return ""
+
+
+class SkippedTicks:
+    """Counts the ticks that were skipped: all of them, and those of the last second."""
+
+    def __init__(self) -> None:
+        self.total = 0
+        self._recent: deque[tuple[int, int]] = deque()
+        self._recent_total = 0
+
+    def add(self, now_ns: int, missed: int) -> None:
+        """Add ticks that were skipped just before a monotonic time."""
+        if missed:
+            self.total += missed
+            self._recent.append((now_ns, missed))
+            self._recent_total += missed
+
+    def recent(self, now_ns: int) -> int:
+        """Return how many were skipped in the second before a monotonic time."""
+        while self._recent and now_ns - self._recent[0][0] >= SECOND_NS:
+            self._recent_total -= self._recent.popleft()[1]
+        return self._recent_total
 
 
 def pressure_files(cgroup_file: Path = Path("/proc/self/cgroup")) -> tuple[Path, ...]:

@@ -1,19 +1,17 @@
 """What happens at every tick to keep the arm safe: set-points renewed, health judged, faults acted upon."""
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from softarm.daemon.control.controller import Controller
 from softarm.daemon.control.estimator_state import EstimatorState
 from softarm.daemon.control.instruments import Instruments
+from softarm.daemon.control.lateness import SkippedTicks
 from softarm.daemon.control.readings import Readings
 from softarm.daemon.safety.diagnostics import Diagnostic, HealthMonitor
 from softarm.daemon.safety.modes import PRESSURISED, Mode, Transition, Trigger
 from softarm.daemon.safety.observation import EstimatorHealth, RecorderHealth, ServiceHealth, Valves
 from softarm.drivers.errors import DeviceError
-
-SECOND_NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -53,9 +51,8 @@ class SafetyMonitor:
     """
 
     def __init__(self, inputs: SafetyInputs) -> None:
-        self.overruns = 0
         self._inputs = inputs
-        self._late: deque[int] = deque(maxlen=1000)
+        self._skipped = SkippedTicks()
         self._began_ns: int | None = None
         self._expiries = 0
 
@@ -66,8 +63,12 @@ class SafetyMonitor:
             missed: How many.
             now_ns: Monotonic time.
         """
-        self.overruns += missed
-        self._late.extend([now_ns] * min(missed, self._late.maxlen or missed))
+        self._skipped.add(now_ns, missed)
+
+    @property
+    def overruns(self) -> int:
+        """Ticks skipped since the start."""
+        return self._skipped.total
 
     def advance(self, now_ns: int, elapsed_s: float) -> Transition | None:
         """Renew the set-point; valves that take none end the mode.
@@ -163,7 +164,7 @@ class SafetyMonitor:
             inputs=inputs.readings.inputs(now_ns, instruments.troubles()),
             estimator=inputs.estimator(now_ns),
             recorder=inputs.recorder(),
-            overruns=sum(1 for late_ns in self._late if now_ns - late_ns < SECOND_NS),
+            overruns=self._skipped.recent(now_ns),
             devices=tuple(
                 replace(device, age_s=readings.device_age_s(device.name, now_ns))
                 for device in instruments.devices()
