@@ -61,14 +61,17 @@ class InlineEstimator:
         self._solver = Solver(settings)
         self._on_result = on_result
         self._busy = False
-        self._waiting: EstimationRequest | None = None
+        self._waiting: Callable[[], EstimationRequest | None] | None = None
 
-    def submit(self, request: EstimationRequest) -> None:
+    def submit(self, make: Callable[[], EstimationRequest | None]) -> None:
         """Solve a request; one that comes meanwhile waits, and is replaced by a newer one."""
         if self._busy:
-            self._waiting = request
+            self._waiting = make
             return
-        self._busy, self._waiting = True, None
+        self._waiting, request = None, make()
+        if request is None:
+            return
+        self._busy = True
         asyncio.get_running_loop().call_later(SOLVE_S, self._answer, self._solver(request))
 
     def watch(self) -> None:

@@ -116,9 +116,11 @@ class Estimator:
         self.requests = []
         self._on_result = on_result
 
-    def submit(self, request):
-        self.requests.append(request)
-        self._on_result(result(request))
+    def submit(self, make):
+        request = make()
+        if request is not None:
+            self.requests.append(request)
+            self._on_result(result(request))
 
     def watch(self):
         pass

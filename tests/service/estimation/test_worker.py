@@ -48,7 +48,7 @@ async def test_answers_and_ends():
     results = Results()
     async with Worker(double, results.take) as worker:
         await worker.until(lambda state: state.running)
-        worker.submit(21)
+        worker.submit(lambda: 21)
         await results.wait(1)
         pid = worker.pid
     assert results.values == [42]
@@ -63,13 +63,25 @@ async def test_mailbox_keeps_the_newest_only(tmp_path):
     results = Results()
     async with Worker(partial(gated, str(gate)), results.take) as worker:
         await worker.until(lambda state: state.running)
+        made = []
         for value in range(5):
-            worker.submit(value)
+            worker.submit(lambda value=value: made.append(value) or value)
+        assert made == [0]
         for count in (1, 2):
             await asyncio.to_thread(gate.write_text, "go")
             await results.wait(count)
-    assert results.values == [0, 4]
+    assert results.values == made == [0, 4]
     assert worker.replaced == 3
+
+
+async def test_a_request_that_comes_to_nothing_leaves_the_process_free():
+    results = Results()
+    async with Worker(double, results.take) as worker:
+        await worker.until(lambda state: state.running)
+        worker.submit(lambda: None)
+        worker.submit(lambda: 3)
+        await results.wait(1)
+    assert results.values == [6]
 
 
 async def test_killed_process_is_started_again():
@@ -79,7 +91,7 @@ async def test_killed_process_is_started_again():
         first = worker.pid
         os.kill(first, signal.SIGKILL)
         await worker.until(lambda state: state.running and state.restarts == 1)
-        worker.submit(1)
+        worker.submit(lambda: 1)
         await results.wait(1)
         assert worker.pid != first
     assert results.values == [2]
@@ -127,8 +139,8 @@ async def test_process_that_is_stuck_is_started_anew(tmp_path):
     now = [0.0]
     async with Worker(partial(gated, str(gate)), Results().take, clock=lambda: now[0]) as worker:
         await worker.until(lambda state: state.running)
-        worker.submit("never answered")
-        worker.submit("waits")
+        worker.submit(lambda: "never answered")
+        worker.submit(lambda: "waits")
         now[0] += STUCK_S + 1.0
         worker.watch()
         await worker.until(lambda state: state.restarts == 1 and state.running)

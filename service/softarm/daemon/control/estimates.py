@@ -68,26 +68,29 @@ class Estimates:
         """
         if (now_ns - self._submitted_ns) * 1e-9 < after_ticks / self._rate_hz:
             return
+        self._submitted_ns = now_ns
+        self.process.submit(self._request)
+
+    def _request(self) -> EstimationRequest | None:
+        """Request an estimate of the newest readings, when the process is free for it."""
+        now_ns = self._clocks.monotonic_ns()
         snapshot = self._readings.snapshot(now_ns)
         if not snapshot.used:
-            return
-        self._submitted_ns = now_ns
+            return None
         controller = self._controller
-        self.process.submit(
-            EstimationRequest(
-                snapshot.time_s,
-                snapshot.newest_arrival_ns,
-                snapshot.readings,
-                self._pressures(now_ns),
-                self._gravity,
-                snapshot.used,
-                snapshot.lost,
-                want_hold=controller.modes.mode in (Mode.TEACH, Mode.HOLDING),
-                target=None if controller.hold is None else controller.hold.goal.target,
-                want_contact=self._contact_due(now_ns),
-                tare=self._estimator_state.tare,
-                want_mesh=self._shape_due(now_ns),
-            )
+        return EstimationRequest(
+            snapshot.time_s,
+            snapshot.newest_arrival_ns,
+            snapshot.readings,
+            self._pressures(now_ns),
+            self._gravity,
+            snapshot.used,
+            snapshot.lost,
+            want_hold=controller.modes.mode in (Mode.TEACH, Mode.HOLDING),
+            target=None if controller.hold is None else controller.hold.goal.target,
+            want_contact=self._contact_due(now_ns),
+            tare=self._estimator_state.tare,
+            want_mesh=self._shape_due(now_ns),
         )
 
     def _pressures(self, now_ns: int) -> NDArray[np.float64]:

@@ -20,8 +20,8 @@ class EstimatorProcess(Protocol):
     def state(self) -> WorkerState:
         """What became of the process."""
 
-    def submit(self, request: EstimationRequest) -> None:
-        """Queue a request; one that still waits is replaced by the newer one."""
+    def submit(self, make: Callable[[], EstimationRequest | None]) -> None:
+        """Have a request made and sent as soon as the process is free; it replaces one that still waits."""
 
     def watch(self) -> None:
         """Kill a process that is stuck; called at every tick."""

@@ -162,7 +162,7 @@ class Worker(Generic[Request, Result]):
         self._context = multiprocessing.get_context("spawn")
         self._loop = asyncio.get_running_loop()
         self._child: _Child | None = None
-        self._waiting: Request | None = None
+        self._waiting: Callable[[], Request | None] | None = None
         self._busy = True
         self._sent_s = clock()
         self._restarts = 0
@@ -203,13 +203,17 @@ class Worker(Generic[Request, Result]):
             self._changed.clear()
             await self._changed.wait()
 
-    def submit(self, request: Request) -> None:
-        """Queue a request; one that still waits is replaced by the newer one."""
+    def submit(self, make: Callable[[], Request | None]) -> None:
+        """Have a request made and sent as soon as the process is free; it replaces one that still waits.
+
+        Args:
+            make: Makes the request, or ``None`` where there is nothing to request after all.
+        """
         if self._busy or self._child is None:
             self.replaced += self._waiting is not None
-            self._waiting = request
+            self._waiting = make
             return
-        self._send(request, self._child)
+        self._send(make, self._child)
 
     def watch(self) -> None:
         """Kill a process that is stuck at a request or at its start; call it at every tick."""
@@ -225,8 +229,12 @@ class Worker(Generic[Request, Result]):
             self._sent_s = child.started_s = now_s
             child.process.kill()
 
-    def _send(self, request: Request, child: _Child) -> None:
-        self._busy, self._waiting, self._sent_s = True, None, self._clock()
+    def _send(self, make: Callable[[], Request | None], child: _Child) -> None:
+        self._waiting = None
+        request = make()
+        if request is None:
+            return
+        self._busy, self._sent_s = True, self._clock()
         with contextlib.suppress(OSError):  # the thread that waits for results reports its end
             child.requests.send(request)
 
