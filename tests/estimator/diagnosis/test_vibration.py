@@ -8,7 +8,10 @@ import pytest
 from softarm.estimator.diagnosis.nuisances import calibrate_sessions
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.vibration import LONGEST_STEP, Vibration, fit_vibration, with_vibration
+from softarm.estimator.effects import EFFECTS, Spot
+from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.simulation.inertia import Masses
+from softarm.estimator.specimen.physics import Place
 from tests.estimator.diagnosis.linear_arm import model, session
 
 MASSES = Masses(np.array([0.02, 0.023]), np.array([0.16, 0.082]))
@@ -59,6 +62,40 @@ def test_a_vibration_is_found_with_its_mass_and_its_delay(stage: Stage) -> None:
     assert vibration.delay == pytest.approx(truth.delay, abs=0.5 * stage.session.step)
     assert vibration.relative_error < 0.2
     assert f"{vibration.mass:.2f} times the weighed masses" in note
+
+
+@pytest.fixture(scope="module")
+def calm(stage: Stage) -> Stage:
+    """The same with pressures so low that the arm answers in proportion."""
+    low = replace(stage.session, pressures=0.05 * stage.session.pressures)
+    return calibrate_sessions(model(), [stage.session]).stage(model(), low)
+
+
+def vibrating(stage: Stage, masses: Masses) -> tuple[Stage, np.ndarray]:
+    """Let a stage vibrate; return it, and what that changes of its predictions."""
+    found = with_vibration(stage, Vibration(1.0, (2.0, 0.002), 0.03, 0.1, 2.0), masses)
+    couples = found.drive.couples.reshape(stage.session.samples, -1)
+    return found, np.einsum("trk,tk->tr", stage.couple_jacobian, couples)
+
+
+def test_an_arm_that_carries_a_mass_vibrates_as_one_that_is_heavier(calm: Stage) -> None:
+    payload = 0.02
+    plain, light = vibrating(calm, MASSES)
+    _, heavy = vibrating(calm, replace(MASSES, sections=MASSES.sections + np.array([0.0, payload])))
+    carried = PlacedEffect(
+        EFFECTS["tip_payload"], Spot(calm.world, Place(section="tip")), np.array([payload])
+    )
+    assert not calm.session.gravity.any()  # its weight changes nothing
+    difference = plain.change([carried]) - (heavy - light)
+    assert np.linalg.norm(difference) < 0.1 * np.linalg.norm(heavy - light)  # it has no rotary inertia
+    assert np.abs(heavy - light).max() > 0.1 * np.abs(light).max()
+
+
+def test_an_arm_vibrates_about_what_an_effect_changes(calm: Stage) -> None:
+    plain, lag = vibrating(calm, MASSES)
+    gain = PlacedEffect(EFFECTS["chamber_gain"], Spot(calm.world, Place()), np.array([-0.2]))
+    still = calm.change([gain])
+    assert plain.change([gain]) == pytest.approx(still - 0.2 * lag, abs=0.02 * np.abs(lag).max())
 
 
 def test_samples_that_are_far_apart_show_no_vibration(stage: Stage) -> None:

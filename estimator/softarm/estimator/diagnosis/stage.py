@@ -12,6 +12,7 @@ from softarm.estimator.calibration.unknowns import Prediction
 from softarm.estimator.diagnosis.exact_model import ExactModel
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.effects import World
+from softarm.estimator.effects.effect import ModalChange
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
 from softarm.estimator.effects.simulate import recorded_turn, simulate_with
 from softarm.estimator.model import Frames
@@ -20,6 +21,7 @@ from softarm.estimator.rotations import exp
 from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.simulation import Drive, LinearisedArm, RespondingArm, Segments, SimulatedArm
 from softarm.estimator.simulation.compliance import stiffness_along
+from softarm.estimator.simulation.inertia import VibratingArm
 from softarm.estimator.specimen import Specimen
 
 SUDDEN, RINGDOWN = 0.2, 0.7
@@ -55,6 +57,38 @@ class Model:
 
 
 @dataclass(frozen=True)
+class Vibrations:
+    """How the arm of a session vibrates, about its quasi-static strains and what effects change of them.
+
+    Args:
+        arm: The arm that vibrates.
+        still: Quasi-static strains without effects, shape (samples, strains).
+    """
+
+    arm: VibratingArm
+    still: Floats
+
+    def couples(self, change: Floats, modal: ModalChange, section: int) -> Floats:
+        """Return the couples by which an effect changes the vibration, shape (samples, strains).
+
+        Args:
+            change: What it changes of the quasi-static strains, shape (samples, strains).
+            modal: What it does to the masses.
+            section: Section that an added mass is fixed to.
+        """
+        if modal.added_mass == 0.0 and modal.mass_ratio == 1.0:
+            return self.arm.couples(self.arm.lag(change))
+        added = np.zeros(self.arm.dynamics.places.shape[1])
+        added[section] = modal.added_mass
+        heavier = self.arm.heavier(modal.mass_ratio, added)
+        return self.arm.couples(heavier.lag(self.still + change) - self._lag)
+
+    @cached_property
+    def _lag(self) -> Floats:
+        return self.arm.lag(self.still)
+
+
+@dataclass(frozen=True)
 class Stage:
     """A session on the calibrated model.
 
@@ -66,6 +100,7 @@ class Stage:
         world: What effects may refer to.
         suite: The sensors, aligned.
         drive: The calibrated drive.
+        vibrations: How the arm vibrates, where recordings show that.
         vibration_error_std: Error of the model of the vibration, where there is one, shape (samples, rows).
         observed: The linearised arm where effects see it, if that is elsewhere; see ``pose.py``.
     """
@@ -77,6 +112,7 @@ class Stage:
     world: World
     suite: SensorSuite
     drive: Drive
+    vibrations: Vibrations | None = None
     vibration_error_std: Floats | None = None
     observed: LinearisedArm | None = None
 
@@ -156,14 +192,13 @@ class Stage:
         sensing = [placed for placed in effects if placed.effect.hook == "sensing"]
         inner = [placed for placed in effects if placed not in (*answering, *sensing)]
         none, there = np.zeros(self.residual.shape), self._there
-        first: Floats = sum((there.first_order(placed) for placed in inner), none)
-        if answering:
-            first = first + there._simulated(answering)
+        change: Floats = sum((there.first_order(placed) for placed in (*inner, *sensing)), none)
+        pushed = there._simulated(answering) if answering else none
         if exact and (inner or answering):
-            beyond = self._solved((*inner, *answering)) - self._solved_plain - first[self._exact.nodes]
-            first = first + self._exact.between(beyond)
-        others: Floats = sum((there.first_order(placed) for placed in sensing), none)
-        return first + others
+            still = sum((there.first_order(placed, vibrating=False) for placed in inner), pushed)
+            beyond = self._solved((*inner, *answering)) - self._solved_plain - still[self._exact.nodes]
+            change = change + self._exact.between(beyond)
+        return change + pushed
 
     @cached_property
     def _there(self) -> "Stage":
@@ -200,11 +235,15 @@ class Stage:
         innovation: Floats = self.suite.sensitivity(near.frames, readings).innovation
         return np.where(near.converged[:, None], innovation, np.nan)
 
-    def first_order(self, placed: PlacedEffect) -> Floats:
+    def first_order(self, placed: PlacedEffect, *, vibrating: bool = True) -> Floats:
         """Give by how much an effect changes the predictions to first order, shape (samples, rows).
 
         What it sees of the response is the response without it: for a material effect exactly what it asks
         for, for loads and supports that depend on the response the first step towards it.
+
+        Args:
+            placed: The effect.
+            vibrating: Whether the arm vibrates about what the effect changes, as it does about all else.
         """
         if not placed.field:
             return self.innovation(self._misread(placed, self.base))
@@ -214,18 +253,26 @@ class Stage:
             rotated = placed.apply(drive, change)
             usual = replace(drive, base_rotation=self._usual(rotated, (placed,)))
             return _applied(self.twist_jacobian, self.arm.twists(rotated) - self.arm.rigid(usual))
-        return _applied(self.by_drive[placed.field], change.reshape(drive.samples, -1))
+        change = change.reshape(drive.samples, -1)
+        moved = _applied(self.by_drive[placed.field], change)
+        if self.vibrations is None or not vibrating:
+            return moved
+        strained = np.nan_to_num(_applied(self.strains_by_drive[placed.field], change))
+        couples = self.vibrations.couples(strained, placed.effect.modal(placed.theta), placed.spot.section)
+        return moved + _applied(self.couple_jacobian, couples)
 
-    @property
+    @cached_property
     def by_drive(self) -> dict[str, Floats]:
         """Derivatives of the predictions by the parts of the drive that act through deformation."""
-        chambers = self.drive.pressures.shape[1]
-        return {
-            "pressures": self.input_jacobian[..., :chambers],
-            "wrenches": self.input_jacobian[..., chambers:-3],
-            "gravity": self.input_jacobian[..., -3:],
-            "eigenstrains": self.by_eigenstrain,
-        }
+        return _by_part(self.input_jacobian, self.by_eigenstrain, self.drive)
+
+    @cached_property
+    def strains_by_drive(self) -> dict[str, Floats]:
+        """Derivatives of the strains by these, each of shape (samples, 4 segments, inputs)."""
+        response = self.arm.baseline
+        samples, sections = response.frames.positions.shape[:2]
+        rows = self.arm.segments.rows(response.frames).reshape(samples, -1, 6 * sections)
+        return _by_part(rows @ response.input_jacobian, rows @ response.eigenstrain_jacobian, self.drive)
 
     def _usual(self, drive: Drive, effects: Sequence[PlacedEffect]) -> Floats:
         """Give the turn of the base that the laboratory's registration has taken out, shape (samples, 3)."""
@@ -272,6 +319,17 @@ class Stage:
             np.zeros(self.twist_jacobian.shape[:2]),
             self.twist_jacobian,
         )
+
+
+def _by_part(by_input: Floats, by_eigenstrain: Floats, drive: Drive) -> dict[str, Floats]:
+    """Sort derivatives by pressures, wrenches and gravity, and by eigenstrains, by these parts of a drive."""
+    chambers = drive.pressures.shape[1]
+    return {
+        "pressures": by_input[..., :chambers],
+        "wrenches": by_input[..., chambers:-3],
+        "gravity": by_input[..., -3:],
+        "eigenstrains": by_eigenstrain,
+    }
 
 
 def _applied(slopes: Floats, change: Floats) -> Floats:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.stage import Stage, fading
+from softarm.estimator.diagnosis.stage import Stage, Vibrations, fading
 from softarm.estimator.simulation import LinearisedArm
-from softarm.estimator.simulation.inertia import Masses, ModalDynamics
+from softarm.estimator.simulation.inertia import Masses, StrainDynamics, VibratingArm
 
 LONGEST_STEP = 0.11
 """Samples that are further apart [s] do not show a vibration."""
@@ -76,14 +76,14 @@ def fit_vibration(stages: Sequence[Stage], masses: Masses) -> tuple[Vibration | 
     if not quick:
         return None, notes
     still = [_fast(stage, stage.residual) for stage in quick]
-    loudest = np.argsort([-float(residuals @ residuals) for residuals in still])[:BUSIEST]
+    loudest = np.argsort([-float(residual @ residual) for residual in still])[:BUSIEST]
     quick, still = [quick[k] for k in loudest], [still[k] for k in loudest]
-    matrices = [_modal_dynamics(stage, masses) for stage in quick]
+    matrices = [_dynamics(stage, masses) for stage in quick]
 
     def residuals(theta: Floats) -> Floats:
         return np.concatenate(
             [
-                _fast(stage, stage.residual - _observed(stage, dynamics, _lag(stage, dynamics, theta)))
+                _fast(stage, stage.residual - _observed(stage, _vibrating(stage, dynamics, theta)))
                 for stage, dynamics in zip(quick, matrices, strict=True)
             ]
         )
@@ -105,25 +105,26 @@ def with_vibration(stage: Stage, vibration: Vibration, masses: Masses) -> Stage:
     """Return a stage whose model vibrates; the couples that make it do so become part of its drive."""
     if stage.session.step > LONGEST_STEP or not _bounded(stage, masses):
         return stage
-    dynamics = _modal_dynamics(stage, masses)
     theta = np.array([np.log(vibration.mass), *vibration.damping, vibration.delay])
-    lag = _lag(stage, dynamics, theta)
-    couples = _couples(dynamics, lag).reshape(stage.drive.couples.shape)
+    vibrating = _vibrating(stage, _dynamics(stage, masses), theta)
+    couples = vibrating.couples(vibrating.lag(_still(stage))).reshape(stage.drive.couples.shape)
     drive = stage.drive.plus(np.zeros_like(stage.drive.wrenches), couples)
     arm = LinearisedArm(stage.arm.segments, drive, stage.arm.respond(drive))
-    error = vibration.relative_error * _envelope(stage, _observed(stage, dynamics, lag))
+    error = vibration.relative_error * _envelope(stage, _observed(stage, vibrating))
     error = np.where(_held(stage)[:, None], stage.model_error_std, error)
-    return replace(stage, arm=arm, drive=drive, vibration_error_std=error)
+    vibrations = Vibrations(vibrating, _still(stage))
+    return replace(stage, arm=arm, drive=drive, vibrations=vibrations, vibration_error_std=error)
 
 
 def _bounded(stage: Stage, masses: Masses) -> bool:
     """Check that an arm with the usual masses vibrates by finite amounts along a stage."""
     if not stage.arm.baseline.converged.any():
         return False
-    dynamics = _modal_dynamics(stage, masses)
+    dynamics = _dynamics(stage, masses)
     if not (np.isfinite(dynamics.stiffness).all() and np.isfinite(dynamics.mass).all()):
         return False
-    return bool(np.isfinite(_couples(dynamics, _lag(stage, dynamics, np.array(START)))).all())
+    vibrating = _vibrating(stage, dynamics, np.array(START))
+    return bool(np.isfinite(vibrating.couples(vibrating.lag(_still(stage)))).all())
 
 
 def _envelope(stage: Stage, vibrated: Floats) -> Floats:
@@ -136,20 +137,22 @@ def _envelope(stage: Stage, vibrated: Floats) -> Floats:
     return envelope
 
 
-def _modal_dynamics(stage: Stage, masses: Masses) -> ModalDynamics:
-    return ModalDynamics.of(stage.arm.baseline, stage.arm.segments, masses)
+def _dynamics(stage: Stage, masses: Masses) -> StrainDynamics:
+    return StrainDynamics.of(stage.arm.baseline, stage.arm.segments, masses)
 
 
-def _lag(stage: Stage, dynamics: ModalDynamics, theta: Floats) -> Floats:
-    """Return by how much the strains vibrate about the quasi-static ones, shape (samples, strains)."""
-    clock, converged = stage.session.clock, stage.arm.baseline.converged
-    still = stage.arm.baseline.strains.reshape(len(clock), -1)
-    late = np.stack(
-        [np.interp(clock - theta[3], clock[converged], column[converged]) for column in still.T], axis=-1
-    )
+def _vibrating(stage: Stage, dynamics: StrainDynamics, theta: Floats) -> VibratingArm:
+    """Return the arm of a stage that vibrates as ``START`` lists it, but where a load holds it."""
+    known = stage.arm.baseline.converged
+    heavy = replace(dynamics, mass=float(np.exp(theta[0])) * dynamics.mass)
     damping = (float(theta[1]), float(theta[2]))
-    lag = dynamics.strains(clock, late, damping, float(np.exp(theta[0]))) - still
-    return np.where((_held(stage) | ~converged)[:, None], 0.0, lag)
+    return VibratingArm(stage.session.clock, heavy, damping, float(theta[3]), known, known & ~_held(stage))
+
+
+def _still(stage: Stage) -> Floats:
+    """Return the quasi-static strains, shape (samples, strains)."""
+    strains: Floats = stage.arm.baseline.strains.reshape(stage.session.samples, -1)
+    return strains
 
 
 def _held(stage: Stage) -> NDArray[np.bool_]:
@@ -161,15 +164,10 @@ def _held(stage: Stage) -> NDArray[np.bool_]:
     return held
 
 
-def _couples(dynamics: ModalDynamics, lag: Floats) -> Floats:
-    """Give the couples that strain the arm so, shape (samples, strains)."""
-    couples: Floats = np.einsum("tij,tj->ti", dynamics.stiffness, lag)
-    return couples
-
-
-def _observed(stage: Stage, dynamics: ModalDynamics, lag: Floats) -> Floats:
-    """Give what strains change of the predictions, shape (samples, rows)."""
-    change: Floats = np.einsum("trk,tk->tr", stage.couple_jacobian, _couples(dynamics, lag))
+def _observed(stage: Stage, vibrating: VibratingArm) -> Floats:
+    """Give what the vibration changes of the predictions, shape (samples, rows)."""
+    couples = vibrating.couples(vibrating.lag(_still(stage)))
+    change: Floats = np.einsum("trk,tk->tr", stage.couple_jacobian, couples)
     return change
 
 

@@ -8,14 +8,16 @@ D = a M + b K (J. W. Strutt, The Theory of Sound, 1877). Steps in time are those
 Mech. Div. ASCE 85, 1959) with constant average acceleration, which neither damp nor diverge.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import skew
@@ -56,19 +58,21 @@ class Masses:
 
 
 @dataclass(frozen=True)
-class ModalDynamics:
+class StrainDynamics:
     """The matrices of the vibration along a response, in the strains of all segments.
 
     Args:
         stiffness: K, shape (samples, strains, strains).
         mass: M, of the same shape.
+        places: Derivative of the sections' origins by the strains, shape (samples, sections, 3, strains).
     """
 
     stiffness: Floats
     mass: Floats
+    places: Floats
 
     @classmethod
-    def of(cls, response: ArmResponse, segments: Segments, masses: Masses) -> "ModalDynamics":
+    def of(cls, response: ArmResponse, segments: Segments, masses: Masses) -> "StrainDynamics":
         """Reduce the arm to its strains in every pose."""
         frames = response.frames
         samples, sections = frames.positions.shape[:2]
@@ -79,7 +83,8 @@ class ModalDynamics:
         compliance = rows @ turned
         stiffness = np.asarray(np.linalg.inv(0.5 * (compliance + np.swapaxes(compliance, 1, 2))), np.float64)
         by_strain = (turned @ stiffness).reshape(samples, sections, 6, -1)
-        return cls(stiffness, mass_matrix(frames, segments.neighbours, masses, by_strain))
+        mass = mass_matrix(frames, segments.neighbours, masses, by_strain)
+        return cls(stiffness, mass, np.ascontiguousarray(by_strain[:, :, :3]))
 
     def frequencies(self, sample: int = 0) -> Floats:
         """Return the natural frequencies about the pose of one sample [Hz], rising."""
@@ -87,22 +92,83 @@ class ModalDynamics:
         frequencies: Floats = 1.0 / (2.0 * np.pi * np.sqrt(slowness[slowness > 0.0]))
         return frequencies
 
-    def strains(self, clock: Floats, still: Floats, damping: tuple[float, float], mass: float) -> Floats:
+    def heavier(self, ratio: float, added: Floats) -> "StrainDynamics":
+        """Return the matrices of an arm with other masses.
+
+        Args:
+            ratio: Factor on all masses.
+            added: To the sections after that [kg], shape (sections,).
+        """
+        rows = np.sqrt(np.maximum(added, 0.0))[:, None, None] * self.places
+        rows = rows.reshape(len(self.mass), -1, self.mass.shape[-1])
+        return replace(self, mass=ratio * self.mass + np.swapaxes(rows, 1, 2) @ rows)
+
+    def strains(self, clock: Floats, still: Floats, damping: tuple[float, float]) -> Floats:
         """Let the arm vibrate about quasi-static strains.
 
         Args:
             clock: Middle of the window of each sample [s], shape (samples,).
             still: Quasi-static strains, shape (samples, strains).
             damping: a [1/s] and b [s].
-            mass: Factor on all masses.
 
         Returns:
             Means over the windows, shape (samples, strains).
         """
-        heavy = mass * self.mass
-        resisting = damping[0] * heavy + damping[1] * self.stiffness
-        found: Floats = _newmark(clock, np.ascontiguousarray(still), self.stiffness, heavy, resisting)
-        return found
+        return self.integrator(clock, damping)(still)
+
+    def integrator(self, clock: Floats, damping: tuple[float, float]) -> Callable[[Floats], Floats]:
+        """Prepare ``strains`` for many motions."""
+        edges = _edges(clock)
+        lengths = np.diff(edges)
+        steps = np.where(lengths > PAUSE, 0, np.maximum(np.ceil(lengths / FINE - 1e-6), 1.0)).astype(np.int64)
+        h = (lengths / np.maximum(steps, 1))[:, None, None]
+        resisting = damping[0] * self.mass + damping[1] * self.stiffness
+        implicit = self.mass + 0.5 * h * resisting + 0.25 * h**2 * self.stiffness
+        pushed = np.linalg.solve(implicit, np.concatenate([self.stiffness, resisting], axis=-1))
+        spring, drag = (np.ascontiguousarray(half) for half in np.split(pushed, 2, axis=-1))
+        return partial(_integrated, clock, edges, steps, spring, drag)
+
+
+@dataclass(frozen=True)
+class VibratingArm:
+    """An arm that vibrates, along a recording.
+
+    Args:
+        clock: Middle of the window of each sample [s], shape (samples,).
+        dynamics: How it vibrates.
+        damping: Shares of the masses [1/s] and of the stiffness [s] that damp.
+        delay: By how much motion follows what drives it later than it should [s].
+        known: Samples at which the quasi-static strains are known, shape (samples,).
+        free: Those of them at which no known load holds the arm, shape (samples,).
+    """
+
+    clock: Floats
+    dynamics: StrainDynamics
+    damping: tuple[float, float]
+    delay: float
+    known: Flags
+    free: Flags
+
+    def lag(self, still: Floats) -> Floats:
+        """Return by how much strains vibrate about quasi-static ones, shape (samples, strains)."""
+        found = self.clock[self.known]
+        late = np.stack(
+            [np.interp(self.clock - self.delay, found, column[self.known]) for column in still.T], axis=-1
+        )
+        return np.where(self.free[:, None], self._integrate(late) - still, 0.0)
+
+    @cached_property
+    def _integrate(self) -> Callable[[Floats], Floats]:
+        return self.dynamics.integrator(self.clock, self.damping)
+
+    def couples(self, lag: Floats) -> Floats:
+        """Return the couples that strain the arm at rest so, shape (samples, strains)."""
+        couples: Floats = np.einsum("tij,tj->ti", self.dynamics.stiffness, lag)
+        return couples
+
+    def heavier(self, ratio: float, added: Floats) -> "VibratingArm":
+        """Return it with other masses; see ``StrainDynamics.heavier``."""
+        return replace(self, dynamics=self.dynamics.heavier(ratio, added))
 
 
 def _stable(compliance: Floats, converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -151,34 +217,48 @@ def mass_matrix(frames: Frames, neighbours: Neighbours, masses: Masses, twists: 
     return np.asarray(np.swapaxes(rows, 1, 2) @ rows)
 
 
+def _edges(clock: Floats) -> Floats:
+    """Return where the windows of samples begin and end [s], shape (samples + 1,)."""
+    half = 0.5 * (clock[1] - clock[0]) if len(clock) > 1 else 0.5
+    return np.concatenate([clock[:1] - half, 0.5 * (clock[1:] + clock[:-1]), clock[-1:] + half])
+
+
+def _integrated(
+    clock: Floats, edges: Floats, steps: NDArray[np.int64], spring: Floats, drag: Floats, still: Floats
+) -> Floats:
+    found: Floats = _newmark(clock, edges, steps, spring, drag, np.ascontiguousarray(still))
+    return found
+
+
 @njit(cache=True, nogil=True)
-def _newmark(clock: Floats, still: Floats, stiffness: Floats, mass: Floats, damping: Floats) -> Floats:
-    """Step through the windows of all samples; see ``ModalDynamics.strains``."""
+def _newmark(
+    clock: Floats, edges: Floats, steps: NDArray[np.int64], spring: Floats, drag: Floats, still: Floats
+) -> Floats:
+    """Step through the windows of all samples; no steps stand for a pause. See ``StrainDynamics.strains``."""
     samples, size = still.shape
     means = np.empty((samples, size))
-    half = 0.5 * (clock[1] - clock[0]) if samples > 1 else 0.5
-    time = clock[0] - half
     place, speed, push = still[0].copy(), np.zeros(size), np.zeros(size)
     for k in range(samples):
-        end = 0.5 * (clock[k] + clock[k + 1]) if k + 1 < samples else clock[k] + half
-        if end - time > PAUSE:
+        if steps[k] == 0:
             place, speed, push = still[k].copy(), np.zeros(size), np.zeros(size)
-            means[k], time = place, end
+            means[k] = place
             continue
-        steps = max(1, int(np.ceil((end - time) / FINE - 1e-6)))
-        h = (end - time) / steps
-        inverse = np.linalg.inv(mass[k] + 0.5 * h * damping[k] + 0.25 * h * h * stiffness[k])
+        h = (edges[k + 1] - edges[k]) / steps[k]
         total = np.zeros(size)
-        for step in range(1, steps + 1):
-            goal = _between(clock, still, k, time + h * step)
+        for step in range(1, steps[k] + 1):
+            goal = _between(clock, still, k, edges[k] + h * step)
             ahead = place + h * speed + 0.25 * h * h * push
             gained = speed + 0.5 * h * push
-            push = inverse @ (stiffness[k] @ (goal - ahead) - damping[k] @ gained)
+            for i in range(size):
+                acceleration = 0.0
+                for j in range(size):
+                    acceleration += spring[k, i, j] * (goal[j] - ahead[j]) - drag[k, i, j] * gained[j]
+                push[i] = acceleration
             speed = gained + 0.5 * h * push
             there = ahead + 0.25 * h * h * push
             total += 0.5 * (place + there)
             place = there
-        means[k], time = total / steps, end
+        means[k] = total / steps[k]
     return means
 
 
