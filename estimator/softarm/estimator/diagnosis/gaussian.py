@@ -77,7 +77,10 @@ class Gaussian:
     def augment(self, mean: float, variance: float, count: int = 1) -> "Gaussian":
         """Add independent coefficients of one mean and variance."""
         means = np.append(self.mean, np.full(count, mean))
-        return Gaussian(means, block_diag(self.covariance, variance * np.eye(count)))
+        grown = Gaussian(means, block_diag(self.covariance, variance * np.eye(count)))
+        # Known without another inversion: that of hundreds of coefficients costs more than all the rest.
+        vars(grown)["precision"] = block_diag(self.precision, np.eye(count) / variance)
+        return grown
 
     def with_first(self, known: "Gaussian") -> "Gaussian":
         """Replace the distribution of the first coefficients by an independent one."""

@@ -96,12 +96,11 @@ def fold_costs(parts: Sequence[NormalEquations], prior: Gaussian, fraction: floa
         size: Number of the other columns.
     """
     extended = prior.augment(0.0, ANY_SIZE)
-    rows = []
+    rows, whole = [], total(parts, size + 1)
     for fold in folds_of(parts):
-        rest = [part for part in parts if part not in fold]
-        learnt = extended.posterior(total(rest, size + 1), fraction)
-        known = prior.augment(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
         data = total(fold, size + 1)
+        learnt = extended.posterior(whole.less(data), fraction)
+        known = prior.augment(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
         before = Marginal.cost_of(prior, data.first(size), fraction)
         after = Marginal.cost_of(known, data, fraction)
         rows.append((before, after, fraction * data.count, fraction * data.matrix[-1, -1]))

@@ -167,6 +167,15 @@ class Total:
     vector: Floats
     sum_of_squares: float
 
+    def less(self, other: "Total") -> "Total":
+        """Leave some of the stretches out."""
+        return Total(
+            self.count - other.count,
+            self.matrix - other.matrix,
+            self.vector - other.vector,
+            self.sum_of_squares - other.sum_of_squares,
+        )
+
     def first(self, size: int) -> "Total":
         """Leave the last columns out."""
         return replace(self, matrix=self.matrix[:size, :size], vector=self.vector[:size])

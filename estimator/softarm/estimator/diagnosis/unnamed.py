@@ -387,10 +387,9 @@ def _log_densities(
         parts: Normal equations of the searched stretches.
     """
     fraction, size = search.weights.effective_sample_fraction, len(prior.mean)
-    found = []
+    found, whole = [], total(parts, size)
     for fold in folds_of(parts):
-        rest = [part for part in parts if part not in fold]
-        learnt = prior.posterior(total(rest, size), fraction)
+        learnt = prior.posterior(whole.less(total(fold, size)), fraction)
         if known is not None:
             learnt = learnt.with_first(known)
         found.append(0.5 * predictive(learnt, fold, fraction, size))
