@@ -36,6 +36,21 @@ def test_a_belief_learns_what_least_squares_finds(data: tuple[np.ndarray, np.nda
     assert found.covariance == pytest.approx(np.linalg.inv(rows.T @ rows), rel=1e-4)
 
 
+def test_more_coefficients_leave_the_precision_of_the_others() -> None:
+    known = Gaussian(np.zeros(2), np.array([[2.0, 0.3], [0.3, 1.0]]))
+    grown = known.augment(1.0, 0.25, 2)
+    assert grown.precision == pytest.approx(np.linalg.inv(grown.covariance), abs=1e-8)
+
+
+def test_a_sum_less_a_stretch_is_that_of_the_others(data: tuple[np.ndarray, np.ndarray]) -> None:
+    first, *others = _products(*data)
+    rest, expected = total([first, *others], 5).less(total([first], 5)), total(others, 5)
+    assert rest.count == expected.count
+    assert rest.sum_of_squares == pytest.approx(expected.sum_of_squares)
+    assert rest.matrix == pytest.approx(expected.matrix)
+    assert rest.vector == pytest.approx(expected.vector)
+
+
 def test_the_gain_of_extra_coefficients_is_the_fall_of_the_cost(data: tuple[np.ndarray, np.ndarray]) -> None:
     residual, columns = data
     known = Gaussian(np.zeros(4), 0.01 * np.eye(4))
