@@ -144,7 +144,8 @@ def _dynamics(stage: Stage, masses: Masses) -> StrainDynamics:
 def _vibrating(stage: Stage, dynamics: StrainDynamics, theta: Floats) -> VibratingArm:
     """Return the arm of a stage that vibrates as ``START`` lists it, but where a load holds it."""
     known = stage.arm.baseline.converged
-    heavy = replace(dynamics, mass=float(np.exp(theta[0])) * dynamics.mass)
+    factor = float(np.exp(theta[0]))
+    heavy = replace(dynamics, mass=factor * dynamics.mass, rubber=factor * dynamics.rubber)
     damping = (float(theta[1]), float(theta[2]))
     return VibratingArm(stage.session.clock, heavy, damping, float(theta[3]), known, known & ~_held(stage))
 

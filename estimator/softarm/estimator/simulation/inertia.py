@@ -64,11 +64,13 @@ class StrainDynamics:
     Args:
         stiffness: K, shape (samples, strains, strains).
         mass: M, of the same shape.
+        rubber: What the segments have of M, of the same shape.
         places: Derivative of the sections' origins by the strains, shape (samples, sections, 3, strains).
     """
 
     stiffness: Floats
     mass: Floats
+    rubber: Floats
     places: Floats
 
     @classmethod
@@ -83,8 +85,9 @@ class StrainDynamics:
         compliance = rows @ turned
         stiffness = np.asarray(np.linalg.inv(0.5 * (compliance + np.swapaxes(compliance, 1, 2))), np.float64)
         by_strain = (turned @ stiffness).reshape(samples, sections, 6, -1)
-        mass = mass_matrix(frames, segments.neighbours, masses, by_strain)
-        return cls(stiffness, mass, np.ascontiguousarray(by_strain[:, :, :3]))
+        rubber = replace(masses, sections=np.zeros_like(masses.sections))
+        mass, soft = (mass_matrix(frames, segments.neighbours, own, by_strain) for own in (masses, rubber))
+        return cls(stiffness, mass, soft, np.ascontiguousarray(by_strain[:, :, :3]))
 
     def frequencies(self, sample: int = 0) -> Floats:
         """Return the natural frequencies about the pose of one sample [Hz], rising."""
@@ -96,12 +99,13 @@ class StrainDynamics:
         """Return the matrices of an arm with other masses.
 
         Args:
-            ratio: Factor on all masses.
-            added: To the sections after that [kg], shape (sections,).
+            ratio: Factor on the segments' masses: the density of rubber is known less well than what was
+                made in one piece and weighed.
+            added: To the sections [kg], shape (sections,).
         """
         rows = np.sqrt(np.maximum(added, 0.0))[:, None, None] * self.places
         rows = rows.reshape(len(self.mass), -1, self.mass.shape[-1])
-        return replace(self, mass=ratio * self.mass + np.swapaxes(rows, 1, 2) @ rows)
+        return replace(self, mass=self.mass + (ratio - 1.0) * self.rubber + np.swapaxes(rows, 1, 2) @ rows)
 
     def strains(self, clock: Floats, still: Floats, damping: tuple[float, float]) -> Floats:
         """Let the arm vibrate about quasi-static strains.
