@@ -1,4 +1,4 @@
-"""An effect is one file: a diagnosis finds, places and words one that was added beside the library's."""
+"""An effect is one object: a diagnosis finds, places and words one that was added beside the library's."""
 
 from concurrent.futures import ThreadPoolExecutor
 

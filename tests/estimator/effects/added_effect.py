@@ -1,4 +1,4 @@
-"""An effect that the library does not have, as its file would look."""
+"""An effect that the library does not have."""
 
 import numpy as np
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from softarm.estimator.effects.large_strain import losses
 from softarm.estimator.effects.placed import signals_of
+from softarm.estimator.effects.rubber import losses
 from softarm.estimator.effects.simulate import simulate_with
 from softarm.estimator.rotations import exp, to_quaternions
 from tests.estimator.effects.effects_bench import SUITE, WORLD, drive_of, placed, run, step_drive
@@ -107,7 +107,7 @@ def test_stiffening_obeys_its_law():
 
 
 def test_large_strain_weakens_a_ring_of_fibres():
-    """The sums of ``large_strain`` against the stress of 3600 fibres of a ring."""
+    """The sums of ``losses`` against the stress of 3600 fibres of a ring."""
     radius, length, cubic = float(WORLD.radii[0]), 0.12, 0.05
     bend, stretch = 0.4, 0.006
     y = radius * np.sin(np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False))

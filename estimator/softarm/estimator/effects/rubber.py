@@ -1,0 +1,404 @@
+"""Effects of the material: how a segment strains under its load, and what it weighs."""
+
+import numpy as np
+from scipy.special import erf
+
+from softarm.estimator.arrays import Floats
+from softarm.estimator.effects.effect import Effect, Memory, ModalChange, ParameterSpec, Signals
+from softarm.estimator.effects.world import Spot, World, everywhere, segments, whole_and_segments
+from softarm.estimator.simulation.filters import first_order, second_order
+
+
+def losses(strains: Floats, world: World) -> Floats:
+    """Return the loss of stiffness at k = 1 of each strain, shape (..., segments, 4).
+
+    It is that of rubber that softens with the square of its strain. With the stress E e (1 - c e^2) in every
+    fibre of a thin ring of radius r and length l, strained by e = (d + t r sin) / l under the bend t and the
+    elongation d, the integrals over the ring give with k = 3 c r^2 / 4 l^2 the moment K_b t (1 - k (t^2 + 4
+    d^2 / r^2)) and the axial force K_a d (1 - k (2 t^2 + 4/3 d^2 / r^2)); the sums in brackets are the loss
+    of bending and of axial stiffness.
+    """
+    bend = (strains[..., :2] ** 2).sum(axis=-1)
+    stretch = (strains[..., 3] / world.radii) ** 2
+    bending, axial = bend + 4.0 * stretch, 2.0 * bend + 4.0 / 3.0 * stretch
+    return np.stack([bending, bending, bending, axial], axis=-1)
+
+
+def size(strains: Floats, world: World) -> Floats:
+    """Compute the root of twice the mean square strain of the ring, as a bend, shape (..., segments)."""
+    bend = (strains[..., :2] ** 2).sum(axis=-1)
+    return np.asarray(np.sqrt(bend + 2.0 * (strains[..., 3] / world.radii) ** 2), dtype=np.float64)
+
+
+def distributed_mass(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
+    """Scale gravity, for a density other than described: g -> g (1 + s)."""
+    (change,) = theta
+    return change * signals.gravity, memory
+
+
+def distributed_mass_modal(theta: Floats) -> ModalChange:
+    """Let all masses grow alike."""
+    return ModalChange(mass_ratio=1.0 + float(theta[0]))
+
+
+LIGHTEST = -0.15
+"""Silicone rubbers have 970 to 1300 kg/m3, so an arm as drawn is at most so much
+lighter."""
+
+
+DISTRIBUTED_MASS = Effect(
+    name="distributed_mass",
+    hook="gravity",
+    parameters=(ParameterSpec("change", "1", 0.1, LIGHTEST, 2.0, spread=0.1),),
+    places=everywhere,
+    act=distributed_mass,
+    statement="The mass of {where} is {change:lower|higher} than in the model.",
+    source="Statics",
+    equivalence=("weight", "uniform_gain"),
+    needs=frozenset({"mount_turned"}),
+    splits=(("tip_payload", "mount turned, or a known weight on and off"),),
+    changes_inertia=True,
+    modal=distributed_mass_modal,
+)
+
+
+def hysteresis(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Let strain lag behind load by the same amount at every rate.
+
+    Bouc-Wen with n = 1 per bending axis: eps = u - a z, dz = du - |du| z / r, so that z runs towards +-r. Its
+    exact step over a change du of one sign is z' = s r + (z - s r) exp(-|du| / r), s = sign(du).
+    """
+    strength, reach = theta
+    bends = signals.strains[..., :2]
+    before, state = memory or (bends[0], np.zeros_like(bends[0]))
+    change = np.diff(bends, axis=0, prepend=before[None])
+    limit, kept = reach * np.sign(change), np.exp(-np.abs(change) / reach)
+    lagging = np.empty_like(bends)
+    for k in range(len(bends)):
+        state = limit[k] + (state - limit[k]) * kept[k]
+        lagging[k] = state
+    strains = signals.strains.copy()
+    strains[..., :2] -= strength * spot.segments[:, None] * lagging
+    return strains, (bends[-1], state)
+
+
+HYSTERESIS = Effect(
+    name="hysteresis",
+    hook="constitutive",
+    parameters=(
+        ParameterSpec("strength", "1", 0.15, -0.5, 0.9, spread=0.2),
+        ParameterSpec("reach", "rad", 0.1, 0.002, 2.0, "shape", "log", spread=1.0),
+    ),
+    places=whole_and_segments,
+    act=hysteresis,
+    statement="The material of {where} has hysteresis: after each reversal its bend lags behind the load by "
+    "up to {strength:percent} of {reach}, at any rate.",
+    source="Y. K. Wen, J. Eng. Mech. 102 (1976) 249; M. Ismail et al., Arch. Comput. Meth. Eng. 16 (2009)",
+    equivalence=("memory_at_one_rate",),
+    needs=frozenset({"two_rates", "two_amplitudes"}),
+    splits=(
+        ("viscoelastic_creep", "ramps at two rates, then holds of three time constants"),
+        ("line_lag", "ramps of 10 and 100 s against measured pressures"),
+    ),
+    when="direction of change",
+    shapes=((0.03,), (0.1,), (0.3,)),
+)
+
+
+def inertia_damping(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Let strain follow the load like an oscillator: a^2 x'' + d x' + x = u.
+
+    a is the inverse of the undamped angular frequency and d the damping time; a = 0 leaves Kelvin-Voigt
+    damping. One mode for all of the place: vibrations of a few hertz are of the arm's first bending mode.
+    """
+    inertia, damping = theta
+    moving, memory = second_order(signals.time, signals.strains, inertia, damping, memory)
+    return np.where(spot.segments[:, None], moving, signals.strains), memory
+
+
+INERTIA_DAMPING = Effect(
+    name="inertia_damping",
+    hook="constitutive",
+    parameters=(
+        ParameterSpec("inertia_time", "s", 0.02, 0.0, 0.2, spread=0.03),
+        ParameterSpec("damping_time", "s", 0.01, 0.0, 2.0, spread=0.1),
+    ),
+    places=whole_and_segments,
+    act=inertia_damping,
+    statement="{where} moves with inertia and damping that the model leaves out: the inverse of its angular "
+    "frequency is {inertia_time}, its damping time {damping_time}.",
+    source="J. W. Strutt (Rayleigh), The Theory of Sound, 1877",
+    equivalence=("delay",),
+    needs=frozenset({"pressure_steps"}),
+    splits=(
+        ("line_lag", "release a weight, or compare with measured pressures"),
+        ("sensor_latency", "two kinds of sensor on one motion"),
+    ),
+    when="rate",
+)
+
+
+def local_stiffness_defect(
+    signals: Signals, theta: Floats, spot: Spot, memory: Memory
+) -> tuple[Floats, Memory]:
+    """Add the strain about the weak axis and along a segment with a soft, stiff or glued strip on one side.
+
+    A fibre at the radius r of a thin ring stretches by s = r n . t + d under the bend t and the elongation d,
+    with n the axis about which the segment bends when that side grows longer. A strip of other stiffness adds
+    a rank-one term in s to the stiffness of the ring, whose bending stiffness is r^2 / 2 of its axial one;
+    inverted (Sherman and Morrison), the bend changes by q n (n . t + d / r) and the elongation by q r (n . t
+    + d / r) / 2, with q = D / (1 - D) and D the share of bending stiffness lost about the axis.
+    """
+    depth, azimuth = theta
+    radii = spot.world.radii
+    bend = np.array([np.cos(azimuth), np.sin(azimuth)])
+    along = signals.strains[..., :2] @ bend + signals.strains[..., 3] / radii
+    extra = np.zeros_like(signals.strains)
+    extra[..., :2] = along[..., None] * bend
+    extra[..., 3] = 0.5 * radii * along
+    return signals.strains + depth / (1.0 - depth) * spot.segments[:, None] * extra, memory
+
+
+def local_stiffness_defect_modal(theta: Floats) -> ModalChange:
+    """Weaken the stiffness."""
+    return ModalChange(stiffness_ratio=1.0 - float(theta[0]))
+
+
+LOCAL_STIFFNESS_DEFECT = Effect(
+    name="local_stiffness_defect",
+    hook="constitutive",
+    parameters=(
+        ParameterSpec("depth", "1", 0.2, -2.0, 0.9, spread=0.3),
+        ParameterSpec("azimuth", "rad", 0.5, -2.0 * np.pi, 2.0 * np.pi, "shape", "linear", spread=1.8),
+    ),
+    places=segments,
+    act=local_stiffness_defect,
+    statement="The wall of {where} is defective on one side: its bending stiffness about the axis at "
+    "{azimuth} is {depth:higher|lower}, and it bends about that axis when it is stretched.",
+    source="Rank-one change of the stiffness of a thin ring; J. Sherman and W. J. Morrison, Ann. Math. Stat. "
+    "21 (1950) 124",
+    needs=frozenset({"each_chamber"}),
+    splits=(
+        ("chamber_gain", "bend the arm by gravity, mount turned"),
+        ("contact_obstacle", "mount turned by 90 degrees"),
+    ),
+    when="pose",
+    shapes=tuple((float(angle),) for angle in np.radians(np.arange(-150.0, 181.0, 60.0))),
+    modal=local_stiffness_defect_modal,
+)
+
+
+def material_softening(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Add strain that grows with a power of strain: eps = u (1 + k q^(n/2)), q the loss of ``losses``.
+
+    Every strain grows beyond the linear one u by a power of its size, as in the law of Ramberg and Osgood:
+    with n of 2 it is the leading term of Yeoh's law, with n of 1 a modulus that falls from the first strain
+    on.
+    """
+    growth, exponent = theta
+    lost = losses(signals.strains, spot.world) ** (0.5 * exponent)
+    return signals.strains * (1.0 + growth * spot.segments[:, None] * lost), memory
+
+
+MATERIAL_SOFTENING = Effect(
+    name="material_softening",
+    hook="constitutive",
+    parameters=(
+        ParameterSpec("growth", "1", 0.2, 0.0, 20.0, spread=0.5),
+        ParameterSpec("exponent", "1", 1.5, 0.5, 3.0, "shape", "log", spread=0.4),
+    ),
+    places=whole_and_segments,
+    act=material_softening,
+    statement="The material of {where} softens with strain: at a bend of one radian it bends "
+    "{growth:percent} further than a linear material would. The effect grows with the bend to the power "
+    "{exponent}, and with stretch.",
+    source="W. Ramberg and W. R. Osgood, NACA Technical Note 902 (1943); O. H. Yeoh, Rubber Chem. Technol. "
+    "66 (1993) 754",
+    needs=frozenset({"large_pressures"}),
+    splits=(
+        ("chamber_gain", "each chamber alone from small to large pressures"),
+        ("mullins_softening", "the same cycles a second time"),
+    ),
+    when="pose",
+    shapes=((1.0,), (2.0,)),
+)
+
+
+STEPS = 12
+
+
+def material_stiffening(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Shrink large strains: eps (1 + k q(eps)) = u, q the gain of stiffness of ``losses``.
+
+    It is solved by Newton steps for the logarithm of the factor by which each strain shrinks, strain by
+    strain, with q of the step before.
+    """
+    (growth,) = theta
+    factor = np.ones_like(signals.strains)
+    for _ in range(STEPS):
+        gain = growth * losses(signals.strains * factor, spot.world)
+        # The gain goes with the square of the factors, so log(factor (1 + gain)) has this slope.
+        slope = 1.0 + 2.0 * gain / (1.0 + gain)
+        factor *= np.exp(-np.log(factor * (1.0 + gain)) / slope)
+    factor = np.where(spot.segments[:, None], factor, 1.0)
+    return signals.strains * factor, memory
+
+
+MATERIAL_STIFFENING = Effect(
+    name="material_stiffening",
+    hook="constitutive",
+    parameters=(ParameterSpec("growth", "1/rad2", 0.2, 0.0, 20.0, spread=0.5),),
+    places=whole_and_segments,
+    act=material_stiffening,
+    statement="The material of {where} stiffens with strain: its stiffness grows by {growth:percent} at a "
+    "bend of one radian, with the square of the bend, and with stretch.",
+    source="Leading term of O. H. Yeoh, Rubber Chem. Technol. 66 (1993) 754",
+    needs=frozenset({"large_pressures"}),
+    splits=(
+        ("mullins_softening", "the same cycles a second time"),
+        ("contact_obstacle", "reach one pose by different chambers"),
+        ("valve_deadband", "two opposite chambers together"),
+    ),
+    when="pose",
+)
+
+
+def mullins_softening(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Soften the material below the largest strain so far (Mullins effect).
+
+    Ogden-Roxburgh: stiffness factor eta = 1 - s erf((M^2 - A^2) / w^2), A the size of the strain as a bend
+    (``size``), M the largest so far, s the strength and w a width; eps = u / eta.
+    """
+    strength, width = theta
+    strain = size(signals.strains, spot.world)
+    largest = np.maximum.accumulate(strain, axis=0)
+    if memory:
+        largest = np.maximum(largest, memory[0])
+    factor = 1.0 - strength * spot.segments * erf((largest**2 - strain**2) / width**2)
+    return signals.strains / factor[..., None], (largest[-1],)
+
+
+MULLINS_SOFTENING = Effect(
+    name="mullins_softening",
+    hook="constitutive",
+    parameters=(
+        ParameterSpec("strength", "1", 0.15, 0.0, 0.8, spread=0.2),
+        ParameterSpec("width", "rad", 0.3, 0.02, 3.0, "shape", "log", spread=0.7),
+    ),
+    places=whole_and_segments,
+    act=mullins_softening,
+    statement="The material of {where} shows the Mullins effect: below the largest strain so far its "
+    "stiffness is up to {strength:percent} lower, over a bend of {width}.",
+    source="R. W. Ogden, D. G. Roxburgh, Proc. R. Soc. A 455 (1999) 2861",
+    needs=frozenset({"growing_cycles"}),
+    splits=(
+        ("viscoelastic_creep", "growing cycles on the rested arm, repeated at once"),
+        ("material_stiffening", "the same cycles a second time"),
+    ),
+    when="largest strain so far",
+    shapes=((0.15,), (0.5,)),
+)
+
+
+def segment_stiffness(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Scale the strains of a segment of other stiffness, whatever causes the load: eps = u / (1 + e)."""
+    (change,) = theta
+    return signals.strains / (1.0 + change * spot.segments[:, None]), memory
+
+
+def segment_stiffness_modal(theta: Floats) -> ModalChange:
+    """Change the stiffness."""
+    return ModalChange(stiffness_ratio=1.0 + float(theta[0]))
+
+
+SEGMENT_STIFFNESS = Effect(
+    name="segment_stiffness",
+    hook="constitutive",
+    parameters=(ParameterSpec("change", "1", 0.1, -0.8, 4.0, spread=0.2),),
+    places=segments,
+    act=segment_stiffness,
+    statement="The stiffness of {where} is {change:lower|higher} than in the model.",
+    source="Linear elasticity",
+    equivalence=("uniform_gain",),
+    needs=frozenset({"motion"}),
+    splits=(("chamber_gain", "a known weight on and off"),),
+    when="pose",
+    modal=segment_stiffness_modal,
+)
+
+
+def thermal_drift(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Let the modulus drift with the clock: E = E0 (1 + c (1 - exp(-t / tau))), eps = u E0 / E.
+
+    A body that warms up to its surroundings nears their temperature exponentially (Newton's law of cooling).
+    """
+    change, lasting = theta
+    warmed = 1.0 - np.exp(-np.maximum(signals.time, 0.0) / lasting)
+    factor = 1.0 / (1.0 + change * warmed)[:, None, None]
+    return np.where(spot.segments[:, None], factor * signals.strains, signals.strains), memory
+
+
+THERMAL_DRIFT = Effect(
+    name="thermal_drift",
+    hook="constitutive",
+    parameters=(
+        ParameterSpec("change", "1", 0.1, -0.6, 2.0, spread=0.1),
+        ParameterSpec("time_constant", "s", 400.0, 30.0, 20000.0, "shape", "log", 1.0),
+    ),
+    places=whole_and_segments,
+    act=thermal_drift,
+    statement="The stiffness of {where} drifts over the run, independent of load: in the end it is "
+    "{change:lower|higher}, with a time constant of {time_constant}.",
+    source="First-order temperature dependence of the modulus; Newton's law of cooling",
+    needs=frozenset({"long_run"}),
+    splits=(
+        ("viscoelastic_creep", "repeat the first minutes after an hour"),
+        ("sensor_drift", "return to zero pressure every few minutes"),
+    ),
+    when="time of the run",
+    shapes=((150.0,), (600.0,), (3000.0,)),
+)
+
+
+def viscoelastic_creep(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Add strain that grows after every step of load, and comes back after release.
+
+    Kelvin-Voigt element in series with the elastic segment: eps = (1 + i) (u + g z), tau z' = u - z, with u
+    the elastic strain of the model, g the relaxation strength and tau the retardation time. The stiffness
+    that a model was calibrated to is that of no single rate, so the part of the strain that is there at once
+    may change too, by i. The relaxation strength is the delayed over the immediate compliance and equally the
+    modulus of a Maxwell branch over that of the spring beside it (A. S. Nowick and B. S. Berry, Anelastic
+    Relaxation in Crystalline Solids, 1972).
+
+    An arm that has hung at rest has crept under what it bears at the start.
+    """
+    strength, lag, instant = theta
+    late, memory = first_order(signals.time, signals.strains, lag, memory)
+    changed = (1.0 + instant) * (signals.strains + strength * late)
+    share = spot.segments[:, None]
+    return (1.0 - share) * signals.strains + share * changed, memory
+
+
+VISCOELASTIC_CREEP = Effect(
+    name="viscoelastic_creep",
+    hook="constitutive",
+    parameters=(
+        ParameterSpec("strength", "1", 0.1, -0.5, 2.0, spread=0.2),
+        ParameterSpec("time_constant", "s", 20.0, 0.5, 500.0, "shape", "log", 1.5),
+        ParameterSpec("instant_change", "1", 0.05, -0.5, 0.5, spread=0.1, alone=("segment_stiffness", -1.0)),
+    ),
+    places=whole_and_segments,
+    act=viscoelastic_creep,
+    statement="The material of {where} creeps: after a step its strain grows by a further "
+    "{strength:percent} of the immediate strain, with a time constant of {time_constant}. The immediate "
+    "strain is {instant_change:lower|higher} than in the model.",
+    source="W. N. Findley et al., Creep and Relaxation of Nonlinear Viscoelastic Materials, 1976",
+    equivalence=("memory_at_one_rate",),
+    needs=frozenset({"holds"}),
+    splits=(
+        ("hysteresis", "ramps at two rates, then holds of three time constants"),
+        ("thermal_drift", "repeat the hold after an hour of the same load"),
+    ),
+    when="time since a change",
+    shapes=((0.7,), (2.0,), (6.0,), (20.0,), (60.0,)),
+)

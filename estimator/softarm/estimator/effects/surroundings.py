@@ -1,0 +1,214 @@
+"""Effects of what the arm hangs on, carries and touches."""
+
+import numpy as np
+
+from softarm.estimator.arrays import Floats
+from softarm.estimator.effects.effect import Effect, Memory, ModalChange, ParameterSpec, Signals
+from softarm.estimator.effects.world import AROUND, Spot, everywhere, moving_sections
+
+
+def base_compliance(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
+    """Turn a mount that yields by C M about x and y, M the moment of all weights and loads about the base."""
+    (compliance,) = theta
+    return compliance * signals.moment * np.array([1.0, 1.0, 0.0]), memory
+
+
+BASE_COMPLIANCE = Effect(
+    name="base_compliance",
+    hook="support",
+    parameters=(ParameterSpec("compliance", "rad/(N m)", 0.05, 0.0, 5.0, spread=0.2),),
+    places=everywhere,
+    act=base_compliance,
+    statement="The mount is compliant: it rotates by {compliance} of moment on it.",
+    source="Linear elasticity",
+    equivalence=("weight",),
+    needs=frozenset({"mount_turned"}),
+    splits=(("distributed_mass", "markers on the base"), ("tip_payload", "markers on the base")),
+    when="pose",
+    changes_inertia=True,
+)
+
+
+def base_tilt(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
+    """Turn the base by a constant about its x and y axes, gravity staying where it is.
+
+    Where the recording shows the base, part of the rotation may lie beneath what is seen: all of it where the
+    clamp sits askew in its mount, none where the mount itself is turned.
+    """
+    return np.tile(np.append(theta[:2], 0.0), (len(signals.time), 1)), memory
+
+
+def hidden_tilt(theta: Floats) -> Floats:
+    """Return the rotation that the recorded base does not show [rad], shape (3,)."""
+    tilt_x, tilt_y, beneath = theta.tolist()
+    return np.array([beneath * tilt_x, beneath * tilt_y, 0.0])
+
+
+BASE_TILT = Effect(
+    name="base_tilt",
+    hook="support",
+    parameters=(
+        ParameterSpec("tilt_x", "rad", 0.05, -0.6, 0.6, spread=0.05),
+        ParameterSpec("tilt_y", "rad", 0.05, -0.6, 0.6, spread=0.05),
+        ParameterSpec("beneath", "1", 0.5, 0.0, 1.0, "shape", spread=1.0),
+    ),
+    places=everywhere,
+    act=base_tilt,
+    statement="The base is tilted relative to the model, by {tilt_x} about x and {tilt_y} about y.",
+    source="Kinematics",
+    equivalence=("constant_offset",),
+    needs=frozenset({"mount_turned"}),
+    splits=(("sensor_bias", "mount turned by 90 degrees"),),
+    shapes=((0.0,), (1.0,)),
+    hidden_rotation=hidden_tilt,
+)
+
+
+SOFTEST = 25.0
+"""Stiffness [N/m] below which what holds a section back is no obstacle."""
+
+
+def contact_obstacle(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Push a section back from a wall beside it: f = -k max(n . x - d, 0) n.
+
+    n = (cos a, sin a, 0) points into the wall, d is its distance from the arm's axis at rest.
+    """
+    stiffness, distance, azimuth = theta
+    normal = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    depth = np.maximum(signals.positions[:, spot.section] @ normal - distance, 0.0)
+    wrenches = np.zeros((len(signals.time), len(spot.world.sections), 6))
+    wrenches[:, spot.section, :3] = -stiffness * depth[:, None] * normal
+    return wrenches, memory
+
+
+CONTACT_OBSTACLE = Effect(
+    name="contact_obstacle",
+    hook="load",
+    parameters=(
+        ParameterSpec("stiffness", "N/m", 30.0, SOFTEST, 5000.0, transform="inverse", spread=100.0),
+        ParameterSpec("distance", "m", 0.01, -0.5, 0.5, "shape", "linear", spread=0.1),
+        ParameterSpec(
+            "azimuth", "rad", 0.0, -3.141592653589793, 3.141592653589793, "shape", "linear", spread=2.0
+        ),
+    ),
+    places=moving_sections,
+    act=contact_obstacle,
+    statement="An obstacle pushes {where} back: it starts {distance} from the rest position in the "
+    "direction of {azimuth} and has a stiffness of {stiffness}.",
+    source="Penalty contact with a half space",
+    in_healthy_arms=False,
+    needs=frozenset({"each_chamber"}),
+    splits=(
+        ("material_stiffening", "reach one pose by different chambers"),
+        ("tether_stiffness", "the opposite side of the workspace"),
+    ),
+    when="pose",
+    shapes=tuple((distance, angle) for distance in (0.01, 0.03, 0.05, 0.07) for angle in AROUND),
+    responds_to_own_effect=True,
+)
+
+
+def external_force(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Push a section with a constant force of unknown origin, fixed in the base frame."""
+    wrenches = np.zeros((len(signals.time), len(spot.world.sections), 6))
+    wrenches[:, spot.section, :3] = theta
+    return wrenches, memory
+
+
+ALONG = 0.2
+"""Lateral share of a force up to which it acts along the arm."""
+
+
+def along_arm(theta: Floats) -> bool:
+    """Return whether the force only stretches the arm."""
+    x, y, z = theta.tolist()
+    return bool(np.hypot(x, y) < ALONG * abs(z))
+
+
+EXTERNAL_FORCE = Effect(
+    name="external_force",
+    hook="load",
+    parameters=(
+        ParameterSpec("force_x", "N", 0.05, -20.0, 20.0, spread=0.2),
+        ParameterSpec("force_y", "N", 0.05, -20.0, 20.0, spread=0.2),
+        ParameterSpec("force_z", "N", 0.05, -20.0, 20.0, spread=0.2),
+    ),
+    places=moving_sections,
+    act=external_force,
+    statement="A constant force acts on {where}: ({force_x:number}, {force_y:number}, {force_z:number}) N "
+    "along x, y and z of the base.",
+    source="Statics",
+    needs=frozenset({"motion"}),
+    splits=(("tip_payload", "mount turned"), ("contact_obstacle", "reach one pose by different chambers")),
+    along_arm=along_arm,
+)
+
+
+OPPOSITE = np.array([0.0, 0.0, np.pi])
+"""From the parameters of a cord to those of the wall that would push to where it is tied."""
+
+
+def tether_stiffness(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Pull a section to where a cord or hoses are tied, once slack is used up: f = k max(-n . x - l, 0) n.
+
+    n = (cos a, sin a, 0) points to where the cord is tied, far away; l is its slack while the arm hangs
+    straight. A cord is soft where an obstacle is hard: what holds back with less than ``SOFTEST`` is a cord.
+    """
+    return contact_obstacle(signals, theta + OPPOSITE, spot, memory)
+
+
+TETHER_STIFFNESS = Effect(
+    name="tether_stiffness",
+    hook="load",
+    parameters=(
+        ParameterSpec("stiffness", "N/m", 5.0, 0.0, SOFTEST, spread=20.0),
+        ParameterSpec("slack", "m", 0.01, 0.0, 0.5, "shape", "linear", spread=0.05),
+        ParameterSpec("azimuth", "rad", 0.0, -np.pi, np.pi, "shape", "linear", spread=2.0),
+    ),
+    places=moving_sections,
+    act=tether_stiffness,
+    statement="Hoses or a cord pull {where} in the direction of {azimuth}: beyond {slack} of slack they "
+    "pull with {stiffness}.",
+    source="Unilateral spring",
+    in_healthy_arms=False,
+    needs=frozenset({"large_pressures"}),
+    splits=(
+        ("material_stiffening", "loosen the hoses and repeat"),
+        ("contact_obstacle", "the opposite side of the workspace"),
+    ),
+    when="pose",
+    shapes=tuple((slack, angle) for slack in (0.0, 0.02, 0.04) for angle in AROUND),
+    responds_to_own_effect=True,
+)
+
+
+def tip_payload(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Weigh a section down by a mass that the model does not know: force m g at its origin."""
+    (mass,) = theta
+    wrenches = np.zeros((len(signals.time), len(spot.world.sections), 6))
+    wrenches[:, spot.section, :3] = mass * signals.gravity
+    return wrenches, memory
+
+
+def tip_payload_modal(theta: Floats) -> ModalChange:
+    """Add the weight to the modal mass."""
+    return ModalChange(added_mass=float(theta[0]))
+
+
+TIP_PAYLOAD = Effect(
+    name="tip_payload",
+    hook="load",
+    parameters=(ParameterSpec("mass", "kg", 0.02, 0.0, 2.0, spread=0.05),),
+    places=moving_sections,
+    act=tip_payload,
+    statement="{where} carries a mass that is not in the model: {mass}.",
+    source="Statics",
+    equivalence=("weight",),
+    needs=frozenset({"mount_turned"}),
+    splits=(
+        ("distributed_mass", "mount turned, or a known weight on and off"),
+        ("base_compliance", "markers on the base"),
+    ),
+    changes_inertia=True,
+    modal=tip_payload_modal,
+)
