@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from softarm.analysis.diagnosis.report import FindingPart, Report, Where
+from softarm.analysis.diagnosis.report import FindingPart, Report
 from softarm.common.rods import known_rod, rod_for
 from softarm.estimator.arm import build_arm
 from softarm.estimator.effects import EFFECTS, Spot, World
@@ -152,13 +152,9 @@ def _found(world: World, finding: FindingPart) -> PlacedEffect:
     effect = EFFECTS[finding.effect]
     known = finding.parameters
     theta = [known[p.name].value if p.name in known else p.typical for p in effect.parameters]
-    return PlacedEffect(effect, _spot(world, finding.where), np.array(theta))
+    return PlacedEffect(effect, Spot(world, finding.where), np.array(theta))
 
 
-def _typical(world: World, name: str, where: Where) -> PlacedEffect:
+def _typical(world: World, name: str, where: Place) -> PlacedEffect:
     effect = EFFECTS[name]
-    return PlacedEffect(effect, _spot(world, where), effect.typical)
-
-
-def _spot(world: World, where: Where) -> Spot:
-    return Spot(world, Place(**where.model_dump()))
+    return PlacedEffect(effect, Spot(world, where), effect.typical)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from softarm.analysis.diagnosis.sentences import is_white
-from softarm.estimator.diagnosis.result import Diagnosis, Finding
+from softarm.estimator.diagnosis.result import Diagnosis
 from softarm.estimator.effects.amounts import readable
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen.physics import EffectName, Place
@@ -22,22 +22,7 @@ UNITS: dict[str, Unit] = {"rad": "deg", "m": "mm", "Pa": "kPa"}
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
-
-
-class Where(_Part):
-    """Where an effect acts; null where it does not apply."""
-
-    segment: str | None = None
-    chamber: int | None = None
-    section: str | None = None
-    sensor: str | None = None
-    axis: str | None = None
-
-    @property
-    def place(self) -> Place:
-        """The same in the vocabulary of effects."""
-        return Place(**self.model_dump())
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, from_attributes=True)
 
 
 class BaselinePart(_Part):
@@ -69,7 +54,7 @@ class ConfusablePart(_Part):
     """What these data cannot distinguish from a finding, and the manoeuvre that would."""
 
     effect: EffectName
-    where: Where
+    where: Place
     manoeuvre: str
 
 
@@ -84,7 +69,7 @@ class FindingPart(_Part):
     """Physics that was left out."""
 
     effect: EffectName
-    where: Where
+    where: Place
     when: str
     statement: str
     parameters: dict[str, ParameterPart]
@@ -128,7 +113,7 @@ class LimitPart(_Part):
     """How large an effect would have to be at a place to be found in nine of ten such recordings."""
 
     effect: EffectName
-    where: Where
+    where: Place
     parameter: str
     size: Number
     unit: str
@@ -138,7 +123,7 @@ class UnexplainedPart(_Part):
     """What is left."""
 
     normalised_rms: Number
-    where: Where
+    where: Place
     when: str
 
 
@@ -163,53 +148,37 @@ class Report(_Part):
 
 def report_of(diagnosis: Diagnosis) -> Report:
     """Write a diagnosis down."""
-    heldout, left = diagnosis.heldout, diagnosis.unexplained
+    heldout, test, channels = diagnosis.heldout, diagnosis.heldout.innovations, diagnosis.heldout.channels
+    shown = {unit: readable(unit)[0] for unit in UNITS}
     return Report(
         schema=SCHEMA,
         specimen=diagnosis.specimen,
         recordings=list(diagnosis.recordings),
         verdict=diagnosis.verdict,
-        baseline=BaselinePart(
-            rms=dict(diagnosis.baseline.rms),
-            noise_floor=dict(diagnosis.baseline.noise_floor),
-            normalised_rms=diagnosis.baseline.normalised_rms,
-        ),
-        findings=[_finding(finding) for finding in diagnosis.findings],
+        baseline=BaselinePart.model_validate(diagnosis.baseline),
+        findings=[FindingPart.model_validate(finding) for finding in diagnosis.findings],
         heldout=HeldoutPart(
-            rms_before={name: readable(one.unit)[0] * one.before for name, one in heldout.channels.items()},
-            rms_after={name: readable(one.unit)[0] * one.after for name, one in heldout.channels.items()},
+            rms_before={name: shown[one.unit] * one.before for name, one in channels.items()},
+            rms_after={name: shown[one.unit] * one.after for name, one in channels.items()},
             rms_linear_regression={
-                name: readable(one.unit)[0] * one.line
-                for name, one in heldout.channels.items()
-                if one.line is not None
+                name: shown[one.unit] * one.line for name, one in channels.items() if one.line is not None
             },
-            unit={name: UNITS[one.unit] for name, one in heldout.channels.items()},
+            unit={name: UNITS[one.unit] for name, one in channels.items()},
             normalised_rms_before=heldout.before,
             normalised_rms_after=heldout.after,
             gain_ci95=heldout.gain_ci95,
             how_split=heldout.how_split,
         ),
         calibration_of_noise=NoisePart(
-            white=is_white(heldout.innovations),
-            innovation_variance=dict(heldout.innovations.variance),
-            innovation_correlation=dict(heldout.innovations.correlation),
-            innovation_chance=dict(heldout.innovations.chance),
-            residual_variance=dict(heldout.innovations.residual_variance),
-            residual_correlation=dict(heldout.innovations.residual_correlation),
+            white=is_white(test),
+            innovation_variance=dict(test.variance),
+            innovation_correlation=dict(test.correlation),
+            innovation_chance=dict(test.chance),
+            residual_variance=dict(test.residual_variance),
+            residual_correlation=dict(test.residual_correlation),
         ),
-        unexplained=UnexplainedPart(
-            normalised_rms=left.normalised_rms, where=_where(left.where), when=left.when
-        ),
-        detection_limits=[
-            LimitPart(
-                effect=one.effect,
-                where=_where(one.where),
-                parameter=one.parameter,
-                size=one.size,
-                unit=one.unit,
-            )
-            for one in diagnosis.detection_limits
-        ],
+        unexplained=UnexplainedPart.model_validate(diagnosis.unexplained),
+        detection_limits=[LimitPart.model_validate(one) for one in diagnosis.detection_limits],
     )
 
 
@@ -228,37 +197,3 @@ def read_report(path: Path) -> Report:
         first = error.errors()[0]
         field = ".".join(map(str, first["loc"]))
         raise InputError(f"{file}, {field}", first["msg"], "write it again with softarm diagnose") from None
-
-
-def _where(place: Place) -> Where:
-    return Where(**place.model_dump())
-
-
-def _finding(finding: Finding) -> FindingPart:
-    evidence = finding.evidence
-    return FindingPart(
-        effect=finding.effect,
-        where=_where(finding.where),
-        when=finding.when,
-        statement=finding.statement,
-        parameters={
-            name: ParameterPart(value=q.value, std=q.std, unit=q.unit)
-            for name, q in finding.parameters.items()
-        },
-        probability=finding.probability,
-        interval=finding.interval,
-        recording=finding.recording,
-        evidence=EvidencePart(
-            log_bayes_factor=evidence.log_bayes_factor,
-            heldout_before=evidence.heldout_before,
-            heldout_after=evidence.heldout_after,
-            heldout_gain_ci95=evidence.heldout_gain_ci95,
-        ),
-        confusable_with=[
-            ConfusablePart(effect=rival.effect, where=_where(rival.where), manoeuvre=rival.manoeuvre)
-            for rival in finding.confusable_with
-        ],
-        rejected=[
-            RejectedPart(effect=r.effect, log_bayes_factor=r.log_bayes_factor) for r in finding.rejected
-        ],
-    )
