@@ -19,7 +19,6 @@ from softarm_client.session import DEFAULT_ENDPOINT, NetworkSettings
 if TYPE_CHECKING:
     from softarm.analysis.diagnosis.report import Report
     from softarm.estimator.specimen import Specimen
-    from softarm.page.body import Body
     from softarm.page.diagnosis import ShownDiagnosis
 
 AGAIN_S = 1.0
@@ -115,11 +114,12 @@ def _show_recording(path: Path, specimen: str | None, host: str, port: int, orig
     from softarm.recordings import load_events, load_recording
 
     loaded = load_recording(path)
-    body, surface = _drawn(specimen_of(specimen, [path], [loaded]))
+    robot = specimen_of(specimen, [path], [loaded])
+    surface = _surface(robot)
     with (
         awaiting_signals(),
         page_server(host, port, loaded.name, origins) as server,
-        RecordingPage(loaded, body, surface, server, load_events(path)),
+        RecordingPage(loaded, robot, surface, server, load_events(path)),
     ):
         click.echo(f"page of {loaded.name}: http://{host}:{port}")
         signal.sigwait(ENDING)
@@ -135,11 +135,12 @@ def _show_diagnosis(folder: Path, host: str, port: int, origins: tuple[str, ...]
 
     report = read_report(folder)
     recordings = load_motions(folder, report.recordings)
-    body, surface = _drawn(load_specimen(specimen_file(folder)))
+    robot = load_specimen(specimen_file(folder))
+    surface = _surface(robot)
     with (
         awaiting_signals(),
         page_server(host, port, folder.resolve().name, origins) as server,
-        DiagnosisPage(shown_diagnosis(report), recordings, body, surface, server),
+        DiagnosisPage(shown_diagnosis(report), recordings, robot, surface, server),
     ):
         click.echo(f"page of {folder}: http://{host}:{port}")
         signal.sigwait(ENDING)
@@ -154,14 +155,14 @@ def shown_diagnosis(report: "Report") -> "ShownDiagnosis":
 
     findings = [
         FindingNote(
-            title=f"{plain(one.effect)}, {describe(one.where.place)}",
-            where=one.where.place,
+            title=f"{plain(one.effect)}, {describe(one.where)}",
+            where=one.where,
             statement=one.statement,
             sizes={
                 plain(name): quantity(Quantity(**size.model_dump())) for name, size in one.parameters.items()
             },
             probability=one.probability,
-            rivals=[f"{plain(rival.effect)}, {describe(rival.where.place)}" for rival in one.confusable_with],
+            rivals=[f"{plain(rival.effect)}, {describe(rival.where)}" for rival in one.confusable_with],
         )
         for one in report.findings
     ]
@@ -173,15 +174,13 @@ def shown_diagnosis(report: "Report") -> "ShownDiagnosis":
     return ShownDiagnosis(f"Diagnosis of {report.specimen}", verdict, findings, report.baseline.noise_floor)
 
 
-def _drawn(specimen: "Specimen") -> tuple["Body", Surface]:
-    """Return the parts and the surface of an arm, as its page draws them."""
+def _surface(specimen: "Specimen") -> Surface:
+    """Return the surface of an arm, as its page draws it."""
     from softarm.daemon.surface import drawn_surface
     from softarm.estimator.geometry import build_mesh
-    from softarm.page.body import Body
 
     mesh = build_mesh(specimen)
-    body = Body.model_validate_json(specimen.model_dump_json(by_alias=True))
-    return body, drawn_surface(mesh).message(mesh)
+    return drawn_surface(mesh).message(mesh)
 
 
 def _endpoint(network: NetworkSettings) -> str:

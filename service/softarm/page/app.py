@@ -31,10 +31,10 @@ class Page:
     def __init__(self, arm: ServedArm, server: viser.ViserServer) -> None:
         self._client = arm.client
         server.gui.configure_theme(show_logo=False, show_share_button=False)
-        self._scene = ArmScene(server, arm.surface, arm.body)
+        self._scene = ArmScene(server, arm.surface, arm.specimen)
         self._controls = Controls(server, arm.client, self._scene.show_ghost)
         self._stress = server.gui.add_html("")
-        self._panel = Panel(server, arm.body)
+        self._panel = Panel(server, arm.specimen)
         self._sections: State | None = None
         self._exit = ExitStack()
         self._closing = threading.Event()

@@ -8,9 +8,9 @@ import viser
 from viser import uplot
 
 from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Specimen
 from softarm.estimator.specimen.physics import Place
 from softarm.page import panel, readings
-from softarm.page.body import Body
 from softarm.page.highlight import nodes_at
 from softarm.page.mismatch import COLOURS, MismatchOverTime
 from softarm.page.playback import Playback, bent_surface
@@ -68,7 +68,7 @@ class DiagnosisPage:
         diagnosis: What it found.
         recordings: Those that were diagnosed, one at least, as ``softarm.estimator.diagnosis.motion`` keeps
             them.
-        body: The arm's parts.
+        specimen: The arm.
         surface: Its surface at rest.
         server: viser's server, without any content; whoever opened it stops it.
     """
@@ -77,18 +77,18 @@ class DiagnosisPage:
         self,
         diagnosis: ShownDiagnosis,
         recordings: Sequence[Recording],
-        body: Body,
+        specimen: Specimen,
         surface: Surface,
         server: viser.ViserServer,
     ) -> None:
-        self._body, self._rest = body, np.array(surface.rest_m)
+        self._specimen, self._rest = specimen, np.array(surface.rest_m)
         self._findings = {f"{k}. {one.title}": one for k, one in enumerate(diagnosis.findings, start=1)}
         self._shown = {
-            one.name: (Playback(one, body), MismatchOverTime(one, diagnosis.noise)) for one in recordings
+            one.name: (Playback(one, specimen), MismatchOverTime(one, diagnosis.noise)) for one in recordings
         }
         self._current = next(iter(self._shown.values()))
         server.gui.configure_theme(show_logo=False, show_share_button=False)
-        self._scene = ArmScene(server, surface, body)
+        self._scene = ArmScene(server, surface, specimen)
         server.gui.add_html(readings.reading("about", plain(diagnosis.verdict), plain(diagnosis.title)))
         self._player = self._add_time(server.gui)
         self._add_findings(server.gui)
@@ -115,7 +115,7 @@ class DiagnosisPage:
     def _show_finding(self) -> None:
         finding = self._findings.get(self._chosen.value)
         place = Place() if finding is None else finding.where
-        self._marked = nodes_at(self._rest, self._body, place)
+        self._marked = nodes_at(self._rest, self._specimen, place)
         words = "No effect is named." if finding is None else _finding(finding)
         self._finding.content = readings.reading("finding", words, plain(self._chosen.value))
         self._player.show_again()
@@ -141,14 +141,14 @@ class DiagnosisPage:
         """Show everything at a time of the recording [s]."""
         playback, mismatch = self._current
         instant = playback.at(time_s)
-        points = bent_surface(self._rest, self._body, instant.sections)
+        points = bent_surface(self._rest, self._specimen, instant.sections)
         self._scene.show_surface(points, self._marked.astype(np.float64))
         self._scene.show_sections(instant.sections)
         self._scene.show_note(self._chosen.value, self._marked)
         self._curve.data = marked(playback.recording.time, (mismatch.before, mismatch.after), time_s)
         self._channels.content = mismatch.at(time_s)
         if instant.measured_pa:
-            limits = self._body.pressure_limits_pa
+            limits = self._specimen.pressure_limits
             self._pressures.content = readings.pressures({"measured": instant.measured_pa}, limits)
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import viser
 from viser import uplot
 
+from softarm.estimator.specimen import Specimen
 from softarm.page import readings
-from softarm.page.body import Body
 from softarm_client import STALE_S
 from softarm_client.messages import Estimate, Mismatch, State
 
@@ -28,12 +28,12 @@ class Panel:
 
     Args:
         server: viser's server.
-        body: The arm's sections and chambers.
+        specimen: The arm.
     """
 
-    def __init__(self, server: viser.ViserServer, body: Body) -> None:
+    def __init__(self, server: viser.ViserServer, specimen: Specimen) -> None:
         self._gui = gui = server.gui
-        self._limits_pa = body.pressure_limits_pa
+        self._limits_pa = specimen.pressure_limits
         self._state: State | None = None
         self._estimate_s = float("-inf")
         self._history: deque[tuple[float, ...]] = deque(maxlen=HISTORY)

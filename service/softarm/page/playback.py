@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import POSE_SUFFIXES, Recording
-from softarm.page.body import Body
+from softarm.estimator.specimen import Specimen
 from softarm_client.messages import LoadEstimate, SectionPose
 
 AXES = "xyz"
@@ -40,22 +40,22 @@ class Playback:
 
     Args:
         recording: It holds estimated poses.
-        body: The arm's sections and chambers.
+        specimen: The arm.
 
     Raises:
         InputError: It holds no estimated pose, or one of a section that the arm does not have.
     """
 
-    def __init__(self, recording: Recording, body: Body) -> None:
+    def __init__(self, recording: Recording, specimen: Specimen) -> None:
         self.recording = recording
         """The recording."""
-        self._chambers = range(len(body.chambers))
+        self._chambers = range(len(specimen.chambers))
         self.sections = recording.members(r"estimate_frame_(.+)_qw")
         self.loads = recording.members(r"estimate_force_(.+)_x_n")
         if not self.sections:
             cure = "run softarm estimate RECORDING --out FILE.mcap, and give that file"
             raise InputError(recording.name, "holds no estimated poses", cure)
-        foreign = set(self.sections) - {section.name for section in body.sections}
+        foreign = set(self.sections) - {section.name for section in specimen.sections}
         if foreign:
             what = (
                 f"was estimated with sections that the specimen does not have: {', '.join(sorted(foreign))}"
@@ -117,7 +117,7 @@ class Playback:
         return LoadEstimate.model_validate(known)
 
 
-def bent_surface(rest_m: Floats, body: Body, sections: Sequence[SectionPose]) -> Floats:
+def bent_surface(rest_m: Floats, specimen: Specimen, sections: Sequence[SectionPose]) -> Floats:
     """Bend the surface along its sections: each section stays rigid, cubic curves join them.
 
     A recording holds the poses of the sections and not the surface between them. The centre line between two
@@ -126,13 +126,13 @@ def bent_surface(rest_m: Floats, body: Body, sections: Sequence[SectionPose]) ->
 
     Args:
         rest_m: Nodes of the unloaded arm [m], shape (nodes, 3).
-        body: The sections at rest.
+        specimen: The arm.
         sections: Their poses, at least two.
 
     Returns:
         Nodes of the bent arm [m], shape (nodes, 3).
     """
-    rest = {section.name: section for section in body.sections}
+    rest = {section.name: section for section in specimen.sections}
     heights, centres, turns = [], [], []
     for pose in sections:
         section = rest[pose.section]

@@ -9,8 +9,8 @@ from viser import uplot
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Specimen
 from softarm.page import panel, readings
-from softarm.page.body import Body
 from softarm.page.controls import WIDTH_PX
 from softarm.page.playback import Instant, Playback, bent_surface
 from softarm.page.player import Player
@@ -45,7 +45,7 @@ class RecordingPage:
 
     Args:
         recording: It holds estimated poses.
-        body: The arm's sections and chambers.
+        specimen: The arm.
         surface: The arm's surface at rest.
         server: viser's server, without any content; whoever opened it stops it.
         events: What happened during the recording, in the order of the times.
@@ -57,16 +57,16 @@ class RecordingPage:
     def __init__(
         self,
         recording: Recording,
-        body: Body,
+        specimen: Specimen,
         surface: Surface,
         server: viser.ViserServer,
         events: Sequence[RecordedEvent] = (),
     ) -> None:
-        self._playback = Playback(recording, body)
-        self._body, self._events = body, events
+        self._playback = Playback(recording, specimen)
+        self._specimen, self._events = specimen, events
         self._rest = np.array(surface.rest_m)
         server.gui.configure_theme(show_logo=False, show_share_button=False)
-        self._scene = ArmScene(server, surface, body)
+        self._scene = ArmScene(server, surface, specimen)
         self._player = self._add_controls(server.gui, recording)
         self._add_readings(server.gui)
 
@@ -103,14 +103,14 @@ class RecordingPage:
     def _show(self, time_s: float) -> None:
         """Show everything at a time of the recording [s]."""
         instant = self._playback.at(time_s)
-        points = bent_surface(self._rest, self._body, instant.sections)
+        points = bent_surface(self._rest, self._specimen, instant.sections)
         self._scene.show_surface(points, np.zeros(len(points)))
         self._scene.show_sections(instant.sections)
         self._scene.show_loads(instant.loads, instant.sections)
         self._forces.content = readings.forces(instant.loads, instant.sections, _gauges(instant))
         self._pressures.content = readings.pressures(
             {"set-point": instant.setpoints_pa, "measured": instant.measured_pa},
-            self._body.pressure_limits_pa,
+            self._specimen.pressure_limits,
         )
         if self._events:
             self._happened.content = events_until(self._events, time_s)

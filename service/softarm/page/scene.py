@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from viser.transforms import SO3
 
 from softarm.estimator.arrays import Floats
-from softarm.page.body import Body, Chamber
+from softarm.estimator.specimen import Specimen
+from softarm.estimator.specimen.body import Chamber
 from softarm.page.readings import COLOURS, load_deviation
 from softarm_client.messages import Contact, LoadEstimate, SectionPose, Surface
 
@@ -42,21 +43,22 @@ class ArmScene:
     Args:
         server: viser's server.
         surface: The arm's surface at rest.
-        body: Its sections and chambers.
+        specimen: The arm.
     """
 
-    def __init__(self, server: viser.ViserServer, surface: Surface, body: Body) -> None:
+    def __init__(self, server: viser.ViserServer, surface: Surface, specimen: Specimen) -> None:
         self._rest = np.array(surface.rest_m)
         self._scene = server.scene
         self._faces = np.array(surface.triangles)
         length = float(self._rest[:, 2].max())
-        middle, floor = (-0.5 * length, -1.25 * length) if body.hangs else (0.5 * length, 0.0)
+        hangs = specimen.gravity_m_s2[2] > 0.0
+        middle, floor = (-0.5 * length, -1.25 * length) if hangs else (0.5 * length, 0.0)
         self._scene.set_up_direction("+z")
         self._scene.configure_default_lights(cast_shadow=False)
         self._scene.add_grid("/floor", width=0.6, height=0.6, position=(0.0, 0.0, floor), cell_size=0.05)
         server.initial_camera.position = (1.2 * length, -0.9 * length, middle + 0.4 * length)
         server.initial_camera.look_at = (0.0, 0.0, middle)
-        orientation = HANGING if body.hangs else STANDING
+        orientation = HANGING if hangs else STANDING
         self._scene.add_frame("/base", wxyz=orientation, axes_length=0.05, axes_radius=0.001)
         self._live = self._scene.add_frame("/base/live", show_axes=False)
         self._sections = {
@@ -67,18 +69,18 @@ class ArmScene:
                 wxyz=section.frame_quaternion,
                 position=section.frame_origin_m,
             )
-            for section in body.sections
+            for section in specimen.sections
         }
-        for index, chamber in enumerate(body.chambers):
-            self._label_chamber(index, chamber, body)
+        for index, chamber in enumerate(specimen.chambers):
+            self._label_chamber(index, chamber, specimen)
         self._shown = self._rest, np.zeros(len(self._rest))
         self._stale = False
         self._drawing = threading.Lock()
         self._draw()
 
-    def _label_chamber(self, index: int, chamber: Chamber, body: Body) -> None:
+    def _label_chamber(self, index: int, chamber: Chamber, specimen: Specimen) -> None:
         """Write a chamber's number beside its beginning, fixed to the section that ends there."""
-        section = min(body.sections, key=lambda section: abs(section.to_m - chamber.from_m))
+        section = min(specimen.sections, key=lambda section: abs(section.to_m - chamber.from_m))
         reach = self._radius(self._layer(chamber.from_m), self._rest) + LABEL_GAP_M
         sideways = np.array([np.cos(chamber.azimuth_rad), np.sin(chamber.azimuth_rad), 0.0])
         place = reach * sideways + [0.0, 0.0, chamber.from_m] - np.array(section.frame_origin_m)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import viser
 
-from softarm.page.body import Body
+from softarm.estimator.specimen import Specimen
 from softarm.page.text import plain
 from softarm_client import Arm
 from softarm_client.errors import ClientError
@@ -19,12 +19,12 @@ class ServedArm:
     Args:
         client: Client of the service.
         surface: The arm's surface at rest.
-        body: What the page shows of its specimen.
+        specimen: The arm.
     """
 
     client: Arm
     surface: Surface
-    body: Body
+    specimen: Specimen
 
 
 def ask_arm(client: Arm) -> ServedArm:
@@ -33,7 +33,8 @@ def ask_arm(client: Arm) -> ServedArm:
     Raises:
         CommandRefusedError: No service of this arm answers.
     """
-    return ServedArm(client, client.surface(), Body.model_validate_json(client.ask("specimen")))
+    specimen = Specimen.model_validate_json(client.ask("specimen"), extra="ignore")  # of a newer service
+    return ServedArm(client, client.surface(), specimen)
 
 
 def wait_for_arm(

@@ -15,23 +15,22 @@ from softarm.cli.page import command
 from softarm.estimator.diagnosis.motion import HELDOUT, residual_column
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import load_specimen
+from softarm.estimator.specimen.body import Marker, Segment
 from softarm.estimator.specimen.physics import Place
-from softarm.page.body import Body
 from softarm.page.highlight import nodes_at
 from softarm.page.mismatch import MismatchOverTime
 from softarm_client.messages import Surface
 from tests.service.diagnosis.made_diagnosis import diagnosis
-from tests.service.page.test_playback import CHAMBER, LENGTH_M, SECTIONS, recording
+from tests.service.page.test_playback import LENGTH_M, arm, recording
 
 RING = [(0.03, 0.0), (0.0, 0.03), (-0.03, 0.0), (0.0, -0.03)]
 SURFACE = Surface(
     triangles=((0, 1, 4), (1, 5, 4)), rest_m=tuple((x, y, z) for z in (0.0, LENGTH_M) for x, y in RING)
 )
-ARM = Body(
-    sections=SECTIONS,
-    chambers=tuple({"azimuth_rad": k * np.pi, **CHAMBER} for k in range(2)),
-    segments=({"name": "lower", "from_m": 0.5 * LENGTH_M, "to_m": LENGTH_M},),
-    markers=({"name": "m1", "section": "tip"},),
+ARM = arm(
+    azimuths=(0.0, np.pi),
+    segments=(Segment(name="lower", from_m=0.5 * LENGTH_M, to_m=LENGTH_M, material="silicone"),),
+    markers=(Marker(name="m1", section="tip", offset_m=(0.0, 0.0, 0.0)),),
 )
 REST = np.array(SURFACE.rest_m)
 BELOW = REST[:, 2] > 0.0

@@ -57,7 +57,7 @@ def test_the_page_waits_for_its_service_and_says_for_what(server, service):
     arm = wait_for_arm(server, connect, said.append, lambda: False)
     with arm.client:
         assert said == ["waiting for the service: network: nothing answers; start it"]
-        assert len(arm.body.chambers) == 6
+        assert len(arm.specimen.chambers) == 6
         assert len(arm.surface.rest_m) == 1 + max(max(triangle) for triangle in arm.surface.triangles)
         assert ask_arm(arm.client).surface == arm.surface
 

@@ -18,7 +18,8 @@ from softarm.recordings.events import RecordedEvent
 from tests.service.diagnosis.made_diagnosis import finding
 from tests.service.page.browser import BROWSER, DRIVER, open_browser, without_reflections
 from tests.service.page.test_diagnosis_page import ARM, BELOW, SURFACE, written
-from tests.service.page.test_playback import BODY, recording
+from tests.service.page.test_playback import ARM as STRAIGHT
+from tests.service.page.test_playback import recording
 from tests.service.page.test_server import free_port
 
 pytestmark = [
@@ -46,7 +47,7 @@ def opened(server, folder):
 def test_the_slider_and_play_move_everything_that_is_in_view(tmp_path):
     with (
         page_server("127.0.0.1", free_port(), "past") as server,
-        RecordingPage(recording(), BODY, SURFACE, server, EVENTS) as page,
+        RecordingPage(recording(), STRAIGHT, SURFACE, server, EVENTS) as page,
         opened(server, tmp_path) as browser,
     ):
         browser.until_shown("Started by: ann")

@@ -6,18 +6,27 @@ from scipy.spatial.transform import Rotation
 
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import POSE_SUFFIXES, Recording
-from softarm.page.body import Body
+from softarm.estimator.specimen import load_specimen
+from softarm.estimator.specimen.body import Chamber, Section
 from softarm.page.playback import Playback, bent_surface
 from softarm.page.player import marks
 from softarm_client.messages import SectionPose
 
 LENGTH_M = 0.2
-SECTIONS = (
-    {"name": "base", "from_m": 0.0, "to_m": 0.0, "frame_origin_m": (0.0, 0.0, 0.0)},
-    {"name": "tip", "from_m": LENGTH_M, "to_m": LENGTH_M, "frame_origin_m": (0.0, 0.0, LENGTH_M)},
-)
-CHAMBER = {"from_m": 0.0, "to_m": LENGTH_M, "pressure_limit_pa": 65e3}
-BODY = Body(sections=SECTIONS, chambers=({"azimuth_rad": 0.0, **CHAMBER},))
+
+
+def arm(azimuths=(0.0,), to_m=LENGTH_M, **parts):
+    """A specimen from face to face with one chamber at each azimuth."""
+    ends = {"base": 0.0, "tip": LENGTH_M}
+    sections = tuple(Section(name=n, from_m=z, to_m=z, frame_origin_m=(0.0, 0.0, z)) for n, z in ends.items())
+    chambers = tuple(
+        Chamber(index=k, segment="lower", azimuth_rad=a, from_m=0.0, to_m=to_m, pressure_limit_pa=65e3)
+        for k, a in enumerate(azimuths)
+    )
+    return load_specimen("sopra").model_copy(update={"sections": sections, "chambers": chambers, **parts})
+
+
+ARM = arm()
 HEIGHTS = np.linspace(0.0, LENGTH_M, 9)
 LINE = np.column_stack([np.zeros((9, 2)), HEIGHTS])
 
@@ -54,7 +63,7 @@ def recording(sections=("base", "tip"), **changes):
 
 
 def test_each_stream_shows_its_last_reading_up_to_the_time():
-    playback = Playback(recording(), BODY)
+    playback = Playback(recording(), ARM)
     instant = playback.at(1.05)
     (load,) = instant.loads
     assert load.force_n == pytest.approx((0.3, 0.4, 0.0))  # of the estimate at 1.0 s
@@ -75,18 +84,18 @@ def test_a_slider_has_a_mark_for_events_that_can_be_told_apart():
 
 def test_a_recording_without_estimates_says_how_to_get_them():
     with pytest.raises(InputError, match="holds no estimated poses; run softarm estimate"):
-        Playback(recording(sections=()), BODY)
+        Playback(recording(sections=()), ARM)
 
 
 def test_a_recording_of_another_arm_is_refused_with_the_sections_that_differ():
     with pytest.raises(InputError, match=r"does not have: elbow; .* --specimen"):
-        Playback(recording(sections=("base", "elbow")), BODY)
+        Playback(recording(sections=("base", "elbow")), ARM)
 
 
 def test_a_recording_whose_searches_all_failed_is_refused():
     lost = {f"estimate_frame_tip_{suffix}": np.full(21, np.nan) for suffix in POSE_SUFFIXES}
     with pytest.raises(InputError, match="no estimate that converged"):
-        Playback(recording(**lost), BODY)
+        Playback(recording(**lost), ARM)
 
 
 def test_an_arm_at_rest_keeps_its_surface_and_moves_with_its_frame():
@@ -98,7 +107,7 @@ def test_an_arm_at_rest_keeps_its_surface_and_moves_with_its_frame():
         section.model_copy(update={"position_m": (0.0, 0.0, height)})
         for section, height in zip(straight, (0.0, LENGTH_M), strict=True)
     ]
-    np.testing.assert_allclose(bent_surface(ring, BODY, at_rest), ring, atol=1e-12)
+    np.testing.assert_allclose(bent_surface(ring, ARM, at_rest), ring, atol=1e-12)
     turn, shift = Rotation.from_rotvec((0.3, -0.5, 0.2)), np.array([0.1, 0.0, 0.0])
     quaternion = tuple(turn.as_quat(scalar_first=True))
     moved = [
@@ -109,11 +118,11 @@ def test_an_arm_at_rest_keeps_its_surface_and_moves_with_its_frame():
         )
         for s in at_rest
     ]
-    np.testing.assert_allclose(bent_surface(ring, BODY, moved), turn.apply(ring) + shift, atol=1e-12)
+    np.testing.assert_allclose(bent_surface(ring, ARM, moved), turn.apply(ring) + shift, atol=1e-12)
 
 
 def test_an_arm_bent_to_an_arc_is_drawn_within_a_hundredth_of_its_length():
-    drawn = bent_surface(LINE, BODY, poses(1.0))
+    drawn = bent_surface(LINE, ARM, poses(1.0))
     angles = HEIGHTS / LENGTH_M  # a radius of one length bends it by one radian
     exact = LENGTH_M * np.column_stack([1.0 - np.cos(angles), np.zeros(9), np.sin(angles)])
     assert np.linalg.norm(drawn - exact, axis=1).max() < 0.01 * LENGTH_M

@@ -5,26 +5,21 @@ import pytest
 
 pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
 
-from softarm.page.body import Body
 from softarm.page.readings import stress_scale
 from softarm.page.scene import COLD, HOT, ArmScene, colours
 from softarm.page.server import page_server
 from softarm_client.messages import Contact, LoadEstimate, SectionPose, Surface
+from tests.service.page.test_playback import arm
 from tests.service.page.test_server import free_port
 
 LOAD = LoadEstimate(section="tip", force_n=(0.3, 0.0, 0.0), covariance_n2=tuple(map(tuple, 1e-4 * np.eye(3))))
 TIP = SectionPose(section="tip", position_m=(0.05, 0.0, 0.2), quaternion_wxyz=(0.8, 0.6, 0.0, 0.0))
 RING = [(0.03, 0.0), (0.0, 0.03), (-0.03, 0.0), (0.0, -0.03)]
 SURFACE = Surface(triangles=((0, 1, 4),), rest_m=tuple((x, y, z) for z in (0.0, 0.2) for x, y in RING))
-SECTIONS = (
-    {"name": "base", "from_m": 0.0, "to_m": 0.0, "frame_origin_m": (0.0, 0.0, 0.0)},
-    {"name": "tip", "from_m": 0.2, "to_m": 0.2, "frame_origin_m": (0.0, 0.0, 0.2)},
-)
-CHAMBERS = ({"azimuth_rad": np.pi / 2, "from_m": 0.0, "to_m": 0.1, "pressure_limit_pa": 65e3},)
 
 
-def body(gravity=9.81):
-    return Body(gravity_m_s2=(0.0, 0.0, gravity), sections=SECTIONS, chambers=CHAMBERS)
+def hanging(gravity=9.81):
+    return arm(azimuths=(np.pi / 2,), to_m=0.1, gravity_m_s2=(0.0, 0.0, gravity))
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +30,7 @@ def server():
 
 @pytest.fixture
 def scene(server):
-    return ArmScene(server, SURFACE, body())
+    return ArmScene(server, SURFACE, hanging())
 
 
 def node(server, name):
@@ -91,7 +86,7 @@ def test_saved_pose_is_a_ghost_until_none_is_chosen(server, scene):
 
 @pytest.mark.parametrize(("gravity", "down"), [(9.81, -1.0), (-9.81, 1.0)])
 def test_arm_hangs_or_stands_as_gravity_acts(server, gravity, down):
-    ArmScene(server, SURFACE, body(gravity))
+    ArmScene(server, SURFACE, hanging(gravity))
     w, x, y, z = node(server, "/base").wxyz
     assert w * w - x * x - y * y + z * z == down
 
