@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from acceptance.fault_subjects import CHAMBERS, SUBJECTS, Moment, Subject
-from softarm.cli import fakes
+from acceptance.warp import WarpLoop
 from softarm.common.tables import Cell
 from softarm.drivers.device import Device, close_all, connect_all
 from softarm.drivers.errors import DeviceError, DeviceErrors
@@ -23,6 +23,8 @@ from softarm.drivers.reading import Reading
 from softarm.drivers.registry import load_devices
 from softarm.drivers.supervisor import ConnectionState
 from softarm.drivers.valves import ValveBank
+from softarm.fakes.rig import running
+from softarm.fakes.scenario import check_scenario
 
 STEP_S = 0.005
 TRUTH_S = 1.0
@@ -168,7 +170,7 @@ def run(seconds: float, seed: int, speed: float = 20.0, chosen: Sequence[Subject
         speed: Virtual seconds per second of waiting.
         chosen: The devices.
     """
-    with asyncio.Runner(loop_factory=lambda: fakes.accelerated(speed)) as runner:
+    with asyncio.Runner(loop_factory=lambda: WarpLoop(speed)) as runner:
         return runner.run(_run(seconds, seed, chosen))
 
 
@@ -178,7 +180,7 @@ async def _run(seconds: float, seed: int, chosen: Sequence[Subject]) -> Run:
     loop.set_exception_handler(lambda _, context: stray.append(str(context.get("message"))))
     before, began, started = asyncio.all_tasks(), loop.time(), time.monotonic()
     outcomes = {subject.name: Outcome() for subject in chosen}
-    async with fakes.bench(_scenario(seed, chosen)) as rig:
+    async with running(check_scenario(_scenario(seed, chosen))) as rig:
         truth: deque[Moment] = deque(maxlen=round(TRUTH_S / STEP_S))
         targets = [_target(rig, subject, truth, outcomes[subject.name]) for subject in chosen]
         devices = [target.device for target in targets]

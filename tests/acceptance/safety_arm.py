@@ -11,7 +11,6 @@ from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from softarm.cli import fakes
 from softarm.daemon.config import ServiceConfig, Setup
 from softarm.daemon.control.channels import channel_readings
 from softarm.daemon.control.instruments import LiveInstruments
@@ -28,6 +27,8 @@ from softarm.drivers.registry import load_devices
 from softarm.drivers.valves.alarms import reports_fault
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.rig import RigSettings, service_config
+from softarm.fakes.rig import running
+from softarm.fakes.scenario import check_scenario
 from softarm_client.commands import VERBS, Applied, Refused
 from softarm_client.messages import Message
 
@@ -321,7 +322,7 @@ async def safety_arm(kinds: Mapping[str, str], folder: Path) -> AsyncIterator[Sa
     """
     devices = [{"name": name, "kind": kind, **FAKE.get(kind, {})} for name, kind in kinds.items()]
     table = {"control_port": None, "plant": {"kind": "still"}, "device": devices}
-    async with fakes.bench(table) as rig:
+    async with running(check_scenario(table)) as rig:
         arm = SafetyArm(rig, folder)
         ticking = asyncio.create_task(arm.run(), name="ticks")
         try:

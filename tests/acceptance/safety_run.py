@@ -11,7 +11,7 @@ from typing import Any
 
 from acceptance.safety_arm import SafetyArm, safety_arm
 from acceptance.safety_cases import PLAYING, SILENT_FAULTS, SLOW_S, STRIKE, Expectation, expected
-from softarm.cli import fakes
+from acceptance.warp import WarpLoop
 from softarm.daemon.safety.modes import PRESSURISED, Mode
 
 MODES = (Mode.ARMED, Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT)
@@ -113,7 +113,7 @@ def run(part: Part, choose: Choose, speed: float = 40.0) -> list[Case]:
     """
     logging.disable(logging.WARNING)
     try:
-        with asyncio.Runner(loop_factory=lambda: fakes.accelerated(speed)) as runner:
+        with asyncio.Runner(loop_factory=lambda: WarpLoop(speed)) as runner:
             return runner.run(_strike_all(part, choose))
     finally:
         logging.disable(logging.NOTSET)

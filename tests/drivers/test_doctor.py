@@ -9,11 +9,13 @@ import time
 import pytest
 from click.testing import CliRunner
 
-from softarm.cli import doctor, fakes
+from softarm.cli import doctor
 from softarm.cli.doctor import CheckTally, command, describe, examine, read_devices, tables
 from softarm.drivers.errors import ConnectionLost
 from softarm.drivers.reading import Reading
 from softarm.estimator.errors import InputError
+from softarm.fakes.rig import running
+from softarm.fakes.scenario import check_scenario
 from tests.drivers.valve_rig import MemoryTerminal, build
 
 
@@ -187,7 +189,7 @@ def test_a_qualisys_host_is_discovered(capsys):
     scenario = {"name": "discovery", "device": [{"name": "qtm", "kind": "qualisys", "discovery_port": 0}]}
 
     async def found():
-        async with fakes.bench(scenario) as rig:
+        async with running(check_scenario(scenario)) as rig:
             (endpoint,) = rig.endpoints()
             port = endpoint.discovery_port
             return endpoint.port, await asyncio.to_thread(

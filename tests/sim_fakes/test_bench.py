@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from acceptance.warp import WarpLoop
 from softarm.estimator.errors import InputError
 from softarm.fakes.control import ControlPort, serve
 from softarm.fakes.faults import Fault, FaultBoard
@@ -16,7 +17,6 @@ from softarm.fakes.rig import running
 from softarm.fakes.rotation import from_rotation_vector, matrix, multiply
 from softarm.fakes.scenario import check_scenario, read_scenario
 from softarm.fakes.still import StillArm
-from softarm.fakes.warp import WarpLoop
 from softarm.fakes.world import FakeArmWorld
 
 SCENARIOS = Path(__file__).parents[2] / "sim_fakes" / "softarm" / "fakes" / "scenarios"

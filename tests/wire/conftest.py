@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
+from acceptance.warp import WarpLoop
 from softarm.drivers.registry import load_devices
 from softarm.fakes.rig import Rig, running
 from softarm.fakes.scenario import check_scenario
-from softarm.fakes.warp import WarpLoop
 
 KERNEL_S = 0.5
 """Real time in which a busy kernel surely hands on what was written to a terminal."""

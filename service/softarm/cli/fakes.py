@@ -4,7 +4,6 @@ import asyncio
 import gc
 import json
 import signal
-from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +22,7 @@ from softarm.fakes.devices import catalogue
 from softarm.fakes.lateness import watch_lateness
 from softarm.fakes.placement import playing
 from softarm.fakes.rig import Rig, running
-from softarm.fakes.scenario import Scenario, check_scenario, read_scenario
-from softarm.fakes.warp import WarpLoop
+from softarm.fakes.scenario import Scenario, read_scenario
 
 
 @click.command()
@@ -75,27 +73,6 @@ def command(
     if config is not None:
         refuse_existing(config, force=force)
     asyncio.run(serve(checked, config, specimen, as_json=as_json))
-
-
-def bench(table: dict[str, Any]) -> AbstractAsyncContextManager[Rig]:
-    """Run fakes in this process for the length of a block.
-
-    Args:
-        table: A scenario as a table.
-
-    Raises:
-        InputError: Something in it is wrong.
-    """
-    return running(check_scenario(table))
-
-
-def accelerated(speed: float) -> asyncio.AbstractEventLoop:
-    """Make an event loop for fakes and drivers in one process whose waits are shorter than they say.
-
-    Args:
-        speed: Virtual seconds per second of waiting.
-    """
-    return WarpLoop(speed)
 
 
 async def serve(

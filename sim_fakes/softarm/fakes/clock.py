@@ -15,7 +15,7 @@ class Clock(Protocol):
 
 
 class LoopClock:
-    """The time of the running event loop: real time, or virtual time on a ``WarpEventLoop``."""
+    """The time of the running event loop: real time, or that of a loop that runs faster."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
