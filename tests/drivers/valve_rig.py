@@ -4,8 +4,7 @@ import asyncio
 from random import Random
 
 from softarm.drivers.errors import ConnectionLost
-from softarm.drivers.valves.bank import ValveBank
-from softarm.drivers.valves.config import MpaConfig, VtemConfig
+from softarm.drivers.valves.bank import MpaConfig, ValveBank, VtemConfig
 from softarm.drivers.valves.link import ModbusExceptionError, NoAnswer
 
 TIMEOUT_S = 0.1
@@ -151,23 +150,10 @@ def build_vtem(virtual, terminal, sink=lambda reading: None):
 
 def on_memory(config, virtual, terminal, sink, observe):
     """What the configuration builds, with the link exchanged."""
-    built = config.build(sink, virtual.clock, observe=observe)
 
-    async def open_link(bank):
+    async def open_link():
         if terminal.down:
             raise ConnectionLost("valves", "refuses the connection", "look")
         return MemoryLink(terminal)
 
-    return ValveBank(
-        "valves",
-        config.source,
-        open_link,
-        layout=built.layout,
-        chambers=built.chambers,
-        limits=built.limits,
-        settings=built.settings,
-        timing=built.supervisor.timing,
-        sink=sink,
-        clock=virtual.clock,
-        random=Random(1),
-    )
+    return ValveBank(config, sink, virtual.clock, observe=observe, open_link=open_link, random=Random(1))

@@ -14,7 +14,7 @@ from softarm.drivers.gauges.polled import Mark10Config, SauterConfig
 from softarm.drivers.imu.device import Bno08xConfig, QuaternionLineConfig, XbusConfig
 from softarm.drivers.imu.wit_device import WitConfig
 from softarm.drivers.qualisys.device import QualisysConfig
-from softarm.drivers.valves.config import MpaConfig, VtemConfig
+from softarm.drivers.valves.bank import MpaConfig, VtemConfig
 
 KINDS: dict[str, type[DriverConfig]] = {
     "festo_mpa": MpaConfig,

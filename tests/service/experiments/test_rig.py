@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from softarm.daemon.config import SafetySettings
-from softarm.drivers.valves.config import MpaConfig, ValveConfig
+from softarm.drivers.valves.bank import MpaConfig
+from softarm.drivers.valves.config import ValveConfig
 from softarm.experiments.rig import UNIT_NICENESS, VALVE_WAITS, WAITS, RigSettings, niceness, service_config
 
 VALVES = {"name": "valves", "kind": "festo_mpa", "host": "localhost", "port": 502, "valve_map": [*range(6)]}

@@ -2,6 +2,9 @@
 
 from collections.abc import Awaitable, Callable, Sequence
 from random import Random
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.device import Device
@@ -10,16 +13,16 @@ from softarm.drivers.reading import Reading, Sink, ignore
 from softarm.drivers.stream import ReadingStream
 from softarm.drivers.supervisor import ALIVE, ConnectionState, Timing
 from softarm.drivers.valves.alarms import BLOCKING, reports_fault
+from softarm.drivers.valves.config import ValveConfig
 from softarm.drivers.valves.limits import PressureLimits
 from softarm.drivers.valves.link import RegisterLink
+from softarm.drivers.valves.modbus import ModbusTcpLink
 from softarm.drivers.valves.outputs import Outputs
 from softarm.drivers.valves.pressures import BankReading, ChamberMap
-from softarm.drivers.valves.registers import RegisterLayout
-from softarm.drivers.valves.session import BankSession, CycleSettings
+from softarm.drivers.valves.registers import MPA_VALVES, VTEM_SLOTS, MpaLayout, VtemLayout
+from softarm.drivers.valves.session import BankSession
 from softarm.drivers.valves.terminal import Terminal
 from softarm.drivers.valves.vtem import ACKNOWLEDGE_S
-
-OpenLink = Callable[["ValveBank"], Awaitable[RegisterLink]]
 
 
 class ValveBank(Device):
@@ -33,42 +36,40 @@ class ValveBank(Device):
     After each of these only `arm` makes the bank accept set-points again: nothing moves by itself.
 
     Args:
-        name: Name of the device in readings, errors and logs.
-        source: Where its readings come from.
-        open_link: Opens the connection to the registers.
-        layout: Where the terminal keeps its valves.
-        chambers: Which valve feeds which chamber.
-        limits: Limits of the chambers.
-        settings: How to talk to the terminal.
-        timing: Deadlines of the connection.
+        config: Its settings.
         sink: Takes each reading.
         clock: Host monotonic time.
+        observe: Write nothing at all.
+        open_link: Opens the connection to the registers; over Modbus TCP when left out.
         random: Source of the jitter between attempts.
     """
 
     def __init__(
         self,
-        name: str,
-        source: str,
-        open_link: OpenLink,
-        *,
-        layout: RegisterLayout,
-        chambers: ChamberMap,
-        limits: PressureLimits,
-        settings: CycleSettings,
-        timing: Timing,
+        config: ValveConfig,
         sink: Sink = ignore,
         clock: Clock = monotonic,
+        *,
+        observe: bool = False,
+        open_link: Callable[[], Awaitable[RegisterLink]] | None = None,
         random: Random | None = None,
     ) -> None:
-        super().__init__(name, source, timing=timing, clock=clock, random=random)
-        self.limits = limits
-        self.chambers = chambers
+        self.layout = config.layout()
+        slow = isinstance(self.layout, VtemLayout)
+        timing = Timing(
+            stale_after_s=config.stale_after_s,
+            lost_after_s=config.lost_after_s,
+            identify_s=25.0 if slow else 3.0,
+            close_s=15.0 if slow else 1.0,
+        )
+        super().__init__(config.name, config.source, timing=timing, clock=clock, random=random)
+        self.limits = PressureLimits(config.maximum, config.slew_pa_per_s, config.max_lifetime_s)
+        self.chambers = ChamberMap(config.chambers, self.layout.valves, config.pascal_per_count)
         self.stream: ReadingStream[BankReading] = self.reading_stream(sink)
-        self._outputs = Outputs(name, limits, chambers, clock)
-        self._open_link = open_link
-        self.layout = layout
-        self.settings = settings
+        self._config = config
+        self._observe = observe
+        self._outputs = Outputs(config.name, self.limits, self.chambers, clock)
+        self._open_link = open_link or self._open_modbus
 
     @property
     def armed(self) -> bool:
@@ -86,7 +87,7 @@ class ValveBank(Device):
         Raises:
             InterlockError: The bank is not connected, only observes, or an alarm stands that forbids it.
         """
-        if self.settings.observe:
+        if self._observe:
             raise InterlockError(self.name, "is open for observation only", "open it for control")
         if self.state not in ALIVE:
             error = self.failure
@@ -136,19 +137,34 @@ class ValveBank(Device):
 
     async def open(self) -> BankSession:
         """Open the connection to the terminal."""
-        return self.session(await self._open_link(self))
+        return self.session(await self._open_link())
 
     def session(self, link: RegisterLink) -> BankSession:
         """Return the session on an open connection."""
         return BankSession(
-            self.name,
+            self._config,
             Terminal(link, self.layout, self.clock),
             self._outputs,
             self.stream,
             self.health,
-            self.settings,
             self.clock,
+            observe=self._observe,
         )
+
+    async def _open_modbus(self) -> RegisterLink:
+        config = self._config
+        link = ModbusTcpLink(
+            self.name,
+            config.host,
+            config.port,
+            unit=config.unit,
+            timeout_s=config.response_timeout_s,
+            open_s=self.timing.open_s,
+            health=self.health,
+            clock=self.clock,
+        )
+        await link.open()
+        return link
 
     def on_state(self, before: ConnectionState, after: ConnectionState) -> None:
         """Drop the set-point with the connection: coming back brings data, never motion."""
@@ -157,3 +173,37 @@ class ValveBank(Device):
                 "the connection was lost" if after is ConnectionState.FAULT else "it was closed"
             )
             self.stream.start_epoch("connection ended")
+
+
+class MpaConfig(ValveConfig):
+    """MPA proportional valves on a CPX terminal."""
+
+    kind: Literal["festo_mpa"]
+    valves: Annotated[int, Field(ge=1, le=41)] = MPA_VALVES
+
+    def layout(self) -> MpaLayout:
+        """Return where the terminal keeps its valves."""
+        return MpaLayout(self.valves)
+
+    def build(self, sink: Sink = ignore, clock: Clock = monotonic, *, observe: bool = False) -> ValveBank:
+        """Build the bank; no I/O before its `connect`."""
+        return ValveBank(self, sink, clock, observe=observe)
+
+
+class VtemConfig(ValveConfig):
+    """A VTEM Motion Terminal; valve ``2 * slot`` is A of a slot, the next one B.
+
+    Attributes:
+        slots: How many slots are fitted.
+    """
+
+    kind: Literal["festo_vtem"]
+    slots: Annotated[int, Field(ge=1, le=VTEM_SLOTS)] = VTEM_SLOTS
+
+    def layout(self) -> VtemLayout:
+        """Return where the terminal keeps its valves."""
+        return VtemLayout(self.slots)
+
+    def build(self, sink: Sink = ignore, clock: Clock = monotonic, *, observe: bool = False) -> ValveBank:
+        """Build the bank; no I/O before its `connect`."""
+        return ValveBank(self, sink, clock, observe=observe)

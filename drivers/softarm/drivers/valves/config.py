@@ -1,20 +1,12 @@
-"""Configuration of a valve bank."""
+"""Settings of a valve bank."""
 
-from typing import Annotated, Any, Literal
+from abc import abstractmethod
+from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.config import DriverConfig, Seconds
-from softarm.drivers.reading import Sink, ignore
-from softarm.drivers.supervisor import Timing
-from softarm.drivers.valves.bank import ValveBank
-from softarm.drivers.valves.limits import PressureLimits
-from softarm.drivers.valves.link import RegisterLink
-from softarm.drivers.valves.modbus import ModbusTcpLink
-from softarm.drivers.valves.pressures import ChamberMap
-from softarm.drivers.valves.registers import MPA_VALVES, VTEM_SLOTS, MpaLayout, RegisterLayout, VtemLayout
-from softarm.drivers.valves.session import CycleSettings
+from softarm.drivers.valves.registers import RegisterLayout
 
 COUNT_LIMIT = 0x7FFF
 WATCHDOG_MIN_MS = 100
@@ -72,9 +64,9 @@ class ValveConfig(DriverConfig):
     pascal_per_count: Positive = 100.0
     stale_after_s: Seconds = 0.15
 
+    @abstractmethod
     def layout(self) -> RegisterLayout:
-        """Where the terminal keeps its valves."""
-        raise NotImplementedError
+        """Return where the terminal keeps its valves."""
 
     @property
     def maximum(self) -> tuple[float, ...]:
@@ -116,78 +108,3 @@ class ValveConfig(DriverConfig):
     def address(self) -> str:
         """Return the address as a URL."""
         return f"modbus+tcp://{self.host}:{self.port}"
-
-    def build(self, sink: Sink = ignore, clock: Clock = monotonic, *, observe: bool = False) -> ValveBank:
-        """Build the bank; no I/O before its `connect`."""
-        layout = self.layout()
-        slow = isinstance(layout, VtemLayout)
-        return ValveBank(
-            self.name,
-            self.source,
-            self._open_link,
-            layout=layout,
-            chambers=ChamberMap(self.chambers, layout.valves, self.pascal_per_count),
-            limits=PressureLimits(self.maximum, self.slew_pa_per_s, self.max_lifetime_s),
-            settings=self._settings(observe),
-            timing=Timing(
-                stale_after_s=self.stale_after_s,
-                lost_after_s=self.lost_after_s,
-                identify_s=25.0 if slow else 3.0,
-                close_s=15.0 if slow else 1.0,
-            ),
-            sink=sink,
-            clock=clock,
-        )
-
-    def _settings(self, observe: bool) -> CycleSettings:
-        return CycleSettings(
-            period_s=1.0 / self.rate_hz,
-            watchdog_ms=self.watchdog_ms,
-            verify_every=self.verify_every,
-            lost_after_misses=self.lost_after_misses,
-            echo_lag_s=self.echo_lag_s,
-            reach_s=self.reach_s,
-            tolerance=self.tracking_tolerance_pa,
-            confirm_s=self.tracking_confirm_s,
-            observe=observe,
-        )
-
-    async def _open_link(self, bank: ValveBank) -> RegisterLink:
-        link = ModbusTcpLink(
-            self.name,
-            self.host,
-            self.port,
-            unit=self.unit,
-            timeout_s=self.response_timeout_s,
-            open_s=bank.supervisor.timing.open_s,
-            health=bank.health,
-            clock=bank.clock,
-        )
-        await link.open()
-        return link
-
-
-class MpaConfig(ValveConfig):
-    """MPA proportional valves on a CPX terminal."""
-
-    kind: Literal["festo_mpa"]
-    valves: Annotated[int, Field(ge=1, le=41)] = MPA_VALVES
-
-    def layout(self) -> RegisterLayout:
-        """Where the terminal keeps its valves."""
-        return MpaLayout(self.valves)
-
-
-class VtemConfig(ValveConfig):
-    """A VTEM Motion Terminal; valve ``2 * slot`` is A of a slot, the next one B.
-
-    Attributes:
-        slots: How many slots are fitted.
-    """
-
-    kind: Literal["festo_vtem"]
-    slots: Annotated[int, Field(ge=1, le=VTEM_SLOTS)] = VTEM_SLOTS
-
-    def layout(self) -> RegisterLayout:
-        """Where the terminal keeps its valves."""
-        return VtemLayout(self.slots)

@@ -1,13 +1,13 @@
 """One connection to a valve terminal: a block read and a block write per pass, each answer judged."""
 
 import asyncio
-from dataclasses import dataclass
 
 from softarm.drivers.clock import NANOSECONDS, Clock, PollTick, PollTicker
 from softarm.drivers.errors import ConfigurationError, ConnectionLost, DeviceError, ProtocolError
 from softarm.drivers.health import Health
 from softarm.drivers.stream import ReadingStream
 from softarm.drivers.valves.alarms import ValveAlarms
+from softarm.drivers.valves.config import ValveConfig
 from softarm.drivers.valves.echo import EchoMonitor, Verdict
 from softarm.drivers.valves.identify import guard, look, look_at_watchdog
 from softarm.drivers.valves.link import ModbusExceptionError, NoAnswer
@@ -24,73 +24,48 @@ QUIET_NS = NANOSECONDS // 4
 CALM_NS = NANOSECONDS
 
 
-@dataclass(frozen=True, slots=True)
-class CycleSettings:
-    """How the bank talks to the terminal.
-
-    Attributes:
-        period_s: Time between passes [s].
-        watchdog_ms: Time-out to set in the terminal [ms].
-        verify_every: Every so many passes the echo is read before the write; it shows what others wrote
-            since, which function 23 cannot, as it writes first.
-        lost_after_misses: Passes in a row without an answer after which the connection counts as lost.
-        echo_lag_s: How long a write may take to show in the echo [s].
-        reach_s: Time in which a set-point must be reached [s].
-        tolerance: Allowed deviation of a measured pressure [Pa].
-        confirm_s: A deviation counts once it has lasted so long [s].
-        observe: Write nothing at all.
-    """
-
-    period_s: float
-    watchdog_ms: int
-    verify_every: int
-    lost_after_misses: int
-    echo_lag_s: float
-    reach_s: float
-    tolerance: float
-    confirm_s: float
-    observe: bool = False
-
-
 class BankSession:
     """Runs the passes of one connection.
 
     Args:
-        device: The device, for errors.
+        config: How to talk to the terminal.
         terminal: The terminal, connected.
         outputs: What to write.
         stream: Where the readings go.
         health: Counters and alarms.
-        settings: How to talk to the terminal.
         clock: Host monotonic time.
+        observe: Write nothing at all.
     """
 
     def __init__(
         self,
-        device: str,
+        config: ValveConfig,
         terminal: Terminal,
         outputs: Outputs,
         stream: ReadingStream[BankReading],
         health: Health,
-        settings: CycleSettings,
         clock: Clock,
+        *,
+        observe: bool,
     ) -> None:
-        self._device = device
+        self._config = config
+        self._device = config.name
         self._terminal = terminal
         self._outputs = outputs
         self._stream = stream
         self._health = health
-        self._settings = settings
         self._clock = clock
+        self._observe = observe
+        self._period_s = 1.0 / config.rate_hz
         valve_of = outputs.chambers.valve_of
-        self._echo = EchoMonitor(round(settings.echo_lag_s * NANOSECONDS))
+        self._echo = EchoMonitor(round(config.echo_lag_s * NANOSECONDS))
         self._tracking = TrackingMonitor(
             len(valve_of),
-            round(settings.reach_s * NANOSECONDS),
-            settings.tolerance,
-            round(settings.confirm_s * NANOSECONDS),
+            round(config.reach_s * NANOSECONDS),
+            config.tracking_tolerance_pa,
+            round(config.tracking_confirm_s * NANOSECONDS),
         )
-        self._alarms = ValveAlarms(health.alarms, valve_of, settings.reach_s)
+        self._alarms = ValveAlarms(health.alarms, valve_of, config.reach_s)
         self._watchdog = WatchdogState(None, "not probed")
         self._zeros = (0,) * terminal.layout.valves
         self._applied: Pressures = (0.0,) * len(valve_of)
@@ -104,7 +79,7 @@ class BankSession:
     async def identify(self) -> None:
         """Look at the terminal; unless only observing, vent it and set its watchdog."""
         standing = await look(self._terminal, self._device, self._health)
-        if self._settings.observe:
+        if self._observe:
             self._watchdog = await look_at_watchdog(self._terminal, self._health)
             return
         self._wrote = True
@@ -113,12 +88,12 @@ class BankSession:
             self._echo.attempted(standing, self._clock())
         self._echo.attempted(self._zeros, self._clock())
         self._watchdog = await guard(
-            self._terminal, self._device, self._health, self._clock, self._settings.watchdog_ms
+            self._terminal, self._device, self._health, self._clock, self._config.watchdog_ms
         )
 
     async def stream(self) -> None:
         """Run passes at a fixed rate until the connection is lost."""
-        ticker = PollTicker(round(self._settings.period_s * NANOSECONDS), self._clock)
+        ticker = PollTicker(round(self._period_s * NANOSECONDS), self._clock)
         self._fed_ns = self._clock()
         while True:
             tick = await ticker.wait()
@@ -139,7 +114,7 @@ class BankSession:
         self._verdict = Verdict.OURS
         try:
             sample = await self._read() if self._must_read(tick) else None
-            if not self._settings.observe:
+            if not self._observe:
                 if sample is not None and self._silent:
                     sample = await self._read()
                 sample = await self._write() or sample
@@ -157,7 +132,7 @@ class BankSession:
 
     def _must_read(self, tick: PollTick) -> bool:
         """Decide whether to read before writing: to see what happened, not what this pass will make of it."""
-        if not self._terminal.exchanges or self._unknown or tick.index % self._settings.verify_every == 0:
+        if not self._terminal.exchanges or self._unknown or tick.index % self._config.verify_every == 0:
             return True
         return self._silent
 
@@ -180,7 +155,7 @@ class BankSession:
         return sample
 
     async def _write(self) -> TimedInputs | None:
-        plan = self._outputs.plan(self._settings.period_s)
+        plan = self._outputs.plan(self._period_s)
         self._alarms.expired(plan.expired, plan.setpoint is not None or not self._outputs.armed)
         self._health.events["set-point expired"] += plan.expired
         self._echo.attempted(plan.counts, self._clock())
@@ -200,7 +175,7 @@ class BankSession:
         return sample
 
     def _judge(self, sample: TimedInputs) -> None:
-        if self._settings.observe or sample.inputs.echo is None:
+        if self._observe or sample.inputs.echo is None:
             return
         verdict = self._echo.judge(sample.inputs.echo, sample.arrival_ns)
         if verdict is Verdict.OURS:
@@ -220,7 +195,7 @@ class BankSession:
         self._health.last_error = error
         self._misses += 1
         self._alarms.outputs(self._unknown)
-        if self._misses >= self._settings.lost_after_misses:
+        if self._misses >= self._config.lost_after_misses:
             what = f"left {self._misses} requests in a row without a usable answer, the last: {error.what}"
             raise ConnectionLost(self._device, what, error.cure) from error
 
@@ -230,7 +205,7 @@ class BankSession:
         readback = chambers.to_pressures(inputs.actual)
         diagnosis = chambers.pick(inputs.diagnosis)
         self._alarms.diagnosis(diagnosis)
-        if not self._settings.observe:
+        if not self._observe:
             deviations = self._tracking.update(self._applied, readback, sample.arrival_ns)
             self._alarms.tracking(deviations, self._applied)
         ours = self._verdict is Verdict.OURS
@@ -254,7 +229,7 @@ class BankSession:
                 continue
             if echo is None or not any(echo):
                 break
-            await asyncio.sleep(self._settings.echo_lag_s / CLOSE_ATTEMPTS)
+            await asyncio.sleep(self._config.echo_lag_s / CLOSE_ATTEMPTS)
         else:
             what = f"could not be vented (watchdog: {self._watchdog.fact})"
             raise ConnectionLost(self._device, what, "shut off the supply")
