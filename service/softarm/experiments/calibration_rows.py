@@ -1,6 +1,7 @@
 """Rows of the calibration experiment: what was found, the paper's two beside ours, and the drift check."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,6 @@ from softarm.estimator.calibration.unknowns import Modulus
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.specimen import Specimen
 from softarm.experiments.figures import Cells
-from softarm.experiments.holds import Holds
 from softarm.experiments.paper_calibration import calibrate_as_paper
 from softarm.experiments.validation import pose_errors
 
@@ -50,7 +50,7 @@ def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs, models: Mode
         own = models(specimen)
         row: Cells = {"calibration": name, "alpha": alpha}
         for what, run in (("random poses", "validation"), ("pulls", "force_still")):
-            holds: Holds = sampled(runs(run, specimen), SAMPLES, pulled=run == "force_still")
+            holds = sampled(runs(run, specimen), SAMPLES, pulled=run == "force_still")
             last = pose_errors(own, specimen, holds)[-1]
             word = what.replace(" ", "_")
             row[f"{word}_mean_mm"] = float(np.nanmean(last.millimetres))
@@ -74,7 +74,7 @@ def drift_rows(specimen: Specimen, runs: Runs, models: Models) -> list[Cells]:
     ]
 
 
-def sampled(run: CalibrationRun, count: int, *, pulled: bool = False) -> Holds:
+def sampled(run: CalibrationRun, count: int, *, pulled: bool = False) -> CalibrationRun:
     """Average a run over short windows, evenly spread.
 
     Args:
@@ -87,5 +87,11 @@ def sampled(run: CalibrationRun, count: int, *, pulled: bool = False) -> Holds:
     if pulled:
         members = np.flatnonzero((np.abs(nodes.loads) > LEAST_PULL).any(axis=1))
     picked = members[np.unique(np.linspace(0, len(members) - 1, count).astype(int))] if len(members) else []
-    chosen = nodes.keep(np.isin(np.arange(len(nodes.time)), picked))
-    return Holds(run, chosen.time, chosen.pressures, chosen.readings, chosen.loads)
+    at = np.isin(np.arange(len(nodes.time)), picked)
+    return replace(
+        run,
+        time=nodes.time[at],
+        pressures=nodes.pressures[at],
+        readings=nodes.readings[at],
+        loads=nodes.loads[at],
+    )

@@ -10,16 +10,18 @@ from dataclasses import replace
 import numpy as np
 
 from softarm.estimator.arrays import Floats
+from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import build_layout
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.specimen import Specimen
-from softarm.experiments.holds import Holds
 from softarm.experiments.validation import PoseErrors, by_section, pose_deviation
 
 
-def leave_one_out_errors(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple[PoseErrors, ...]:
+def leave_one_out_errors(
+    model: BatchArmModel, specimen: Specimen, holds: CalibrationRun
+) -> tuple[PoseErrors, ...]:
     """Predict each held pose from a fit to the others.
 
     Args:
@@ -27,9 +29,9 @@ def leave_one_out_errors(model: BatchArmModel, specimen: Specimen, holds: Holds)
         specimen: The calibrated robot, about which the fits are linearised.
         holds: The poses.
     """
-    count = len(holds)
+    count = len(holds.time)
     nodes = Nodes(
-        replace(holds.run, gravity=np.array(specimen.gravity_m_s2)),
+        replace(holds, gravity=np.array(specimen.gravity_m_s2)),
         holds.time,
         holds.pressures,
         holds.readings,
@@ -39,17 +41,17 @@ def leave_one_out_errors(model: BatchArmModel, specimen: Specimen, holds: Holds)
     )
     moved = [k for k in range(holds.pressures.shape[1]) if np.ptp(holds.pressures[:, k]) > 1e3]
     layout = build_layout(
-        specimen, holds.run.suite, holds.run.pressure_source, moved, model.regions, sections=model.sections
+        specimen, holds.suite, holds.pressure_source, moved, model.regions, sections=model.sections
     )
     forward = Forward(model, layout, (nodes,))
     (at,) = forward.evaluate(layout.means)
-    deviations = pose_deviation(specimen, holds.run.suite)
+    deviations = pose_deviation(specimen, holds.suite)
     residual = np.where(np.isfinite(at.innovation), at.innovation, 0.0) / deviations
     jacobian = np.where(np.isfinite(at.innovation)[..., None], at.jacobian, 0.0) / deviations[:, None]
     prior = np.asarray(np.linalg.inv(layout.prior_covariance()), dtype=np.float64)
     innovation = without_each(residual, jacobian, prior) * deviations
     innovation[~np.isfinite(at.innovation)] = np.nan
-    return by_section(innovation, deviations, holds.run.suite)
+    return by_section(innovation, deviations, holds.suite)
 
 
 def without_each(residual: Floats, jacobian: Floats, prior: Floats) -> Floats:

@@ -1,6 +1,6 @@
 """What each experiment does live: pressures through the service, cord and hand through the operator."""
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,23 +17,6 @@ DRAWN_M = 0.03
 """How far the hand draws the arm out at most: pressures bend no arm without lengthening it."""
 TAUGHT, REACH_M = 15, 0.05
 """Poses that the hand shows, and how far to the sides."""
-
-
-@dataclass(frozen=True)
-class TaughtLive:
-    """Poses shown and held.
-
-    Args:
-        recording: What was recorded meanwhile.
-        shown: Ends of the looks at the shown poses [s].
-        held: Ends of the looks at the held ones [s].
-        reachable: Whether the service took each pose for reachable.
-    """
-
-    recording: Recording
-    shown: tuple[float, ...]
-    held: tuple[float, ...]
-    reachable: tuple[bool, ...]
 
 
 def highest_pressures(specimen: Specimen) -> Floats:
@@ -71,7 +54,7 @@ def first_azimuths(specimen: Specimen, count: int) -> list[float]:
     return [chamber.azimuth_rad for chamber in specimen.chambers if chamber.segment == first][:count]
 
 
-def validate_live(rig: LiveRig, seed: int) -> Recording:
+def validate_live(rig: LiveRig, seed: int) -> tuple[Recording, ...]:
     """Go to random poses and hold each."""
     levels = random_levels(np.random.default_rng(seed), rig.specimen, 12)
     with rig.recording("validate") as paths:
@@ -80,7 +63,7 @@ def validate_live(rig: LiveRig, seed: int) -> Recording:
             rig.go(level, ramp_s=1.0, hold_s=3.0)
             rig.advance()
         rig.disarm()
-    return rig.load(paths[0])
+    return (rig.load(paths[0]),)
 
 
 def calibrate_live(rig: LiveRig, seed: int, poses: int = 8) -> tuple[Recording, Recording, Recording]:
@@ -167,10 +150,16 @@ def force_live(rig: LiveRig) -> tuple[Recording, Recording]:
     return still, rig.load(paths[0])
 
 
-def teach_live(rig: LiveRig, seed: int) -> TaughtLive:
-    """Show poses by hand, let the service hold each, and look."""
+def teach_live(rig: LiveRig, seed: int) -> tuple[Recording, ...]:
+    """Show poses by hand, let the service hold each, and look.
+
+    The recording notes when the looks at shown and held poses ended [s], ``looks``, and whether the service
+    took each pose for reachable, ``reachable``.
+    """
     rng = np.random.default_rng(seed)
-    shown, held, reachable = [], [], []
+    shown: list[float] = []
+    held: list[float] = []
+    reachable: list[bool] = []
     with rig.recording("teach") as paths:
         rig.wait(0.5)
         rest = rig.position("tip")
@@ -181,7 +170,9 @@ def teach_live(rig: LiveRig, seed: int) -> TaughtLive:
             held.append(end)
             reachable.append(can)
             rig.advance()
-    return TaughtLive(rig.load(paths[0]), tuple(shown), tuple(held), tuple(reachable))
+    recording = rig.load(paths[0])
+    info = {**recording.info, "looks": [shown, held], "reachable": reachable}
+    return (replace(recording, info=info),)
 
 
 def _show_and_hold(rig: LiveRig, rest: Floats, goal: Floats) -> tuple[float, float, bool]:

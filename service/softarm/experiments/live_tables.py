@@ -19,7 +19,6 @@ from softarm.estimator.calibration import (
 )
 from softarm.estimator.calibration.data_quality import data_quality_notes
 from softarm.estimator.recording import Recording
-from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.specimen import Specimen, save_specimen
 from softarm.experiments.campaign import summary, tables_of, write_json
 from softarm.experiments.force_rows import PullCase, along_cord_row, follow_pull
@@ -30,7 +29,7 @@ from softarm.experiments.models import known_force_model
 from softarm.experiments.paper import FORCE_N
 from softarm.experiments.plots import plot_prediction, plot_results
 from softarm.experiments.seed import SeedResult, series_of
-from softarm.experiments.teaching import TaughtPoses, miss_rows, misses, pose_of
+from softarm.experiments.teaching import miss_rows, misses, pose_of
 from softarm.experiments.validation import pose_errors, rows
 from softarm.recordings import save_recording
 
@@ -169,15 +168,12 @@ def _forced(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedR
 
 def _taught(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedResult) -> None:
     recording = recordings[0]
-    run = arrange(recording, specimen)
-    sensor, readings = pose_of(run, "tip")
-    suite = SensorSuite((sensor,))
-    posed = replace(run, suite=suite, readings=readings)
+    posed = pose_of(arrange(recording, specimen), "tip")
     looks = np.array(recording.info["looks"]).reshape(2, -1)
     shown, held = (np.array([_pose_before(posed, end) for end in ends]) for ends in looks)
     seen = np.isfinite(shown).all(axis=1) & np.isfinite(held).all(axis=1)
     shown, held = shown[seen], held[seen]
-    millimetres, degrees = misses(TaughtPoses(suite, shown, looks[0][seen]), held)
+    millimetres, degrees = misses(shown, held)
     reachable = np.array(recording.info["reachable"], dtype=bool)[seen]
     result.add("teach", miss_rows("held with feedback", millimetres, degrees))
     if reachable.any() and not reachable.all():
@@ -195,20 +191,11 @@ def _pose_before(run: CalibrationRun, end: float) -> Floats:
     return seen[0] if len(seen) else np.full(run.readings.shape[1], np.nan)
 
 
-def _teach(rig: LiveRig, seed: int) -> tuple[Recording, ...]:
-    taught = teach_live(rig, seed)
-    told = {
-        "looks": [list(taught.shown), list(taught.held)],
-        "reachable": list(taught.reachable),
-    }
-    return (replace(taught.recording, info={**taught.recording.info, **told}),)
-
-
 _RUNS: Mapping[str, Callable[[LiveRig, int], tuple[Recording, ...]]] = {
     "calibrate": calibrate_live,
-    "validate": lambda rig, seed: (validate_live(rig, seed),),
+    "validate": validate_live,
     "force": lambda rig, seed: force_live(rig),  # noqa: ARG005
-    "teach": _teach,
+    "teach": teach_live,
 }
 _JUDGES: Mapping[str, Callable[[Specimen, tuple[Recording, ...], SeedResult], None]] = {
     "validate": _validated,

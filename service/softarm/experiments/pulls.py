@@ -132,13 +132,7 @@ def look_windows(recording: Recording, look: float = LOOK_S) -> Floats:
 def at_looks(run: CalibrationRun, windows: Floats) -> CalibrationRun:
     """Average a run over looks, so that each becomes one sample."""
     held = means(run, windows)
-    return replace(
-        run,
-        time=held.time - 0.5 * LOOK_S,
-        pressures=held.pressures,
-        readings=held.readings,
-        loads=held.loads,
-    )
+    return replace(held, time=held.time - 0.5 * LOOK_S)
 
 
 @dataclass(frozen=True)

@@ -39,21 +39,6 @@ VALVES_SEED = 7000
 
 
 @dataclass(frozen=True)
-class TaughtPoses:
-    """What was shown.
-
-    Args:
-        suite: The tip's pose.
-        readings: Poses shown, shape (poses, 7).
-        time: When [s], shape (poses,).
-    """
-
-    suite: SensorSuite
-    readings: Floats
-    time: Floats
-
-
-@dataclass(frozen=True)
 class TeachResult:
     """What came of it.
 
@@ -110,37 +95,35 @@ class TeachResult:
         )
 
 
-def taught_poses(recording: Recording, specimen: Specimen) -> TaughtPoses:
-    """Find the poses of the tip at which a hand held the vented arm still.
+def taught_poses(recording: Recording, specimen: Specimen) -> CalibrationRun:
+    """Return the poses of the tip at which a hand held the vented arm still, and when.
 
     Raises:
         InputError: There are too few of them.
     """
-    run = arrange(recording, specimen)
-    sensor, readings = pose_of(run, "tip")
-    windows = still_windows(run.time, readings[:, :3])
-    held = means(replace(run, suite=SensorSuite((sensor,)), readings=readings), windows)
-    rest = readings[np.isfinite(readings).all(axis=1)][0, :3]
-    led = np.linalg.norm(held.readings[:, :3] - rest, axis=1) > LED_M
-    held = held.keep(led)
-    if len(held) < FEWEST_POSES:
+    run = pose_of(arrange(recording, specimen), "tip")
+    held = means(run, still_windows(run.time, run.readings[:, :3]))
+    rest = run.readings[np.isfinite(run.readings).all(axis=1)][0, :3]
+    held = held.window(np.linalg.norm(held.readings[:, :3] - rest, axis=1) > LED_M)
+    if len(held.time) < FEWEST_POSES:
         raise InputError(
             recording.name,
-            f"shows {len(held)} poses held still for {SHORTEST_S:g} s",
+            f"shows {len(held.time)} poses held still for {SHORTEST_S:g} s",
             "lead the arm to a pose, hold it for 4 s, and go on to the next",
         )
-    return TaughtPoses(SensorSuite((sensor,)), held.readings, held.time)
+    return held
 
 
-def pose_of(run: CalibrationRun, section: str) -> tuple[MeasuredPose, Floats]:
-    """Return the sensor of a section's pose and its readings, shape (samples, 7).
+def pose_of(run: CalibrationRun, section: str) -> CalibrationRun:
+    """Return a run with the pose of one section alone, readings of shape (samples, 7).
 
     Raises:
         InputError: The recording has no such pose.
     """
     for sensor in run.suite.measurements:
         if isinstance(sensor, MeasuredPose) and sensor.name == f"frame_{section}":
-            return sensor, run.readings[:, run.suite.reading_slices[sensor.name]]
+            readings = run.readings[:, run.suite.reading_slices[sensor.name]]
+            return replace(run, suite=SensorSuite((sensor,)), readings=readings)
     raise InputError(run.name, f"has no pose of {section}", "bring its markers into view, and record anew")
 
 
@@ -200,12 +183,12 @@ def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, numbe
             f"{recording.name}_held_{attempt}", (), VALVES_SEED, number, holds_table(asked, HOLD_S, RAMP_S)
         )
         told = load_recording(perform(run, folder))
-        seen, moments = _held(told, specimen, len(asked))
-        missed.append(misses(poses, seen))
+        seen = _held(told, specimen, len(asked))
+        missed.append(misses(poses.readings, seen.readings))
         if attempt == CORRECTIONS:
             break
         for row, estimate, goal in zip(
-            asked, follow(model, specimen, _slow(told, specimen), moments), shown, strict=True
+            asked, follow(model, specimen, _slow(told, specimen), seen.time), shown, strict=True
         ):
             applied, now = mapping.to_measured(estimate.measured_pressures), estimate.inputs.pressures
             change = approach(estimate, tips, limits, goal.frames, applied, goal.residuals).change
@@ -241,27 +224,18 @@ def _slow(recording: Recording, specimen: Specimen) -> CalibrationRun:
     return resample(subset(run, "poses"), RATE_HZ)
 
 
-def _held(recording: Recording, specimen: Specimen, count: int) -> tuple[Floats, Floats]:
-    """Return the poses at the ends of the holds, the vented one left out, shape (poses, 7), and when."""
-    run = arrange(recording, specimen)
-    sensor, readings = pose_of(run, "tip")
+def _held(recording: Recording, specimen: Specimen, count: int) -> CalibrationRun:
+    """Return the poses at the ends of the holds, the vented one left out."""
     windows = hold_windows(recording, shortest=0.5 * HOLD_S)
     if len(windows) not in (count, count + 1):  # the vented hold before them may be there or not
         raise WorkFailedError(f"{recording.name}: {len(windows)} holds for {count} poses")
-    windows = windows[-count:]
-    seen = means(replace(run, suite=SensorSuite((sensor,)), readings=readings), windows)
-    return seen.readings, seen.time
+    return means(pose_of(arrange(recording, specimen), "tip"), windows[-count:])
 
 
-def misses(poses: TaughtPoses, seen: Floats) -> tuple[Floats, Floats]:
-    """Compare held with shown poses.
-
-    Returns:
-        Distances [mm] and angles [degrees], shape (poses,).
-    """
-    distance = 1e3 * np.linalg.norm(seen[:, :3] - poses.readings[:, :3], axis=1)
-    shown, held = from_quaternions(poses.readings[:, 3:]), from_quaternions(seen[:, 3:])
-    rotation = log(np.swapaxes(shown, -1, -2) @ held)
+def misses(shown: Floats, held: Floats) -> tuple[Floats, Floats]:
+    """Return distances [mm] and angles [degrees] of held from shown poses, shape (poses,) of (poses, 7)."""
+    distance = 1e3 * np.linalg.norm(held[:, :3] - shown[:, :3], axis=1)
+    rotation = log(np.swapaxes(from_quaternions(shown[:, 3:]), -1, -2) @ from_quaternions(held[:, 3:]))
     return distance, np.degrees(np.linalg.norm(rotation, axis=1))
 
 

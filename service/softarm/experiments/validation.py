@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats
+from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
@@ -15,7 +15,6 @@ from softarm.estimator.sensing import MeasuredPose, SensorSuite
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import StretchLaw
 from softarm.experiments.figures import Cells, beside, error_figures, inside, without_unit
-from softarm.experiments.holds import Holds
 from softarm.experiments.paper import VALIDATION_DEGREES, VALIDATION_MM
 
 FEWEST_POSES = 5
@@ -50,7 +49,7 @@ class PoseErrors:
         return np.asarray(np.degrees(np.linalg.norm(self.rotation, axis=1)))
 
 
-def predict(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple[Frames, NDArray[np.bool_]]:
+def predict(model: BatchArmModel, specimen: Specimen, holds: CalibrationRun) -> tuple[Frames, Flags]:
     """Predict the sections' frames from pressures and known forces, and where an equilibrium was found."""
     setting = Setting.of(specimen, StretchLaw.of(specimen, model.sections))
     gravity, loads = np.array(specimen.gravity_m_s2), np.nan_to_num(holds.loads)
@@ -59,7 +58,7 @@ def predict(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple[Fra
     return found.frames, found.converged
 
 
-def pose_errors(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple[PoseErrors, ...]:
+def pose_errors(model: BatchArmModel, specimen: Specimen, holds: CalibrationRun) -> tuple[PoseErrors, ...]:
     """Compare predicted with measured poses, section by section.
 
     The deviation is that of the calibration's scatter on unseen blocks and of the sensors.
@@ -67,18 +66,18 @@ def pose_errors(model: BatchArmModel, specimen: Specimen, holds: Holds) -> tuple
     Raises:
         InputError: There are too few poses, or no motion capture.
     """
-    if len(holds) < FEWEST_POSES:
+    if len(holds.time) < FEWEST_POSES:
         raise InputError(
-            holds.run.name,
-            f"holds {len(holds)} poses for 2 s or longer",
+            holds.name,
+            f"holds {len(holds.time)} poses for 2 s or longer",
             f"hold at least {FEWEST_POSES} random pressures, each for 5 s",
         )
-    if not any(isinstance(sensor, MeasuredPose) for sensor in holds.run.suite.measurements):
-        raise InputError(holds.run.name, "has no pose of a section", "record the bodies of the sections")
+    if not any(isinstance(sensor, MeasuredPose) for sensor in holds.suite.measurements):
+        raise InputError(holds.name, "has no pose of a section", "record the bodies of the sections")
     frames, converged = predict(model, specimen, holds)
-    innovation = holds.run.suite.sensitivity(frames, holds.readings).innovation
+    innovation = holds.suite.sensitivity(frames, holds.readings).innovation
     innovation[~converged] = np.nan
-    return by_section(innovation, pose_deviation(specimen, holds.run.suite), holds.run.suite)
+    return by_section(innovation, pose_deviation(specimen, holds.suite), holds.suite)
 
 
 def by_section(innovation: Floats, deviation: Floats, suite: SensorSuite) -> tuple[PoseErrors, ...]:

@@ -75,7 +75,7 @@ def test_means_over_holds_are_those_of_the_samples() -> None:
     specimen = load_specimen("sopra")
     run = arrange(posed(), specimen, None, section_forces(specimen))
     held = means(run, np.array([[1.0, 2.0], [30.0, 31.0]]))
-    assert len(held) == 1
+    assert len(held.time) == 1
     np.testing.assert_allclose(held.readings[0], run.readings[60])
 
 
