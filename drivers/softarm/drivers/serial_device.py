@@ -1,20 +1,16 @@
-"""What instruments on a serial line have in common: settings, from bytes to readings, and a session."""
+"""What instruments on a serial line have in common: from bytes to readings, and a session."""
 
 import asyncio
 from abc import abstractmethod
-from typing import Annotated, Any, Generic, Literal, TypeVar
-
-from pydantic import Field
+from typing import Any, Generic, TypeVar
 
 from softarm.drivers.clock import NANOSECONDS, Clock
-from softarm.drivers.config import DriverConfig
 from softarm.drivers.device import Device
 from softarm.drivers.errors import ConnectionLost, ProtocolError
 from softarm.drivers.framing import Codec, Decoded, FrameFault
 from softarm.drivers.reading import Sink, Value
-from softarm.drivers.serial_link import SerialLink, SerialSettings, open_serial
+from softarm.drivers.serial_link import SerialConfig, SerialLink, open_serial
 from softarm.drivers.stream import ReadingStream
-from softarm.drivers.supervisor import Timing
 
 FrameT = TypeVar("FrameT")
 
@@ -23,44 +19,6 @@ FIRST_GARBAGE_LIMIT = 512
 
 GARBAGE_LIMIT = 2048
 """Bytes without a good frame after which that is so although there were good ones before."""
-
-PREPARE_S = 3.0
-"""Time for queries and settings after the first good frame [s]."""
-
-
-class SerialConfig(DriverConfig):
-    """Settings of an instrument on a serial line.
-
-    Attributes:
-        port: The device file, best one below `/dev/serial/by-id`.
-        baud: Speed [bit/s].
-        parity: N, E or O.
-        dtr: Whether to `hold` the control line or to `reset` an Arduino at each connection.
-        latency_s: Time from the measurement to the last byte of its frame [s]: the instrument's and the
-            line's.
-        identify_s: Time for the first good frame [s]; an Arduino takes up to three seconds to boot.
-    """
-
-    port: Annotated[str, Field(min_length=1)]
-    baud: Annotated[int, Field(ge=300, le=4_000_000)]
-    parity: Literal["N", "E", "O"] = "N"
-    dtr: Literal["hold", "reset"] = "hold"
-    latency_s: Annotated[float, Field(ge=0, le=1)] = 0.0
-    identify_s: Annotated[float, Field(gt=0, le=60)] = 5.0
-
-    def address(self) -> str:
-        """Return the address as a URL."""
-        return f"serial://{self.port}?baud={self.baud}"
-
-    @property
-    def settings(self) -> SerialSettings:
-        """How to open the port."""
-        return SerialSettings(self.port, self.baud, self.parity, self.dtr)
-
-    @property
-    def timing(self) -> Timing:
-        """Deadlines of the supervisor."""
-        return Timing(self.stale_after_s, self.lost_after_s, identify_s=self.identify_s + PREPARE_S)
 
 
 class SerialDevice(Device, Generic[FrameT, Value]):
@@ -86,11 +44,10 @@ class SerialDevice(Device, Generic[FrameT, Value]):
         observe: bool = False,
     ) -> None:
         super().__init__(config.name, config.source, timing=config.timing, clock=clock)
-        self.settings = config.settings
+        self.serial = config
         self.codec = codec
         self.expected = expected
         self.observe = observe
-        self.identify_s = config.identify_s
         self.joined = asyncio.Event()
         self._last_fault = ""
         self.latency_ns = round(config.latency_s * NANOSECONDS)
@@ -98,7 +55,7 @@ class SerialDevice(Device, Generic[FrameT, Value]):
 
     async def open(self) -> "SerialSession":
         """Open the port."""
-        link = await open_serial(self.name, self.settings, self.clock)
+        link = await open_serial(self.serial, self.clock)
         self.codec.reset()
         self.codec.counts.since_frame = 0
         self.joined.clear()
@@ -130,9 +87,6 @@ class SerialDevice(Device, Generic[FrameT, Value]):
     async def begin(self, link: SerialLink) -> None:
         """Request data until the first good frame comes."""
 
-    async def prepare(self, link: SerialLink) -> None:
-        """Query and configure the instrument after the first good frame."""
-
     async def run(self, link: SerialLink) -> None:
         """Exchange data until the link is lost."""
         await link.wait_lost()
@@ -151,7 +105,7 @@ class SerialDevice(Device, Generic[FrameT, Value]):
     def garbage(self) -> ProtocolError:
         """Report that what comes is no frame of this instrument."""
         seen = f", but {self._last_fault}" if self._last_fault else ""
-        what = f"no valid frame in {self.codec.counts.since_frame} bytes at {self.settings.baud} baud{seen}"
+        what = f"no valid frame in {self.codec.counts.since_frame} bytes at {self.serial.baud} baud{seen}"
         return ProtocolError(self.name, what, f"wrong baud rate or wrong protocol; expected {self.expected}")
 
 
@@ -169,7 +123,7 @@ class SerialSession:
         link.on_bytes = self._on_bytes
 
     async def identify(self) -> None:
-        """Wait for the first good frame, then let the driver query and configure.
+        """Wait for the first good frame.
 
         Raises:
             ConnectionLost: Nothing comes, or the device is unplugged.
@@ -177,16 +131,15 @@ class SerialSession:
         """
         device, link = self._device, self._link
         try:
-            async with asyncio.timeout(device.identify_s):
+            async with asyncio.timeout(device.serial.identify_s):
                 await link.while_open(device.begin(link))
                 await link.while_open(device.joined.wait())
         except TimeoutError:
             if device.codec.counts.since_frame:
                 raise device.garbage() from None
             cure = f"switch it on, check cable, port and baud rate; expected {device.expected}"
-            what = f"sends nothing at {device.settings.baud} baud"
-            raise ConnectionLost(device.name, what, cure, limit=device.identify_s, unit="s") from None
-        await link.while_open(device.prepare(link))
+            what = f"sends nothing at {device.serial.baud} baud"
+            raise ConnectionLost(device.name, what, cure, limit=device.serial.identify_s, unit="s") from None
 
     async def stream(self) -> None:
         """Exchange data until the link is lost."""

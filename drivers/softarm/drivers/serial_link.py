@@ -11,15 +11,20 @@ import errno
 import os
 import termios
 from collections.abc import Callable, Coroutine
-from dataclasses import dataclass
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import serial
+from pydantic import Field
 
 from softarm.drivers.clock import Clock, monotonic
+from softarm.drivers.config import DriverConfig
 from softarm.drivers.errors import ConnectionLost, DeviceError, ProtocolError
+from softarm.drivers.supervisor import Timing
 
 Result = TypeVar("Result")
+
+MARGIN_S = 3.0
+"""What the supervisor grants a device beyond its own deadline for the first frame [s]."""
 
 _CHUNK = 4096
 _CAUSES = {
@@ -31,23 +36,36 @@ _CAUSES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class SerialSettings:
-    """How to open a port.
+class SerialConfig(DriverConfig):
+    """Settings of an instrument on a serial line.
 
-    Args:
-        path: The device file; one below `/dev/serial/by-id` keeps its name when the device is plugged in
+    Attributes:
+        port: The device file; one below `/dev/serial/by-id` keeps its name when the device is plugged in
             again.
         baud: Speed [bit/s]; always eight data bits, one stop bit.
         parity: None, even or odd.
         dtr: `hold` keeps the control line as it is between connections, so that an Arduino starts anew only
             when it is plugged in; `reset` pulls it, so that an Arduino starts anew at each connection.
+        latency_s: Time from the measurement to the last byte of its frame [s]: the instrument's and the
+            line's.
+        identify_s: Time for the first good frame [s]; an Arduino takes up to three seconds to boot.
     """
 
-    path: str
-    baud: int
+    port: Annotated[str, Field(min_length=1)]
+    baud: Annotated[int, Field(ge=300, le=4_000_000)]
     parity: Literal["N", "E", "O"] = "N"
     dtr: Literal["hold", "reset"] = "hold"
+    latency_s: Annotated[float, Field(ge=0, le=1)] = 0.0
+    identify_s: Annotated[float, Field(gt=0, le=60)] = 5.0
+
+    def address(self) -> str:
+        """Return the address as a URL."""
+        return f"serial://{self.port}?baud={self.baud}"
+
+    @property
+    def timing(self) -> Timing:
+        """Deadlines of the supervisor."""
+        return Timing(self.stale_after_s, self.lost_after_s, identify_s=self.identify_s + MARGIN_S)
 
 
 class SerialLink:
@@ -150,14 +168,14 @@ class SerialLink:
             self._loop.remove_reader(self._port.fileno())
 
 
-async def open_serial(device: str, settings: SerialSettings, clock: Clock = monotonic) -> SerialLink:
+async def open_serial(config: SerialConfig, clock: Clock = monotonic) -> SerialLink:
     """Open a port and drop what came before.
 
     Raises:
         ConnectionLost: The port is not there, in use, or may not be opened.
         ProtocolError: The port cannot run at this speed.
     """
-    opening = asyncio.get_running_loop().run_in_executor(None, _open, settings)
+    opening = asyncio.get_running_loop().run_in_executor(None, _open, config)
     try:
         port = await asyncio.shield(opening)
     except asyncio.CancelledError:
@@ -165,26 +183,26 @@ async def open_serial(device: str, settings: SerialSettings, clock: Clock = mono
         raise
     except (serial.SerialException, OSError, termios.error) as error:
         what, cure = _CAUSES.get(_error_number(error), (f"cannot be opened: {error}", "check cable and path"))
-        raise ConnectionLost(device, f"{settings.path} {what}", cure) from error
+        raise ConnectionLost(config.name, f"{config.port} {what}", cure) from error
     except ValueError as error:
         raise ProtocolError(
-            device, f"{settings.path} cannot run at {settings.baud} baud", "set baud"
+            config.name, f"{config.port} cannot run at {config.baud} baud", "set baud"
         ) from error
-    return SerialLink(device, port, clock)
+    return SerialLink(config.name, port, clock)
 
 
-def _open(settings: SerialSettings) -> serial.Serial:
+def _open(config: SerialConfig) -> serial.Serial:
     port = serial.Serial(
-        port=settings.path,
-        baudrate=settings.baud,
-        parity=settings.parity,
+        port=config.port,
+        baudrate=config.baud,
+        parity=config.parity,
         timeout=0,
         write_timeout=0,
         exclusive=True,
     )
     try:
         os.set_blocking(port.fileno(), False)
-        if settings.dtr == "hold":
+        if config.dtr == "hold":
             _keep_control_lines(port.fileno())
         else:
             _pull_dtr(port)

@@ -120,7 +120,7 @@ class Capture(MotionCapture):
     async def open(self) -> QtmSession:
         connection = Connection(self.name, self.clock)
         self.peer.connect(connection)
-        return QtmSession(self.name, connection, self._publisher, self.health, self._options, self.clock)
+        return QtmSession(self._config, connection, self._publisher, self.health, self.clock)
 
 
 class Rig:

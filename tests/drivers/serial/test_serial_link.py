@@ -17,7 +17,7 @@ from softarm.drivers.errors import ConnectionLost, ProtocolError
 from softarm.drivers.gauges.device import LineGaugeConfig
 from softarm.drivers.gauges.force import Force
 from softarm.drivers.reading import Reading
-from softarm.drivers.serial_link import SerialLink, SerialSettings, open_serial
+from softarm.drivers.serial_link import SerialConfig, SerialLink, open_serial
 from softarm.drivers.supervisor import ConnectionState
 
 
@@ -53,8 +53,8 @@ def terminal(tmp_path: Path) -> Iterator[Terminal]:
     terminal.unplug()
 
 
-def settings(terminal: Terminal) -> SerialSettings:
-    return SerialSettings(str(terminal.link), 115200)
+def config(port: Path, baud: int = 115200) -> SerialConfig:
+    return LineGaugeConfig(name="gauge", port=str(port), baud=baud)
 
 
 class Collector:
@@ -80,7 +80,7 @@ class Collector:
 
 async def test_bytes_both_ways(terminal: Terminal) -> None:
     terminal.say(b"before it was opened")
-    link = await open_serial("gauge", settings(terminal))
+    link = await open_serial(config(terminal.link))
     collector = Collector(link)
     terminal.say(b"hello\n")
     assert await collector.until(b"\n") == b"hello\n"
@@ -90,7 +90,7 @@ async def test_bytes_both_ways(terminal: Terminal) -> None:
 
 
 async def test_unplugging_ends_the_link_and_takes_the_reader_off(terminal: Terminal) -> None:
-    link = await open_serial("gauge", settings(terminal))
+    link = await open_serial(config(terminal.link))
     descriptor = link._port.fileno()
     terminal.unplug()
     with pytest.raises(ConnectionLost, match="gauge: was unplugged"):
@@ -103,7 +103,7 @@ async def test_unplugging_ends_the_link_and_takes_the_reader_off(terminal: Termi
 
 
 async def test_work_on_a_lost_link_is_cancelled_and_the_loss_raised(terminal: Terminal) -> None:
-    link = await open_serial("gauge", settings(terminal))
+    link = await open_serial(config(terminal.link))
     cancelled = asyncio.Event()
 
     async def work() -> None:
@@ -120,22 +120,22 @@ async def test_work_on_a_lost_link_is_cancelled_and_the_loss_raised(terminal: Te
 
 
 async def test_a_port_is_opened_once(terminal: Terminal) -> None:
-    link = await open_serial("gauge", settings(terminal))
+    link = await open_serial(config(terminal.link))
     with pytest.raises(ConnectionLost, match="is in use; close the other program"):
-        await open_serial("gauge", settings(terminal))
+        await open_serial(config(terminal.link))
     link.close()
-    (await open_serial("gauge", settings(terminal))).close()
+    (await open_serial(config(terminal.link))).close()
 
 
 async def test_a_port_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(ConnectionLost, match="is not there; plug it in"):
-        await open_serial("gauge", SerialSettings(str(tmp_path / "none"), 9600))
+        await open_serial(config(tmp_path / "none", 9600))
 
 
 async def test_a_file_that_is_no_port(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises((ConnectionLost, ProtocolError)):
-        await open_serial("gauge", SerialSettings(str(tmp_path / "file"), 9600))
+        await open_serial(config(tmp_path / "file", 9600))
 
 
 async def test_opening_that_is_cancelled_closes_the_port(
@@ -148,14 +148,14 @@ async def test_opening_that_is_cancelled_closes_the_port(
             super().close()
             loop.call_soon_threadsafe(closed.set)
 
-    def slow_open(settings: SerialSettings) -> serial.Serial:
+    def slow_open(config: SerialConfig) -> serial.Serial:
         assert go_on.wait(5)
-        return original(settings)
+        return original(config)
 
     original = serial_link._open
     monkeypatch.setattr(serial_link, "_open", slow_open)
     monkeypatch.setattr(serial_link.serial, "Serial", Port)
-    opening = asyncio.create_task(open_serial("gauge", settings(terminal)))
+    opening = asyncio.create_task(open_serial(config(terminal.link)))
     await asyncio.sleep(0)
     opening.cancel()
     with pytest.raises(asyncio.CancelledError):
@@ -248,4 +248,4 @@ async def test_closing_leaves_the_port_free(terminal: Terminal) -> None:
     await connect(rig, terminal, b"\n1.00\n")
     await rig.device.close()
     assert rig.device.state is ConnectionState.DISCONNECTED
-    (await open_serial("gauge", settings(terminal))).close()
+    (await open_serial(config(terminal.link))).close()

@@ -14,7 +14,8 @@ from pydantic import Field, model_validator
 from softarm.drivers.bend.bendlabs import BendLine, BendStatus, bend_codec
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.reading import Sink, ignore
-from softarm.drivers.serial_device import SerialConfig, SerialDevice
+from softarm.drivers.serial_device import SerialDevice
+from softarm.drivers.serial_link import SerialConfig
 
 Pair = tuple[float, float]
 RECALIBRATE = "recalibrate"

@@ -11,7 +11,8 @@ from softarm.drivers.gauges.line import line_gauge_codec
 from softarm.drivers.gauges.lutron import lutron_codec
 from softarm.drivers.gauges.sample import GaugeSample
 from softarm.drivers.reading import Sink, ignore
-from softarm.drivers.serial_device import FrameT, SerialConfig, SerialDevice
+from softarm.drivers.serial_device import FrameT, SerialDevice
+from softarm.drivers.serial_link import SerialConfig
 
 UnitName = Literal["N", "mN", "kN", "g", "kg", "tf", "lb", "klb", "oz"]
 OVER_RANGE = "over_range"

@@ -13,8 +13,8 @@ from softarm.drivers.imu.sample import ImuSample
 from softarm.drivers.imu.sequence import IndexTracker, RateMonitor
 from softarm.drivers.imu.xbus import XbusMessage, xbus_codec
 from softarm.drivers.reading import Sink, ignore
-from softarm.drivers.serial_device import FrameT, SerialConfig, SerialDevice
-from softarm.drivers.serial_link import SerialLink
+from softarm.drivers.serial_device import FrameT, SerialDevice
+from softarm.drivers.serial_link import SerialConfig, SerialLink
 
 RATE = "rate"
 RATE_TOLERANCE = 0.2

@@ -2,13 +2,57 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator
 
 from softarm.drivers.clock import NANOSECONDS
+from softarm.drivers.config import DriverConfig, Seconds
 from softarm.drivers.health import Health
 from softarm.drivers.qualisys.bodies import BodyFrame
 from softarm.drivers.qualisys.parameters import Parameters
 from softarm.drivers.qualisys.poses import BodyPose, MotionFrame, poses
 from softarm.drivers.stream import ReadingStream
+
+
+class QtmConfig(DriverConfig):
+    """How a host that runs Qualisys Track Manager is reached and what it streams.
+
+    Attributes:
+        host: Its address.
+        port: Its little-endian port.
+        component: What is streamed; `6D` leaves no room for a wrong convention of angles.
+        bodies: Names of bodies in QTM, to names here; others are left out. All, as they are named, when
+            empty.
+        divisor: Every so many frames of the cameras.
+        latency_s: From the exposure to the arrival of its frame, where that is known [s].
+        answer_s: Time for an answer [s].
+        heartbeat_s: Silence after which QTM is asked for its state [s].
+        body_lost_after_s: Time after which a lost body is an alarm [s].
+    """
+
+    host: Annotated[str, Field(min_length=1)]
+    port: Annotated[int, Field(ge=1, le=65535)] = 22223
+    component: Literal["6D", "6DRes", "6DEuler", "6DEulerRes"] = "6D"
+    bodies: dict[str, str] = Field(default_factory=dict)
+    divisor: Annotated[int, Field(ge=1, le=1000)] = 1
+    latency_s: Annotated[float, Field(ge=0, le=1)] = 0.0
+    answer_s: Seconds = 1.0
+    heartbeat_s: Seconds = 1.0
+    body_lost_after_s: Seconds = 0.5
+
+    @field_validator("bodies")
+    @classmethod
+    def _once(cls, bodies: dict[str, str]) -> dict[str, str]:
+        names = list(bodies.values())
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"two bodies of QTM are mapped to {', '.join(twice)}")
+        return bodies
+
+    def address(self) -> str:
+        """Return the address as a URL."""
+        return f"qtm+tcp://{self.host}:{self.port}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,30 +108,16 @@ class MotionPublisher:
     known to fit, no body is published under a name that may be another's.
 
     Args:
+        config: Settings of the device.
         stream: Where readings go.
         health: Counters and alarms.
-        renamed: Names of bodies in QTM, to names here; all, as they are named, when empty.
-        stride: Frame numbers from one frame to the next.
-        latency_ns: From the exposure to the arrival [ns], where known.
-        lost_after_ns: Time after which a lost body is an alarm [ns].
     """
 
-    def __init__(
-        self,
-        stream: ReadingStream[MotionFrame],
-        health: Health,
-        renamed: Mapping[str, str],
-        stride: int,
-        latency_ns: int,
-        lost_after_ns: int,
-    ) -> None:
+    def __init__(self, config: QtmConfig, stream: ReadingStream[MotionFrame], health: Health) -> None:
         self._stream = stream
         self._health = health
-        self._renamed = dict(renamed)
-        self._stride = stride
-        self._latency_ns = latency_ns
-        self._lost_after_ns = lost_after_ns
-        self._continuity = Continuity(stride)
+        self._config = config
+        self._continuity = Continuity(config.divisor)
         self._parameters: Parameters | None = None
         self._labels: list[tuple[int, str]] | None = None
         self._count = -1
@@ -96,7 +126,7 @@ class MotionPublisher:
 
     def connected(self) -> None:
         """Begin with a new connection, without names."""
-        self._continuity = Continuity(self._stride)
+        self._continuity = Continuity(self._config.divisor)
         self._stream.start_epoch("connected")
         self._last_visible_ns.clear()
         self.forget_names()
@@ -116,7 +146,7 @@ class MotionPublisher:
         self._parameters = parameters
         self._labels = None
         self._count = -1
-        missing = sorted(set(self._renamed) - set(parameters.bodies))
+        missing = sorted(set(self._config.bodies) - set(parameters.bodies))
         if missing:
             what = f"QTM has no body {', '.join(map(repr, missing))}; it has {', '.join(parameters.bodies)}"
             self._health.alarms.set(BODIES, what, "name the bodies in QTM as in `bodies`, and enable them")
@@ -134,9 +164,8 @@ class MotionPublisher:
         measured = poses(frame) if named else []
         by_name = {name: measured[index] for index, name in (self._labels or ()) if named}
         device_ns = frame.timestamp_us * 1000
-        measured_ns = (
-            self._stream.clock_map.update(device_ns, arrival_ns, self._stream.epoch) - self._latency_ns
-        )
+        mapped_ns = self._stream.clock_map.update(device_ns, arrival_ns, self._stream.epoch)
+        measured_ns = mapped_ns - round(self._config.latency_s * NANOSECONDS)
         lost = self._lost(by_name, measured_ns)
         flags = [flag for flag, holds in (("frozen", step.frozen), ("names_unknown", not named)) if holds]
         self._stream.publish(
@@ -158,16 +187,16 @@ class MotionPublisher:
             names = self._parameters.names(count)
             if names is not None:
                 self._labels = [
-                    (index, self._renamed.get(name, name))
+                    (index, self._config.bodies.get(name, name))
                     for index, name in enumerate(names)
-                    if not self._renamed or name in self._renamed
+                    if not self._config.bodies or name in self._config.bodies
                 ]
         return self._labels is not None
 
     def _lost(self, by_name: Mapping[str, BodyPose | None], measured_ns: int) -> dict[str, float]:
         """Return how long bodies have been lost [s], and raise or clear their alarms."""
         lost: dict[str, float] = {}
-        alarms = self._health.alarms
+        alarms, limit = self._health.alarms, self._config.body_lost_after_s
         for name, pose in by_name.items():
             key = f"lost:{name}"
             if pose is not None:
@@ -176,8 +205,7 @@ class MotionPublisher:
                 continue
             age_ns = measured_ns - self._last_visible_ns.setdefault(name, measured_ns)
             lost[name] = age_ns / NANOSECONDS
-            if age_ns >= self._lost_after_ns and key not in alarms:
+            if lost[name] >= limit and key not in alarms:
                 cure = "check that its markers are attached and visible to the cameras"
-                limit = self._lost_after_ns / NANOSECONDS
                 alarms.set(key, f"the cameras have lost body {name!r}", cure, limit=limit, unit="s")
         return lost

@@ -1,7 +1,6 @@
 """One session with QTM: version, names, stream, and what follows when its settings change."""
 
 import asyncio
-from dataclasses import dataclass
 from typing import Final
 
 from softarm.drivers.clock import NANOSECONDS, Clock
@@ -12,7 +11,7 @@ from softarm.drivers.qualisys.bodies import decode_bodies
 from softarm.drivers.qualisys.connection import PORT_CURE, Connection, QtmError
 from softarm.drivers.qualisys.packets import HEADER_LENGTH, PacketKind, QtmEvent, packet_text
 from softarm.drivers.qualisys.parameters import STANDARD_EULER, Parameters, parse_parameters
-from softarm.drivers.qualisys.publisher import MotionPublisher
+from softarm.drivers.qualisys.publisher import MotionPublisher, QtmConfig
 
 VERSIONS: Final = ("1.25", "1.24", "1.23", "1.22", "1.21", "1.20", "1.19")
 """Protocol versions, tried one after the other."""
@@ -28,49 +27,30 @@ _RENAMING: Final = frozenset(
 _STARTING: Final = frozenset({QtmEvent.CAPTURE_STARTED, QtmEvent.RT_FROM_FILE_STARTED})
 
 
-@dataclass(frozen=True, slots=True)
-class SessionOptions:
-    """Options of a session.
-
-    Args:
-        component: 6D, 6DRes, 6DEuler or 6DEulerRes.
-        divisor: Every so many frames of the cameras.
-        answer_s: Time for an answer [s].
-        heartbeat_s: Silence after which QTM is asked for its state [s].
-    """
-
-    component: str
-    divisor: int
-    answer_s: float
-    heartbeat_s: float
-
-
 class QtmSession:
     """A session on an open connection.
 
     Args:
-        device: The device, as the configuration names it.
+        config: Settings of the device.
         connection: The connection.
         publisher: Takes frames and names.
         health: Counters and alarms.
-        options: Rate, component and deadlines.
         clock: Host monotonic time.
     """
 
     def __init__(
         self,
-        device: str,
+        config: QtmConfig,
         connection: Connection,
         publisher: MotionPublisher,
         health: Health,
-        options: SessionOptions,
         clock: Clock,
     ) -> None:
-        self._device = device
+        self._config = config
+        self._device = config.name
         self._connection = connection
         self._publisher = publisher
         self._health = health
-        self._options = options
         self._clock = clock
         self._wake = asyncio.Event()
         self._names_due = False
@@ -99,7 +79,7 @@ class QtmSession:
         """Serve the session until the connection is lost, and raise what ended it."""
         while True:
             try:
-                async with asyncio.timeout(self._options.heartbeat_s):
+                async with asyncio.timeout(self._config.heartbeat_s):
                     await self._wake.wait()
             except TimeoutError:
                 self._stream_due = self._stream_due or WAITING in self._health.alarms
@@ -127,7 +107,7 @@ class QtmSession:
         answer = self._connection.expect(PacketKind.EVENT)
         self._connection.send("GetState")
         try:
-            async with asyncio.timeout(self._options.answer_s):
+            async with asyncio.timeout(self._config.answer_s):
                 await answer
         except TimeoutError:
             self._health.timeouts += 1
@@ -138,19 +118,19 @@ class QtmSession:
     @property
     def _pause_ns(self) -> int:
         """The heartbeat [ns]; names are read no more often, unless an event asks for it."""
-        return round(self._options.heartbeat_s * NANOSECONDS)
+        return round(self._config.heartbeat_s * NANOSECONDS)
 
     def _start_stream(self) -> None:
         self._stream_due = False
-        rate = "AllFrames" if self._options.divisor == 1 else f"FrequencyDivisor:{self._options.divisor}"
-        self._connection.send(f"StreamFrames {rate} {self._options.component}")
+        rate = "AllFrames" if self._config.divisor == 1 else f"FrequencyDivisor:{self._config.divisor}"
+        self._connection.send(f"StreamFrames {rate} {self._config.component}")
 
     async def _greet(self) -> None:
         try:
-            async with asyncio.timeout(self._options.answer_s):
+            async with asyncio.timeout(self._config.answer_s):
                 greeting = await self._connection.welcome()
         except TimeoutError:
-            limit = self._options.answer_s
+            limit = self._config.answer_s
             raise ConnectionLost(
                 self._device, "does not answer like QTM", PORT_CURE, limit=limit, unit="s"
             ) from None
@@ -202,14 +182,14 @@ class QtmSession:
         )
 
     def _check_angles(self, parameters: Parameters) -> None:
-        if "Euler" in self._options.component and parameters.euler not in ((), STANDARD_EULER):
+        if "Euler" in self._config.component and parameters.euler not in ((), STANDARD_EULER):
             what = f"QTM names its angles {', '.join(parameters.euler)}, not {', '.join(STANDARD_EULER)}"
             raise ConfigurationError(self._device, what, "stream 6D, or restore the standard angles in QTM")
 
     async def _ask(self, command: str, kind: PacketKind) -> bytes:
         sent_ns = self._clock()
         try:
-            async with asyncio.timeout(self._options.answer_s):
+            async with asyncio.timeout(self._config.answer_s):
                 packet = await self._connection.request(command, kind)
         except TimeoutError:
             self._health.timeouts += 1
@@ -219,7 +199,7 @@ class QtmSession:
 
     def _unanswered(self, command: str) -> ConnectionLost:
         what, cure = f"does not answer {command}", "check QTM and the network"
-        error = ConnectionLost(self._device, what, cure, limit=self._options.answer_s, unit="s")
+        error = ConnectionLost(self._device, what, cure, limit=self._config.answer_s, unit="s")
         self._connection.fail(error)
         return error
 
