@@ -2,7 +2,7 @@
 
 from softarm.estimator.inverse.compensation import Compensation, approach, replace_loads, settle
 from softarm.estimator.inverse.contact_profile import ContactPlace, ContactProfile
-from softarm.estimator.inverse.estimate import ArmEstimate
+from softarm.estimator.inverse.estimate import ArmEstimate, Problem
 from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Minimum, Status, Tolerances, minimise
 from softarm.estimator.inverse.objectives import (
@@ -14,7 +14,6 @@ from softarm.estimator.inverse.objectives import (
     WeightedRows,
 )
 from softarm.estimator.inverse.observability import Observability
-from softarm.estimator.inverse.problem import Problem
 from softarm.estimator.inverse.program import (
     QuadraticProgram,
     build_program,

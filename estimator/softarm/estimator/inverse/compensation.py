@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.inverse.estimate import ArmEstimate
+from softarm.estimator.inverse.estimate import ArmEstimate, Problem
 from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Tolerances
 from softarm.estimator.inverse.objectives import PressureReadings, SensorObjective
 from softarm.estimator.inverse.observability import join
-from softarm.estimator.inverse.problem import Problem
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation
 from softarm.estimator.sensing import SensorSuite
 

@@ -1,43 +1,36 @@
-"""The answer of the inverse problem: inputs and frames with their covariance, and how far to trust them."""
+"""The inverse problem and its answer: inputs and frames with their covariance, and how far to trust them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.inverse.limits import InputBounds
-from softarm.estimator.inverse.minimise import Linearised, Minimum, Status
-from softarm.estimator.inverse.objectives import PRESSURES, WeightedRows
+from softarm.estimator.inverse.minimise import Linearised, Minimum, Tolerances, minimise
+from softarm.estimator.inverse.objectives import PRESSURES, Objective, WeightedRows
 from softarm.estimator.inverse.observability import Observability, analyse
 from softarm.estimator.inverse.unknowns import Unknowns
-from softarm.estimator.model import Frames, Inputs
+from softarm.estimator.model import ArmModel, Inputs, Linearisation
 from softarm.estimator.sensing import SensorSuite
 
 State = TypeVar("State")
+Step = TypeVar("Step", bound=Linearisation)
 
 
 @dataclass(frozen=True)
-class ArmEstimate(Generic[State]):
+class ArmEstimate(Minimum[State]):
     """Inputs, state and frames that meet the readings best.
 
     Args:
         unknowns: Names and scales of the inputs.
         inputs: Pressures [Pa], loads [N or N m] and gravity [m/s2].
-        state: State of the model.
-        frames: Frames of the sections.
         covariance: Covariance of pressures, then loads; zero where held, and conditional on the bounds
             that are reached, shape (inputs, inputs).
-        motion: Derivative of the section twists by the inputs, shape (6 sections, inputs).
-        rows: Linearised objectives at the estimate.
         limits: The bounds.
         residuals: Measured minus estimated by sensor, NaN where absent.
-        status: ``converged``, ``iterations_exhausted`` or ``diverged``.
-        iterations: Number of new linearisations.
-        residual_norm: Relative out-of-balance force of the last linearised state.
-        last: That state with its linearisation, for the search that follows.
         force_ratios: Factors on the deviations of the loads beside what the rows' noise makes of them, shape
             (loads,).
         relative_errors: Of the loads, beside that deviation, shape (loads,).
@@ -45,24 +38,11 @@ class ArmEstimate(Generic[State]):
 
     unknowns: Unknowns
     inputs: Inputs
-    state: State
-    frames: Frames
     covariance: Floats
-    motion: Floats
-    rows: tuple[WeightedRows, ...]
     limits: InputBounds
     residuals: Mapping[str, Floats]
-    status: Status
-    iterations: int
-    residual_norm: float
-    last: Linearised[State]
     force_ratios: Floats | float = 1.0
     relative_errors: Floats | float = 0.0
-
-    @property
-    def vector(self) -> Floats:
-        """Pressures, then loads, shape (inputs,)."""
-        return self.unknowns.vector(self.inputs)
 
     @property
     def converged(self) -> bool:
@@ -166,35 +146,45 @@ def posterior(rows: tuple[WeightedRows, ...], scale: Floats, fixed: Flags) -> Fl
     return covariance
 
 
-def make_estimate(
-    minimum: Minimum[State], unknowns: Unknowns, limits: InputBounds, gravity: Floats, suite: SensorSuite
-) -> ArmEstimate[State]:
-    """Turn the end of a search into an estimate.
+@dataclass(frozen=True)
+class Problem:
+    """Objectives and limits of one instant.
 
     Args:
-        minimum: Where the search ended.
         unknowns: Names and scales of the inputs.
-        limits: The bounds.
-        gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
         suite: The sensors, whose rows are named ``sensors`` in the objectives.
+        objectives: What the inputs should meet.
+        limits: Bounds and held inputs.
+        gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
     """
-    low, high = limits.reached(minimum.vector, unknowns.scale)
-    residual = np.full(suite.size, np.nan)
-    for row in minimum.rows:
-        if row.name == "sensors":
-            residual[row.members] = row.innovation
-    return ArmEstimate(
-        unknowns=unknowns,
-        inputs=unknowns.inputs(minimum.vector, gravity),
-        state=minimum.state,
-        frames=minimum.frames,
-        covariance=posterior(minimum.rows, unknowns.scale, limits.held | low | high),
-        motion=minimum.motion,
-        rows=minimum.rows,
-        limits=limits,
-        residuals={name: residual[rows] for name, rows in suite.slices.items()},
-        status=minimum.status,
-        iterations=minimum.iterations,
-        residual_norm=minimum.residual_norm,
-        last=minimum.last,
-    )
+
+    unknowns: Unknowns
+    suite: SensorSuite
+    objectives: tuple[Objective, ...]
+    limits: InputBounds
+    gravity: Floats
+
+    def solve(
+        self,
+        model: ArmModel[State, Step],
+        start: tuple[State, Inputs],
+        tolerances: Tolerances | None = None,
+        begun: Linearised[State] | None = None,
+    ) -> ArmEstimate[State]:
+        """Search from a state and inputs, or from where an earlier search left off if that serves."""
+        state, inputs = start
+        start = (state, Inputs(inputs.pressures, inputs.loads, self.gravity))
+        minimum = minimise(model, self.unknowns, self.objectives, self.limits, start, tolerances, begun)
+        low, high = self.limits.reached(minimum.vector, self.unknowns.scale)
+        residual = np.full(self.suite.size, np.nan)
+        for row in minimum.rows:
+            if row.name == "sensors":
+                residual[row.members] = row.innovation
+        return ArmEstimate(
+            **vars(minimum),
+            unknowns=self.unknowns,
+            inputs=self.unknowns.inputs(minimum.vector, self.gravity),
+            covariance=posterior(minimum.rows, self.unknowns.scale, self.limits.held | low | high),
+            limits=self.limits,
+            residuals={name: residual[rows] for name, rows in self.suite.slices.items()},
+        )

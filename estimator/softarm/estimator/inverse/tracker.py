@@ -7,11 +7,10 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.inverse.estimate import ArmEstimate
+from softarm.estimator.inverse.estimate import ArmEstimate, Problem
 from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Linearised, Tolerances
 from softarm.estimator.inverse.objectives import PressureReadings, Prior, SensorObjective
-from softarm.estimator.inverse.problem import Problem
 from softarm.estimator.inverse.unknowns import Unknowns
 from softarm.estimator.model import ArmModel, Inputs, Linearisation
 from softarm.estimator.sensing import ActuationMap, ModelError, SensorSuite, widened
