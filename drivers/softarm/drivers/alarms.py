@@ -31,11 +31,7 @@ class Alarm:
 
 
 class Alarms:
-    """The alarms that stand, each with the time when it began.
-
-    Args:
-        clock: Host monotonic time.
-    """
+    """The alarms that stand, each with the time when it began."""
 
     def __init__(self, clock: Clock = monotonic) -> None:
         self._clock = clock

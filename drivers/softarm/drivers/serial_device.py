@@ -110,12 +110,7 @@ class SerialDevice(Device, Generic[FrameT, Value]):
 
 
 class SerialSession:
-    """One connection of a `SerialDevice`.
-
-    Args:
-        device: Whose it is.
-        link: The open port.
-    """
+    """One connection of a `SerialDevice`."""
 
     def __init__(self, device: SerialDevice[Any, Any], link: SerialLink) -> None:
         self._device = device

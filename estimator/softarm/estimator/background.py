@@ -12,10 +12,6 @@ class Background(Generic[Request, Answer]):
     """Owns one thread that answers requests, the newest one next.
 
     It gains time only where the work runs without the interpreter's lock. Use it as a context manager.
-
-    Args:
-        work: Answers a request.
-        name: Name of the thread.
     """
 
     def __init__(self, work: Callable[[Request], Answer], name: str) -> None:

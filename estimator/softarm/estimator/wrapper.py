@@ -10,11 +10,7 @@ from softarm.estimator.response import BatchArmModel
 
 @dataclass(frozen=True)
 class ModelWrapper:
-    """A model of the same arm as another one.
-
-    Args:
-        model: The wrapped model.
-    """
+    """A model of the same arm as another one."""
 
     model: ArmDescription
 

@@ -30,11 +30,7 @@ Sample = tuple[Inputs, Floats, Floats]
 
 @dataclass(frozen=True)
 class StraightSteps:
-    """Carries steps along, but moves straight along them.
-
-    Args:
-        carrier: What carries them.
-    """
+    """Carries steps along, but moves straight along them."""
 
     carrier: Carrier
 

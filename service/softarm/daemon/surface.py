@@ -37,11 +37,7 @@ class DrawnSurface:
 
 
 def drawn_surface(mesh: Mesh) -> DrawnSurface:
-    """Find the surface to draw: the outer one, or all chambers where the mesh names none.
-
-    Args:
-        mesh: Mesh of the arm's body.
-    """
+    """Find the surface to draw: the outer one, or all chambers where the mesh names none."""
     surfaces = mesh.surfaces
     chosen = [surfaces["outer"]] if "outer" in surfaces else list(surfaces.values())
     corners = np.concatenate([_triangles(surface.facets[:, : CORNERS[surface.kind]]) for surface in chosen])

@@ -243,12 +243,7 @@ def live_rig(
 
 @contextmanager
 def live_fakes(rig: FakeRig, client: Arm) -> Iterator[LiveRig]:
-    """Wait until a rig of fakes is ready, and take its lease and its control port.
-
-    Args:
-        rig: The running rig.
-        client: Client of its service.
-    """
+    """Wait until a rig of fakes is ready, and take its lease and its control port."""
     wait_ready(client)
     with FakeControl(str(rig.announcement["control"])) as control, client.lease():
         operator = FakeOperator(control, laboratory_of(control))

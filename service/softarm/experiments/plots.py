@@ -15,12 +15,7 @@ from softarm.experiments.seed import SeedResult
 
 
 def plot_results(results: Sequence[SeedResult], folder: Path) -> tuple[Path, ...]:
-    """Draw each seed's series, one file an experiment and seed.
-
-    Args:
-        results: What came of the seeds.
-        folder: Where the files go.
-    """
+    """Draw each seed's series, one file an experiment and seed."""
     paths = []
     for result in results:
         forces = {name: s for name, s in result.series.items() if name.startswith("force")}

@@ -121,11 +121,7 @@ class SeedResult:
 
 
 class SeedBench:
-    """The recordings and the calibration of one arm, made when they are first asked for.
-
-    Args:
-        plan: What is to be done.
-    """
+    """The recordings and the calibration of one arm, made when they are first asked for."""
 
     def __init__(self, plan: SeedPlan) -> None:
         self.plan = plan

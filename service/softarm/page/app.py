@@ -80,12 +80,7 @@ class Page:
 
 
 class Throttle(Generic[Kind]):
-    """Passes on a message when the last one is old enough: a browser cannot draw a hundred a second.
-
-    Args:
-        handler: Takes what is passed on.
-        interval_s: Least time between two.
-    """
+    """Passes on a message when the last one is old enough: a browser cannot draw a hundred a second."""
 
     def __init__(self, handler: Callable[[Kind], None], interval_s: float) -> None:
         self._handler = handler

@@ -24,12 +24,7 @@ EVERYTHING = (*ESTIMATED, "#stress", "#pressures", "#instruments", "#recording")
 
 
 class Panel:
-    """Mode, forces, pressures, instruments and the test of the model.
-
-    Args:
-        server: viser's server.
-        specimen: The arm.
-    """
+    """Mode, forces, pressures, instruments and the test of the model."""
 
     def __init__(self, server: viser.ViserServer, specimen: Specimen) -> None:
         self._gui = gui = server.gui

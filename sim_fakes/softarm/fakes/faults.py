@@ -31,11 +31,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class ActiveFault:
-    """A fault that is on; always true, also without parameters.
-
-    Args:
-        parameters: Its parameters.
-    """
+    """A fault that is on; always true, also without parameters."""
 
     parameters: Mapping[str, Value]
 

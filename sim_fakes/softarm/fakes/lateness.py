@@ -10,12 +10,7 @@ LATE_S = 0.1
 
 
 async def watch_lateness(clock: Clock, report: Callable[[str], None]) -> None:
-    """Watch how late the fakes' own loop runs, report the first time it is too late, and end.
-
-    Args:
-        clock: The clock of the fakes.
-        report: Takes the message.
-    """
+    """Watch how late the fakes' own loop runs, report the first time it is too late, and end."""
     while True:
         due = clock.now() + EVERY_S
         await clock.sleep_until(due)

@@ -43,10 +43,6 @@ def placed(scenario: Scenario, plant: Plant) -> Scenario:
 
     A device that says itself where it is stays there. The others: one valve per chamber in its order, a body
     on each section, a bend sensor on each segment, inertial units on the last section.
-
-    Args:
-        scenario: What there is.
-        plant: The arm.
     """
     if scenario.plant.specimen is None:
         return scenario

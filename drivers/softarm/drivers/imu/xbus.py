@@ -28,12 +28,7 @@ _ACCELERATION: Final = 0x4020
 
 @dataclass(frozen=True, slots=True)
 class XbusMessage:
-    """A message that is no orientation: an acknowledgement, a wake-up, an error.
-
-    Args:
-        message_id: What it is.
-        data: Its bytes.
-    """
+    """A message that is no orientation: an acknowledgement, a wake-up, an error."""
 
     message_id: int
     data: bytes

@@ -32,13 +32,7 @@ class QualisysConfig(QtmConfig):
 
 
 class MotionCapture(Device):
-    """The motion capture.
-
-    Args:
-        config: Its settings.
-        sink: Takes each reading.
-        clock: Host monotonic time.
-    """
+    """The motion capture."""
 
     def __init__(self, config: QualisysConfig, sink: Sink = ignore, clock: Clock = monotonic) -> None:
         timing = Timing(config.stale_after_s, config.lost_after_s, identify_s=10 * config.answer_s)

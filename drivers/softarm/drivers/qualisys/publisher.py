@@ -106,11 +106,6 @@ class MotionPublisher:
 
     Bodies in a packet have no names: they stand in the order of the settings. While the settings are not
     known to fit, no body is published under a name that may be another's.
-
-    Args:
-        config: Settings of the device.
-        stream: Where readings go.
-        health: Counters and alarms.
     """
 
     def __init__(self, config: QtmConfig, stream: ReadingStream[MotionFrame], health: Health) -> None:

@@ -28,15 +28,7 @@ _STARTING: Final = frozenset({QtmEvent.CAPTURE_STARTED, QtmEvent.RT_FROM_FILE_ST
 
 
 class QtmSession:
-    """A session on an open connection.
-
-    Args:
-        config: Settings of the device.
-        connection: The connection.
-        publisher: Takes frames and names.
-        health: Counters and alarms.
-        clock: Host monotonic time.
-    """
+    """A session on an open connection."""
 
     def __init__(
         self,

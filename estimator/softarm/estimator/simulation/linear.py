@@ -15,13 +15,7 @@ from softarm.estimator.simulation.segments import Segments
 
 @dataclass(frozen=True)
 class LinearisedArm:
-    """The response to a baseline drive, and its first-order change; an ``Arm``.
-
-    Args:
-        segments: The segments.
-        drive: Baseline drive.
-        baseline: ArmResponse to it.
-    """
+    """The response to a baseline drive, and its first-order change; an ``Arm``."""
 
     segments: Segments
     drive: Drive

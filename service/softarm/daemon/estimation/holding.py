@@ -36,11 +36,7 @@ class HeldArm:
 
 
 class Holding:
-    """Finds the pressures that hold the estimated pose without a hand.
-
-    Args:
-        arm: What commands act on.
-    """
+    """Finds the pressures that hold the estimated pose without a hand."""
 
     def __init__(self, arm: HeldArm) -> None:
         self._arm = arm

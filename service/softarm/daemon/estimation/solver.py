@@ -89,11 +89,7 @@ def build_suite(
 
 
 class Solver:
-    """Answers requests; it keeps the estimator's memory.
-
-    Args:
-        settings: Specimen, sensors, model.
-    """
+    """Answers requests; it keeps the estimator's memory."""
 
     def __init__(self, settings: SolverSettings) -> None:
         specimen = settings.specimen

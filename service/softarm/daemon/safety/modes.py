@@ -56,12 +56,7 @@ TRANSITIONS = MappingProxyType(
 
 
 class TransitionRefusedError(Exception):
-    """A trigger that the present mode does not allow.
-
-    Args:
-        mode: The present mode.
-        trigger: The trigger refused.
-    """
+    """A trigger that the present mode does not allow."""
 
     def __init__(self, mode: Mode, trigger: Trigger) -> None:
         allowed = ", ".join(sorted(m for m, e in TRANSITIONS if e is trigger)) or "no mode"

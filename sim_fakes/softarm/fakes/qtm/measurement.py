@@ -17,11 +17,7 @@ QUIET_NAN = float("nan")
 
 
 def measurement_faults(bodies: Sequence[str]) -> tuple[Fault, ...]:
-    """List what can go wrong in the frames.
-
-    Args:
-        bodies: Names of the bodies.
-    """
+    """List what can go wrong in the frames."""
     return (
         Fault(
             "body_lost",

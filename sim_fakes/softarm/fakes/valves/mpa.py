@@ -13,11 +13,7 @@ SUPPLY_FAULTY, CHANNEL_FAILED = 26, 31
 
 
 def bank_faults(valves: int) -> tuple[Fault, ...]:
-    """List what can go wrong with the valves.
-
-    Args:
-        valves: Number of valves.
-    """
+    """List what can go wrong with the valves."""
     channel = {"channel": (0, valves - 1)}
     return (
         Fault(

@@ -23,11 +23,7 @@ ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_BUSY = 1, 2, 3, 6
 
 
 def node_faults(channels: int) -> tuple[Fault, ...]:
-    """List what can go wrong with the node.
-
-    Args:
-        channels: Number of valves behind it.
-    """
+    """List what can go wrong with the node."""
     return (
         Fault(
             "watchdog_fired", "outputs go to the fail-safe state, as when no master sends requests", once=True

@@ -55,12 +55,7 @@ class CholeskyPlan:
 
 @dataclass(frozen=True)
 class CholeskyFactor:
-    """A multifrontal factor.
-
-    Args:
-        plan: The analysis it follows.
-        panels: Its numbers.
-    """
+    """A multifrontal factor."""
 
     plan: CholeskyPlan
     panels: Floats

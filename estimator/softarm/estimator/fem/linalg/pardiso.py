@@ -70,12 +70,7 @@ class CompressedRows:
 
 
 class Handle:
-    """PARDISO's memory of one pattern and one factor.
-
-    Args:
-        routine: MKL's routine.
-        rows: The pattern.
-    """
+    """PARDISO's memory of one pattern and one factor."""
 
     def __init__(self, routine: Any, rows: CompressedRows) -> None:
         self._routine, self._rows = routine, rows

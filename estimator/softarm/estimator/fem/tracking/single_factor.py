@@ -16,12 +16,7 @@ from softarm.estimator.mesh import Singles
 
 @dataclass(frozen=True)
 class SingleFactor:
-    """A factor at half the memory, which is what a solve waits for; sums are still taken in double precision.
-
-    Args:
-        symbolic: Its dense fronts.
-        panels: Its numbers.
-    """
+    """A factor at half the memory, which is what a solve waits for; sums still have double precision."""
 
     symbolic: SymbolicFactorisation
     panels: Singles
