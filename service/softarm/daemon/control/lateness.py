@@ -1,5 +1,6 @@
 """How late the control loop comes, and whether the processor is to blame for what seems silent."""
 
+from array import array
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -32,10 +33,12 @@ class TickDrift:
 
 
 class Lateness:
-    """Keeps the drift of the ticks of the last seconds."""
+    """Keeps the drift of the ticks of the last seconds, and the worst of the last moments."""
 
     def __init__(self) -> None:
-        self._ticks: deque[tuple[int, int]] = deque()
+        self._times_ns, self._late_ns = array("q"), array("q")
+        self._first = 0
+        self._worst: deque[tuple[int, int]] = deque()  # falling: each is worse than those after it
         self.starved_percent: float | None = None
 
     def add(self, now_ns: int, late_ns: int) -> None:
@@ -45,27 +48,31 @@ class Lateness:
             now_ns: Monotonic time at which it came.
             late_ns: How late the loop came, the ticks that it skipped included.
         """
-        self._ticks.append((now_ns, late_ns))
-        while now_ns - self._ticks[0][0] > WINDOW_NS:
-            self._ticks.popleft()
+        self._times_ns.append(now_ns)
+        self._late_ns.append(late_ns)
+        while now_ns - self._times_ns[self._first] > WINDOW_NS:
+            self._first += 1
+        if 2 * self._first > len(self._times_ns):
+            del self._times_ns[: self._first], self._late_ns[: self._first]
+            self._first = 0
+        while self._worst and self._worst[-1][1] <= late_ns:
+            self._worst.pop()
+        self._worst.append((now_ns, late_ns))
 
     @property
     def drift(self) -> TickDrift | None:
         """Median and 99th percentile over the last seconds; ``None`` before the first tick."""
-        if not self._ticks:
+        if not self._late_ns:
             return None
-        drifts = np.array([drift_ns for _, drift_ns in self._ticks]) * 1e-9
+        drifts = np.array(self._late_ns[self._first :]) * 1e-9
         median, p99 = np.percentile(drifts, [50.0, 99.0])
         return TickDrift(float(median), float(p99))
 
     def busy(self, now_ns: int) -> str:
         """Describe how the processor keeps the service waiting; empty when it does not."""
-        worst_ns = 0
-        for at_ns, drift_ns in reversed(self._ticks):
-            if now_ns - at_ns > RECENT_NS:
-                break
-            if drift_ns > worst_ns:  # a call of max takes longer, and each tick looks at all recent ones
-                worst_ns = drift_ns
+        while self._worst and now_ns - self._worst[0][0] > RECENT_NS:
+            self._worst.popleft()
+        worst_ns = self._worst[0][1] if self._worst else 0
         if worst_ns > LATE_NS:
             return f"the control loop came {worst_ns * 1e-6:.0f} ms late"
         if self.starved_percent is not None and self.starved_percent > STARVED_PERCENT:
