@@ -1,11 +1,14 @@
 """The control tick: a fixed rate that skips and counts missed periods."""
 
 import asyncio
-import threading
+import ctypes
+import os
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from typing import Self
+
+SECOND_NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -63,44 +66,63 @@ class TickSchedule:
 
 
 class Ticker:
-    """Ticks for the event loop, timed by a thread: ``asyncio.sleep`` rounds up to a millisecond.
+    """Ticks for the event loop, timed by the kernel: ``asyncio.sleep`` rounds up to a millisecond.
+
+    Use it as a context manager.
 
     Args:
         interval_s: Time between two ticks.
-        clock_ns: Monotonic clock.
     """
 
-    def __init__(self, interval_s: float, clock_ns: Callable[[], int] = time.monotonic_ns) -> None:
+    def __init__(self, interval_s: float) -> None:
         self._interval_ns = round(interval_s * 1e9)
-        self._clock_ns = clock_ns
         self._loop = asyncio.get_running_loop()
         self._due = asyncio.Event()
-        self._taken = threading.Semaphore(0)
-        self._stop = threading.Event()
-        self._schedule = TickSchedule(clock_ns() + self._interval_ns, self._interval_ns)
-        self._thread = threading.Thread(target=self._time, name="softarm-tick", daemon=True)
 
     def __enter__(self) -> Self:
-        self._thread.start()
+        start_ns = time.monotonic_ns() + self._interval_ns
+        self._schedule = TickSchedule(start_ns, self._interval_ns)
+        self._timer = _periodic_timer(start_ns, self._interval_ns)
+        self._loop.add_reader(self._timer, self._expire)
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._taken.release()
-        self._thread.join()
+        self._loop.remove_reader(self._timer)
+        os.close(self._timer)
 
-    def _time(self) -> None:
-        while not self._stop.is_set():
-            wait_ns = self._schedule.next_deadline_ns - self._clock_ns()
-            if wait_ns > 0 and self._stop.wait(wait_ns * 1e-9):
-                return
-            self._loop.call_soon_threadsafe(self._due.set)
-            self._taken.acquire()
+    def _expire(self) -> None:
+        os.read(self._timer, 8)  # how often it expired; the schedule counts by the clock
+        self._due.set()
 
     async def ticks(self) -> AsyncIterator[Tick]:
         """Yield ticks until the ticker is closed."""
         while True:
             await self._due.wait()
             self._due.clear()
-            yield self._schedule.take(self._clock_ns())
-            self._taken.release()
+            now_ns = time.monotonic_ns()
+            if now_ns >= self._schedule.next_deadline_ns:  # else the last tick stood for this one as well
+                yield self._schedule.take(now_ns)
+
+
+class _Timer(ctypes.Structure):
+    """Interval and first expiry, each in seconds and nanoseconds: ``struct itimerspec``."""
+
+    _fields_ = [(name, ctypes.c_long) for name in ("every_s", "every_ns", "first_s", "first_ns")]
+
+
+_libc = ctypes.CDLL(None, use_errno=True)
+ABSOLUTE = 1
+
+
+def _periodic_timer(start_ns: int, interval_ns: int) -> int:
+    """Return a descriptor that is readable from each deadline on (timerfd_create(2)).
+
+    Raises:
+        OSError: The process can open no more descriptors.
+    """
+    descriptor = _libc.timerfd_create(time.CLOCK_MONOTONIC, os.O_NONBLOCK | os.O_CLOEXEC)
+    times = _Timer(*divmod(interval_ns, SECOND_NS), *divmod(start_ns, SECOND_NS))
+    if descriptor < 0 or _libc.timerfd_settime(descriptor, ABSOLUTE, ctypes.byref(times), None):
+        number = ctypes.get_errno()
+        raise OSError(number, f"no timer: {os.strerror(number)}")
+    return int(descriptor)
