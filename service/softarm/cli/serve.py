@@ -4,6 +4,7 @@ import asyncio
 import logging
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from logging.handlers import QueueHandler, QueueListener
@@ -30,6 +31,8 @@ logger = logging.getLogger(__name__)
 
 STEP_S = 300.0
 """No step of fitting a rod takes longer; systemd is asked for so much time with each."""
+SWITCH_S = 2e-4
+"""No other thread, such as that of the recorder, holds the interpreter's lock longer while the loop waits."""
 
 
 @click.command()
@@ -111,6 +114,7 @@ def _fit_rod(specimen: Specimen) -> None:
 
 
 async def _serve(path: Path, replay: Replay | None) -> None:
+    sys.setswitchinterval(SWITCH_S)
     setup = load_config(path)
     notifier = Notifier.from_environment()
     service = Service(setup, notifier, replay)

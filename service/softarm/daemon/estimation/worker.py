@@ -1,8 +1,8 @@
 """A process that solves one request after another, with a mailbox of one.
 
 Numerics in a thread hold the interpreter's lock for tens of milliseconds; in a process they cannot delay
-the control loop. Requests and results are small, so pipes carry them; a thread waits for results, and another
-for the end of a process, so that the loop waits for neither.
+the control loop. Requests and results are small, so pipes carry them. The loop reads a result as it comes, in
+as many parts as that takes, and a thread waits for the end of a process: the loop waits for neither.
 """
 
 import asyncio
@@ -12,11 +12,14 @@ import gc
 import logging
 import multiprocessing
 import os
+import pickle
 import signal
+import struct
+import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -48,6 +51,10 @@ NICER = 5
 KILL_AFTER_S = 2.0
 STUCK_S = 5.0
 """A request that takes longer is given up, and the process with it."""
+SWITCH_S = 2e-4
+"""A solver's own threads hold the interpreter's lock no longer while a request waits for it."""
+_LENGTH = struct.Struct("<Q")
+_CHUNK = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -99,19 +106,28 @@ def _serve(requests: Connection, results: Connection, factory: SolverFactory, ni
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(PermissionError):  # a sandbox may forbid it
         os.nice(nicer)
+    faulthandler.register(signal.SIGALRM, all_threads=True)  # shows in the log where it is stuck
+    sys.setswitchinterval(SWITCH_S)
     try:
         built = factory()
         gc.collect()
         gc.freeze()  # a collection of all that the solver is built of takes tens of milliseconds
-        results.send(built.report)
+        _write(results, built.report)
         while True:
             request = requests.recv()
-            faulthandler.dump_traceback_later(0.9 * STUCK_S)  # shows in the log where it is stuck
-            result = built.solve(request)
-            results.send(result)
-            faulthandler.cancel_dump_traceback_later()  # waits for the thread that would write it
+            signal.setitimer(signal.ITIMER_REAL, 0.9 * STUCK_S)
+            _write(results, built.solve(request))
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
     except (EOFError, BrokenPipeError):
         return
+
+
+def _write(pipe: Connection, message: Any) -> None:
+    """Write a message behind its length, for a reader that does not wait."""
+    data = pickle.dumps(message, pickle.HIGHEST_PROTOCOL)
+    left = memoryview(_LENGTH.pack(len(data)) + data)
+    while left:
+        left = left[os.write(pipe.fileno(), left) :]
 
 
 @dataclass(eq=False)
@@ -121,14 +137,38 @@ class _Child:
     Args:
         process: The process.
         requests: Our end of the pipe to it.
+        results: Our end of the pipe from it, which does not block.
         started_s: When it was started [s].
         ready: Whether it has reported that it is ready.
+        received: What has come of a message that is not complete.
     """
 
     process: BaseProcess
     requests: Connection
+    results: Connection
     started_s: float
     ready: bool = field(default=False)
+    received: bytearray = field(default_factory=bytearray)
+
+    def read(self) -> bool:
+        """Read what has come; return whether the pipe is still open."""
+        try:
+            data = os.read(self.results.fileno(), _CHUNK)
+        except BlockingIOError:
+            return True
+        self.received += data
+        return bool(data)
+
+    def messages(self) -> Iterator[Any]:
+        """Take the messages that are complete."""
+        received = self.received
+        while len(received) >= _LENGTH.size:
+            end = _LENGTH.size + _LENGTH.unpack_from(received)[0]
+            if len(received) < end:
+                return
+            message = pickle.loads(received[_LENGTH.size : end])
+            del received[:end]
+            yield message
 
 
 class Worker(Generic[Request, Result]):
@@ -235,7 +275,7 @@ class Worker(Generic[Request, Result]):
         if request is None:
             return
         self._busy, self._sent_s = True, self._clock()
-        with contextlib.suppress(OSError):  # the thread that waits for results reports its end
+        with contextlib.suppress(OSError):  # the end of the other pipe reports that of the process
             child.requests.send(request)
 
     def _start(self) -> None:
@@ -251,20 +291,18 @@ class Worker(Generic[Request, Result]):
         process.start()
         theirs_in.close()
         theirs_out.close()
-        self._child = child = _Child(process, ours_out, self._clock())
+        os.set_blocking(ours_in.fileno(), False)
+        self._child = child = _Child(process, ours_out, ours_in, self._clock())
         self._busy = True
-        threading.Thread(
-            target=self._receive, args=(child, ours_in), name="softarm-estimates", daemon=True
-        ).start()
+        self._loop.add_reader(ours_in.fileno(), self._receive, child)
 
-    def _receive(self, child: _Child, results: Connection) -> None:
-        """Run in a thread: pass results to the loop until the process has closed its end."""
-        with results, contextlib.suppress(RuntimeError):  # the loop may be closed already
-            try:
-                while True:
-                    self._loop.call_soon_threadsafe(self._on_message, child, results.recv())
-            except (EOFError, OSError):
-                self._loop.call_soon_threadsafe(self._on_end, child)
+    def _receive(self, child: _Child) -> None:
+        """Handle the results that have come, and the end of the process, which closes its end of the pipe."""
+        is_open = child.read()
+        for message in child.messages():
+            self._on_message(child, message)
+        if not is_open:
+            self._on_end(child)
 
     def _on_message(self, child: _Child, message: Any) -> None:
         if child is not self._child:
@@ -281,7 +319,9 @@ class Worker(Generic[Request, Result]):
 
     def _detach(self) -> None:
         if self._child is not None:
+            self._loop.remove_reader(self._child.results.fileno())
             self._child.requests.close()
+            self._child.results.close()
         self._child, self._busy = None, True
 
     def _on_end(self, child: _Child) -> None:
