@@ -14,7 +14,7 @@ from softarm.daemon.control.command_server import CommandServer
 from softarm.daemon.control.host_watch import HostWatch
 from softarm.daemon.control.instruments import Instruments, LiveInstruments
 from softarm.daemon.control.off_loop import off_loop
-from softarm.daemon.control.readings import Readings, relative_pose
+from softarm.daemon.control.readings import Readings
 from softarm.daemon.control.recorder import RecorderError
 from softarm.daemon.control.replay import ReplayedInstruments
 from softarm.daemon.control.surroundings import Surroundings
@@ -28,10 +28,11 @@ from softarm.daemon.network.inbox import serve_each
 from softarm.daemon.network.schemas import schemas
 from softarm.daemon.notify import Notifier
 from softarm.estimator.recording import Recording
+from softarm.estimator.rotations import from_quaternions, to_quaternions
 from softarm_client.messages import Surface
 
 logger = logging.getLogger(__name__)
-AT_ORIGIN = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 CLOSE_RECORDING_S = 5.0
 """At the end the service waits so long for the disk; what was written stays in the ``.part``."""
 
@@ -115,7 +116,7 @@ class Service:
 
     async def run(self) -> None:
         """Serve until a signal or ``stop``; the arm is vented on every way out."""
-        relative_pose(AT_ORIGIN, AT_ORIGIN)  # loads compiled code, for which no tick can wait
+        to_quaternions(from_quaternions(UPRIGHT))  # loads compiled code, for which no tick can wait
         server = CommandServer(self._bus, self._loop)
         with self._host, self._bus:
             self._bus.open(self._documents(), server.stop)

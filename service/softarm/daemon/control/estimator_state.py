@@ -72,27 +72,35 @@ class LoadMap:
             spanned.append(tuple(bool(entry > 1.0 - SPANNED) for entry in np.diag(projection)))
         return tuple(spanned)
 
+    @cached_property
+    def _by_section(self) -> Floats:
+        """Directions of the loads on each section, 0 for the others, shape (sections, 3, loads)."""
+        on_section = np.arange(len(self.sections))[:, None] == np.array(self.rows, dtype=int)
+        return np.ascontiguousarray(on_section[:, None, :] * self.directions.T)
+
+    def vectors(self, amplitudes: Floats) -> tuple[Vector, ...]:
+        """Convert load amplitudes to one force per section [N]."""
+        return tuple((x, y, z) for x, y, z in (self._by_section @ amplitudes).tolist())
+
     def forces(self, amplitudes: Floats, covariance: Floats) -> tuple[LoadEstimate, ...]:
         """Convert load amplitudes to one force with covariance per section."""
-        estimates = []
-        for section, members, spanned in zip(self.sections, self._members, self._spanned, strict=True):
-            directions = self.directions[members]
-            force = amplitudes[members] @ directions
-            cartesian = directions.T @ covariance[np.ix_(members, members)] @ directions
-            estimates.append(
-                LoadEstimate(
-                    section=section,
-                    force_n=_vector(force),
-                    covariance_n2=tuple(
-                        tuple(
-                            float(cartesian[row, column]) if spanned[row] and spanned[column] else None
-                            for column in range(3)
-                        )
-                        for row in range(3)
-                    ),
-                )
+        covariances = (self._by_section @ covariance @ self._by_section.transpose(0, 2, 1)).tolist()
+        return tuple(
+            LoadEstimate(
+                section=section,
+                force_n=force,
+                covariance_n2=tuple(
+                    tuple(
+                        value if spanned[row] and spanned[column] else None
+                        for column, value in enumerate(values)
+                    )
+                    for row, values in enumerate(cartesian)
+                ),
             )
-        return tuple(estimates)
+            for section, force, cartesian, spanned in zip(
+                self.sections, self.vectors(amplitudes), covariances, self._spanned, strict=True
+            )
+        )
 
 
 class EstimatorState:
@@ -186,13 +194,17 @@ class EstimatorState:
         return tuple(
             SectionPose(
                 section=name,
-                position_m=_vector(position),
-                quaternion_wxyz=(float(w), float(x), float(y), float(z)),
-                position_std_m=_vector(std[:3]),
-                rotation_std_rad=_vector(std[3:]),
+                position_m=position,
+                quaternion_wxyz=quaternion,
+                position_std_m=std[:3],
+                rotation_std_rad=std[3:],
             )
-            for name, position, (w, x, y, z), std in zip(
-                self._names, result.positions, result.quaternions, result.frame_std, strict=True
+            for name, position, quaternion, std in zip(
+                self._names,
+                result.positions.tolist(),
+                result.quaternions.tolist(),
+                result.frame_std.tolist(),
+                strict=True,
             )
         )
 
@@ -226,12 +238,8 @@ class EstimatorState:
     def _follow_contact(self, result: EstimationResult, unix_ns: int) -> None:
         net = result.loads - self.tare
         covariance = result.load_covariance + CONTACT_FLOOR_N**2 * np.eye(len(net))
-        distance = float(np.sqrt(net @ np.linalg.pinv(covariance) @ net / max(len(net), 1)))
+        distance = float(np.sqrt(net @ np.linalg.solve(covariance, net) / max(len(net), 1)))
         if self.contact_since_unix_ns is None and distance > CONTACT_BEGINS:
             self.contact_since_unix_ns = unix_ns
         elif distance < CONTACT_ENDS:
             self.contact_since_unix_ns = None
-
-
-def _vector(values: Floats) -> Vector:
-    return (float(values[0]), float(values[1]), float(values[2]))

@@ -159,7 +159,6 @@ class Publisher:
         net, request = result.loads - self._estimator_state.tare, result.request
         dof = result.degrees_of_freedom
         ratio = float(np.sqrt(result.innovation_squared / dof)) if dof > 0.1 else None
-        tare = self._estimator_state.load_map.forces(self._estimator_state.tare, result.load_covariance)
         solved: Status = "degraded" if request.lost else "converged"
         return Estimate(
             stamp=self._stamp("estimate"),
@@ -168,7 +167,7 @@ class Publisher:
             loads=self._estimator_state.load_map.forces(net, result.load_covariance),
             contact=self._estimator_state.contact,
             in_contact=self._estimator_state.contact_since_unix_ns is not None,
-            tare_n=tuple(load.force_n for load in tare),
+            tare_n=self._estimator_state.load_map.vectors(self._estimator_state.tare),
             normalised_residual=ratio,
             degrees_of_freedom=round(dof),
             unobservable=(*result.unobservable, *self._estimator_state.load_map.not_estimated),

@@ -1,6 +1,7 @@
 """The newest sample of every channel, and the readings that the estimator asks for."""
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,14 +58,14 @@ class Readings:
         on_packet: Callable[[], None] = lambda: None,
         deadlines_s: Mapping[str, float] | None = None,
     ) -> None:
-        self._sensors = tuple(sensor for sensor in sensors if sensor.kind != "gauge")
-        self._all = sensors
+        self._all = tuple((sensor, channel(sensor), f"{sensor.kind}_{sensor.section}") for sensor in sensors)
+        self._sensors = tuple(entry for entry in self._all if entry[0].kind != "gauge")
         self._base_body = base_body
         self._deadline_s = safety.sensor_deadline_s
         self._deadlines_s = deadlines_s or {}
         self._on_reading = on_reading
         self._on_packet = on_packet
-        self._leading = leading_channels(self._sensors)
+        self._leading = leading_channels(tuple(sensor for sensor, _, _ in self._sensors))
         self._latest: dict[str, ChannelReading] = {}
         self._device_ns: dict[str, int] = {}
         self._references: dict[str, Floats] = {}
@@ -117,13 +118,13 @@ class Readings:
         """
         return tuple(
             Input(
-                f"{sensor.kind}_{sensor.section}",
+                label,
                 sensor.needed,
-                self.age_s(channel(sensor), now_ns),
-                self.deadline_s(channel(sensor)),
-                troubles.get(channel(sensor), troubles.get(sensor.device, "")),
+                self.age_s(name, now_ns),
+                self.deadline_s(name),
+                troubles.get(name, troubles.get(sensor.device, "")),
             )
-            for sensor in self._all
+            for sensor, name, label in self._all
         )
 
     def rest(self, orientations: Mapping[str, Floats]) -> tuple[str, ...]:
@@ -136,52 +137,53 @@ class Readings:
             Names of the units that were aligned.
         """
         aligned = []
-        for sensor in self._sensors:
-            sample = self._latest.get(channel(sensor))
+        for sensor, name, _ in self._sensors:
+            sample = self._latest.get(name)
             if _is_inertial(sensor, sample) and sample is not None:
                 measured = from_quaternions(np.array(sample.value))
-                self._references[channel(sensor)] = orientations[sensor.section] @ measured.T
-                aligned.append(channel(sensor))
+                self._references[name] = orientations[sensor.section] @ measured.T
+                aligned.append(name)
         return tuple(aligned)
 
     def snapshot(self, now_ns: int) -> Snapshot:
         """Return the fresh readings in the base frame."""
         base = self._latest.get(self._base_body)  # it does not move: an old reading is as good as a new one
-        parts, used, lost, times, arrivals = [], [], [], [], [0]
-        for sensor in self._sensors:
-            sample = self.fresh(channel(sensor), now_ns)
+        values: list[float] = []
+        used, lost, times, arrivals = [], [], [], [0]
+        for sensor, name, label in self._sensors:
+            sample = self.fresh(name, now_ns)
             reading = None if sample is None else self._reading(sensor, sample, base)
-            name = f"{sensor.kind}_{sensor.section}"
             if reading is None or sample is None:
-                parts.append(np.full(READING_SIZE[sensor.kind], np.nan))
-                lost.append(name)
+                values += (math.nan,) * READING_SIZE[sensor.kind]
+                lost.append(label)
                 continue
-            parts.append(reading)
-            used.append(name)
+            values += reading
+            used.append(label)
             times.append(sample.measured_ns)
             arrivals.append(sample.host_monotonic_ns)
         time_s = (sum(times) / len(times) if times else now_ns) * 1e-9
-        return Snapshot(time_s, max(arrivals), np.concatenate(parts), tuple(used), tuple(lost))
+        return Snapshot(time_s, max(arrivals), np.array(values), tuple(used), tuple(lost))
 
     def _reading(
         self, sensor: SensorSettings, sample: ChannelReading, base: ChannelReading | None
-    ) -> Floats | None:
-        values = np.array(sample.value)
+    ) -> Sequence[float] | None:
+        values = sample.value
         if sensor.kind == "bend":
             return values
         if len(values) == READING_SIZE["orientation"]:
-            return self._inertial(sensor, values)
+            return self._inertial(sample)
         if self._base_body:
             if base is None:
                 return None
-            values = relative_pose(np.array(base.value), values)
+            values = relative_pose(base.value, values)
         return values if sensor.kind == "pose" else values[3:]
 
-    def _inertial(self, sensor: SensorSettings, quaternion: Floats) -> Floats | None:
-        reference = self._references.get(channel(sensor))
+    def _inertial(self, sample: ChannelReading) -> Sequence[float] | None:
+        reference = self._references.get(sample.device)
         if reference is None:
             return None
-        return to_quaternions(reference @ from_quaternions(quaternion))
+        aligned: list[float] = to_quaternions(reference @ from_quaternions(np.array(sample.value))).tolist()
+        return aligned
 
 
 def leading_channels(sensors: tuple[SensorSettings, ...]) -> tuple[str, ...]:
@@ -197,19 +199,37 @@ def channel(sensor: SensorSettings) -> str:
     return f"{sensor.device}/{sensor.channel}" if sensor.channel else sensor.device
 
 
-def relative_pose(base: Floats, pose: Floats) -> Floats:
-    """Return a pose seen from the base: R = R_b^T R_s, p = R_b^T (p_s - p_b).
+def relative_pose(base: Sequence[float], pose: Sequence[float]) -> tuple[float, ...]:
+    """Return a pose seen from the base: q = q_b* q_s, p = R_b^T (p_s - p_b).
 
     Args:
-        base: Position [m] and quaternion of the base, shape (7,).
-        pose: The same of the section, shape (7,).
+        base: Position [m] and quaternion of the base, 7 numbers; the quaternion may have any length but 0.
+        pose: The same of the section.
 
     Returns:
-        Position [m] and quaternion in the base frame, shape (7,).
+        Position [m] and unit quaternion with w >= 0 in the base frame; NaN where a quaternion is 0.
     """
-    rotation = from_quaternions(base[3:]).T
-    quaternion = to_quaternions(rotation @ from_quaternions(pose[3:]))
-    return np.concatenate([rotation @ (pose[:3] - base[:3]), quaternion])
+    x_b, y_b, z_b, a, b, c, d = base
+    x, y, z = pose[0] - x_b, pose[1] - y_b, pose[2] - z_b
+    e, f, g, h = pose[3:]
+    quaternion = (
+        a * e + b * f + c * g + d * h,
+        a * f - b * e - c * h + d * g,
+        a * g + b * h - c * e - d * f,
+        a * h - b * g + c * f - d * e,
+    )
+    length, square = math.hypot(*quaternion), a * a + b * b + c * c + d * d
+    if length == 0.0:
+        return (math.nan,) * 7
+    # R_b^T v = v - 2 (a u x v - u x (u x v)) / |q_b|^2 with u = (b, c, d).
+    u, v, w = c * z - d * y, d * x - b * z, b * y - c * x
+    position = (
+        x - 2.0 * (a * u - (c * w - d * v)) / square,
+        y - 2.0 * (a * v - (d * u - b * w)) / square,
+        z - 2.0 * (a * w - (b * v - c * u)) / square,
+    )
+    length = math.copysign(length, quaternion[0])
+    return (*position, *(part / length for part in quaternion))
 
 
 def _is_inertial(sensor: SensorSettings, sample: ChannelReading | None) -> bool:

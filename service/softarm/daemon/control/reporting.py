@@ -46,9 +46,10 @@ class Reporter:
         self._outlet.publish("estimate", estimate)  # before all that can wait
         if result.nodes is not None:
             self._outlet.publish_shape(result.nodes.astype("<f4").tobytes())
-        sections, time_s = self._publisher.sections, result.request.time_s
-        self._streams.estimated(estimate_columns(estimate, sections), time_s)
-        self._streams.drawn(sections, estimate.loads, result.nodes, time_s)
+        if self._streams.recording:
+            sections, time_s = self._publisher.sections, result.request.time_s
+            self._streams.estimated(estimate_columns(estimate, sections), time_s)
+            self._streams.drawn(sections, estimate.loads, result.nodes, time_s)
 
     def transition(self, transition: Transition) -> None:
         """Report a change of mode and its client."""

@@ -78,7 +78,7 @@ class RecordedStreams:
     def take(self, reading: ChannelReading) -> None:
         """Record a reading of a channel."""
         place = self._topics.get(reading.device)
-        if place is None or not self._recording():
+        if place is None or not self.recording:
             return
         topic, fields = place
         if len(fields) != len(reading.value):
@@ -105,7 +105,7 @@ class RecordedStreams:
     def shape_wanted(self) -> bool:
         """Whether the recording that is open takes a shape of the arm by now."""
         due = self._clock_ns() - self._shaped_ns >= SHAPE_EVERY_NS
-        return due and bool(self.triangles) and self._recording()
+        return due and bool(self.triangles) and self.recording
 
     def drawn(
         self,
@@ -123,7 +123,7 @@ class RecordedStreams:
             time_s: Monotonic time of the readings [s].
         """
         time_ns = round(time_s * 1e9)
-        if not self._recording():
+        if not self.recording:
             return
         if time_ns - self._drawn_ns >= DRAWN_EVERY_NS:
             self._drawn_ns = time_ns
@@ -139,18 +139,19 @@ class RecordedStreams:
 
     def document(self, topic: str, content: Mapping[str, object]) -> None:
         """Record a change of mode, a command, a finding."""
-        if self._recording():
+        if self.recording:
             self._recorder.put(Document(topic, content, self._stamp(self._clock_ns())))
 
-    def _recording(self) -> bool:
-        """Return whether a recording is open; the time of each counts from its beginning."""
+    @property
+    def recording(self) -> bool:
+        """Whether a recording is open; the time of each counts from its beginning."""
         start = self._recorder.start_clocks
         if start is not None:
             self._start_ns = start.monotonic_ns
         return start is not None
 
     def _put(self, topic: Topic, values: tuple[float, ...], now_ns: int) -> None:
-        if self._recording():
+        if self.recording:
             self._recorder.put(RecordedSample(topic, values, self._stamp(now_ns)))
 
     def _after_last(self, topic: str, time_ns: int) -> int:
