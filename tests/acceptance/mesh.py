@@ -99,7 +99,7 @@ def bends(specimen: Specimen, resolution: Resolution) -> list[float]:
 def bend_table(specimen: Specimen) -> Table:
     """Compare how far an arm bends with its default mesh and with every edge of it halved."""
     default = DEFAULTS[specimen.geometry.kind]
-    coarse, fine = bends(specimen, default), bends(specimen, default.refined(2))
+    coarse, fine = bends(specimen, default), bends(specimen, replace(default, refinement=2))
     rows: list[dict[str, Cell]] = [
         {"share of limit": share, "default_deg": one, "halved_deg": two, "percent": 100.0 * (one / two - 1.0)}
         for share, one, two in zip(SHARES, coarse, fine, strict=True)
@@ -126,7 +126,7 @@ def trials(specimen: Specimen) -> Iterator[tuple[str, MeshTrial]]:
         "20-node hexahedra, twice the layers",
         MeshTrial("hex20", Resolution(default.around, default.through, 2 * default.layers, 2)),
     )
-    yield "20-node hexahedra, each in 8", MeshTrial("hex20", default.refined(2))
+    yield "20-node hexahedra, each in 8", MeshTrial("hex20", replace(default, refinement=2))
     yield f"linear tetrahedra, nu = {INCOMPRESSIBLE}", MeshTrial("tet4", slender, INCOMPRESSIBLE)
     yield (
         f"20-node hexahedra, default, nu = {INCOMPRESSIBLE}",
@@ -148,10 +148,12 @@ def measure(
         The table's rows, the default's errors by response, and the reference.
     """
     default = DEFAULTS[specimen.geometry.kind]
-    finest = default.refined(2 if quick else 4)
+    finest = replace(default, refinement=2 if quick else 4)
     references: dict[float | None, Response] = {None: respond(specimen, MeshTrial("hex20", finest))}
     done(1)
-    references[INCOMPRESSIBLE] = respond(specimen, MeshTrial("hex20", default.refined(2), INCOMPRESSIBLE))
+    references[INCOMPRESSIBLE] = respond(
+        specimen, MeshTrial("hex20", replace(default, refinement=2), INCOMPRESSIBLE)
+    )
     done(1)
     rows: list[dict[str, Cell]] = []
     errors: dict[str, float] = {}

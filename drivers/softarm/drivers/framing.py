@@ -51,11 +51,6 @@ class Codec(Protocol[FrameT]):
         """Bytes since the start."""
         ...
 
-    @property
-    def pending(self) -> int:
-        """Bytes held of a frame that is not complete."""
-        ...
-
     def feed(self, data: bytes) -> Decoded[FrameT]:
         """Decode the next bytes of the stream."""
         ...
@@ -101,11 +96,6 @@ class FrameParser(Generic[FrameT]):
     _buffer: bytearray = field(default_factory=bytearray)
     _in_step: bool = False
     _joined: bool = False
-
-    @property
-    def pending(self) -> int:
-        """Bytes held of a frame that is not complete."""
-        return len(self._buffer)
 
     def reset(self) -> None:
         """Forget a partial frame and start as on a stream joined in mid-frame."""
@@ -192,11 +182,6 @@ class LineParser:
     def __post_init__(self) -> None:
         self._dropping = self.discard_first
 
-    @property
-    def pending(self) -> int:
-        """Bytes held of a line that is not complete."""
-        return len(self._buffer)
-
     def reset(self) -> None:
         """Forget a partial line."""
         self._buffer.clear()
@@ -253,11 +238,6 @@ class LineCodec(Generic[FrameT]):
     def counts(self) -> ByteCounts:
         """Bytes since the start."""
         return self.lines.counts
-
-    @property
-    def pending(self) -> int:
-        """Bytes held of a line that is not complete."""
-        return self.lines.pending
 
     def reset(self) -> None:
         """Forget a partial line, and the next one where the stream is joined in mid-line."""

@@ -21,7 +21,6 @@ class Background(Generic[Request, Answer]):
         self._answer: Answer | None = None
         self._failure: Exception | None = None
         self._busy = self._closing = False
-        self._finished = 0
         self._thread = Thread(target=self._run, name=name, daemon=True)
 
     def __enter__(self) -> Self:
@@ -41,12 +40,6 @@ class Background(Generic[Request, Answer]):
         """The newest answer, ``None`` before the first."""
         with self._changed:
             return self._answer
-
-    @property
-    def finished(self) -> int:
-        """Number of requests answered."""
-        with self._changed:
-            return self._finished
 
     @property
     def idle(self) -> bool:
@@ -80,7 +73,6 @@ class Background(Generic[Request, Answer]):
             with self._changed:
                 self._answer, self._failure = answer, failure
                 self._busy = False
-                self._finished += 1
                 self._changed.notify_all()
 
     def _next(self) -> Request | None:

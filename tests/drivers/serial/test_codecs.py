@@ -117,13 +117,18 @@ def pieces(data: bytes, cuts: Sequence[int]) -> list[bytes]:
     return [data[a:b] for a, b in pairwise(places)]
 
 
+def held(codec: Any) -> int:
+    """Count the bytes that a codec holds of a frame that is not complete."""
+    return len(getattr(codec, "lines", getattr(codec, "frames", codec))._buffer)
+
+
 def feed_all(codec: Codec[Any], portions: Sequence[bytes], bound: int = 10**9) -> Decoded[Any]:
     whole: Decoded[Any] = Decoded([], [])
     for portion in portions:
         decoded = codec.feed(portion)
         whole.frames.extend(decoded.frames)
         whole.faults.extend(decoded.faults)
-        assert codec.pending <= bound
+        assert held(codec) <= bound
     return whole
 
 
@@ -217,6 +222,6 @@ def test_garbage_is_counted_since_the_last_good_frame(case: Case) -> None:
     codec.feed(b"\xf1" * 5000)
     assert codec.counts.since_frame == 5000
     assert codec.counts.received == 5000
-    assert codec.pending <= case.bound
+    assert held(codec) <= case.bound
     codec.reset()
-    assert codec.pending == 0
+    assert held(codec) == 0

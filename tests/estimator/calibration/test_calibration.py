@@ -299,7 +299,9 @@ def test_a_specimen_that_was_never_calibrated_cannot_be_stale(sopra: Specimen) -
 
 
 def test_known_pulls_and_gravity_turn_as_told() -> None:
-    setting = Setting({}, ActuationMap.identity(1), {}, gravity_tilt=np.array([0.0, 0.1]), cord_azimuth=0.3)
+    setting = Setting(
+        {}, ActuationMap(np.ones(1), np.zeros(1)), {}, gravity_tilt=np.array([0.0, 0.1]), cord_azimuth=0.3
+    )
     down = np.array([0.0, 0.0, 9.81])
     axes = gravity_axes(down)
     np.testing.assert_allclose(axes @ np.column_stack([axes.T, down]), np.eye(2, 3), atol=1e-12)
@@ -309,7 +311,10 @@ def test_known_pulls_and_gravity_turn_as_told() -> None:
     turned = setting.pulls(pulls)
     np.testing.assert_allclose(turned[0, :3], [np.cos(0.3), np.sin(0.3), 0.5])
     small = 1e-6
-    ends = [Setting({}, ActuationMap.identity(1), {}, cord_azimuth=a).pulls(pulls) for a in (-small, small)]
+    ends = [
+        Setting({}, ActuationMap(np.ones(1), np.zeros(1)), {}, cord_azimuth=a).pulls(pulls)
+        for a in (-small, small)
+    ]
     by_load = np.random.default_rng(0).normal(size=(1, 4, 6))
     slope = (by_load @ ((ends[1] - ends[0]) / (2 * small))[..., None])[..., 0]
     np.testing.assert_allclose(by_azimuth(by_load, pulls), slope, atol=1e-8)

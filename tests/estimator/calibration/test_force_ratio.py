@@ -36,7 +36,7 @@ def ratios(
     weights = np.ones(count) if weights is None else weights
     nodes = Nodes(run, time, pressures, readings, pulls, weights, np.zeros(count, dtype=np.int64))
     at = NodePredictions(innovation, np.zeros((count, 6, 0)), np.zeros((count, 6, 6)), response)
-    setting = Setting({}, ActuationMap.identity(2, sigma=200.0))
+    setting = Setting({}, ActuationMap(np.ones(2), np.zeros(2)))
     return force_ratios(setting, [at], [nodes], SCATTER)
 
 

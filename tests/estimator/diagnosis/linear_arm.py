@@ -125,7 +125,7 @@ def session(
     ]
     sensors = suite()
     drive = Drive.of(time, pressures, gravity, 2, 2)
-    stretched = (setting or Setting({}, ActuationMap.identity(6))).model(StraightModel(scales))
+    stretched = (setting or Setting({}, ActuationMap(np.ones(6), np.zeros(6)))).model(StraightModel(scales))
     arm = SimulatedArm(stretched, SEGMENTS)
     found = simulate_with(placed, arm, world(("bend_intermediate", "bend_tip")), drive, sensors)
     readings = np.concatenate([found.readings[m.name] for m in sensors.measurements], axis=-1)

@@ -32,7 +32,7 @@ def estimates(arm: ToyArm, holding: Floats) -> list[tuple[Floats, ArmEstimate[An
     """Return readings and estimates of an arm that stands at each instant as these forces hold it."""
     rng = np.random.default_rng(1)
     settings = TrackerSettings(
-        LoadProcess(np.ones(len(arm.loads)), 0.0), ActuationMap.identity(6), np.full(6, 65e3)
+        LoadProcess(np.ones(len(arm.loads)), 0.0), ActuationMap(np.ones(6), np.zeros(6)), np.full(6, 65e3)
     )
     follower, found, state = Estimator(arm, SUITE, settings), [], arm.rest()
     for time, loads in zip(TIME, holding, strict=False):

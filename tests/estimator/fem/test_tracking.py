@@ -56,7 +56,6 @@ def test_background_factors_are_taken_over(arm_of: ArmOf) -> None:
             background.wait()
             counts.append(count)
             assert np.abs(arm.equilibrium(_inputs(time)).value.displacement - state.displacement).max() < 1e-8
-        assert background.finished >= 6
         assert state.tangent is not None
         assert max(counts) <= 6
 

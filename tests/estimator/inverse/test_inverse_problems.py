@@ -76,7 +76,6 @@ def test_four_forces_from_two_orientations_and_exact_pressures(arm) -> None:
     assert estimate.observability.rank == 4
     assert "6 independent readings, 4 unknowns" in estimate.observability.statement
     assert estimate.observability.statement.endswith("all are determined.")
-    assert (estimate.observability.prior_share[6:] < 1e-3).all()
 
 
 def test_search_from_far_out_of_balance_needs_no_equilibrium_to_start(arm) -> None:
@@ -170,7 +169,7 @@ def test_covariance_of_force_and_pose_is_that_of_repeated_noisy_trials(arm) -> N
 
 def settings(time_constant: float = 1.0) -> TrackerSettings:
     return TrackerSettings(
-        LoadProcess(np.full(4, 0.5), time_constant), ActuationMap.identity(6, 200.0), LIMITS
+        LoadProcess(np.full(4, 0.5), time_constant), ActuationMap(np.ones(6), np.zeros(6)), LIMITS
     )
 
 

@@ -9,7 +9,7 @@ SUITE = SensorSuite((Orientation("upper", 0, 2e-3), Orientation("lower", 1, 2e-3
 
 
 def test_pressures_that_are_lost_at_their_bound_leave_a_finite_estimate(arm):
-    actuation = ActuationMap.identity(6)
+    actuation = ActuationMap(np.ones(6), np.zeros(6))
     settings = TrackerSettings(LoadProcess(np.full(4, 1.0), 1.0), actuation, np.full(6, 65e3))
     follower = Estimator(arm, SUITE, settings)
     inputs = Inputs(np.zeros(6), np.zeros(4), GRAVITY)
@@ -28,7 +28,10 @@ def test_the_condition_of_the_arm_widens_the_noise_and_scales_the_forces(arm):
 
     def estimate(error, pressure):
         settings = TrackerSettings(
-            LoadProcess(np.full(4, 1.0), 0.0), ActuationMap.identity(6), np.full(6, 65e3), model_error=error
+            LoadProcess(np.full(4, 1.0), 0.0),
+            ActuationMap(np.ones(6), np.zeros(6)),
+            np.full(6, 65e3),
+            model_error=error,
         )
         inputs = Inputs(np.full(6, pressure), np.zeros(4), GRAVITY)
         readings = SUITE.predict(arm.frames(arm.solve(inputs, arm.rest())[0]))
@@ -52,7 +55,7 @@ def test_the_condition_of_the_arm_widens_the_noise_and_scales_the_forces(arm):
 def test_a_force_where_nobody_pulled_is_known_to_a_share_of_itself(arm):
     def deviation(force):
         settings = TrackerSettings(
-            LoadProcess(np.full(4, 10.0), 0.0), ActuationMap.identity(6), np.full(6, 65e3),
+            LoadProcess(np.full(4, 10.0), 0.0), ActuationMap(np.ones(6), np.zeros(6)), np.full(6, 65e3),
             model_error=ModelError.of({}, {"vented pulls on tip": 1.0}),
         )  # fmt: skip
         inputs = Inputs(np.zeros(6), force * np.array([1.0, 0.0, 0.0, 0.0]), GRAVITY)

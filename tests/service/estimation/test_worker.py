@@ -44,13 +44,22 @@ class Results:
             await self.arrived.wait()
 
 
+async def until(worker, accept):
+    while not accept(worker.state):  # noqa: ASYNC110
+        await asyncio.sleep(0.005)
+
+
+def pid_of(worker):
+    return worker._child.process.pid
+
+
 async def test_answers_and_ends():
     results = Results()
     async with Worker(double, results.take) as worker:
-        await worker.until(lambda state: state.running)
+        await until(worker, lambda state: state.running)
         worker.submit(lambda: 21)
         await results.wait(1)
-        pid = worker.pid
+        pid = pid_of(worker)
     assert results.values == [42]
     assert not worker.state.running
     with pytest.raises(ProcessLookupError):
@@ -62,7 +71,7 @@ async def test_mailbox_keeps_the_newest_only(tmp_path):
     os.mkfifo(gate)
     results = Results()
     async with Worker(partial(gated, str(gate)), results.take) as worker:
-        await worker.until(lambda state: state.running)
+        await until(worker, lambda state: state.running)
         made = []
         for value in range(5):
             worker.submit(lambda value=value: made.append(value) or value)
@@ -77,7 +86,7 @@ async def test_mailbox_keeps_the_newest_only(tmp_path):
 async def test_a_request_that_comes_to_nothing_leaves_the_process_free():
     results = Results()
     async with Worker(double, results.take) as worker:
-        await worker.until(lambda state: state.running)
+        await until(worker, lambda state: state.running)
         worker.submit(lambda: None)
         worker.submit(lambda: 3)
         await results.wait(1)
@@ -87,13 +96,13 @@ async def test_a_request_that_comes_to_nothing_leaves_the_process_free():
 async def test_killed_process_is_started_again():
     results, reports = Results(), []
     async with Worker(double, results.take, reports.append) as worker:
-        await worker.until(lambda state: state.running)
-        first = worker.pid
+        await until(worker, lambda state: state.running)
+        first = pid_of(worker)
         os.kill(first, signal.SIGKILL)
-        await worker.until(lambda state: state.running and state.restarts == 1)
+        await until(worker, lambda state: state.running and state.restarts == 1)
         worker.submit(lambda: 1)
         await results.wait(1)
-        assert worker.pid != first
+        assert pid_of(worker) != first
     assert results.values == [2]
     assert reports == ["doubles"] * 2
 
@@ -101,8 +110,8 @@ async def test_killed_process_is_started_again():
 async def test_gives_up_on_a_process_that_keeps_dying_and_logs_each_death(caplog):
     policy = RestartPolicy(deaths=3, pause_s=0.01)
     async with Worker(dying, lambda _: None, policy=policy) as worker:
-        await worker.until(lambda state: state.gave_up)
-        assert worker.state.restarts == worker.state.deaths == 3
+        await until(worker, lambda state: state.gave_up)
+        assert worker.state.restarts == len(worker._deaths) == 3
         assert not worker.state.running
     assert caplog.text.count("it starts again in") == 2
     assert "it is not started again" in caplog.text
@@ -113,11 +122,11 @@ async def test_deaths_long_ago_no_longer_count():
     policy = RestartPolicy(deaths=2, pause_s=0.01, window_s=60.0)
     async with Worker(double, Results().take, clock=lambda: now[0], policy=policy) as worker:
         for restarts in range(1, 4):
-            await worker.until(lambda state: state.running)
+            await until(worker, lambda state: state.running)
             now[0] += 100.0
-            os.kill(worker.pid, signal.SIGKILL)
-            await worker.until(lambda state, restarts=restarts: state.running and state.restarts == restarts)
-        assert worker.state.deaths == 1
+            os.kill(pid_of(worker), signal.SIGKILL)
+            await until(worker, lambda state, restarts=restarts: state.running and state.restarts == restarts)
+        assert len(worker._deaths) == 1
         assert not worker.state.gave_up
 
 
@@ -130,7 +139,7 @@ async def test_process_that_is_stuck_while_it_is_built_is_killed():
         assert worker.state.restarts == 0
         now[0] += 11.0
         worker.watch()
-        await worker.until(lambda state: state.gave_up)
+        await until(worker, lambda state: state.gave_up)
 
 
 async def test_process_that_is_stuck_is_started_anew(tmp_path):
@@ -138,9 +147,9 @@ async def test_process_that_is_stuck_is_started_anew(tmp_path):
     os.mkfifo(gate)
     now = [0.0]
     async with Worker(partial(gated, str(gate)), Results().take, clock=lambda: now[0]) as worker:
-        await worker.until(lambda state: state.running)
+        await until(worker, lambda state: state.running)
         worker.submit(lambda: "never answered")
         worker.submit(lambda: "waits")
         now[0] += STUCK_S + 1.0
         worker.watch()
-        await worker.until(lambda state: state.restarts == 1 and state.running)
+        await until(worker, lambda state: state.restarts == 1 and state.running)

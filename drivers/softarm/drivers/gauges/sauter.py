@@ -25,11 +25,6 @@ class SauterCodec:
     _buffer: bytearray = field(default_factory=bytearray)
     _excess: bool = False
 
-    @property
-    def pending(self) -> int:
-        """Bytes held of a reply that is not complete."""
-        return len(self._buffer)
-
     def reset(self) -> None:
         """Forget the bytes so far: a new request goes out."""
         self._buffer.clear()

@@ -75,11 +75,6 @@ class WitCodec:
         """Bytes since the start."""
         return self.frames.counts
 
-    @property
-    def pending(self) -> int:
-        """Bytes held of a frame that is not complete."""
-        return self.frames.pending
-
     def reset(self) -> None:
         """Forget a partial frame and a partial sample."""
         self.frames.reset()

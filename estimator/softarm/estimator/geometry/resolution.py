@@ -1,6 +1,6 @@
 """How finely a parametric body is meshed."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
@@ -22,10 +22,6 @@ class Resolution:
     section_layers: int = 1
     end_layer: float = 1.0
     refinement: int = 1
-
-    def refined(self, factor: int) -> "Resolution":
-        """Divide every element ``factor`` times in each direction; the meshes are nested."""
-        return replace(self, refinement=self.refinement * factor)
 
     @property
     def arc_divisions(self) -> int:

@@ -102,7 +102,7 @@ class ArmEstimate(Minimum[State]):
             end = start + len(row.innovation)
             information[start:end, start:end] = row.information
             start = end
-        return analyse(self.unknowns, ~self.limits.held, jacobian, information, self.covariance)
+        return analyse(self.unknowns, ~self.limits.held, jacobian, information)
 
     @property
     def unobservable_directions(self) -> tuple[str, ...]:

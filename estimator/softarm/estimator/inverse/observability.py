@@ -26,8 +26,6 @@ class Observability:
         singular_values: Of the whitened Jacobian by the scaled free inputs: scale of the input over the
             standard deviation with which the data alone determine it, in each direction, descending.
         directions: The directions, columns in the space of scaled inputs, shape (inputs, free inputs).
-        prior_share: Share of each input's estimate that comes from assumptions instead of data, 0 to 1;
-            0 for held inputs, shape (inputs,).
     """
 
     unknowns: Unknowns
@@ -36,7 +34,6 @@ class Observability:
     data_rows: int
     singular_values: Floats
     directions: Floats
-    prior_share: Floats
 
     @property
     def unobservable_directions(self) -> tuple[str, ...]:
@@ -67,9 +64,7 @@ class Observability:
         return f"{head}all are determined."
 
 
-def analyse(
-    unknowns: Unknowns, free: Flags, jacobian: Floats, information: Floats, covariance: Floats
-) -> Observability:
+def analyse(unknowns: Unknowns, free: Flags, jacobian: Floats, information: Floats) -> Observability:
     """Analyse the data at an estimate.
 
     Args:
@@ -77,7 +72,6 @@ def analyse(
         free: Which inputs are not held, shape (inputs,).
         jacobian: Derivative of the data by the inputs, shape (rows, inputs).
         information: Inverse covariance of the data's noise, shape (rows, rows).
-        covariance: Covariance of the estimate, shape (inputs, inputs).
     """
     members = np.flatnonzero(free)
     whitened = np.linalg.cholesky(information).T @ jacobian
@@ -91,9 +85,7 @@ def analyse(
         directions[members] = basis.T
         rank = int((singular > UNSEEN * max(singular[0], 1.0)).sum())
         rows = len(scaled)
-    data = whitened.T @ whitened
-    share = np.where(free, 1.0 - np.einsum("ij,ji->i", covariance, data), 0.0)
-    return Observability(unknowns, free, rank, rows, values, directions, np.clip(share, 0.0, 1.0))
+    return Observability(unknowns, free, rank, rows, values, directions)
 
 
 def describe_direction(unknowns: Unknowns, direction: Floats) -> str:

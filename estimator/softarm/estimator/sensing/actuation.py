@@ -39,11 +39,6 @@ class ActuationMap:
     bow: Floats | float = 0.0
     crosstalk: Floats | float = 0.0
 
-    @classmethod
-    def identity(cls, chambers: int, sigma: float = 200.0) -> "ActuationMap":
-        """Take the measured pressures as they are."""
-        return cls(np.ones(chambers), np.zeros(chambers), sigma)
-
     def to_chamber(self, measured: Floats) -> Floats:
         """Return the chamber pressures [Pa] of measured ones [Pa], shape (..., chambers)."""
         pressure: Floats = self._own(measured) + self.bias + self._from_others(measured)

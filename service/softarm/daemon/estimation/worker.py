@@ -85,14 +85,12 @@ class WorkerState:
         running: Whether it lives and has reported that it is ready.
         restarts: How often it was started again.
         gave_up: Whether it died too often to be started again.
-        deaths: Its deaths that still count.
         was_ready: Whether it has been ready at least once.
     """
 
     running: bool
     restarts: int
     gave_up: bool
-    deaths: int = 0
     was_ready: bool = False
 
     @property
@@ -210,19 +208,13 @@ class Worker(Generic[Request, Result]):
         self._gave_up = self._was_ready = False
         self._closing = False
         self._pause: asyncio.TimerHandle | None = None
-        self._changed = asyncio.Event()
         self.replaced = 0
 
     @property
     def state(self) -> WorkerState:
         """What became of the process."""
         running = self._child is not None and self._child.ready
-        return WorkerState(running, self._restarts, self._gave_up, len(self._deaths), self._was_ready)
-
-    @property
-    def pid(self) -> int | None:
-        """Process number, while there is one."""
-        return None if self._child is None else self._child.process.pid
+        return WorkerState(running, self._restarts, self._gave_up, self._was_ready)
 
     async def __aenter__(self) -> "Worker[Request, Result]":
         self._start()
@@ -236,12 +228,6 @@ class Worker(Generic[Request, Result]):
         if child is not None:
             self._detach()
             await asyncio.to_thread(_end, child.process)
-
-    async def until(self, accept: Callable[[WorkerState], bool]) -> None:
-        """Wait until the process is in an accepted state."""
-        while not accept(self.state):
-            self._changed.clear()
-            await self._changed.wait()
 
     def submit(self, make: Callable[[], Request | None]) -> None:
         """Have a request made and sent as soon as the process is free; it replaces one that still waits.
@@ -313,7 +299,6 @@ class Worker(Generic[Request, Result]):
         else:
             child.ready = self._was_ready = True
             self._on_report(message)
-            self._changed.set()
         if self._waiting is not None and self._child is child and not self._busy:
             self._send(self._waiting, child)
 
@@ -336,7 +321,6 @@ class Worker(Generic[Request, Result]):
             self._deaths.popleft()
         self._restarts += 1
         self._start_again()
-        self._changed.set()
 
     def _start_again(self) -> None:
         deaths, policy = len(self._deaths), self._policy
