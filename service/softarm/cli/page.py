@@ -17,9 +17,7 @@ from softarm_client.messages import Surface
 from softarm_client.session import DEFAULT_ENDPOINT, NetworkSettings
 
 if TYPE_CHECKING:
-    from softarm.analysis.diagnosis.report import Report
     from softarm.estimator.specimen import Specimen
-    from softarm.page.diagnosis import ShownDiagnosis
 
 AGAIN_S = 1.0
 """Pause before a service that did not answer is asked again."""
@@ -140,38 +138,10 @@ def _show_diagnosis(folder: Path, host: str, port: int, origins: tuple[str, ...]
     with (
         awaiting_signals(),
         page_server(host, port, folder.resolve().name, origins) as server,
-        DiagnosisPage(shown_diagnosis(report), recordings, robot, surface, server),
+        DiagnosisPage(report, recordings, robot, surface, server),
     ):
         click.echo(f"page of {folder}: http://{host}:{port}")
         signal.sigwait(ENDING)
-
-
-def shown_diagnosis(report: "Report") -> "ShownDiagnosis":
-    """Write a report in the words of the page."""
-    from softarm.analysis.diagnosis.sentences import number, plain, quantity
-    from softarm.estimator.diagnosis.result import Quantity
-    from softarm.estimator.effects.effect import describe
-    from softarm.page.diagnosis import FindingNote, ShownDiagnosis
-
-    findings = [
-        FindingNote(
-            title=f"{plain(one.effect)}, {describe(one.where)}",
-            where=one.where,
-            statement=one.statement,
-            sizes={
-                plain(name): quantity(Quantity(**size.model_dump())) for name, size in one.parameters.items()
-            },
-            probability=one.probability,
-            rivals=[f"{plain(rival.effect)}, {describe(rival.where)}" for rival in one.confusable_with],
-        )
-        for one in report.findings
-    ]
-    error = report.heldout
-    verdict = (
-        f"{plain(report.verdict).capitalize()}. Error on unseen data: {number(error.normalised_rms_before)} "
-        f"times the noise before, {number(error.normalised_rms_after)} after."
-    )
-    return ShownDiagnosis(f"Diagnosis of {report.specimen}", verdict, findings, report.baseline.noise_floor)
 
 
 def _surface(specimen: "Specimen") -> Surface:

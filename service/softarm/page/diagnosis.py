@@ -1,12 +1,15 @@
 """The page of a diagnosis: what was found, where on the arm, and the mismatch without and with it."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 import viser
 from viser import uplot
 
+from softarm.analysis.diagnosis import sentences
+from softarm.analysis.diagnosis.report import ConfusablePart, FindingPart, Report
+from softarm.estimator.diagnosis.result import Quantity
+from softarm.estimator.effects.effect import describe
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.specimen.physics import Place
@@ -23,49 +26,11 @@ from softarm_client.messages import Surface
 WIDTH_PX = 330
 
 
-@dataclass(frozen=True)
-class FindingNote:
-    """What the page shows of a finding.
-
-    Args:
-        title: Effect and place in words.
-        where: Where it acts.
-        statement: One paragraph.
-        sizes: Its parameters in words, each with its standard deviation.
-        probability: That it acts there; ``None`` where it was not computed.
-        rivals: What the recordings cannot tell from it, in words.
-    """
-
-    title: str
-    where: Place
-    statement: str
-    sizes: Mapping[str, str]
-    probability: float | None
-    rivals: Sequence[str]
-
-
-@dataclass(frozen=True)
-class ShownDiagnosis:
-    """What the page shows of a diagnosis.
-
-    Args:
-        title: What was diagnosed.
-        verdict: The verdict in a sentence.
-        findings: What was found, the most important first.
-        noise: Standard deviation of the noise of each channel.
-    """
-
-    title: str
-    verdict: str
-    findings: Sequence[FindingNote]
-    noise: Mapping[str, float]
-
-
 class DiagnosisPage:
     """The page of one diagnosis; live within the block.
 
     Args:
-        diagnosis: What it found.
+        report: What it found.
         recordings: Those that were diagnosed, one at least, as ``softarm.estimator.diagnosis.motion`` keeps
             them.
         specimen: The arm.
@@ -75,21 +40,23 @@ class DiagnosisPage:
 
     def __init__(
         self,
-        diagnosis: ShownDiagnosis,
+        report: Report,
         recordings: Sequence[Recording],
         specimen: Specimen,
         surface: Surface,
         server: viser.ViserServer,
     ) -> None:
         self._specimen, self._rest = specimen, np.array(surface.rest_m)
-        self._findings = {f"{k}. {one.title}": one for k, one in enumerate(diagnosis.findings, start=1)}
+        self._findings = {f"{k}. {_title(one)}": one for k, one in enumerate(report.findings, start=1)}
+        noise = report.baseline.noise_floor
         self._shown = {
-            one.name: (Playback(one, specimen), MismatchOverTime(one, diagnosis.noise)) for one in recordings
+            one.name: (Playback(one, specimen), MismatchOverTime(one, noise)) for one in recordings
         }
         self._current = next(iter(self._shown.values()))
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._scene = ArmScene(server, surface, specimen)
-        server.gui.add_html(readings.reading("about", plain(diagnosis.verdict), plain(diagnosis.title)))
+        title = plain(f"Diagnosis of {report.specimen}")
+        server.gui.add_html(readings.reading("about", plain(_verdict(report)), title))
         self._player = self._add_time(server.gui)
         self._add_findings(server.gui)
         server.gui.main_panel.dock_left()
@@ -152,10 +119,26 @@ class DiagnosisPage:
             self._pressures.content = readings.pressures({"measured": instant.measured_pa}, limits)
 
 
-def _finding(finding: FindingNote) -> str:
-    rows = dict(finding.sizes)
+def _title(one: FindingPart | ConfusablePart) -> str:
+    return f"{sentences.plain(one.effect)}, {describe(one.where)}"
+
+
+def _verdict(report: Report) -> str:
+    before, after = report.heldout.normalised_rms_before, report.heldout.normalised_rms_after
+    return (
+        f"{sentences.plain(report.verdict).capitalize()}. Error on unseen data: {sentences.number(before)} "
+        f"times the noise before, {sentences.number(after)} after."
+    )
+
+
+def _finding(finding: FindingPart) -> str:
+    rows = {
+        sentences.plain(name): sentences.quantity(Quantity(**size.model_dump()))
+        for name, size in finding.parameters.items()
+    }
     if finding.probability is not None:
         rows["probability"] = f"{100.0 * finding.probability:.0f} %"
     table = "".join(f"<tr><td>{plain(n)}</td><td><b>{plain(v)}</b></td></tr>" for n, v in rows.items())
-    rivals = f"Not to be told from it here: {plain('; '.join(finding.rivals))}." if finding.rivals else ""
-    return f"{plain(finding.statement)}<table>{table}</table>{rivals}"
+    rivals = "; ".join(map(_title, finding.confusable_with))
+    untold = f"Not to be told from it here: {plain(rivals)}." if rivals else ""
+    return f"{plain(finding.statement)}<table>{table}</table>{untold}"

@@ -9,7 +9,6 @@ pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
 
 from softarm.analysis.diagnosis.motion import load_motions
 from softarm.analysis.diagnosis.report import read_report
-from softarm.cli.page import shown_diagnosis
 from softarm.estimator.specimen.physics import Place
 from softarm.page.diagnosis import DiagnosisPage
 from softarm.page.recording import RecordingPage
@@ -83,7 +82,7 @@ def test_findings_are_marked_on_the_arm_beside_what_they_explain(tmp_path):
     with (
         page_server("127.0.0.1", free_port(), "past") as server,
         DiagnosisPage(
-            shown_diagnosis(report),
+            report,
             load_motions(tmp_path, report.recordings),
             ARM,
             SURFACE,
