@@ -69,13 +69,7 @@ class SerialConfig(DriverConfig):
 
 
 class SerialLink:
-    """An open port; `on_bytes` is called with each portion and its arrival [ns] until it is lost or closed.
-
-    Args:
-        device: The device, as the configuration names it.
-        port: The open port.
-        clock: Host monotonic time.
-    """
+    """An open port; `on_bytes` is called with each portion and its arrival [ns] until lost or closed."""
 
     def __init__(self, device: str, port: serial.Serial, clock: Clock = monotonic) -> None:
         self.device = device

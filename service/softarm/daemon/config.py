@@ -38,15 +38,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Setup:
-    """A checked configuration with what it names loaded.
-
-    Args:
-        path: The file.
-        text: Its contents, for the recordings.
-        config: The configuration.
-        specimen: The specimen.
-        devices: The devices' configurations.
-    """
+    """A checked configuration with what it names loaded."""
 
     path: Path
     text: str

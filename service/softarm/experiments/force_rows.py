@@ -121,12 +121,7 @@ def follow_pull(
 
 
 def along_cord_row(done: PullTrack, published: Published | None = None) -> Cells:
-    """Summarise the error along the cord, across the arm's axis; beside the paper's where there is one.
-
-    Args:
-        done: Estimates and gauge.
-        published: The paper's figures.
-    """
+    """Summarise the error along the cord, across the arm's axis; beside the paper's where there is one."""
     errors = done.errors
     row: Cells = {
         "condition": done.condition,

@@ -150,13 +150,7 @@ class LiveRig:
 
 
 def with_hooks(recording: Recording, hooks: Sequence[HookPlace], section: str) -> Recording:
-    """Add the hook of the gauge to a recording, as a marker in the laboratory frame.
-
-    Args:
-        recording: What the service recorded.
-        hooks: Where it was.
-        section: Section that the cord was tied to.
-    """
+    """Add the hook of the gauge to a recording, as a marker in the laboratory frame."""
     if not hooks:
         return recording
     to_laboratory = base_to_laboratory(recording)

@@ -22,10 +22,5 @@ random poses; the table counts all of them, and separately those that pressures 
 
 
 def experiments_page(tables: Sequence[Table], seeds: int) -> str:
-    """Write the page.
-
-    Args:
-        tables: What was printed.
-        seeds: Number of fake arms.
-    """
+    """Write the page."""
     return HEAD.format(seeds=seeds) + as_markdown(*(table for table in tables if table.rows)) + "\n"

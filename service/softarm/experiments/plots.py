@@ -30,12 +30,7 @@ def plot_results(results: Sequence[SeedResult], folder: Path) -> tuple[Path, ...
 
 
 def plot_prediction(rows: Sequence[Mapping[str, Cell]], path: Path) -> Path:
-    """Draw how far the old calibration, the fit and its held-out check are off, one panel a unit.
-
-    Args:
-        rows: Rows of the table of prediction errors.
-        path: Where the picture goes.
-    """
+    """Draw how far the old calibration, the fit and its held-out check are off, one panel a unit."""
     units = list(dict.fromkeys(str(row["unit"]) for row in rows))
     figure = Figure(figsize=(4.8 * len(units), 3.2), layout="constrained")
     panels = figure.subplots(1, len(units), squeeze=False)[0]

@@ -37,10 +37,6 @@ class FakeRun:
 def perform(run: FakeRun, folder: Path) -> Path:
     """Let the fake arm do a run and record it; a run that is there already is taken as it is.
 
-    Args:
-        run: What to do.
-        folder: Folder of the recordings.
-
     Returns:
         The recording.
 

@@ -24,13 +24,7 @@ BUTTONS: tuple[tuple[str, str, Callable[[Operator], None]], ...] = (
 
 
 class Controls:
-    """Buttons, saved poses and the recording.
-
-    Args:
-        server: viser's server.
-        client: Client of the arm's service.
-        show_pose: Draws the sections of the chosen pose.
-    """
+    """Buttons, saved poses and the recording."""
 
     def __init__(
         self, server: viser.ViserServer, client: Arm, show_pose: Callable[[Sequence[SectionPose]], None]

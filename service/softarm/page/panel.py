@@ -98,13 +98,7 @@ class Panel:
 
 
 def force_curves(gui: viser.GuiApi, sections: Sequence[str], *marks: uplot.Series) -> viser.GuiUplotHandle:
-    """Add an empty plot of forces over time, one curve for each section in its colour.
-
-    Args:
-        gui: viser's widgets.
-        sections: Names of the sections.
-        marks: Further series.
-    """
+    """Add an empty plot of forces over time, one curve for each section in its colour."""
     series = (
         uplot.Series(label=section, stroke=readings.COLOURS[k % len(readings.COLOURS)])
         for k, section in enumerate(sections)

@@ -38,10 +38,6 @@ class Instant:
 class Playback:
     """Reads a recording at any of its times.
 
-    Args:
-        recording: It holds estimated poses.
-        specimen: The arm.
-
     Raises:
         InputError: It holds no estimated pose, or one of a section that the arm does not have.
     """

@@ -40,11 +40,6 @@ Answer = Callable[[ServerConnection, Request], Awaitable[Response | None] | Resp
 def page_origins(host: str, port: int, more: Sequence[str] = ()) -> tuple[str, ...]:
     """List the origins that the page's own addresses have in a browser.
 
-    Args:
-        host: Address that the page is served on.
-        port: Its TCP port.
-        more: Further origins, such as that of a reverse proxy.
-
     Raises:
         InputError: The address is every interface, and nothing says what browsers will call it.
     """
@@ -60,12 +55,6 @@ def open_server(host: str, port: int, label: str, origins: Sequence[str]) -> vis
 
     viser answers WebSockets of every origin and has no option for it, so any web site in a browser that can
     reach the page could press its buttons.
-
-    Args:
-        host: Address to serve on.
-        port: Its TCP port.
-        label: Title of the page and of its tab.
-        origins: Origins whose WebSockets are answered.
 
     Raises:
         InputError: The address is not one of this host, or this version of viser lets foreign origins in.

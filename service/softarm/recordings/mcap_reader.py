@@ -106,11 +106,7 @@ def read_contents(path: Path) -> Contents:
 
 
 class _Pass:
-    """One pass over a file: sorts its messages into columns and notes what was lost between them.
-
-    Args:
-        source: The file, for messages of errors.
-    """
+    """One pass over a file: sorts its messages into columns and notes what was lost between them."""
 
     def __init__(self, source: str) -> None:
         self.contents = Contents()

@@ -40,9 +40,6 @@ def walk(data: mmap.mmap | bytes) -> Iterator[McapRecord | Damage | CutOff]:
 
     The length of a record leads to the next one, so that damage inside a record costs that record. Where the
     length itself is damaged, the search goes on at the next chunk.
-
-    Args:
-        data: The whole file.
     """
     if data[: len(MAGIC)] != MAGIC:
         yield Damage()

@@ -226,11 +226,6 @@ def write_recording(
     """Write a recording in memory as MCAP.
 
     A stream gets a message wherever it has a reading; a row without any reading is kept by an empty message.
-
-    Args:
-        recording: What to write.
-        file: Open for writing bytes.
-        attachments: More files to keep in it, such as the specimen.
     """
     streams = streams_of(recording.columns)
     writer = StreamWriter(

@@ -41,12 +41,7 @@ class ActiveFault:
 
 
 class FaultBoard:
-    """The switches of one fake.
-
-    Args:
-        device: Name of the fake, for error messages.
-        catalogue: The faults it has.
-    """
+    """The switches of one fake."""
 
     def __init__(self, device: str, catalogue: Iterable[Fault]) -> None:
         self._device = device

@@ -71,13 +71,7 @@ class Endpoint:
 
 
 class Rig:
-    """The fakes of a scenario.
-
-    Args:
-        scenario: What there is.
-        clock: The fakes' clock.
-        runtime_dir: Folder of the links to the serial terminals.
-    """
+    """The fakes of a scenario."""
 
     def __init__(self, scenario: Scenario, clock: Clock, runtime_dir: Path) -> None:
         self.clock = clock

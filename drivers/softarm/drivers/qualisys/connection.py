@@ -59,10 +59,6 @@ class Connection(asyncio.Protocol):
 
     QTM answers in the order of the requests. A request that was given up stays in line until its answer has
     come, so that the answer reaches nobody else.
-
-    Args:
-        device: The device, as the configuration names it.
-        clock: Host monotonic time.
     """
 
     def __init__(self, device: str, clock: Clock = monotonic) -> None:

@@ -27,13 +27,7 @@ class TimedInputs:
 
 
 class Terminal:
-    """Reads and writes whole blocks.
-
-    Args:
-        link: Registers of the terminal, connected.
-        layout: Where the terminal keeps its valves.
-        clock: Host monotonic time.
-    """
+    """Reads and writes whole blocks."""
 
     def __init__(self, link: RegisterLink, layout: RegisterLayout, clock: Clock) -> None:
         self.link = link

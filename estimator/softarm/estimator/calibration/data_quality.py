@@ -12,12 +12,7 @@ LONGEST_GAP = 0.5  # s between two readings of a gauge within its range
 
 
 def data_quality_notes(recording: Recording, run: CalibrationRun) -> tuple[str, ...]:
-    """Name gauges that were slack, silent or beyond their range, and sensors that never answered.
-
-    Args:
-        recording: What was recorded.
-        run: The same, arranged.
-    """
+    """Name gauges that were slack, silent or beyond their range, and sensors that never answered."""
     notes = []
     tied = HOOK in recording.markers or not {"gauge_section", "gauge_direction"}.isdisjoint(recording.info)
     for gauge in recording.gauges:

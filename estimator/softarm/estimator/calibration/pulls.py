@@ -149,11 +149,6 @@ def saturation(recording: Recording, gauge: str, section: str) -> tuple[float, i
     Readings repeat in rests as well, where their steps are coarser than their noise. At the end of the range
     they repeat far longer than at any other level, or while arm and hook move farther than at any other.
 
-    Args:
-        recording: What was recorded.
-        gauge: Name of the gauge.
-        section: Section that its cord is tied to.
-
     Returns:
         Largest reading [N], and its repeats in a row; 0 where the range did not end.
     """

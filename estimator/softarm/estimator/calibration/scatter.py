@@ -26,10 +26,6 @@ def scatter_by_condition(evaluations: Sequence[NodePredictions], nodes: Sequence
     """Return the scatter of each sensor by quantity: without known forces, and by name while a gauge pulls.
 
     An arm that hangs vented, drawn by a gauge, stays near rest and scatters less than one under pressure.
-
-    Args:
-        evaluations: What was predicted, per run.
-        nodes: The nodes it was predicted for.
     """
     conditions = {
         "": [np.full(len(run_nodes.time), not run_nodes.run.pulled) for run_nodes in nodes],

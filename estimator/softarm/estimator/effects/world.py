@@ -111,10 +111,6 @@ def _masses(specimen: Specimen, segments: Segments, sections: tuple[str, ...]) -
 class Spot:
     """A place, resolved in a world.
 
-    Args:
-        world: The arm.
-        place: Where the effect acts.
-
     Raises:
         InputError: If the place names something that the arm does not have.
     """

@@ -66,11 +66,7 @@ class Manoeuvre:
 
 
 class ManoeuvrePath:
-    """Points of a manoeuvre, collected one after another, none faster than the limits allow.
-
-    Args:
-        limits: What the path keeps to.
-    """
+    """Points of a manoeuvre, collected one after another, none faster than the limits allow."""
 
     def __init__(self, limits: ManoeuvreLimits) -> None:
         self._limits = limits

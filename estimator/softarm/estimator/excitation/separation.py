@@ -94,13 +94,7 @@ class SeparatedArm:
 
 @dataclass(frozen=True)
 class SeparationTrial:
-    """A manoeuvre on the model, ready to try effects.
-
-    Args:
-        subject: The arm.
-        drive: What acts without effects.
-        arm: The model linearised along it.
-    """
+    """A manoeuvre on the model, ready to try effects."""
 
     subject: SeparatedArm
     drive: Drive

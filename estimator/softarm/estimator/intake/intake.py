@@ -126,10 +126,6 @@ STEPS: tuple[Step, ...] = (
 def take_in(recording: Recording, specimen: Specimen) -> Intake:
     """Check a recording against its specimen, mend what is unambiguous, and find what no fit may see.
 
-    Args:
-        recording: What was recorded.
-        specimen: The robot.
-
     Returns:
         The recording, mended, with every fault and event that was found. A refused recording is not
         searched on.

@@ -47,14 +47,7 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class Linearised(Generic[State]):
-    """Where a search last linearised the model: a later one under the same model can set out from there.
-
-    Args:
-        model: The model.
-        state: State about which it was linearised.
-        inputs: Inputs.
-        step: The linearisation.
-    """
+    """Where a search last linearised the model: a later one under the same model can set out from there."""
 
     model: ArmModel[State, Any]
     state: State

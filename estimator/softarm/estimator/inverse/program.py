@@ -76,9 +76,6 @@ def solve_program(program: QuadraticProgram) -> Floats:
     A convex program whose optimum without its bounds lies inside them has that optimum; only otherwise is
     the augmented Lagrangian method needed (Bambade et al., ProxQP, RSS 2022).
 
-    Args:
-        program: What to solve.
-
     Returns:
         z, shape (inputs,).
     """

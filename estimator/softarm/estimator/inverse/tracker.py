@@ -159,12 +159,7 @@ class Estimator(Generic[State, Step]):
         self._failures = 0
 
     def begin_at(self, state: State, inputs: Inputs) -> None:
-        """Begin the next search at an equilibrium that is known from elsewhere, such as from other sensors.
-
-        Args:
-            state: State of the model.
-            inputs: The inputs that it is in equilibrium with.
-        """
+        """Begin the next search at an equilibrium that is known from elsewhere, such as other sensors."""
         variance = np.concatenate([self._settings.pressure_limits**2, self._settings.process.sigma**2])
         time = -np.inf if self._memory is None else self._memory.time
         self._memory = _Memory(time, state, inputs, np.diag(variance))

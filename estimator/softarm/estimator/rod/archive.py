@@ -42,10 +42,6 @@ def shape_key(specimen: Specimen, recipe: Recipe | None = None) -> str:
     That is geometry with its mesh and resolution, materials, masses, chambers, fibres, clamp and the recipe;
     not sensors, section frames, gravity or what calibration found.
 
-    Args:
-        specimen: Description.
-        recipe: How the rod is fitted.
-
     Raises:
         InputError: The mesh file of the specimen cannot be read.
     """

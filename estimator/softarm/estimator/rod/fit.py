@@ -69,10 +69,6 @@ def sampled_model(specimen: Specimen, recipe: Recipe | None = None) -> FiniteEle
 
     In a longer element the strain of a link depends on more than the link's own wrench.
 
-    Args:
-        specimen: Description.
-        recipe: How the rod is fitted.
-
     Raises:
         InputError: The specimen cannot be meshed.
     """

@@ -70,13 +70,7 @@ def local_kernel(
 
 
 def local_states(chain: Chain, loads: Sequence[Load], samples: Samples) -> LocalStates:
-    """Split the samples link by link, differentiating by central differences along the twists.
-
-    Args:
-        chain: The links.
-        loads: Loads of the samples.
-        samples: States of the finite-element model.
-    """
+    """Split the samples link by link, differentiating by central differences along the twists."""
     strains, wrench = _evaluate(chain, loads, samples, samples.loads, samples.positions, samples.rotations)
     inputs = samples.twists.shape[-1]
     strain_slopes = np.empty((*strains.shape, inputs))

@@ -70,10 +70,6 @@ def with_segments(response: ArmResponse, model: BatchArmModel, segments: Segment
 class SimulatedArm:
     """A model whose loads are ``section_loads(model.sections)``, with the segments between its sections.
 
-    Args:
-        model: Model of the arm.
-        segments: Its segments.
-
     Raises:
         InputError: If the model's loads are others.
     """

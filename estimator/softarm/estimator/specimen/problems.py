@@ -51,13 +51,7 @@ class SpecimenError(InputError):
 
 
 def describe_errors(file: str, error: ValidationError, model: type[BaseModel]) -> InputError:
-    """Turn a validation error into one that names file, field, value, limit and cure.
-
-    Args:
-        file: What the user calls the file.
-        error: All errors that validation found.
-        model: The model that was validated.
-    """
+    """Turn a validation error into one that names file, field, value, limit and cure."""
     problems = tuple(problem for entry in error.errors() for problem in _problems(dict(entry), model))
     if len(problems) == 1:
         only = problems[0]

@@ -50,12 +50,7 @@ class StretchLaw:
 
     @classmethod
     def of(cls, specimen: Specimen, sections: tuple[str, ...]) -> "StretchLaw":
-        """Lay out the chambers of a specimen, with the gain of its calibration.
-
-        Args:
-            specimen: Description.
-            sections: Names of the model's sections.
-        """
+        """Lay out the chambers of a specimen, with the gain of its calibration."""
         mesh = build_mesh(specimen)
         entries = [specimen.section(name) for name in sections]
         count = len(specimen.chambers)

@@ -157,12 +157,7 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
 
 
 def stretched(model: ArmModel[State, Step], specimen: Specimen) -> ArmModel[State, Any]:
-    """Let a model's pressures follow the stretch, where the specimen's calibration says so.
-
-    Args:
-        model: Model of the specimen.
-        specimen: The robot.
-    """
+    """Let a model's pressures follow the stretch, where the specimen's calibration says so."""
     if not specimen.calibration.stretch_gain.value:
         return model
     return StretchedModel(model, StretchLaw.of(specimen, tuple(model.sections)))

@@ -41,11 +41,6 @@ def aligned(
     Nothing is done where the specimen was calibrated, where the recording is short, or where pressures
     predict the bends: forces that act all along the recording would be taken for pose.
 
-    Args:
-        specimen: Description.
-        recording: What was recorded.
-        advance: Called now and then.
-
     Returns:
         The specimen and what was done in one sentence, empty for nothing.
     """

@@ -102,11 +102,6 @@ def specimen_of(given: str | None, paths: Sequence[Path], recordings: Sequence[R
 def taken_in(recording: Recording, specimen: Specimen, notify: Callable[[str], None]) -> Intake:
     """Take a recording in: mend its units, labels and clocks, find its events, and report each.
 
-    Args:
-        recording: What was recorded.
-        specimen: The robot.
-        notify: Called with every sentence on what was found.
-
     Raises:
         InputError: It does not fit the specimen and cannot be mended unambiguously.
     """

@@ -105,10 +105,6 @@ def _recordings(folder: Path) -> tuple[Path, ...]:
 def read_answer(folder: Path, trial: str) -> Answer:
     """Read the answer of a trial.
 
-    Args:
-        folder: Folder of the answers.
-        trial: Name of the trial.
-
     Raises:
         InputError: It is missing or incomplete.
     """

@@ -62,13 +62,7 @@ def run_trials(
 
 
 def diagnose_trial(trial: Trial, out: Path, extra: Sequence[str] = ()) -> TrialOutcome:
-    """Run ``softarm diagnose`` on one trial, on one core.
-
-    Args:
-        trial: What to diagnose.
-        out: Folder of the report.
-        extra: Further options of the command.
-    """
+    """Run ``softarm diagnose`` on one trial, on one core."""
     words = ["diagnose", *map(str, trial.questioned), "--specimen", trial.specimen]
     words += ["--jobs", "1", "--out", str(out), "--force", *extra]
     if trial.nominal:

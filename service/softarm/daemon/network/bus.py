@@ -59,13 +59,7 @@ class Call:
 
 
 class Bus:
-    """A zenoh session that serves one arm.
-
-    Args:
-        settings: Where to listen.
-        arm: The arm's name.
-        loop: The event loop that takes the commands.
-    """
+    """A zenoh session that serves one arm."""
 
     def __init__(self, settings: NetworkSettings, arm: str, loop: asyncio.AbstractEventLoop) -> None:
         self.keys = ArmKeys(arm)

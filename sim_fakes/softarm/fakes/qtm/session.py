@@ -81,12 +81,7 @@ class Software(Protocol):
 
 
 class ClientSession:
-    """The dialogue with one client: one command in, reply bytes out.
-
-    Args:
-        software: What all clients share.
-        peer: Address of the client, as reported to others.
-    """
+    """The dialogue with one client: one command in, reply bytes out."""
 
     def __init__(self, software: Software, peer: str) -> None:
         self.version: Version = DEFAULT_VERSION

@@ -25,11 +25,7 @@ MALFORMED = {
 
 
 def bend_faults(sensors: int) -> tuple[Fault, ...]:
-    """List what can go wrong.
-
-    Args:
-        sensors: Number of sensors on the board.
-    """
+    """List what can go wrong."""
     sensor = {"sensor": (1, sensors)}
     return (
         *PORT_FAULTS,

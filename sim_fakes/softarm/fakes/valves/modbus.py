@@ -25,10 +25,6 @@ class Registers(Protocol):
 def execute(registers: Registers, pdu: bytes) -> bytes:
     """Serve one request.
 
-    Args:
-        registers: Where to read and write.
-        pdu: Function code and its data.
-
     Returns:
         The answering PDU; an exception response when the request cannot be served.
     """

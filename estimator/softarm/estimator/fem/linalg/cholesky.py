@@ -27,12 +27,7 @@ class SymmetricFactor(Protocol):
 
 @dataclass(frozen=True)
 class CholeskyPlan:
-    """A multifrontal Cholesky factorisation, its analysis shared by all factors of a pattern.
-
-    Args:
-        symbolic: Dense fronts.
-        blas: Routines that the kernels call.
-    """
+    """A multifrontal Cholesky factorisation, its analysis shared by all factors of a pattern."""
 
     symbolic: SymbolicFactorisation
     blas: Blas

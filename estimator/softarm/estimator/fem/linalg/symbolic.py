@@ -62,11 +62,6 @@ class SymbolicFactorisation:
 def analyse(pattern: Pattern, ordering: Ordering, size: int = 3) -> SymbolicFactorisation:
     """Find the fronts of a pattern whose free nodes stand in the ordering's order.
 
-    Args:
-        pattern: Block pattern.
-        ordering: Elimination tree.
-        size: Dofs per node.
-
     Returns:
         The fronts.
     """
