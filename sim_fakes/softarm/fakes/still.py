@@ -33,14 +33,13 @@ class StillArm:
         self._pressures = np.zeros(self.chambers)
         self.state = self._snapshot(0.0, np.zeros((len(self.segments), 2)), None)
 
-    def advance(self, time: float, inputs: PlantInputs) -> PlantState:
-        """Step to ``time`` [s] and return the snapshot there."""
+    def advance(self, time: float, inputs: PlantInputs) -> None:
+        """Step to ``time`` [s]."""
         step = time - self.state.time
         lag = self.effects["lag"]
         share = 1.0 - math.exp(-step / lag) if lag > 0 else 1.0
         self._pressures = self._pressures + share * (inputs.valve_pressures - self._pressures)
         self.state = self._snapshot(time, self._bends(), inputs)
-        return self.state
 
     def switch(self, effect: str, value: object) -> None:
         """Set ``gain`` [rad/Pa], ``lag`` [s] or ``cord_stiffness`` [N/m]."""

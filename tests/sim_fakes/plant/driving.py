@@ -20,7 +20,8 @@ def pressures(**chambers: float) -> PlantInputs:
 
 def hold(arm: FakeArm, inputs: PlantInputs, seconds: float) -> PlantState:
     """Hold the inputs for a while after the last step."""
-    return arm.advance(arm.state.time + seconds, inputs)
+    arm.advance(arm.state.time + seconds, inputs)
+    return arm.state
 
 
 def move(arm: FakeArm, inputs: PlantInputs, seconds: float) -> PlantState:

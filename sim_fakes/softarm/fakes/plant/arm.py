@@ -45,7 +45,8 @@ class FakeArm:
         self._hook, self._hook_velocity = np.zeros(3), np.zeros(3)
         self._install()
         self._settle()
-        self._state = self._snapshot(PlantInputs(np.zeros(self.chambers)))
+        self._inputs = PlantInputs(np.zeros(self.chambers))
+        self._state: PlantState | None = None
 
     @property
     def parameters(self) -> ArmParameters:
@@ -69,7 +70,9 @@ class FakeArm:
 
     @property
     def state(self) -> PlantState:
-        """The snapshot at the end of the last step."""
+        """The snapshot at the end of the last step; it is taken when it is asked for."""
+        if self._state is None:
+            self._state = self._snapshot(self._inputs)
         return self._state
 
     @property
@@ -78,8 +81,8 @@ class FakeArm:
         mujoco.mj_energyVel(self._chain.model, self._data)
         return float(self._data.energy[1])
 
-    def advance(self, time: float, inputs: PlantInputs) -> PlantState:
-        """Step to ``time`` [s] under constant inputs and return the snapshot of the last whole step.
+    def advance(self, time: float, inputs: PlantInputs) -> None:
+        """Step to the last whole step before ``time`` [s] under constant inputs.
 
         The hook of a cord that stays tied moves evenly from its last position to the new one.
 
@@ -93,9 +96,7 @@ class FakeArm:
         """
         steps = int(np.floor((time - self._start) / self._parameters.step + 1e-6))
         if steps < self._steps:
-            raise InputError(
-                "time", f"{time} s is before {self._state.time} s", "give times that do not fall"
-            )
+            raise InputError("time", f"{time} s is before {self._time} s", "give times that do not fall")
         if np.shape(inputs.valve_pressures) != (self.chambers,):
             raise InputError(
                 "valve_pressures", f"shape {np.shape(inputs.valve_pressures)}", f"give {self.chambers} values"
@@ -104,8 +105,7 @@ class FakeArm:
             self._draw(inputs.cord, (steps - self._steps) * self._parameters.step)
             while self._steps < steps:
                 self._step(inputs)
-            self._state = self._snapshot(inputs)
-        return self._state
+            self._inputs, self._state = inputs, None
 
     def switch(self, effect: str, value: object) -> None:
         """Set one concealed effect at run time.
@@ -124,6 +124,7 @@ class FakeArm:
             effects[effect] = chosen
         build(apply(self._plain, tuple(effects.values())))
         self._effects = effects
+        self._state = self.state  # of the arm as it was
         old = self._chain, self._data, self._memory
         self._install()
         self._take_over(*old)

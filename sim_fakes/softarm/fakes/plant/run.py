@@ -74,9 +74,8 @@ def perform(arm: FakeArm, manoeuvre: PlantManoeuvre, outlets: Floats) -> Truth:
     before = outlets[0]
     for index, given in enumerate(outlets):
         cord, hand = _cord(pulls, index, arm.state), _hand(grips, index, arm.state)
-        states.append(
-            arm.advance(start + (index + 1) * SAMPLE, PlantInputs(0.5 * (before + given), cord, hand))
-        )
+        arm.advance(start + (index + 1) * SAMPLE, PlantInputs(0.5 * (before + given), cord, hand))
+        states.append(arm.state)
         before = given
         if cord is not None:
             hooks[index] = cord.hook

@@ -108,10 +108,10 @@ class Plant(Protocol):
 
     @property
     def state(self) -> PlantState:
-        """The snapshot at the end of the last step."""
+        """The snapshot at the end of the last step; it is taken when it is asked for."""
 
-    def advance(self, time: float, inputs: PlantInputs) -> PlantState:
-        """Step to ``time`` [s] under constant inputs and return the snapshot there.
+    def advance(self, time: float, inputs: PlantInputs) -> None:
+        """Step to ``time`` [s] under constant inputs.
 
         Args:
             time: Not earlier than the last step; the plant takes as many internal steps as it needs.

@@ -75,7 +75,7 @@ class MotionMeasurement:
         self.start_time = 0.0
         self._see = see
         self._sections = list(sections)
-        self._misalignments = misalignments
+        self._axes = {body.name: _axes(body, misalignments) for body in part.bodies}
         self._faults = faults
         self._random = np.random.default_rng(seed)
         self._number = 0
@@ -137,15 +137,16 @@ class MotionMeasurement:
         noise = self._random.standard_normal(7)
         origin = (origin + self.part.position_noise_m * noise[:3]) * MILLIMETRES
         wobble = from_rotation_vector(tuple(self.part.angle_noise_rad * noise[3:6]))
-        rows = matrix(multiply(multiply(section, self._axes(body)), wobble))
+        rows = matrix(multiply(multiply(section, self._axes[body.name]), wobble))
         by_columns = tuple(rows[row][column] for column in range(3) for row in range(3))
         residual = abs(float(noise[6])) * self.part.position_noise_m * MILLIMETRES
         return PacketBody((float(origin[0]), float(origin[1]), float(origin[2])), by_columns, residual)
 
-    def _axes(self, body: BodyPart) -> Quaternion:
-        """Return the rotation from a body's axes to those of its section."""
-        x, y, z = self._misalignments.get(body.section, np.zeros(3)).tolist()
-        return multiply(from_rotation_vector((x, y, z)), from_rotation_vector(body.rotation_rad))
+
+def _axes(body: BodyPart, misalignments: Mapping[str, Floats]) -> Quaternion:
+    """Return the rotation from a body's axes to those of its section."""
+    x, y, z = misalignments.get(body.section, np.zeros(3)).tolist()
+    return multiply(from_rotation_vector((x, y, z)), from_rotation_vector(body.rotation_rad))
 
 
 def _nothing() -> PacketBody:

@@ -130,7 +130,7 @@ class QtmServer:
                 self.measurement.start(self._clock.now())
             elif frame is not None:
                 self.last_frame = frame
-                self._after(self._delay(), self._send_frame, frame)
+                self._send_after(self._delay(), frame)
 
     def begin(self) -> None:
         """Start a measurement."""
@@ -187,8 +187,11 @@ class QtmServer:
                 encoded[stream.components] = spoil(data, self.faults)
             client.send_frame(encoded[stream.components], stream)
 
-    def _after(self, delay: float, call: Callable[[MeasuredFrame], None], frame: MeasuredFrame) -> None:
-        asyncio.get_running_loop().call_later(delay, call, frame)
+    def _send_after(self, delay: float, frame: MeasuredFrame) -> None:
+        if delay > 0.0:
+            asyncio.get_running_loop().call_later(delay, self._send_frame, frame)
+        else:
+            self._send_frame(frame)
 
     def _close(self) -> None:
         if self._server is not None:
