@@ -27,11 +27,14 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
     return rotated[1], rotated[2], rotated[3]
 
 
-def matrix(q: Quaternion) -> tuple[Vector, Vector, Vector]:
-    """Return the rotation matrix as rows; its columns are the rotated axes."""
-    columns = [rotate(q, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
-    x, y, z = columns
-    return (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
+def columns(q: Quaternion) -> tuple[float, ...]:
+    """Return the rotation matrix by columns, which are the rotated axes: nine numbers."""
+    w, x, y, z = q
+    return (
+        w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z), 2.0 * (x * z - w * y),
+        2.0 * (x * y - w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z + w * x),
+        2.0 * (x * z + w * y), 2.0 * (y * z - w * x), w * w - x * x - y * y + z * z,
+    )  # fmt: skip
 
 
 def roll_pitch_yaw(q: Quaternion) -> Vector:

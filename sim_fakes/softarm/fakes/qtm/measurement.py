@@ -9,7 +9,7 @@ from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.parts import BodyPart, QtmPart
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.qtm.packets import MeasuredFrame, PacketBody
-from softarm.fakes.rotation import Quaternion, from_rotation_vector, matrix, multiply, rotate
+from softarm.fakes.rotation import Quaternion, columns, from_rotation_vector, multiply, rotate
 from softarm.fakes.signals import See
 
 MILLIMETRES = 1e3
@@ -130,17 +130,21 @@ class MotionMeasurement:
     def _pose(self, body: BodyPart, state: PlantState) -> PacketBody:
         index = self._sections.index(body.section)
         true = np.concatenate([state.positions[index], state.quaternions[index]])
-        measured = self._see("pose", f"frame_{body.section}", state.time, true)
-        w, x, y, z = (float(c) for c in measured[3:])
-        section: Quaternion = (w, x, y, z)
-        origin = measured[:3] + np.array(rotate(section, body.offset_m))
-        noise = self._random.standard_normal(7)
-        origin = (origin + self.part.position_noise_m * noise[:3]) * MILLIMETRES
-        wobble = from_rotation_vector(tuple(self.part.angle_noise_rad * noise[3:6]))
-        rows = matrix(multiply(multiply(section, self._axes[body.name]), wobble))
-        by_columns = tuple(rows[row][column] for column in range(3) for row in range(3))
-        residual = abs(float(noise[6])) * self.part.position_noise_m * MILLIMETRES
-        return PacketBody((float(origin[0]), float(origin[1]), float(origin[2])), by_columns, residual)
+        x, y, z, *quaternion = self._see("pose", f"frame_{body.section}", state.time, true).tolist()
+        section: Quaternion = (quaternion[0], quaternion[1], quaternion[2], quaternion[3])
+        dx, dy, dz = rotate(section, body.offset_m)
+        noise = self._random.standard_normal(7).tolist()
+        spread, angle = self.part.position_noise_m, self.part.angle_noise_rad
+        wobble = from_rotation_vector((angle * noise[3], angle * noise[4], angle * noise[5]))
+        return PacketBody(
+            (
+                MILLIMETRES * (x + dx + spread * noise[0]),
+                MILLIMETRES * (y + dy + spread * noise[1]),
+                MILLIMETRES * (z + dz + spread * noise[2]),
+            ),
+            columns(multiply(multiply(section, self._axes[body.name]), wobble)),
+            MILLIMETRES * spread * abs(noise[6]),
+        )
 
 
 def _axes(body: BodyPart, misalignments: Mapping[str, Floats]) -> Quaternion:
