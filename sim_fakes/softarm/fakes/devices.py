@@ -1,7 +1,7 @@
 """From the tables of a scenario to fakes: each with its board of faults."""
 
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -49,6 +49,18 @@ from softarm.fakes.valves.vtem import LOWEST_MBAR, VtemBank, vtem_faults
 
 VALVES = 16
 
+INSTRUMENTS: Mapping[type[SerialPart], tuple[Callable[..., Instrument], tuple[Fault, ...]]] = {
+    LutronPart: (LutronGauge, LUTRON_FAULTS),
+    Mark10Part: (FakeMark10, MARK10_FAULTS),
+    SauterPart: (FakeSauter, SAUTER_FAULTS),
+    LineGaugePart: (LineGauge, LINE_GAUGE_FAULTS),
+    BnoPart: (BnoRvc, BNO_FAULTS),
+    WitMotionPart: (WitMotion, WITMOTION_FAULTS),
+    XbusPart: (XbusModule, XBUS_FAULTS),
+    QuaternionLinePart: (QuaternionLine, QUATERNION_LINE_FAULTS),
+}
+"""Gauges and inertial units: what is built, and its faults."""
+
 
 @dataclass(frozen=True)
 class DeviceSurroundings:
@@ -81,17 +93,8 @@ def catalogue(part: DevicePart) -> tuple[Fault, ...]:
         return (*SERVER_FAULTS, *measurement_faults([body.name for body in part.bodies]))
     if isinstance(part, BendPart):
         return bend_faults(len(part.sensors))
-    fixed: dict[type[DevicePart], tuple[Fault, ...]] = {
-        LutronPart: LUTRON_FAULTS,
-        Mark10Part: MARK10_FAULTS,
-        SauterPart: SAUTER_FAULTS,
-        LineGaugePart: LINE_GAUGE_FAULTS,
-        BnoPart: BNO_FAULTS,
-        WitMotionPart: WITMOTION_FAULTS,
-        XbusPart: XBUS_FAULTS,
-        QuaternionLinePart: QUATERNION_LINE_FAULTS,
-    }
-    return fixed[type(part)]
+    assert isinstance(part, SerialPart)
+    return INSTRUMENTS[type(part)][1]
 
 
 def build_node(part: ValvesPart, around: DeviceSurroundings, faults: FaultBoard) -> CpxNode:
@@ -137,38 +140,17 @@ def build_instrument(part: SerialPart, around: DeviceSurroundings, faults: Fault
         InputError: It names a section or segment that the arm does not have.
     """
     seed, plant = seed_of(around.seed, part.name), around.plant
+    if isinstance(part, BendPart):
+        for name in filter(None, part.sensors):
+            _index(part, name, plant.segments)
+        return BendBoard(part, faults, plant, seed, around.see)
+    make, _ = INSTRUMENTS[type(part)]
     if isinstance(part, GaugePart):
-        return _build_gauge(part, faults, LoadCell(part, faults, seed, around.see))
-    if isinstance(part, InertialPart):
-        return _build_inertial(part, plant, faults, seed)
-    assert isinstance(part, BendPart)
-    for name in filter(None, part.sensors):
-        _index(part, name, plant.segments)
-    return BendBoard(part, faults, plant, seed, around.see)
-
-
-def _build_gauge(part: GaugePart, faults: FaultBoard, cell: LoadCell) -> Instrument:
-    if isinstance(part, LutronPart):
-        return LutronGauge(part, faults, cell)
-    if isinstance(part, Mark10Part):
-        return FakeMark10(part, faults, cell)
-    if isinstance(part, SauterPart):
-        return FakeSauter(part, faults, cell)
-    assert isinstance(part, LineGaugePart)
-    return LineGauge(part, faults, cell)
-
-
-def _build_inertial(part: InertialPart, plant: Plant, faults: FaultBoard, seed: int) -> Instrument:
+        return make(part, faults, LoadCell(part, faults, seed, around.see))
     if isinstance(part, QuaternionLinePart):
-        sections = [_index(part, name, plant.sections) for name in part.sections]
-        return QuaternionLine(part, faults, sections, seed)
-    section = _index(part, part.section, plant.sections)
-    if isinstance(part, BnoPart):
-        return BnoRvc(part, faults, section, seed)
-    if isinstance(part, WitMotionPart):
-        return WitMotion(part, faults, section, seed)
-    assert isinstance(part, XbusPart)
-    return XbusModule(part, faults, section, seed)
+        return make(part, faults, [_index(part, name, plant.sections) for name in part.sections], seed)
+    assert isinstance(part, InertialPart)
+    return make(part, faults, _index(part, part.section, plant.sections), seed)
 
 
 def _index(part: DevicePart, name: str, names: Sequence[str]) -> int:

@@ -2,7 +2,6 @@
 
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import PlantState
-from softarm.fakes.serial.beat import Beat
 
 BITS_PER_BYTE = 10
 
@@ -15,6 +14,24 @@ PORT_FAULTS = (
     Fault("torn_frame", "a frame stops half way", once=True),
     Fault("stall", "the line stops in mid-frame and continues later", True, {"seconds": 0.2}),
 )
+
+
+class Beat:
+    """Times at a fixed rate [Hz], without drift; what is more than a second late is left out."""
+
+    def __init__(self, rate: float) -> None:
+        self.rate = rate
+        self.next = 0.0
+
+    def start(self, time: float) -> None:
+        """Set the next beat to ``time`` [s]."""
+        self.next = time
+
+    def take(self, time: float) -> None:
+        """Pass the beat that is due at ``time`` [s]."""
+        self.next += 1.0 / self.rate
+        if time - self.next > 1.0:
+            self.next = time
 
 
 class Instrument:

@@ -6,8 +6,7 @@ import re
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.parts import Mark10Part
 from softarm.fakes.plant.state import PlantState
-from softarm.fakes.serial.beat import Beat
-from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
+from softarm.fakes.serial.instrument import PORT_FAULTS, Beat, Instrument
 from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell
 
 UNITS = {

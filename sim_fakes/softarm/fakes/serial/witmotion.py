@@ -9,9 +9,8 @@ from softarm.fakes.parts import WitMotionPart
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.rotation import roll_pitch_yaw
 from softarm.fakes.serial.attitude import Attitude
-from softarm.fakes.serial.beat import Beat
 from softarm.fakes.serial.bno import CHECKSUM_FAULT, SLIP_FAULT
-from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument, spoiled
+from softarm.fakes.serial.instrument import PORT_FAULTS, Beat, Instrument, spoiled
 
 RATES = {1: 0.2, 2: 0.5, 3: 1, 4: 2, 5: 5, 6: 10, 7: 20, 8: 50, 9: 100, 10: 125, 11: 200}
 BAUDS = {1: 4800, 2: 9600, 3: 19200, 4: 38400, 5: 57600, 6: 115200, 7: 230400, 8: 460800, 9: 921600}
