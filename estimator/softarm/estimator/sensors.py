@@ -1,5 +1,6 @@
 """The sensors of a specimen: noise and alignment from its description, any one added by name."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,6 +13,7 @@ from softarm.estimator.sensing import (
     Bend,
     MarkerPosition,
     MeasuredPose,
+    Measurement,
     Orientation,
     Registration,
 )
@@ -99,6 +101,14 @@ class SpecimenSensors:
             np.array(found.misalignment_rad),
             self.registration,
         )
+
+    def named(self, name: str) -> Measurement:
+        """Return the sensor of a name such as ``bend_tip``, ``orientation_tip`` or ``frame_tip``."""
+        kind, _, section = name.partition("_")
+        make: dict[str, Callable[[str], Measurement]] = {
+            "bend": self.bend, "orientation": self.orientation, "frame": self.pose
+        }  # fmt: skip
+        return make[kind](section)
 
     def marker(self, name: str) -> MarkerPosition:
         """Marker of the specimen, named ``marker_<name>``.

@@ -23,7 +23,7 @@ from softarm.estimator.excitation import (
 from softarm.estimator.model import Frames
 from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.response import BatchArmModel, BatchInputs
-from softarm.estimator.sensing import Measurement, Registration, SensorSuite
+from softarm.estimator.sensing import Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.simulation import Segments, SimulatedArm, section_loads
 from softarm.estimator.specimen import Specimen
@@ -115,14 +115,7 @@ def subject_of(specimen: Specimen, sensors: Sequence[str] = ()) -> SeparatedArm:
     sections, segments = arm.model.sections, arm.segments
     names = tuple(sensors) or tuple(f"orientation_{name}" for name in sections)
     made = SpecimenSensors(specimen, sections, Registration())
-    make: dict[str, Callable[[str], Measurement]] = {
-        "bend": made.bend,
-        "orientation": made.orientation,
-        "frame": made.pose,
-    }
-    suite = SensorSuite(
-        tuple(make[kind](section) for kind, _, section in (name.partition("_") for name in names))
-    )
+    suite = SensorSuite(tuple(map(made.named, names)))
     world = World.of(specimen, segments, sections, arm.stiffness(), names)
     return SeparatedArm(arm, segments, world, suite, np.array(specimen.gravity_m_s2))
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration import CalibrationRun
+from softarm.estimator.calibration.nodes import mean_reading
 from softarm.estimator.recording import Recording
 
 STEADY_PA = 1.0
@@ -48,8 +49,8 @@ def means(run: CalibrationRun, windows: Floats) -> CalibrationRun:
             pulled = inside & np.isfinite(run.loads).all(axis=1)
             times.append(end)
             pressures.append(run.pressures[inside].mean(axis=0))
-            readings.append(_mean(run.readings[inside]))
-            loads.append(_mean(run.loads[pulled]))
+            readings.append(mean_reading(run.readings[inside]))
+            loads.append(mean_reading(run.loads[pulled]))
     return replace(
         run,
         time=np.array(times),
@@ -57,10 +58,3 @@ def means(run: CalibrationRun, windows: Floats) -> CalibrationRun:
         readings=np.reshape(readings, (len(times), run.readings.shape[1])),
         loads=np.reshape(loads, (len(times), run.loads.shape[1])),
     )
-
-
-def _mean(values: Floats) -> Floats:
-    """Average each column over its readings, NaN where it has none, shape (columns,)."""
-    seen = np.isfinite(values)
-    total = np.where(seen, values, 0.0).sum(axis=0)
-    return np.where(seen.any(axis=0), total / np.maximum(seen.sum(axis=0), 1), np.nan)

@@ -83,7 +83,7 @@ def choose_nodes(run: CalibrationRun, count: int) -> Nodes:
         if inside.any():
             kept.append(centre)
             means = (run.pressures[inside].mean(axis=0), run.loads[inside].mean(axis=0))
-            rows.append((*means, _mean(run.readings[inside])))
+            rows.append((*means, mean_reading(run.readings[inside])))
             weights.append(max(1.0 / (1.0 + (speeds[inside].mean() / QUIET_SPEED) ** 2), LEAST_WEIGHT))
     time = np.array(kept)
     chambers, readings = run.pressures.shape[1], run.readings.shape[1]
@@ -123,7 +123,8 @@ def _resting(run: CalibrationRun, speeds: Floats, number: int, margin: float) ->
     return np.array(moments)
 
 
-def _mean(readings: Floats) -> Floats:
+def mean_reading(readings: Floats) -> Floats:
+    """Average each column over its readings, NaN where it has none, shape (columns,)."""
     observed = np.isfinite(readings)
     total = np.where(observed, readings, 0.0).sum(axis=0)
     return np.where(observed.any(axis=0), total / np.maximum(observed.sum(axis=0), 1), np.nan)

@@ -13,10 +13,10 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.setting import Setting
-from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import skew
 from softarm.estimator.sensing import ActuationMap, MarkerPosition, MeasuredPose, SensorSuite
+from softarm.estimator.sensing.measurement import rigid_motion
 
 LOWEST_COMPLIANCE, HIGHEST_COMPLIANCE = -0.7, 4.0  # shares of the model's that a segment may have more
 SINGLE_STEPS = "raise single chambers in steps over their whole range, each held for 5 s"
@@ -464,15 +464,6 @@ def by_azimuth(load_jacobian: Floats, pulls: Floats) -> Floats:
     change = np.cross([0.0, 0.0, 1.0], forces).reshape(pulls.shape)
     moved: Floats = (load_jacobian @ change[..., None])[..., 0]
     return moved
-
-
-def rigid_motion(frames: Frames) -> Floats:
-    """Return the stacked section twists of a rigid motion (v, w) of all, shape (..., 6 sections, 6)."""
-    sections = frames.positions.shape[-2]
-    motion = np.zeros((*frames.positions.shape[:-2], sections, 6, 6))
-    motion[...] = np.eye(6)
-    motion[..., :3, 3:] = -skew(frames.positions)
-    return motion.reshape(*frames.positions.shape[:-2], 6 * sections, 6)
 
 
 def _at_unit_gain(actuation: ActuationMap, measured: Floats) -> Floats:

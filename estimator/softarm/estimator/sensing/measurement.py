@@ -12,6 +12,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
+from softarm.estimator.rotations import skew
 from softarm.estimator.sensing.registration import Registration
 
 Unit = Literal["m", "rad"]
@@ -101,6 +102,15 @@ def section_rotation(frames: Frames, section: int | None) -> Floats:
         return np.broadcast_to(np.eye(3), (*frames.rotations.shape[:-3], 3, 3))
     rotation: Floats = frames.rotations[..., section, :, :]
     return rotation
+
+
+def rigid_motion(frames: Frames) -> Floats:
+    """Return the stacked section twists of a rigid motion (v, w) of all, shape (..., 6 sections, 6)."""
+    sections = frames.positions.shape[-2]
+    motion = np.zeros((*frames.positions.shape[:-2], sections, 6, 6))
+    motion[...] = np.eye(6)
+    motion[..., :3, 3:] = -skew(frames.positions)
+    return motion.reshape(*frames.positions.shape[:-2], 6 * sections, 6)
 
 
 def transpose(matrices: Floats) -> Floats:

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
-from softarm.estimator.rotations import skew
 from softarm.estimator.sensing.marker import MarkerPosition
-from softarm.estimator.sensing.measurement import Measurement, Sensitivity, Unit
+from softarm.estimator.sensing.measurement import Measurement, Sensitivity, Unit, rigid_motion
 from softarm.estimator.sensing.orientation import Orientation
 from softarm.estimator.sensing.section_pose import MeasuredPose
 
@@ -152,7 +151,7 @@ class SensorSuite:
             moved = np.zeros((self.size, 1))
             for name in members:
                 moved[self.slices[name]] = 1.0
-            rigid = moved * (twists @ _rigid_motion(frames))
+            rigid = moved * (twists @ rigid_motion(frames))
             covariance += rigid @ registration @ np.swapaxes(rigid, -1, -2)
         return covariance
 
@@ -260,12 +259,3 @@ class SensorSuite:
             )
             for registration in uncertain.values()
         ]
-
-
-def _rigid_motion(frames: Frames) -> Floats:
-    """Return the section twists of a rigid motion (v, w) of the base frame, shape (..., 6 sections, 6)."""
-    sections = frames.positions.shape[-2]
-    motion = np.zeros((*frames.positions.shape[:-2], sections, 6, 6))
-    motion[..., :3, :3] = motion[..., 3:, 3:] = np.eye(3)
-    motion[..., :3, 3:] = -skew(frames.positions)
-    return motion.reshape(*frames.positions.shape[:-2], 6 * sections, 6)

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.stats import binomtest
 
 from softarm.bench.trials.score import Score
 from softarm.common.tables import Cell, Table
@@ -20,10 +21,8 @@ def wilson(hits: int, trials: int) -> tuple[float, float]:
     """Return the 95 % interval of a share (Wilson, JASA 22, 1927)."""
     if trials == 0:
         return 0.0, 1.0
-    z, share = 1.959964, hits / trials
-    middle = (share + z * z / (2 * trials)) / (1 + z * z / trials)
-    half = z / (1 + z * z / trials) * np.sqrt(share * (1 - share) / trials + z * z / (4 * trials**2))
-    return max(0.0, float(middle - half)), min(1.0, float(middle + half))
+    interval = binomtest(hits, trials).proportion_ci(0.95, "wilson")
+    return float(interval.low), float(interval.high)
 
 
 def score_tables(scores: Sequence[Score]) -> tuple[Table, ...]:

@@ -1,7 +1,7 @@
 """What runs in the estimator's process: model and sensors of a specimen, one request at a time."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
@@ -32,7 +32,7 @@ from softarm.estimator.inverse import (
 from softarm.estimator.model import Inputs
 from softarm.estimator.rod.skin import skin
 from softarm.estimator.rotations import to_quaternions
-from softarm.estimator.sensing import Measurement, ModelError, Registration, SensorSuite
+from softarm.estimator.sensing import ModelError, Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors, mounted_base
 from softarm.estimator.simulation import section_loads
 from softarm.estimator.specimen import Specimen
@@ -80,12 +80,8 @@ def build_suite(
 ) -> SensorSuite:
     """Make the sensor suite of a configuration; poses arrive in the base frame."""
     sensors = SpecimenSensors(specimen, sections, mounted_base(specimen))
-    make: dict[str, Callable[[str], Measurement]] = {
-        "pose": sensors.pose,
-        "orientation": sensors.orientation,
-        "bend": sensors.bend,
-    }
-    return SensorSuite(tuple(make[entry.kind](entry.section) for entry in entries))
+    kinds = {"pose": "frame"}
+    return SensorSuite(tuple(sensors.named(f"{kinds.get(e.kind, e.kind)}_{e.section}") for e in entries))
 
 
 class Solver:
