@@ -14,7 +14,7 @@ from softarm.fakes.control import ControlPort, serve
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.plant.state import Cord, Hand
 from softarm.fakes.rig import running
-from softarm.fakes.rotation import from_rotation_vector, matrix, multiply
+from softarm.fakes.rotation import columns, from_rotation_vector, multiply
 from softarm.fakes.scenario import check_scenario, read_scenario
 from softarm.fakes.still import StillArm
 from softarm.fakes.world import FakeArmWorld
@@ -106,12 +106,12 @@ class TestScenario:
         drawn = variant(2)
         assert parameters == drawn.arm
         seen = server.measurement._pose(server.measurement.bodies[2], state)
-        wanted = matrix(
+        wanted = columns(
             multiply(
                 tuple(state.quaternions[2]), from_rotation_vector(tuple(drawn.instruments.alignments[2]))
             )
         )
-        np.testing.assert_allclose(np.reshape(seen.rotation, (3, 3)).T, wanted, atol=1e-9)
+        np.testing.assert_allclose(seen.rotation, wanted, atol=1e-9)
 
     @pytest.mark.parametrize(
         ("change", "told"),

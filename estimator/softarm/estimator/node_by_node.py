@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self, TypeVar, cast
+from typing import Any, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,18 +22,6 @@ GRAVITY_STEP = 0.5  # m/s2, of the difference that gives the derivative by gravi
 
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
-
-
-class FullLinearisation(Protocol):
-    """A linearisation that also knows gravity and the stiffness factors."""
-
-    def full_response(self, rows: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Project the motion of the sections on rows.
-
-        Returns:
-            Drift and change per input as ``Linearisation.response`` gives them, the change per component of
-            gravity, shape (outputs, 3), and per stiffness factor, shape (outputs, parameters).
-        """
 
 
 @dataclass(frozen=True)
@@ -219,14 +207,17 @@ def settle(
 def full_response(
     model: ArmModel[State, Step], state: State, step: Step, inputs: Inputs
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return drift and derivatives of the section twists; see ``FullLinearisation.full_response``.
+    """Project the motion of the section twists.
 
     A model that does not differentiate by gravity is linearised again under three others.
+
+    Returns:
+        Drift and change per input as ``Linearisation.response`` gives them, the change per component of
+        gravity, shape (outputs, 3), and per stiffness factor, shape (outputs, parameters).
     """
     eye = np.eye(6 * len(model.sections))
-    full = getattr(step, "full_response", None)
-    if full is not None:
-        return cast(FullLinearisation, step).full_response(eye)
+    if hasattr(step, "full_response"):
+        return cast(Any, step).full_response(eye)  # type: ignore[no-any-return]
     drift, by_inputs = step.response(eye)
     by_gravity = []
     for axis in np.eye(3):

@@ -16,7 +16,7 @@ from softarm.common.shipped import fake_specimen
 from softarm.common.tables import Table
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.rig import RigSettings, service_config
-from softarm.fakes.clock import LoopClock
+from softarm.fakes.clock import Clock
 from softarm.fakes.control import ControlPort, status
 from softarm.fakes.devices import catalogue
 from softarm.fakes.lateness import watch_lateness
@@ -99,7 +99,7 @@ async def serve(
         if config is not None:
             _write_config(rig, config, specimen)
         _announce(rig, control, as_json=as_json)
-        watching = asyncio.create_task(watch_lateness(LoopClock(), say))
+        watching = asyncio.create_task(watch_lateness(Clock(), say))
         try:
             await stopped.wait()
         finally:

@@ -1,9 +1,9 @@
 """Translates the messages of an arm to ROS 2; knows the types of ROS 2 by their names only."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from softarm_client.messages import Estimate, LoadEstimate, SectionPose, State, Vector
 from softarm_client.ros.interface import TOPICS, ros_name
@@ -22,12 +22,8 @@ Quaternion = tuple[float, float, float, float]
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 NO_ROTATION: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
-
-class Types(Protocol):
-    """Finds the class of a ROS 2 message, which takes its fields by name."""
-
-    def __call__(self, name: str) -> Any:
-        """Return a class by its name, such as ``std_msgs/msg/Bool``."""
+Types = Callable[[str], Any]
+"""Finds the class of a ROS 2 message, such as ``std_msgs/msg/Bool``, which takes its fields by name."""
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,9 @@
 """The one clock of all fakes: seconds since they were started."""
 
 import asyncio
-from typing import Protocol
 
 
-class Clock(Protocol):
-    """What the fakes know of time."""
-
-    def now(self) -> float:
-        """Return the seconds since the start."""
-
-    async def sleep_until(self, time: float) -> None:
-        """Return at ``time`` [s], or at once (after a turn of the loop) when it has passed."""
-
-
-class LoopClock:
+class Clock:
     """The time of the running event loop: real time, or that of a loop that runs faster."""
 
     def __init__(self) -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from softarm.estimator.errors import InputError
-from softarm.fakes.clock import Clock, LoopClock
+from softarm.fakes.clock import Clock
 from softarm.fakes.devices import (
     DeviceSurroundings,
     build_instrument,
@@ -276,7 +276,7 @@ async def running(scenario: Scenario) -> AsyncIterator[Rig]:
             raise InputError(
                 "scenario, runtime_dir", f"{folder}: {error.strerror}", "name a folder"
             ) from None
-        clock = LoopClock()
+        clock = Clock()
         rig = Rig(scenario, clock, folder)
         clock.restart()
         ready = asyncio.Event()

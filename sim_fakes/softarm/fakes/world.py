@@ -3,25 +3,14 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.fakes.clock import Clock
 from softarm.fakes.faults import nearest
 from softarm.fakes.plant.state import STAGE_SPEED, Cord, Hand, Plant, PlantInputs, PlantState
-
-
-class Actuator(Protocol):
-    """A valve terminal as the world sees it."""
-
-    def update(self, time: float) -> None:
-        """Advance to ``time`` [s]."""
-
-    def pressures(self) -> Floats:
-        """Return the gauge pressures at the outlets [Pa], shape (valves,)."""
+from softarm.fakes.valves.node import CpxNode
 
 
 class FakeArmWorld:
@@ -35,7 +24,7 @@ class FakeArmWorld:
     """
 
     def __init__(
-        self, plant: Plant, actuator: Actuator | None, valve_map: Sequence[int], step: float = 1e-3
+        self, plant: Plant, actuator: CpxNode | None, valve_map: Sequence[int], step: float = 1e-3
     ) -> None:
         self.plant = plant
         self.cord: Cord | None = None

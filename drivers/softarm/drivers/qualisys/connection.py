@@ -3,11 +3,10 @@
 import asyncio
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple, Protocol, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.errors import ConnectionLost, DeviceError, ProtocolError
-from softarm.drivers.framing import FrameFault
 from softarm.drivers.qualisys.packets import (
     HEADER_LENGTH,
     NEVER_A_STATE,
@@ -17,36 +16,14 @@ from softarm.drivers.qualisys.packets import (
     packet_text,
 )
 
+if TYPE_CHECKING:
+    from softarm.drivers.qualisys.session import QtmSession
+
 PORT_CURE = "use the little-endian port of QTM, 22223 by default"
 
 
 class QtmError(ProtocolError):
     """QTM answered a command with an error packet."""
-
-
-class Listener(Protocol):
-    """Receives what QTM sends without a request; no method may raise."""
-
-    def on_data(self, packet: bytes, arrival_ns: int) -> None:
-        """Handle a data packet with its header."""
-
-    def on_event(self, event: int) -> None:
-        """Handle an event that answers no request."""
-
-    def on_no_more_data(self) -> None:
-        """Handle the report that no measurement runs."""
-
-    def on_error(self, text: str) -> None:
-        """Handle an error that answers no open request."""
-
-    def on_fault(self, fault: FrameFault) -> None:
-        """Handle bytes of the stream that are no packet of use."""
-
-    def on_unexpected(self, text: str) -> None:
-        """Handle a reply without a request."""
-
-    def on_lost(self) -> None:
-        """Handle the end of the connection; its cause is `Connection.error`."""
 
 
 class _Request(NamedTuple):
@@ -64,7 +41,7 @@ class Connection(asyncio.Protocol):
     def __init__(self, device: str, clock: Clock = monotonic) -> None:
         self.device = device
         self.error: DeviceError | None = None
-        self.listener: Listener | None = None
+        self.listener: QtmSession | None = None
         self.heard_ns = clock()
         self._clock = clock
         self._parser = PacketParser()

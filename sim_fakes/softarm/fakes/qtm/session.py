@@ -3,11 +3,14 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from softarm.fakes.qtm import packets
-from softarm.fakes.qtm.packets import COMMAND, COMPONENTS, ERROR, TIMECODE, XML, MeasuredFrame
+from softarm.fakes.qtm.packets import COMMAND, COMPONENTS, ERROR, TIMECODE, XML
 from softarm.fakes.qtm.settings import Version, parameters
+
+if TYPE_CHECKING:
+    from softarm.fakes.qtm.server import QtmServer
 
 WELCOME = "QTM RT Interface connected"
 DEFAULT_VERSION: Version = (1, 1)
@@ -44,46 +47,10 @@ class FrameStream:
         return True
 
 
-class Software(Protocol):
-    """The state that all clients share."""
-
-    @property
-    def newest_version(self) -> Version:
-        """Newest protocol version it speaks."""
-
-    @property
-    def password(self) -> str:
-        """Password of client control; empty for none."""
-
-    @property
-    def rate(self) -> float:
-        """Camera rate [Hz]."""
-
-    @property
-    def last_event(self) -> int:
-        """The event that announces its state."""
-
-    @property
-    def last_frame(self) -> MeasuredFrame | None:
-        """The latest frame of a running measurement."""
-
-    @property
-    def body_names(self) -> Sequence[str]:
-        """Names of the bodies in the order of the frames."""
-
-    master: "ClientSession | None"
-
-    def begin(self) -> None:
-        """Start a measurement."""
-
-    def end(self) -> None:
-        """Stop the measurement."""
-
-
 class ClientSession:
     """The dialogue with one client: one command in, reply bytes out."""
 
-    def __init__(self, software: Software, peer: str) -> None:
+    def __init__(self, software: "QtmServer", peer: str) -> None:
         self.version: Version = DEFAULT_VERSION
         self.stream: FrameStream | None = None
         self.peer = peer

@@ -2,9 +2,8 @@
 
 import struct
 from collections.abc import Sequence
-from typing import Protocol
 
-from softarm.fakes.valves.node import ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, ModbusError
+from softarm.fakes.valves.node import ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, CpxNode, ModbusError
 
 MBAP = struct.Struct(">HHHB")
 LONGEST_PDU = 253
@@ -12,17 +11,7 @@ MOST_READ, MOST_WRITTEN, MOST_EXCHANGED = 125, 123, 121
 IDENTITY = {0: b"Festo", 1: b"CPX-FB36", 2: b"fake"}
 
 
-class Registers(Protocol):
-    """What serves registers."""
-
-    def read(self, address: int, count: int) -> list[int]:
-        """Read registers or raise ``ModbusError``."""
-
-    def write(self, address: int, values: Sequence[int]) -> None:
-        """Write registers or raise ``ModbusError``."""
-
-
-def execute(registers: Registers, pdu: bytes) -> bytes:
+def execute(registers: CpxNode, pdu: bytes) -> bytes:
     """Serve one request.
 
     Returns:
@@ -38,7 +27,7 @@ def execute(registers: Registers, pdu: bytes) -> bytes:
         return bytes([code | 0x80, error.code])
 
 
-def _refuse(_registers: Registers, _pdu: bytes) -> bytes:
+def _refuse(_registers: CpxNode, _pdu: bytes) -> bytes:
     raise ModbusError(ILLEGAL_FUNCTION)
 
 
@@ -46,33 +35,33 @@ def _words(values: Sequence[int]) -> bytes:
     return struct.pack(f">{len(values)}H", *values)
 
 
-def _read(registers: Registers, pdu: bytes) -> bytes:
+def _read(registers: CpxNode, pdu: bytes) -> bytes:
     address, count = struct.unpack(">HH", pdu[1:])
     _check(1 <= count <= MOST_READ)
     return bytes([3, 2 * count]) + _words(registers.read(address, count))
 
 
-def _write_one(registers: Registers, pdu: bytes) -> bytes:
+def _write_one(registers: CpxNode, pdu: bytes) -> bytes:
     address, value = struct.unpack(">HH", pdu[1:])
     registers.write(address, [value])
     return pdu
 
 
-def _write_many(registers: Registers, pdu: bytes) -> bytes:
+def _write_many(registers: CpxNode, pdu: bytes) -> bytes:
     address, count, size = struct.unpack(">HHB", pdu[1:6])
     _check(1 <= count <= MOST_WRITTEN and size == 2 * count)
     registers.write(address, struct.unpack(f">{count}H", pdu[6:]))
     return pdu[:5]
 
 
-def _exchange(registers: Registers, pdu: bytes) -> bytes:
+def _exchange(registers: CpxNode, pdu: bytes) -> bytes:
     read_address, read_count, address, count, size = struct.unpack(">HHHHB", pdu[1:10])
     _check(1 <= read_count <= MOST_READ and 1 <= count <= MOST_EXCHANGED and size == 2 * count)
     registers.write(address, struct.unpack(f">{count}H", pdu[10:]))
     return bytes([23, 2 * read_count]) + _words(registers.read(read_address, read_count))
 
 
-def _identify(_registers: Registers, pdu: bytes) -> bytes:
+def _identify(_registers: CpxNode, pdu: bytes) -> bytes:
     """Read device identification (MEI type 14), basic objects, by stream (1) or one of them (4)."""
     kind, access, first = struct.unpack(">BBB", pdu[1:])
     _check(kind == 14 and access in (1, 4))
