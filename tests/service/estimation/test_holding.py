@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from softarm.daemon.estimation import holding
-from softarm.daemon.estimation.holding import HeldArm, Holding
+from softarm.daemon.estimation.holding import HeldArm
 from softarm.estimator.inverse import Compensation
 from softarm.estimator.sensing import ActuationMap
 
@@ -20,6 +20,6 @@ def test_pressures_are_taken_back_through_the_physics(monkeypatch, converged):
     )
     inputs = SimpleNamespace(pressures=np.full(6, 1e4))
     estimate = SimpleNamespace(converged=converged, motion=np.zeros((18, 10)), inputs=inputs, residuals={})
-    answer = Holding(arm).answer(estimate, np.zeros(4), None)
+    answer = arm.answer(estimate, np.zeros(4), None)
     assert answer.known is converged
     np.testing.assert_allclose(answer.pressures, 1.2e4 / 0.8 if converged else 0.0)

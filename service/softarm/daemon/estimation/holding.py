@@ -16,7 +16,7 @@ from softarm.estimator.sensing import ActuationMap, SensorSuite
 
 @dataclass(frozen=True)
 class HeldArm:
-    """What commands act on.
+    """What commands act on: finds the pressures that hold its estimated pose without a hand.
 
     Args:
         suite: The sensors.
@@ -34,13 +34,6 @@ class HeldArm:
         """Return the pressures to command for pressures that are to act in the chambers [Pa]."""
         return self.actuation.to_measured(self.unshaped(acting))
 
-
-class Holding:
-    """Finds the pressures that hold the estimated pose without a hand."""
-
-    def __init__(self, arm: HeldArm) -> None:
-        self._arm = arm
-
     def answer(self, estimate: ArmEstimate[Any], tare: Floats, target: PoseTarget | None) -> HoldAnswer:
         """Find the pressures that would hold the estimated pose, and those towards a target.
 
@@ -49,21 +42,21 @@ class Holding:
             tare: Load amplitudes that count as zero, shape (loads,).
             target: A pose that is being held, or ``None``.
         """
-        arm, pressures = self._arm, estimate.inputs.pressures
+        pressures = estimate.inputs.pressures
         if not estimate.converged or not np.isfinite(estimate.motion).all():
             note = "the estimate did not converge, so nothing is known of the pose"
-            return HoldAnswer(np.zeros(len(arm.limits)), reachable=False, note=note, known=False)
-        held = replace_loads(estimate, arm.suite, arm.limits, tare)
+            return HoldAnswer(np.zeros(len(self.limits)), reachable=False, note=note, known=False)
+        held = replace_loads(estimate, self.suite, self.limits, tare)
         if target is None:
             wanted = self._wanted(pressures + held.change)
             residuals = dict(estimate.residuals)
             return HoldAnswer(wanted, held.reachable, held.statement, residuals=residuals)
         frames = Frames(target.positions, from_quaternions(target.quaternions))
-        applied = arm.commanded(estimate.measured_pressures)
-        nearer = approach(estimate, arm.suite, arm.limits, frames, applied, target.residuals)
-        towards = arm.commanded(pressures + nearer.change) - arm.commanded(pressures)
+        applied = self.commanded(estimate.measured_pressures)
+        nearer = approach(estimate, self.suite, self.limits, frames, applied, target.residuals)
+        towards = self.commanded(pressures + nearer.change) - self.commanded(pressures)
         wanted = self._wanted(pressures + held.change)
         return HoldAnswer(wanted, nearer.reachable, nearer.statement, towards=towards)
 
     def _wanted(self, acting: Floats) -> Floats:
-        return np.clip(self._arm.commanded(acting), 0.0, self._arm.limits)
+        return np.clip(self.commanded(acting), 0.0, self.limits)

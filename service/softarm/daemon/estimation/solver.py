@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from softarm.common.rods import trusted_rod
 from softarm.daemon.config import ControlSettings, SensorSettings
-from softarm.daemon.estimation.holding import HeldArm, Holding
+from softarm.daemon.estimation.holding import HeldArm
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
 from softarm.daemon.estimation.rod_check import RodCheck
 from softarm.daemon.estimation.worker import BuiltSolver
@@ -116,7 +116,7 @@ class Solver:
         self._moving = MovingForces.of(specimen, self._model.sections, self._model.loads, self._suite)
         follower = self._estimator
         unshaped = follower.unshaped if isinstance(follower, AugmentedEstimator) else np.asarray
-        self._holding = Holding(HeldArm(self._suite, self._actuation, self._limits, unshaped))
+        self._held_arm = HeldArm(self._suite, self._actuation, self._limits, unshaped)
         self._profile = ContactProfile(_heights(specimen), passes=1)
         every = (*self._model.loads, *self._profile.loads)
         plain: Any = self._rod or self._model
@@ -204,7 +204,7 @@ class Solver:
         if not request.want_hold:
             return None
         tare = np.zeros(len(self._model.loads)) if request.tare is None else request.tare
-        return self._holding.answer(estimate, tare, request.target)
+        return self._held_arm.answer(estimate, tare, request.target)
 
     def _contact(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> ContactPlace | None:
         """Locate the contact force that the estimated loads amount to."""
