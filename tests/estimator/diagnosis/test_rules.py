@@ -24,7 +24,8 @@ from softarm.estimator.diagnosis.choose import DELAY_SHARE, SECOND, Search
 from softarm.estimator.diagnosis.conclude import unproven
 from softarm.estimator.diagnosis.diagnose import Decision
 from softarm.estimator.diagnosis.fit import Fit
-from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
+from softarm.estimator.diagnosis.folds import Folds
+from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian, Marginal
 from softarm.estimator.diagnosis.judge import (
     CERTAIN,
     FoldCosts,
@@ -35,7 +36,12 @@ from softarm.estimator.diagnosis.judge import (
 )
 from softarm.estimator.diagnosis.library import Direction, Hypothesis, Library
 from softarm.estimator.diagnosis.nominal import MATERIAL, evidence_of_change, prior_before
-from softarm.estimator.diagnosis.normal_equations import NormalEquations, normal_equations, with_columns
+from softarm.estimator.diagnosis.normal_equations import (
+    NewColumns,
+    NormalEquations,
+    normal_equations,
+    with_columns,
+)
 from softarm.estimator.diagnosis.screen import null_scores, screen
 from softarm.estimator.diagnosis.sizes import fragments
 from softarm.estimator.diagnosis.unnamed import UnnamedLaw
@@ -99,7 +105,11 @@ def recordings(sizes: list[float], noise: float = 1.0) -> list[NormalEquations]:
 
 
 def judged_on(parts: list[NormalEquations]) -> Judgement:
-    costs = fold_costs(parts, Gaussian(np.zeros(1), 1e-4 * np.eye(1)), 1.0, 1)
+    common = [replace(part, matrix=part.matrix[:1, :1], vector=part.vector[:1]) for part in parts]
+    new = [NewColumns(part.matrix[:1, 1:], part.matrix[1:, 1:], part.vector[1:]) for part in parts]
+    folds = Folds.of(common, Gaussian(np.zeros(1), 1e-4 * np.eye(1)), 1.0)
+    changed = np.array([sum(new[k].matrix[0, 0] for k in fold) for fold in folds.numbers])
+    costs = fold_costs(folds.marginal(new), NOTHING, changed)
     return judge(costs, np.random.default_rng(0), 0.0, 50.0)
 
 
@@ -399,18 +409,17 @@ def confirming(left: float) -> list[NormalEquations]:
 def test_an_effect_has_to_predict_the_confirming_stretches_if_it_would_show_there(useful, shown, lost):
     fit = fit_of("tip_payload", 0.02)
 
-    def widened(weights, more, left):
-        parts = confirming(0.0)
+    def products(weights, more, parts, left):
         change = np.full((SAMPLES, 1, 1), shown)
         none = np.zeros(SAMPLES, dtype=int)
         common, left = np.zeros((SAMPLES, 1, 1)), np.zeros((SAMPLES, 1))
-        return [part for own in parts for part in with_columns([own], left, common, change, np.ones(1), none)]
+        return [new for own in parts for new in with_columns([own], left, common, change, np.ones(1), none)]
 
     search = SimpleNamespace(
         parts=lambda own: confirming(1.0 if own is None or not useful else 0.0),
         prior=Gaussian(np.zeros(1), 1e-4 * np.eye(1)),
         weights=SimpleNamespace(effective_sample_fraction=1.0),
-        evidence=SimpleNamespace(size=1, widened=widened),
+        evidence=SimpleNamespace(size=1, with_columns=products),
         residuals=lambda _: [],
         rng=np.random.default_rng(0),
         subset=lambda _, kept: None if not kept else fit,

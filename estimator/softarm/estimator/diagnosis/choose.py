@@ -19,11 +19,12 @@ from softarm.estimator.diagnosis.candidates import (
 )
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.fit import Fit, MarginalisedProblem, RecordingResidual, fit_effects, gain_of
-from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
+from softarm.estimator.diagnosis.folds import Combinations, Folds, Marginaliser
+from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian, Marginal
 from softarm.estimator.diagnosis.judge import CERTAIN, FoldCosts, Judgement, fold_costs, judge
 from softarm.estimator.diagnosis.natural_frequency import NaturalFrequency
-from softarm.estimator.diagnosis.nominal import UNKNOWN, prior_with_background
-from softarm.estimator.diagnosis.normal_equations import NormalEquations, Total, total
+from softarm.estimator.diagnosis.nominal import UNKNOWN, background_of, usual_recordings
+from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquations, Total, added, total
 from softarm.estimator.diagnosis.probability import probabilities, spent
 from softarm.estimator.diagnosis.screen import null_scores, screen
 from softarm.estimator.diagnosis.stage import Stage
@@ -67,6 +68,8 @@ class Search:
         natural_frequency: Those measured, where arms were released.
         advance: Called with 1 after each step.
         kept: Residuals under fits that were asked for.
+        products: Normal equations of these.
+        folded: Folds of the searched stretches, by the fit that was asked for.
         tried: Candidates by their number and what was accepted before them.
         settled: Those of them that have been fitted on the model itself, whichever fit was kept.
         predictions: How well folds are predicted, by the candidate's fit and what was accepted before it.
@@ -81,6 +84,8 @@ class Search:
     natural_frequency: NaturalFrequency | None = None
     advance: Callable[[float], None] = lambda _: None
     kept: dict[tuple[object, ...], list[Floats]] = field(default_factory=dict, compare=False)
+    products: dict[tuple[object, ...], list[NormalEquations]] = field(default_factory=dict, compare=False)
+    folded: dict[tuple[object, ...], Folds] = field(default_factory=dict, compare=False)
     tried: dict[tuple[object, ...], Candidate | None] = field(default_factory=dict, compare=False)
     settled: set[tuple[object, ...]] = field(default_factory=set, compare=False)
     predictions: dict[tuple[object, ...], FoldCosts] = field(default_factory=dict, compare=False)
@@ -124,8 +129,11 @@ class Search:
 
     def parts(self, fit: Fit | None) -> list[NormalEquations]:
         """Give the products of the residuals that accepted effects leave, without nominal recordings."""
-        residuals = self.residuals(fit)
-        return [part for part in self.evidence.products(self.weights, residuals) if not part.nominal]
+        key = _key(fit)
+        if key not in self.products:
+            products = self.evidence.products(self.weights, self.residuals(fit))
+            self.products[key] = [part for part in products if not part.nominal]
+        return self.products[key]
 
     def residuals(self, fit: Fit | None) -> list[Floats]:
         """Give the residuals that accepted effects leave; nominal recordings have none of them."""
@@ -327,73 +335,94 @@ class Search:
         """Return how well folds of the searched stretches are predicted with a candidate and without."""
         key = (_key(candidate.fit), _key(fit))
         if key not in self.predictions:
-
-            def change(stage: Stage) -> Floats:
-                return self.change(stage, candidate.fit)[..., None]
-
-            parts = _searched(self.evidence.widened(self.weights, change, self.residuals(fit)))
-            prior, background_gain = self.prior, 0.0
+            folds = self.folds(fit)
+            new = self.evidence.with_columns(
+                self.weights, self.changes(candidate), _searched(self.parts(fit)), self.residuals(fit)
+            )
+            prior, wanted = NOTHING, None
             if self.has_background(candidate):
-                nominal = self.evidence.widened(self.weights, change, nominal=True)
-                parts, prior, background_gain = self.with_background(candidate, parts, nominal)
+                prior, wanted = self.background(candidate, added(new), folds.whole.data)
+            shown = folds.marginal(new, wanted)
             fraction = self.weights.effective_sample_fraction
+            changed = [fraction * sum(float(new[k].matrix[0, 0]) for k in fold) for fold in folds.numbers]
+            usual = Marginal.cost_of(prior, shown.whole.selected(range(len(prior.mean))), 1.0)
             self.predictions[key] = replace(
-                fold_costs(parts, prior, fraction, len(prior.mean)),
+                fold_costs(shown, prior, np.array(changed)),
                 frequency_gain=self.frequency_gain(candidate, fit),
-                background_gain=background_gain,
+                background_gain=folds.whole.cost - usual,
             )
         return self.predictions[key]
+
+    def folds(self, fit: Fit | None) -> Folds:
+        """Return the folds of the searched stretches, of what a fit leaves."""
+        key = _key(fit)
+        if key not in self.folded:
+            parts = _searched(self.parts(fit))
+            if fit is None:
+                fraction = self.weights.effective_sample_fraction
+                self.folded[key] = Folds.of(parts, self.prior, fraction)
+            else:
+                self.folded[key] = self.folds(None).renewed(parts)
+        return self.folded[key]
+
+    def changes(self, candidate: Candidate) -> Callable[[Stage], Floats]:
+        """Return what gives the change by a candidate in a session, shape (samples, rows, 1)."""
+        return lambda stage: self.change(stage, candidate.fit)[..., None]
 
     def has_background(self, candidate: Candidate) -> bool:
         """Return whether nominal recordings may have a little of a candidate."""
         return self.evidence.has_nominal and self.effect(candidate).in_healthy_arms
 
-    def with_background(
-        self, candidate: Candidate, parts: Sequence[NormalEquations], nominal: Sequence[NormalEquations]
-    ) -> tuple[list[NormalEquations], Gaussian, float]:
+    @cached_property
+    def usual(self) -> Marginaliser:
+        """The nominal recordings."""
+        return usual_recordings(self.evidence, self.weights)
+
+    def nominal_columns(self, more: Callable[[Stage], Floats]) -> list[NewColumns]:
+        """Return the products of new columns in the nominal recordings."""
+        parts = [part for part in self.evidence.products(self.weights) if part.nominal]
+        return self.evidence.with_columns(self.weights, more, parts)
+
+    def background(self, candidate: Candidate, new: NewColumns, seen: Total) -> tuple[Gaussian, Combinations]:
         """Add what nominal recordings have of a candidate to what is common to all recordings.
 
         Args:
             candidate: The candidate.
-            parts: Normal equations of the searched stretches, its change their last column.
-            nominal: The same of the nominal recordings.
+            new: Products of its change in the searched stretches.
+            seen: Sum of the normal equations of these.
 
         Returns:
-            The normal equations of the searched stretches with that column before the last, the prior of the
-            columns before the last, and by how much that column lowers the cost.
+            The prior of the columns before the candidate's, and what columns these and its own are.
         """
-        size, fraction = self.evidence.size, self.weights.effective_sample_fraction
-        beyond, sizes = self.beyond_library(candidate, total(parts, size + 1))
-        usual = [part.appended(beyond).selected([*range(size), size + 1]) for part in nominal]
-        prior = prior_with_background(self.evidence, usual, fraction, self.width, sizes)
-        extended = [part.appended(beyond).selected([*range(size), size + 1, size]) for part in parts]
-        seen = total(extended, size + 2)
-        gain = Marginal.cost_of(self.prior, seen.first(size), fraction)
-        gain -= Marginal.cost_of(prior, seen.first(size + 1), fraction)
-        return extended, prior, gain
+        beyond, size = self.beyond_library(candidate, new, seen)
+        one = np.ones((1, 1))
+        nominal = added(self.nominal_columns(self.changes(candidate)))
+        products = self.usual.combined(nominal, Combinations(one, beyond))
+        less, prior = background_of(self.usual, products, self.width, size)
+        common = np.concatenate([beyond - less, beyond, np.zeros_like(beyond)], axis=1)
+        return prior, Combinations(np.ones((1, 3)), common)
 
-    def beyond_library(self, candidate: Candidate, seen: Total) -> tuple[Floats, float]:
+    def beyond_library(self, candidate: Candidate, new: NewColumns, seen: Total) -> tuple[Floats, float]:
         """Return what the library's columns for a candidate do not stand for, and how large it is.
 
         Args:
             candidate: The candidate.
-            seen: Normal equations of the searched stretches, its change their last column.
+            new: Products of its change in the searched stretches.
+            seen: Sum of the normal equations of these.
 
         Returns:
-            Weights of all columns, whose combination is what is left of its change, shape (columns,); and its
-            size in typical ones, by what it changes.
+            Weights of the common columns beside its change, whose combination is what is left of it, shape
+            (columns, 1); and its size in typical ones, by what it changes.
         """
         own = [
             self.evidence.nuisances + column
             for column, direction in enumerate(self.evidence.library.directions)
             if direction.hypothesis == candidate.number
         ]
-        matrix = seen.matrix
-        weights = np.zeros(len(matrix))
-        weights[own] = -np.linalg.lstsq(matrix[np.ix_(own, own)], matrix[own, -1])[0]
-        weights[-1] = 1.0
-        squares = np.maximum(np.diag(matrix), TINY)
-        return weights, float(np.sqrt(squares[-1] / squares[own].max()))
+        weights = np.zeros((len(seen.vector), 1))
+        weights[own] = -np.linalg.lstsq(seen.matrix[np.ix_(own, own)], new.cross[own])[0]
+        largest = max(float(np.diag(seen.matrix)[own].max()), TINY)
+        return weights, float(np.sqrt(max(float(new.matrix[0, 0]), TINY) / largest))
 
     def frequency_gain(self, candidate: Candidate, fit: Fit | None) -> float:
         """Return by how much a candidate lowers the cost of the natural frequency beside a fit."""

@@ -9,7 +9,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.candidates import Accepted, ChosenEffects, includes
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
-from softarm.estimator.diagnosis.gaussian import Marginal
+from softarm.estimator.diagnosis.folds import Marginaliser
 from softarm.estimator.diagnosis.innovations import (
     Residuals,
     channel_errors,
@@ -18,7 +18,7 @@ from softarm.estimator.diagnosis.innovations import (
     residuals_of,
 )
 from softarm.estimator.diagnosis.judge import bootstrap
-from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
+from softarm.estimator.diagnosis.normal_equations import NormalEquations, added, total
 from softarm.estimator.diagnosis.probability import Explanation, credible_set, probabilities
 from softarm.estimator.diagnosis.result import (
     ChannelErrors,
@@ -50,8 +50,6 @@ NOTHING = 1.0
 SHOWN = (2.0 + (4.0 + NOTHING) ** 0.5) ** 2
 """Gain expected of an effect that acts, from which stretches can disprove it: g with g - 4 sqrt(g) = NOTHING.
 The gain of an effect of the right size is normal with mean g and standard deviation 2 sqrt(g)."""
-SMALLEST = 1e-12
-"""Prior variance of an extra coefficient that leaves all information on it to the data."""
 
 
 @dataclass(frozen=True)
@@ -211,10 +209,9 @@ def expected_gain(search: Search, fit: Fit, rest: Fit | None) -> float:
         added: Floats = search.change(stage, fit) - known
         return added[..., None]
 
-    parts = _confirming(search.evidence.widened(search.weights, change, search.residuals(fit)))
-    extended = search.prior.augment(0.0, SMALLEST)
-    data = total(parts, search.evidence.size + 1)
-    return float(Marginal.of(extended, data, search.weights.effective_sample_fraction).matrix[-1, -1])
+    parts = _confirming(search.parts(fit))
+    new = added(search.evidence.with_columns(search.weights, change, parts, search.residuals(fit)))
+    return float(_marginaliser(search, parts).marginal(new).matrix[0, 0])
 
 
 def _confirming(parts: Sequence[NormalEquations]) -> list[NormalEquations]:
@@ -231,15 +228,13 @@ def _gain(
     search: Search, before: Sequence[NormalEquations], after: Sequence[NormalEquations], chosen: Sequence[int]
 ) -> float:
     """Give by how much effects lower the cost of some held-out stretches."""
-    costs = [
-        Marginal.cost_of(
-            search.prior,
-            total([parts[k] for k in chosen], search.evidence.size),
-            search.weights.effective_sample_fraction,
-        )
-        for parts in (before, after)
-    ]
-    return costs[0] - costs[1]
+    seen = _marginaliser(search, [after[k] for k in chosen])
+    return seen.renewed([before[k] for k in chosen]).cost - seen.cost
+
+
+def _marginaliser(search: Search, parts: Sequence[NormalEquations]) -> Marginaliser:
+    fraction = search.weights.effective_sample_fraction
+    return Marginaliser.of(total(parts, search.evidence.size), search.prior, fraction)
 
 
 def findings_of(search: Search, choice: ChosenEffects) -> tuple[Finding, ...]:

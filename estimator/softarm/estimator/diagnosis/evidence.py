@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.library import Library
 from softarm.estimator.diagnosis.normal_equations import (
+    NewColumns,
     NormalEquations,
     normal_equations,
     renewed,
@@ -142,35 +144,29 @@ class RegressionProblem:
             )
         return products
 
-    def widened(
+    def with_columns(
         self,
         weights: Weights,
         more: Callable[[Stage], Floats],
+        parts: Sequence[NormalEquations],
         residuals: Sequence[Floats] | None = None,
-        *,
-        nominal: bool = False,
-    ) -> list[NormalEquations]:
-        """Give the products of the recordings in question with more columns, shape (samples, rows, more).
+    ) -> list[NewColumns]:
+        """Multiply new columns in some stretches, in their order: session by session.
 
         Args:
             weights: Noise model.
-            more: The columns of a session.
+            more: The new columns of a session, shape (samples, rows, new).
+            parts: Normal equations of the stretches.
             residuals: Of each session; those without effects when left out.
-            nominal: Give those of the nominal recordings instead.
         """
-        plain = self.products(weights, residuals)
         residual = self.residuals if residuals is None else residuals
-        products = []
-        for number, stage in enumerate(self.stages):
-            if stage.session.nominal == nominal:
-                products += with_columns(
-                    [part for part in plain if part.session == number],
-                    residual[number],
-                    self.columns[number],
-                    more(stage),
-                    self.scale(weights, number),
-                    stage.session.blocks,
-                )
+        products: list[NewColumns] = []
+        for number, stretches in groupby(parts, key=lambda part: part.session):
+            stage = self.stages[number]
+            scale, blocks = self.scale(weights, number), stage.session.blocks
+            products += with_columns(
+                list(stretches), residual[number], self.columns[number], more(stage), scale, blocks
+            )
         return products
 
     def scale(self, weights: Weights, number: int) -> Floats:

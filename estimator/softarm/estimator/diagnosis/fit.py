@@ -176,9 +176,8 @@ def fit_effects(
         step = np.clip(np.linalg.solve(damped, pull), -LARGEST, LARGEST)
         trial = np.clip(values + step, parametrisation.lower, parametrisation.upper)
         tried = changed(trial)
-        improved = (
-            _gain(problem, tried) - parametrisation.penalty(trial) - gain + parametrisation.penalty(values)
-        )
+        reached = _gain(problem, tried)
+        improved = reached - parametrisation.penalty(trial) - gain + parametrisation.penalty(values)
         if exact and not answering:
             _secant(slopes, trial - values, [t - c for t, c in zip(tried, change, strict=True)])
         if not improved > 0.0:
@@ -186,7 +185,7 @@ def fit_effects(
             if refused == MOST_REFUSED:
                 break
             continue
-        values, change, gain, refused = trial, tried, _gain(problem, tried), 0
+        values, change, gain, refused = trial, tried, reached, 0
         damping = max(0.1 * damping, LEAST_DAMPING)
         if answering or not exact:
             slopes = slopes_of(problem, hypotheses, fixed, parametrisation, values, exact=exact)

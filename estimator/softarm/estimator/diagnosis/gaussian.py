@@ -38,11 +38,14 @@ class Factor:
         """Factorise; products in single precision may make a matrix indefinite by their rounding."""
         size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
         scaled = _symmetric(matrix / np.outer(size, size))
+        diagonal = np.diag(scaled).copy()
         for ridge in RIDGES:
+            np.fill_diagonal(scaled, diagonal + ridge)
             try:
-                return cls(cho_factor(scaled + ridge * np.eye(len(size))), size)
+                return cls(cho_factor(scaled.T, check_finite=False), size)  # LAPACK counts columns first
             except LinAlgError:
                 continue
+        np.fill_diagonal(scaled, diagonal)
         values, vectors = np.linalg.eigh(scaled)
         whole = (vectors * np.maximum(values, RIDGES[-1])) @ vectors.T
         return cls(cho_factor(whole), size)
@@ -105,6 +108,10 @@ class Gaussian:
         factor = Factor.of(normal)
         right = fraction * data.vector + self.precision @ self.mean
         return Gaussian(factor.solve(right), _symmetric(factor.solve(np.eye(len(right)))))
+
+
+NOTHING = Gaussian(np.zeros(0), np.zeros((0, 0)))
+"""A distribution of no coefficients, to be augmented."""
 
 
 @dataclass(frozen=True)

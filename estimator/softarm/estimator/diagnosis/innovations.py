@@ -9,7 +9,6 @@ from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.discrepancy import Autoregression, ljung_box
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.line import line_errors
-from softarm.estimator.diagnosis.normal_equations import total
 from softarm.estimator.diagnosis.result import ChannelError, InnovationTest, Stretch
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
@@ -19,8 +18,7 @@ Residuals = Sequence[Floats]
 
 def learnt_coefficients(search: Search, fit: Fit | None) -> Floats:
     """Return the common coefficients that the searched stretches show with some effects, shape (columns,)."""
-    data = total([part for part in search.parts(fit) if not part.heldout], search.evidence.size)
-    return search.prior.posterior(data, search.weights.effective_sample_fraction).mean
+    return search.folds(fit).whole.mean
 
 
 def residuals_of(search: Search, fit: Fit | None, coefficients: Floats) -> list[Floats]:

@@ -1,13 +1,12 @@
 """What speaks for a candidate: whether the size that some recordings show predicts the others."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from softarm.estimator.arrays import Floats
+from softarm.estimator.diagnosis.folds import NewFolds
 from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
-from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
 
 CERTAIN = 40.0
 """Gain in the criterion that decides even where the gain on single folds scatters: four times the least."""
@@ -83,28 +82,26 @@ class FoldCosts:
         return float((self.before - self.after).sum()) + self.frequency_gain
 
 
-def fold_costs(parts: Sequence[NormalEquations], prior: Gaussian, fraction: float, size: int) -> FoldCosts:
+def fold_costs(shown: NewFolds, prior: Gaussian, changed: Floats) -> FoldCosts:
     """Predict each recording, or stretch, with the size of a candidate that the others show, and without.
 
     What is common to all recordings has the prior from before any of those in question: a calibration
     that has followed the change would hide it.
 
     Args:
-        parts: Normal equations of the searched stretches, the candidate's change their last column.
-        prior: Of the other columns.
-        fraction: Effective sample fraction: independent samples over samples.
-        size: Number of the other columns.
+        shown: Normal equations of new columns by fold, the candidate's change the last.
+        prior: Of the others.
+        changed: Weighted squares of the candidate's change in each fold, over effective samples.
     """
-    extended = prior.augment(0.0, ANY_SIZE)
-    rows, whole = [], total(parts, size + 1)
-    for fold in folds_of(parts):
-        data = total(fold, size + 1)
-        learnt = extended.posterior(whole.less(data), fraction)
+    extended, size = prior.augment(0.0, ANY_SIZE), len(prior.mean)
+    rows = []
+    for own, others in shown.folds:
+        learnt = extended.posterior(others, 1.0)
         known = prior.augment(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
-        before = Marginal.cost_of(prior, data.first(size), fraction)
-        after = Marginal.cost_of(known, data, fraction)
-        rows.append((before, after, fraction * data.count, fraction * data.matrix[-1, -1]))
-    return FoldCosts(*np.array(rows, dtype=np.float64).T)
+        before = Marginal.cost_of(prior, own.selected(range(size)), 1.0)
+        rows.append((before, Marginal.cost_of(known, own, 1.0), own.count))
+    without, after, counts = np.array(rows, dtype=np.float64).T
+    return FoldCosts(without, after, counts, changed)
 
 
 def judge(costs: FoldCosts, rng: np.random.Generator, search_p: float, delta_bic: float) -> Judgement:
@@ -127,16 +124,6 @@ def judge(costs: FoldCosts, rng: np.random.Generator, search_p: float, delta_bic
         search_p,
         delta_bic,
     )
-
-
-def folds_of(parts: Sequence[NormalEquations]) -> list[list[NormalEquations]]:
-    """Cut stretches into folds: recordings where there are three or more, else five spans of time."""
-    sessions = sorted({part.session for part in parts})
-    if len(sessions) >= 3:
-        return [[part for part in parts if part.session == number] for number in sessions]
-    ordered = sorted(parts, key=lambda part: (part.session, part.block))
-    cuts = np.array_split(np.arange(len(ordered)), min(5, len(ordered)))
-    return [[ordered[k] for k in cut] for cut in cuts]
 
 
 def bootstrap(

@@ -6,8 +6,9 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.evidence import BACKGROUND, RegressionProblem
-from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
-from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
+from softarm.estimator.diagnosis.folds import Marginaliser
+from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian, Marginal
+from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquations, Total, total
 from softarm.estimator.diagnosis.weights import Weights
 
 WIDTHS = (0.01, 0.03, 0.06, 0.12, 0.25)
@@ -38,31 +39,33 @@ def prior_before(evidence: RegressionProblem, weights: Weights) -> tuple[Gaussia
     return learnt.inflate(_spreads(evidence, width)), width
 
 
-def prior_with_background(
-    evidence: RegressionProblem,
-    parts: Sequence[NormalEquations],
-    fraction: float,
-    width: float,
-    size: float,
-    count: int = 1,
-) -> Gaussian:
-    """Return the prior with more coefficients: what nominal recordings have of an effect or a law.
+def background_of(usual: Marginaliser, new: NewColumns, width: float, size: float) -> tuple[Floats, Gaussian]:
+    """Return what nominal recordings have of an effect or a law.
 
     The library's columns stand for effects at a few shapes; an arm that is well may have a little of one at
     another shape, or of a law that no effect stands for, and what it has always had is no change.
 
     Args:
-        evidence: All recordings, nominal ones among them.
-        parts: Normal equations of the nominal recordings; the last columns are what the library's do not
-            stand for.
-        fraction: Effective sample fraction: independent samples over samples.
+        usual: The nominal recordings, with the prior of an arm that is well.
+        new: Products of the effect's or law's columns in them.
         width: What changes from one nominal run to another, in typical sizes.
         size: Amplitude of a coefficient of 1 in typical sizes.
-        count: Number of the last columns.
+
+    Returns:
+        By how much the common coefficients are less the more there is of each column, shape (columns, new);
+        and the prior of how much there is, then of what changes of it from run to run.
     """
-    prior = evidence.sound().augment(0.0, (BACKGROUND / size) ** 2, count)
-    learnt = prior.posterior(total(parts, evidence.size + count), fraction)
-    return learnt.inflate(np.append(_spreads(evidence, width), np.full(count, width / size)))
+    count = len(new.vector)
+    prior = NOTHING.augment(0.0, (BACKGROUND / size) ** 2, count)
+    learnt = prior.posterior(usual.marginal(new), 1.0)
+    less = usual.factor.solve(usual.fraction * new.cross)
+    return less, learnt.augment(0.0, (width / size) ** 2, count)
+
+
+def usual_recordings(evidence: RegressionProblem, weights: Weights) -> Marginaliser:
+    """Return the nominal recordings, with the prior of an arm that is well."""
+    seen = total([part for part in evidence.products(weights) if part.nominal], evidence.size)
+    return Marginaliser.of(seen, evidence.sound(), weights.effective_sample_fraction)
 
 
 def _spreads(evidence: RegressionProblem, width: float) -> Floats:
@@ -90,18 +93,16 @@ def _width(
             run_prior = prior.posterior(total(rest, evidence.size), fraction).inflate(
                 _spreads(evidence, width)
             )
-            score += predictive(run_prior, fold, fraction, evidence.size)
+            score += predictive(run_prior, total(fold, evidence.size), fraction)
         scores.append(score)
     return WIDTHS[int(np.argmax(scores))]
 
 
-def predictive(prior: Gaussian, fold: Sequence[NormalEquations], fraction: float, size: int) -> float:
-    """Return twice the logarithm of the density of a fold under a prior, up to a constant."""
-    seen = total(fold, size)
-    marginal = Marginal.of(prior, seen, fraction)
+def predictive(prior: Gaussian, seen: Total, fraction: float) -> float:
+    """Return twice the logarithm of the density of what was seen under a prior, up to a constant."""
     root = np.sqrt(np.diag(prior.covariance))
-    inner = np.eye(size) + fraction * _sandwich(prior.covariance, seen.matrix, root)
-    return -marginal.cost - float(np.linalg.slogdet(inner)[1])
+    inner = np.eye(len(root)) + fraction * _sandwich(prior.covariance, seen.matrix, root)
+    return -Marginal.cost_of(prior, seen, fraction) - float(np.linalg.slogdet(inner)[1])
 
 
 def evidence_of_change(
@@ -125,23 +126,19 @@ def evidence_of_change(
     Returns:
         Twice the log ratio of the densities, at the likeliest widths above and below ``MATERIAL``.
     """
+    seen = total(parts, evidence.size)
     little, more = (
-        [predictive(one, parts, fraction, evidence.size) for one in priors]
-        for priors in _wider(evidence, prior, width)
+        [predictive(one, seen, fraction) for one in priors] for priors in _wider(evidence, prior, width)
     )
     return max(more) - max(little)
 
 
 def changed_prior(
-    evidence: RegressionProblem,
-    prior: Gaussian,
-    width: float,
-    parts: Sequence[NormalEquations],
-    fraction: float,
+    evidence: RegressionProblem, prior: Gaussian, width: float, seen: Total, fraction: float
 ) -> Gaussian:
-    """Return the likeliest prior of recordings in which more than a little has changed; see above."""
+    """Return the likeliest prior of what was seen if more than a little has changed; see above."""
     _, more = _wider(evidence, prior, width)
-    return max(more, key=lambda one: predictive(one, parts, fraction, evidence.size))
+    return max(more, key=lambda one: predictive(one, seen, fraction))
 
 
 def _wider(
@@ -162,4 +159,11 @@ def _sandwich(covariance: Floats, matrix: Floats, root: Floats) -> Floats:
     return scaled
 
 
-__all__ = ["UNKNOWN", "changed_prior", "evidence_of_change", "prior_before", "prior_with_background"]
+__all__ = [
+    "UNKNOWN",
+    "background_of",
+    "changed_prior",
+    "evidence_of_change",
+    "prior_before",
+    "usual_recordings",
+]

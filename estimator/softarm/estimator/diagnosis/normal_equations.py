@@ -40,16 +40,24 @@ class NormalEquations:
     vector: Floats
     sum_of_squares: float
 
-    def appended(self, weights: Floats) -> "NormalEquations":
-        """Return them with one more column: a combination of the others, shape (columns,)."""
-        cross = self.matrix @ weights
-        matrix = np.block([[self.matrix, cross[:, None]], [cross, weights @ cross]])
-        return replace(self, matrix=matrix, vector=np.append(self.vector, weights @ self.vector))
 
-    def selected(self, columns: Sequence[int]) -> "NormalEquations":
-        """Return those of some columns, in their order."""
-        chosen = list(columns)
-        return replace(self, matrix=self.matrix[np.ix_(chosen, chosen)], vector=self.vector[chosen])
+@dataclass(frozen=True)
+class NewColumns:
+    """Products of new columns X, of shape (samples, new), in some stretches.
+
+    Args:
+        cross: C^T W X, with the columns C of the stretches' normal equations, shape (columns, new).
+        matrix: X^T W X, shape (new, new).
+        vector: X^T W r, shape (new,).
+    """
+
+    cross: Floats
+    matrix: Floats
+    vector: Floats
+
+    def less(self, other: "NewColumns") -> "NewColumns":
+        """Leave some of the stretches out."""
+        return NewColumns(self.cross - other.cross, self.matrix - other.matrix, self.vector - other.vector)
 
 
 def normal_equations(
@@ -113,29 +121,25 @@ def with_columns(
     more: Floats,
     scale: Floats,
     blocks: NDArray[np.int64],
-) -> list[NormalEquations]:
-    """Compute those of a session with more columns, shape (samples, rows, more); see ``normal_equations``."""
-    widened = []
-    for part, samples, present, precision in _weighted(parts, residual, scale, blocks):
-        added = np.nan_to_num(more[samples]).reshape(-1, more.shape[-1])
-        weighted = precision[:, None] * added
-        cross = _pull(columns[samples], weighted)
-        matrix = np.block([[part.matrix, cross], [cross.T, added.T @ weighted]])
-        widened.append(
-            replace(part, matrix=matrix, vector=np.concatenate([part.vector, weighted.T @ present]))
-        )
-    return widened
+) -> list[NewColumns]:
+    """Multiply new columns, shape (samples, rows, new), in stretches of a session."""
+    found = []
+    for _, samples, present, precision in _weighted(parts, residual, scale, blocks):
+        new = np.nan_to_num(more[samples]).reshape(-1, more.shape[-1])
+        weighted = precision[:, None] * new
+        found.append(NewColumns(_pull(columns[samples], weighted), new.T @ weighted, weighted.T @ present))
+    return found
 
 
 def _weighted(
     parts: Sequence[NormalEquations], residual: Floats, scale: Floats, blocks: NDArray[np.int64]
-) -> Iterator[tuple[NormalEquations, Flags, Floats, Floats]]:
-    """Yield each stretch, its samples, their residuals and the inverse variances, both 0 where lost."""
-    spread = np.broadcast_to(scale, residual.shape)
-    stretches = _stretches(residual, scale, blocks)
-    for part, (_, samples, recorded, _) in zip(parts, stretches, strict=True):
-        precision = np.where(recorded, 1.0 / spread[samples] ** 2, 0.0)
-        yield part, samples, np.nan_to_num(residual[samples]).ravel(), precision.ravel()
+) -> Iterator[tuple[NormalEquations, slice, Floats, Floats]]:
+    """Yield stretches, their samples, residuals and inverse variances, both 0 where lost."""
+    recorded = np.isfinite(residual)
+    present, precision = np.where(recorded, residual, 0.0), np.where(recorded, 1.0 / scale**2, 0.0)
+    for part in parts:
+        samples = _samples(blocks, part.block)
+        yield part, samples, present[samples].ravel(), precision[samples].ravel()
 
 
 def _pull(columns: Floats | NDArray[np.float32], weighted: Floats) -> Floats:
@@ -146,23 +150,29 @@ def _pull(columns: Floats | NDArray[np.float32], weighted: Floats) -> Floats:
 
 def _stretches(
     residual: Floats, scale: Floats, blocks: NDArray[np.int64]
-) -> list[tuple[int, Flags, Flags, Floats]]:
+) -> list[tuple[int, slice, Flags, Floats]]:
     """List the stretches that have residuals: number, samples, present residuals and their weights."""
     stretches = []
     spread = np.broadcast_to(scale, residual.shape)
     for block in np.unique(blocks):
-        samples = blocks == block
+        samples = _samples(blocks, block)
         recorded = np.isfinite(residual[samples])
         if recorded.any():
             stretches.append((int(block), samples, recorded, 1.0 / spread[samples][recorded]))
     return stretches
 
 
+def _samples(blocks: NDArray[np.int64], block: int) -> slice:
+    """Give the samples of a stretch, which follow each other: columns are not copied then."""
+    first, end = np.searchsorted(blocks, [block, block + 1])
+    return slice(int(first), int(end))
+
+
 @dataclass(frozen=True)
 class Total:
     """Sum of the normal equations of some stretches."""
 
-    count: int
+    count: float
     matrix: Floats
     vector: Floats
     sum_of_squares: float
@@ -176,9 +186,10 @@ class Total:
             self.sum_of_squares - other.sum_of_squares,
         )
 
-    def first(self, size: int) -> "Total":
-        """Leave the last columns out."""
-        return replace(self, matrix=self.matrix[:size, :size], vector=self.vector[:size])
+    def selected(self, columns: Sequence[int]) -> "Total":
+        """Return those of some columns, in their order."""
+        chosen = list(columns)
+        return replace(self, matrix=self.matrix[np.ix_(chosen, chosen)], vector=self.vector[chosen])
 
 
 def total(parts: Sequence[NormalEquations], size: int) -> Total:
@@ -191,3 +202,12 @@ def total(parts: Sequence[NormalEquations], size: int) -> Total:
         count += part.count
         sum_of_squares += part.sum_of_squares
     return Total(count, matrix, vector, sum_of_squares)
+
+
+def added(new: Sequence[NewColumns]) -> NewColumns:
+    """Add products of new columns up."""
+    return NewColumns(
+        np.sum([one.cross for one in new], axis=0),
+        np.sum([one.matrix for one in new], axis=0),
+        np.sum([one.vector for one in new], axis=0),
+    )

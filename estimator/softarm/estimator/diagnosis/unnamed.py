@@ -18,15 +18,17 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.spatial.distance import cdist
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
-from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
-from softarm.estimator.diagnosis.judge import ANY_SIZE, CERTAIN, MATERIAL, folds_of
-from softarm.estimator.diagnosis.nominal import changed_prior, predictive, prior_with_background
-from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
+from softarm.estimator.diagnosis.folds import Combinations, NewFolds
+from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian
+from softarm.estimator.diagnosis.judge import ANY_SIZE, CERTAIN, MATERIAL
+from softarm.estimator.diagnosis.nominal import background_of, changed_prior, predictive
+from softarm.estimator.diagnosis.normal_equations import NewColumns, added
 from softarm.estimator.diagnosis.probability import density, pseudo_bma
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import describe
@@ -77,25 +79,22 @@ class LawEvidence:
 
     Args:
         law: The law.
-        known: The prior without a change: of the common coefficients and, where the law is compared with
-            nominal recordings, of what these have of it.
+        known: The prior without a change: of what nominal recordings have of the law, where it is compared
+            with these.
         changed: The prior with a change, whose coefficients are the last.
-        parts: Normal equations of the searched stretches, with the columns of ``changed``.
+        wanted: Which combinations of columns these are coefficients of.
+        shown: The searched stretches, with the columns of ``changed``.
     """
 
     law: Law
     known: Gaussian
     changed: Gaussian
-    parts: tuple[NormalEquations, ...]
+    wanted: Combinations
+    shown: NewFolds
 
-    @property
-    def usual(self) -> range:
-        """Columns without the change."""
-        return range(len(self.known.mean))
-
-    def without(self) -> list[NormalEquations]:
-        """Return the normal equations without the change."""
-        return [part.selected(self.usual) for part in self.parts]
+    def without(self) -> NewFolds:
+        """Return the searched stretches without the change."""
+        return self.shown.selected(range(len(self.known.mean)))
 
 
 @dataclass(frozen=True)
@@ -217,17 +216,16 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
     """
     shown = likeliest_law(search, smooth=search.evidence.has_nominal and fit is not None)
     law = shown.law
-    nothing = _log_densities(search, shown.known, shown.known, shown.without())
-    densities = [_log_densities(search, shown.known, shown.changed, shown.parts), nothing]
+    nothing = _log_densities(shown.without(), shown.known, shown.known)
+    densities = [_log_densities(shown.shown, shown.known, shown.changed), nothing]
     gain = joint_gain = 2.0 * float((densities[0] - nothing).sum())
     named_gain = 0.0
     if fit is not None:
-        number = len(shown.changed.mean)
         price = 0.5 * search.bic_penalty * (sum(map(len, fit.thetas)) - 1) / len(nothing)
         joint = _with_effects(search, shown, fit)
-        named = [part.selected([*shown.usual, number]) for part in joint]
-        effects = _log_densities(search, shown.known, shown.known.augment(0.0, ANY_SIZE), named) - price
-        both = _log_densities(search, shown.known, shown.changed.augment(0.0, ANY_SIZE), joint) - price
+        named = joint.selected([*range(len(shown.known.mean)), len(shown.changed.mean)])
+        effects = _log_densities(named, shown.known, shown.known.augment(0.0, ANY_SIZE)) - price
+        both = _log_densities(joint, shown.known, shown.changed.augment(0.0, ANY_SIZE)) - price
         named_gain, joint_gain = (2.0 * float((one - nothing).sum()) for one in (effects, both))
         densities.append(effects)
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
@@ -251,18 +249,19 @@ def unnamed_probability(search: Search, changed: float) -> float:
         if len(key) == 1 and one is not None and not one.fit.at_bound
     ]
     law = likeliest_law(search, smooth=False)
-    plain = [part.selected(range(search.evidence.size)) for part in law.parts]
-    fraction, size = search.weights.effective_sample_fraction, search.evidence.size
-    alone = -0.5 * np.array(
-        [Marginal.cost_of(search.prior, total(fold, size), fraction) for fold in folds_of(plain)]
+    folds, fraction = search.folds(None), search.weights.effective_sample_fraction
+    alone = -0.5 * np.array([own.cost for own in folds.own])
+    plain = NewFolds(
+        folds.whole.data,
+        tuple((own.data, rest.data) for own, rest in zip(folds.own, folds.rest, strict=True)),
     )
-    wide = changed_prior(search.evidence, search.prior, search.width, plain, fraction)
+    wide = changed_prior(search.evidence, search.prior, search.width, plain.whole, fraction)
     # What changes from run to run, a prior that allows for little learns as well.
-    little = _log_densities(search, None, search.prior, plain) + 0.5 * changed / len(alone)
+    little = _log_densities(plain, None, search.prior, fraction) + 0.5 * changed / len(alone)
     unnamed = [
-        _log_densities(search, None, wide, plain) - little,
-        _log_densities(search, law.known, law.changed, law.parts)
-        - _log_densities(search, law.known, law.known, law.without()),
+        _log_densities(plain, None, wide, fraction) - little,
+        _log_densities(law.shown, law.known, law.changed)
+        - _log_densities(law.without(), law.known, law.known),
     ]
     densities = [*named, *(alone + more for more in unnamed), alone]
     return min(float(pseudo_bma(np.column_stack(densities), search.rng)[len(named) : -1].sum()), 1.0)
@@ -276,42 +275,41 @@ def likeliest_law(search: Search, *, smooth: bool) -> LawEvidence:
         smooth: Whether it may be any smooth law. What a model gets wrong of an arm that is well is one too:
             alone, or where no nominal recording shows that arm, it is no sign that something is missing.
     """
-    fraction = search.weights.effective_sample_fraction
     tried = [shown for law in laws(search, smooth=smooth) for shown in _law_evidence(search, law)]
-    return max(tried, key=lambda one: predictive(one.changed, one.parts, fraction, len(one.changed.mean)))
+    return max(tried, key=lambda one: predictive(one.changed, one.shown.whole, 1.0))
 
 
 def _law_evidence(search: Search, law: Law) -> list[LawEvidence]:
     """Return what the searched stretches show of a law, for each size that is tried."""
-    evidence, fraction = search.evidence, search.weights.effective_sample_fraction
-    parts = _searched(search, law.columns)
-    columns = len(parts[0].vector)
-    count = columns - evidence.size
-    if not (law.compared and evidence.has_nominal):
+    new = _searched(search, law.columns)
+    count, columns = len(new[0].vector), search.evidence.size
+    if not (law.compared and search.evidence.has_nominal):
+        wanted = Combinations(np.eye(count), np.zeros((columns, count)))
+        shown = search.folds(None).marginal(new)
         return [
-            LawEvidence(law, search.prior, search.prior.augment(0.0, size**2, count), tuple(parts))
+            LawEvidence(law, NOTHING, NOTHING.augment(0.0, size**2, count), wanted, shown)
             for size in law.sizes
         ]
-    nominal = evidence.widened(search.weights, law.columns, nominal=True)
-    twice = tuple(part.selected([*range(columns), *range(evidence.size, columns)]) for part in parts)
-    found = []
-    for size in law.sizes:
-        known = prior_with_background(evidence, nominal, fraction, search.width, 1.0 / size, count)
-        found.append(LawEvidence(law, known, known.augment(0.0, size**2, count), twice))
-    return found
+    nominal = added(search.nominal_columns(law.columns))
+    priors = [background_of(search.usual, nominal, search.width, 1.0 / size) for size in law.sizes]
+    wanted = Combinations(np.tile(np.eye(count), 3), np.pad(-priors[0][0], ((0, 0), (0, 2 * count))))
+    shown = search.folds(None).marginal(new, wanted)
+    return [
+        LawEvidence(law, known, known.augment(0.0, size**2, count), wanted, shown)
+        for size, (_, known) in zip(law.sizes, priors, strict=True)
+    ]
 
 
-def _with_effects(search: Search, shown: LawEvidence, fit: Fit) -> list[NormalEquations]:
-    """Return the normal equations of a law's evidence with what effects change as one more column."""
-    law, size = shown.law, search.evidence.size
+def _with_effects(search: Search, shown: LawEvidence, fit: Fit) -> NewFolds:
+    """Return a law's evidence with what effects change as one more column."""
 
     def columns(stage: Stage) -> Floats:
-        return np.append(law.columns(stage), search.change(stage, fit)[..., None], axis=-1)
+        return np.append(shown.law.columns(stage), search.change(stage, fit)[..., None], axis=-1)
 
-    parts = _searched(search, columns)
-    effects = len(parts[0].vector) - 1
-    order = [*shown.usual, *range(size, effects), effects]
-    return [part.selected(order) for part in parts]
+    wanted = Combinations(
+        block_diag(shown.wanted.new, np.ones((1, 1))), np.pad(shown.wanted.common, ((0, 0), (0, 1)))
+    )
+    return search.folds(None).marginal(_searched(search, columns), wanted)
 
 
 def laws(search: Search, *, smooth: bool) -> list[Law]:
@@ -369,28 +367,26 @@ def by_neighbours(stage: Stage, highest: float) -> Floats:
     return np.stack(columns, axis=-1)
 
 
-def _searched(search: Search, columns: Columns) -> list[NormalEquations]:
-    """Return the normal equations of the searched stretches with more columns."""
-    return [part for part in search.evidence.widened(search.weights, columns) if not part.heldout]
+def _searched(search: Search, columns: Columns) -> list[NewColumns]:
+    """Return the products of new columns in the searched stretches."""
+    parts = [part for part in search.parts(None) if not part.heldout]
+    return search.evidence.with_columns(search.weights, columns, parts)
 
 
-def _log_densities(
-    search: Search, known: Gaussian | None, prior: Gaussian, parts: Sequence[NormalEquations]
-) -> Floats:
+def _log_densities(shown: NewFolds, known: Gaussian | None, prior: Gaussian, fraction: float = 1.0) -> Floats:
     """Return the logarithm of the density of each fold, given what the others teach, shape (folds,).
 
     Args:
-        search: The search.
+        shown: The folds.
         known: Prior of the first coefficients, which the other folds do not teach: what has followed a change
             would hide it; ``None`` where they teach all.
         prior: Of all coefficients.
-        parts: Normal equations of the searched stretches.
+        fraction: Effective sample fraction of the folds' counts.
     """
-    fraction, size = search.weights.effective_sample_fraction, len(prior.mean)
-    found, whole = [], total(parts, size)
-    for fold in folds_of(parts):
-        learnt = prior.posterior(whole.less(total(fold, size)), fraction)
+    found = []
+    for own, others in shown.folds:
+        learnt = prior.posterior(others, fraction)
         if known is not None:
             learnt = learnt.with_first(known)
-        found.append(0.5 * predictive(learnt, fold, fraction, size))
+        found.append(0.5 * predictive(learnt, own, fraction))
     return np.array(found)

@@ -1,0 +1,197 @@
+"""Folds of the searched stretches, with all that is common to the recordings marginalised.
+
+Whatever is tried beside the hundreds of common columns C is a few new columns X. With
+A = f C^T W C + P, factorised once for all that is tried, H = f C^T W X, and m, P the prior of the common
+coefficients, their normal equations are
+
+    f X^T W X - H^T A^-1 H   and   f X^T W (r - C m) - H^T A^-1 f C^T W (r - C m).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from softarm.estimator.arrays import Floats
+from softarm.estimator.diagnosis.gaussian import Factor, Gaussian
+from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquations, Total, added, total
+
+Fold = tuple[Total, Total]
+"""Normal equations of new columns in a fold, and in all others."""
+
+
+@dataclass(frozen=True)
+class Combinations:
+    """Combinations X N + C K of new columns X and the common ones.
+
+    Args:
+        new: N, shape (new, combinations).
+        common: K, shape (columns, combinations).
+    """
+
+    new: Floats
+    common: Floats
+
+
+@dataclass(frozen=True)
+class Marginaliser:
+    """Some stretches, ready to marginalise the common coefficients beside new columns.
+
+    Args:
+        data: Sum of their normal equations.
+        prior: Of the common coefficients.
+        fraction: Effective sample fraction: independent samples over samples.
+        factor: Of A.
+    """
+
+    data: Total
+    prior: Gaussian
+    fraction: float
+    factor: Factor
+
+    @classmethod
+    def of(cls, data: Total, prior: Gaussian, fraction: float) -> "Marginaliser":
+        """Factorise A."""
+        return cls(data, prior, fraction, Factor.of(fraction * data.matrix + prior.precision))
+
+    def renewed(self, parts: Sequence[NormalEquations]) -> "Marginaliser":
+        """Return that of the same stretches with another residual."""
+        vector = np.sum([part.vector for part in parts], axis=0)
+        sum_of_squares = sum(part.sum_of_squares for part in parts)
+        return replace(self, data=replace(self.data, vector=vector, sum_of_squares=sum_of_squares))
+
+    @cached_property
+    def right(self) -> Floats:
+        """Products of the columns with what the prior mean leaves, f C^T W (r - C m), shape (columns,)."""
+        right: Floats = self.fraction * (self.data.vector - self.data.matrix @ self.prior.mean)
+        return right
+
+    @cached_property
+    def mean(self) -> Floats:
+        """Most probable common coefficients without new columns, shape (columns,)."""
+        return self.prior.mean + self.factor.solve(self.right)
+
+    @cached_property
+    def cost(self) -> float:
+        """Weighted squares that remain without new columns, the prior's included."""
+        mean = self.prior.mean
+        squares = self.data.sum_of_squares - mean @ (self.data.vector + self.right / self.fraction)
+        return float(self.fraction * squares - self.right @ self.factor.solve(self.right))
+
+    def combined(self, new: NewColumns, wanted: Combinations) -> NewColumns:
+        """Return the products of combinations of new columns and the common ones."""
+        common = self.data.matrix @ wanted.common
+        mixed = wanted.new.T @ (new.cross.T @ wanted.common)
+        return NewColumns(
+            new.cross @ wanted.new + common,
+            wanted.new.T @ new.matrix @ wanted.new + mixed + mixed.T + wanted.common.T @ common,
+            wanted.new.T @ new.vector + wanted.common.T @ self.data.vector,
+        )
+
+    def marginal(self, new: NewColumns) -> Total:
+        """Return the normal equations of new columns, of effective samples."""
+        cross = self.fraction * new.cross
+        solved = self.factor.solve(cross)
+        matrix = self.fraction * new.matrix - cross.T @ solved
+        vector = self.fraction * new.vector - cross.T @ self.prior.mean - solved.T @ self.right
+        return Total(self.fraction * self.data.count, 0.5 * (matrix + matrix.T), vector, self.cost)
+
+
+@dataclass(frozen=True)
+class Folds:
+    """The searched stretches, together and as folds.
+
+    Args:
+        numbers: Of the stretches of each fold.
+        whole: All stretches.
+        own: Those of each fold.
+        rest: All others, for each fold.
+    """
+
+    numbers: tuple[tuple[int, ...], ...]
+    whole: Marginaliser
+    own: tuple[Marginaliser, ...]
+    rest: tuple[Marginaliser, ...]
+
+    @classmethod
+    def of(cls, parts: Sequence[NormalEquations], prior: Gaussian, fraction: float) -> "Folds":
+        """Factorise what is common to all that is tried.
+
+        Args:
+            parts: Normal equations of the searched stretches.
+            prior: Of the common coefficients.
+            fraction: Effective sample fraction: independent samples over samples.
+        """
+        numbers, size = folds_of(parts), len(prior.mean)
+        whole = total(parts, size)
+        folds = [total([parts[k] for k in fold], size) for fold in numbers]
+        return cls(
+            numbers,
+            Marginaliser.of(whole, prior, fraction),
+            tuple(Marginaliser.of(fold, prior, fraction) for fold in folds),
+            tuple(Marginaliser.of(whole.less(fold), prior, fraction) for fold in folds),
+        )
+
+    def renewed(self, parts: Sequence[NormalEquations]) -> "Folds":
+        """Return those of the same stretches with another residual."""
+        return Folds(
+            self.numbers,
+            self.whole.renewed(parts),
+            tuple(
+                one.renewed([parts[k] for k in fold])
+                for one, fold in zip(self.own, self.numbers, strict=True)
+            ),
+            tuple(
+                one.renewed([part for k, part in enumerate(parts) if k not in fold])
+                for one, fold in zip(self.rest, self.numbers, strict=True)
+            ),
+        )
+
+    def marginal(self, new: Sequence[NewColumns], wanted: Combinations | None = None) -> "NewFolds":
+        """Return the normal equations of new columns by fold.
+
+        Args:
+            new: Their products in each stretch.
+            wanted: What is fitted of them; themselves when left out.
+        """
+        every = added(new)
+
+        def marginal(stretches: Marginaliser, own: NewColumns) -> Total:
+            return stretches.marginal(own if wanted is None else stretches.combined(own, wanted))
+
+        folds = []
+        for own, rest, fold in zip(self.own, self.rest, self.numbers, strict=True):
+            inside = added([new[k] for k in fold])
+            folds.append((marginal(own, inside), marginal(rest, every.less(inside))))
+        return NewFolds(marginal(self.whole, every), tuple(folds))
+
+
+@dataclass(frozen=True)
+class NewFolds:
+    """Normal equations of new columns, the common coefficients marginalised.
+
+    Args:
+        whole: Of all searched stretches.
+        folds: Of each fold, and of all others.
+    """
+
+    whole: Total
+    folds: tuple[Fold, ...]
+
+    def selected(self, columns: Sequence[int]) -> "NewFolds":
+        """Return those of some columns, in their order."""
+        folds = tuple((own.selected(columns), rest.selected(columns)) for own, rest in self.folds)
+        return NewFolds(self.whole.selected(columns), folds)
+
+
+def folds_of(parts: Sequence[NormalEquations]) -> tuple[tuple[int, ...], ...]:
+    """Cut stretches into folds: recordings where there are three or more, else five spans of time."""
+    sessions = sorted({part.session for part in parts})
+    if len(sessions) >= 3:
+        return tuple(
+            tuple(k for k, part in enumerate(parts) if part.session == number) for number in sessions
+        )
+    ordered = sorted(range(len(parts)), key=lambda k: (parts[k].session, parts[k].block))
+    cuts = np.array_split(ordered, min(5, len(ordered)))
+    return tuple(tuple(int(k) for k in cut) for cut in cuts)

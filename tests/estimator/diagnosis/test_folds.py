@@ -1,0 +1,152 @@
+"""What is known of new columns once the common coefficients are marginalised, against all of them at once."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from softarm.estimator.diagnosis.folds import Combinations, Folds, Marginaliser
+from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian, Marginal
+from softarm.estimator.diagnosis.nominal import BACKGROUND, background_of, predictive
+from softarm.estimator.diagnosis.normal_equations import (
+    NewColumns,
+    NormalEquations,
+    Total,
+    added,
+    normal_equations,
+    total,
+)
+
+COMMON, NEW, FRACTION = 4, 2, 0.3
+
+
+@pytest.fixture
+def prior() -> Gaussian:
+    root = np.random.default_rng(5).normal(size=(COMMON, COMMON))
+    return Gaussian(np.array([0.1, -0.2, 0.3, 0.0]), 0.05 * (root @ root.T + np.eye(COMMON)))
+
+
+@pytest.fixture
+def parts() -> list[NormalEquations]:
+    """Recordings with common columns and then new ones."""
+    found = []
+    for number in range(4):
+        rng = np.random.default_rng([6, number])
+        columns = rng.normal(size=(30, 2, COMMON + NEW))
+        residual = 0.4 * columns[..., -1] + rng.normal(size=(30, 2))
+        none, blocks = np.zeros(30, dtype=bool), np.arange(30) // 15
+        found += normal_equations(residual, columns, np.ones(2), blocks, none, none, number, nominal=False)
+    return found
+
+
+def known(parts: list[NormalEquations]) -> list[NormalEquations]:
+    return [
+        replace(part, matrix=part.matrix[:COMMON, :COMMON], vector=part.vector[:COMMON]) for part in parts
+    ]
+
+
+def new_of(parts: list[NormalEquations]) -> list[NewColumns]:
+    return [
+        NewColumns(part.matrix[:COMMON, COMMON:], part.matrix[COMMON:, COMMON:], part.vector[COMMON:])
+        for part in parts
+    ]
+
+
+def joint(prior: Gaussian, extra: Gaussian) -> Gaussian:
+    """Put independent coefficients behind the common ones."""
+    grown = prior.augment(0.0, 1.0, len(extra.mean))
+    covariance = grown.covariance.copy()
+    covariance[COMMON:, COMMON:] = extra.covariance
+    return Gaussian(np.concatenate([prior.mean, extra.mean]), covariance)
+
+
+def marginal_of(parts: list[NormalEquations], prior: Gaussian) -> Total:
+    seen = Marginaliser.of(total(known(parts), COMMON), prior, FRACTION)
+    return seen.marginal(added(new_of(parts)))
+
+
+def test_new_columns_are_learnt_as_beside_the_common_ones(prior, parts):
+    extra = Gaussian(np.array([0.2, 0.0]), np.array([[0.5, 0.1], [0.1, 0.3]]))
+    everything = total(parts, COMMON + NEW)
+    expected = joint(prior, extra).posterior(everything, FRACTION)
+    found = extra.posterior(marginal_of(parts, prior), 1.0)
+    assert found.mean == pytest.approx(expected.mean[COMMON:], rel=1e-6)
+    assert found.covariance == pytest.approx(expected.covariance[COMMON:, COMMON:], rel=1e-6)
+    cost = Marginal.cost_of(extra, marginal_of(parts, prior), 1.0)
+    assert cost == pytest.approx(Marginal.cost_of(joint(prior, extra), everything, FRACTION), rel=1e-7)
+
+
+def test_densities_differ_as_those_of_all_coefficients(prior, parts):
+    """What the common coefficients add is the same for all new columns."""
+    small, large = (Gaussian(np.zeros(NEW), size * np.eye(NEW)) for size in (0.01, 1.0))
+    everything, found = total(parts, COMMON + NEW), marginal_of(parts, prior)
+    expected = predictive(joint(prior, large), everything, FRACTION) - predictive(
+        joint(prior, small), everything, FRACTION
+    )
+    assert predictive(large, found, 1.0) - predictive(small, found, 1.0) == pytest.approx(expected, rel=1e-6)
+
+
+def test_without_new_columns_the_cost_is_that_of_the_common_ones(prior, parts):
+    seen = Marginaliser.of(total(known(parts), COMMON), prior, FRACTION)
+    expected = prior.posterior(seen.data, FRACTION)
+    assert seen.mean == pytest.approx(expected.mean)
+    assert seen.cost == pytest.approx(Marginal.cost_of(prior, seen.data, FRACTION))
+    assert seen.marginal(added(new_of(parts))).selected([]).sum_of_squares == seen.cost
+    assert Marginal.cost_of(NOTHING, Total(1.0, np.zeros((0, 0)), np.zeros(0), 2.0), 1.0) == 2.0
+
+
+def test_combinations_are_columns_of_their_own(prior, parts):
+    wanted = Combinations(np.array([[1.0], [-2.0]]), np.array([[0.5], [0.0], [3.0], [1.0]]))
+    seen = Marginaliser.of(total(known(parts), COMMON), prior, FRACTION)
+    found = seen.combined(added(new_of(parts)), wanted)
+    weights = np.concatenate([wanted.common, wanted.new])[:, 0]
+    everything = total(parts, COMMON + NEW)
+    assert found.cross[:, 0] == pytest.approx((everything.matrix @ weights)[:COMMON])
+    assert found.matrix[0, 0] == pytest.approx(weights @ everything.matrix @ weights)
+    assert found.vector[0] == pytest.approx(weights @ everything.vector)
+
+
+def test_folds_are_recordings_and_all_others(prior, parts):
+    folds = Folds.of(known(parts), prior, FRACTION)
+    assert folds.numbers == ((0, 1), (2, 3), (4, 5), (6, 7))
+    shown = folds.marginal(new_of(parts))
+    for number, (own, others) in enumerate(shown.folds):
+        inside = [part for part in parts if part.session == number]
+        outside = [part for part in parts if part.session != number]
+        for found, expected in ((own, inside), (others, outside)):
+            assert found.matrix == pytest.approx(marginal_of(expected, prior).matrix)
+            assert found.vector == pytest.approx(marginal_of(expected, prior).vector)
+            assert found.sum_of_squares == pytest.approx(marginal_of(expected, prior).sum_of_squares)
+
+
+def test_another_residual_leaves_what_was_factorised(prior, parts):
+    other = [
+        replace(part, vector=2.0 * part.vector, sum_of_squares=4.0 * part.sum_of_squares) for part in parts
+    ]
+    renewed, expected = (
+        Folds.of(known(parts), prior, FRACTION).renewed(known(other)),
+        Folds.of(known(other), prior, FRACTION),
+    )
+    for found, direct in zip(
+        renewed.marginal(new_of(other)).folds, expected.marginal(new_of(other)).folds, strict=True
+    ):
+        for one, another in zip(found, direct, strict=True):
+            assert one.vector == pytest.approx(another.vector)
+            assert one.sum_of_squares == pytest.approx(another.sum_of_squares)
+
+
+def test_what_nominal_recordings_have_of_a_column_is_no_change(prior, parts):
+    """Marginalised, it predicts the recordings in question as all coefficients do that these teach."""
+    parts = [replace(part, matrix=part.matrix[:-1, :-1], vector=part.vector[:-1] + 3.0) for part in parts]
+    nominal, questioned = parts[:4], parts[4:]
+    width, size, spreads = 0.1, 0.5, np.full(COMMON, 0.02)
+    learnt = prior.augment(0.0, (BACKGROUND / size) ** 2).posterior(total(nominal, COMMON + 1), FRACTION)
+    everything = learnt.inflate(np.append(spreads, width / size))
+    expected = Marginal.cost_of(everything, total(questioned, COMMON + 1), FRACTION)
+    usual = Marginaliser.of(total(known(nominal), COMMON), prior, FRACTION)
+    less, background = background_of(usual, added(new_of(nominal)), width, size)
+    before = prior.posterior(usual.data, FRACTION).inflate(spreads)
+    seen = Marginaliser.of(total(known(questioned), COMMON), before, FRACTION)
+    wanted = Combinations(np.ones((1, 2)), np.concatenate([-less, np.zeros_like(less)], axis=1))
+    found = seen.marginal(seen.combined(added(new_of(questioned)), wanted))
+    assert Marginal.cost_of(background, found, 1.0) == pytest.approx(expected, rel=1e-7)
