@@ -12,7 +12,7 @@ from softarm.estimator.calibration.unknowns import Prediction
 from softarm.estimator.diagnosis.exact_model import ExactModel
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.effects import World
-from softarm.estimator.effects.effect import ModalChange
+from softarm.estimator.effects.effect import ModalChange, Signals
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
 from softarm.estimator.effects.simulate import recorded_turn, simulate_with
 from softarm.estimator.model import Frames
@@ -248,7 +248,7 @@ class Stage:
         if not placed.field:
             return self.innovation(self._misread(placed, self.base))
         drive = self.drive
-        change, _ = placed.change(signals_of(drive, self.world, self.arm.baseline))
+        change, _ = placed.change(self.signals)
         if placed.field == "base_rotation":
             rotated = placed.apply(drive, change)
             usual = replace(drive, base_rotation=self._usual(rotated, (placed,)))
@@ -260,6 +260,11 @@ class Stage:
         strained = np.nan_to_num(_applied(self.strains_by_drive[placed.field], change))
         couples = self.vibrations.couples(strained, placed.effect.modal(placed.theta), placed.spot.section)
         return moved + _applied(self.couple_jacobian, couples)
+
+    @cached_property
+    def signals(self) -> Signals:
+        """What effects see of the session without them."""
+        return signals_of(self.drive, self.world, self.arm.baseline)
 
     @cached_property
     def by_drive(self) -> dict[str, Floats]:
@@ -284,8 +289,7 @@ class Stage:
         readings = truth.copy()
         entries = self.suite.reading_slices.get(placed.spot.place.sensor or "")
         if entries is not None:
-            signals = signals_of(self.drive, self.world, self.arm.baseline)
-            readings[:, entries], _ = placed.act(replace(signals, reading=truth[:, entries]), ())
+            readings[:, entries], _ = placed.act(replace(self.signals, reading=truth[:, entries]), ())
         return readings
 
     @cached_property

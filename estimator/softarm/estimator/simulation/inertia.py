@@ -240,40 +240,39 @@ def _newmark(
 ) -> Floats:
     """Step through the windows of all samples; no steps stand for a pause. See ``StrainDynamics.strains``."""
     samples, size = still.shape
-    means = np.empty((samples, size))
+    means = np.zeros((samples, size))
     place, speed, push = still[0].copy(), np.zeros(size), np.zeros(size)
+    goal, ahead, gained = np.zeros(size), np.zeros(size), np.zeros(size)
     for k in range(samples):
         if steps[k] == 0:
-            place, speed, push = still[k].copy(), np.zeros(size), np.zeros(size)
+            place[:], speed[:], push[:] = still[k], 0.0, 0.0
             means[k] = place
             continue
         h = (edges[k + 1] - edges[k]) / steps[k]
-        total = np.zeros(size)
         for step in range(1, steps[k] + 1):
-            goal = _between(clock, still, k, edges[k] + h * step)
-            ahead = place + h * speed + 0.25 * h * h * push
-            gained = speed + 0.5 * h * push
+            before, after, share = _between(clock, k, edges[k] + h * step)
+            for i in range(size):  # arrays made in every step would take most of the time
+                goal[i] = still[before, i] + share * (still[after, i] - still[before, i])
+                ahead[i] = place[i] + h * speed[i] + 0.25 * h * h * push[i]
+                gained[i] = speed[i] + 0.5 * h * push[i]
             for i in range(size):
                 acceleration = 0.0
                 for j in range(size):
                     acceleration += spring[k, i, j] * (goal[j] - ahead[j]) - drag[k, i, j] * gained[j]
                 push[i] = acceleration
-            speed = gained + 0.5 * h * push
-            there = ahead + 0.25 * h * h * push
-            total += 0.5 * (place + there)
-            place = there
-        means[k] = total / steps[k]
+                speed[i] = gained[i] + 0.5 * h * acceleration
+                there = ahead[i] + 0.25 * h * h * acceleration
+                means[k, i] += 0.5 * (place[i] + there)
+                place[i] = there
+        means[k] /= steps[k]
     return means
 
 
 @njit(cache=True, nogil=True)
-def _between(clock: Floats, values: Floats, k: int, time: float) -> Floats:
-    """Interpolate near sample k."""
-    before, after = k, k
+def _between(clock: Floats, k: int, time: float) -> tuple[int, int, float]:
+    """Find the samples to interpolate between near sample k, and the share of the second."""
     if time <= clock[k] and k > 0:
-        before = k - 1
-    elif time > clock[k] and k + 1 < len(clock):
-        after = k + 1
-    share = 0.0 if before == after else (time - clock[before]) / (clock[after] - clock[before])
-    between: Floats = values[before] + share * (values[after] - values[before])
-    return between
+        return k - 1, k, (time - clock[k - 1]) / (clock[k] - clock[k - 1])
+    if time > clock[k] and k + 1 < len(clock):
+        return k, k + 1, (time - clock[k]) / (clock[k + 1] - clock[k])
+    return k, k, 0.0
