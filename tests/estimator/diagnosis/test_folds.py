@@ -109,7 +109,7 @@ def test_combinations_are_columns_of_their_own(prior, parts):
 def test_folds_are_recordings_and_all_others(prior, parts):
     folds = Folds.of(known(parts), prior, FRACTION)
     assert folds.numbers == ((0, 1), (2, 3), (4, 5), (6, 7))
-    shown = folds.marginal(new_of(parts))
+    shown = folds.marginal(folds.columns(new_of(parts)))
     for number, (own, others) in enumerate(shown.folds):
         inside = [part for part in parts if part.session == number]
         outside = [part for part in parts if part.session != number]
@@ -128,7 +128,9 @@ def test_another_residual_leaves_what_was_factorised(prior, parts):
         Folds.of(known(other), prior, FRACTION),
     )
     for found, direct in zip(
-        renewed.marginal(new_of(other)).folds, expected.marginal(new_of(other)).folds, strict=True
+        renewed.marginal(renewed.columns(new_of(other))).folds,
+        expected.marginal(expected.columns(new_of(other))).folds,
+        strict=True,
     ):
         for one, another in zip(found, direct, strict=True):
             assert one.vector == pytest.approx(another.vector)
@@ -150,3 +152,31 @@ def test_what_nominal_recordings_have_of_a_column_is_no_change(prior, parts):
     wanted = Combinations(np.ones((1, 2)), np.concatenate([-less, np.zeros_like(less)], axis=1))
     found = seen.marginal(seen.combined(added(new_of(questioned)), wanted))
     assert Marginal.cost_of(background, found, 1.0) == pytest.approx(expected, rel=1e-7)
+
+
+def test_shares_of_the_folds_add_up_to_the_cost_of_one_set_of_coefficients(prior, parts):
+    folds = Folds.of(known(parts), prior, FRACTION)
+    extra = Gaussian(np.array([0.2, 0.0]), np.array([[0.5, 0.1], [0.1, 0.3]]))
+    everything, columns = total(parts, COMMON + NEW), folds.columns(new_of(parts))
+    for known_sizes in (NOTHING, extra):
+        both = joint(prior, known_sizes)
+        seen = everything.selected(range(len(both.mean)))
+        shares = folds.shares(columns, known_sizes)
+        assert len(shares) == len(folds.numbers)
+        assert shares.sum() == pytest.approx(Marginal.cost_of(both, seen, FRACTION), rel=1e-6)
+
+
+def test_a_fold_that_a_size_does_not_fit_has_less_of_the_gain():
+    sizes, found = [2.0, 2.0, 2.0, 2.0, -1.0], []
+    for number, size in enumerate(sizes):
+        rng = np.random.default_rng([5, number])
+        columns = rng.normal(size=(60, 1, 2))
+        residual = size * columns[..., 1] + rng.normal(size=(60, 1))
+        none, blocks = np.zeros(60, dtype=bool), np.zeros(60, dtype=int)
+        found += normal_equations(residual, columns, np.ones(1), blocks, none, none, number, nominal=False)
+    common = [replace(part, matrix=part.matrix[:1, :1], vector=part.vector[:1]) for part in found]
+    new = [NewColumns(part.matrix[:1, 1:], part.matrix[1:, 1:], part.vector[1:]) for part in found]
+    folds = Folds.of(common, Gaussian(np.zeros(1), 1e-2 * np.eye(1)), 1.0)
+    columns_ = folds.columns(new)
+    gains = folds.shares(columns_, NOTHING) - folds.shares(columns_, Gaussian(np.zeros(1), 100.0 * np.eye(1)))
+    assert gains[:4].min() > 0.0 > gains[4]

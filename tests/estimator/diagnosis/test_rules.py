@@ -1,6 +1,7 @@
 """The rules of the choice, each on numbers of which it is known what they should decide."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -109,7 +110,7 @@ def judged_on(parts: list[NormalEquations]) -> Judgement:
     new = [NewColumns(part.matrix[:1, 1:], part.matrix[1:, 1:], part.vector[1:]) for part in parts]
     folds = Folds.of(common, Gaussian(np.zeros(1), 1e-4 * np.eye(1)), 1.0)
     changed = np.array([sum(new[k].matrix[0, 0] for k in fold) for fold in folds.numbers])
-    costs = fold_costs(folds.marginal(new), NOTHING, changed)
+    costs = fold_costs(folds.marginal(folds.columns(new)), NOTHING, changed)
     return judge(costs, np.random.default_rng(0), 0.0, 50.0)
 
 
@@ -159,12 +160,12 @@ def test_of_equals_the_plainest_comes_first():
 
 def test_only_what_predicts_the_folds_about_as_well_as_the_best_may_be_accepted():
     """A gain in the fit does not make up for folds predicted worse; of equals the plainest is first."""
-    folds = {0: np.full(5, 40.0), 1: np.full(5, 0.0), 2: np.full(5, 0.2)}
+    gains = {0: np.full(5, 360.0), 1: np.full(5, 400.0), 2: np.full(5, 399.8)}
     none = np.full(5, 400.0)
     search = SimpleNamespace(
         rng=np.random.default_rng(0),
         bic_penalty=5.0,
-        predicted=lambda one, _: FoldCosts(none, folds[one.number], none, none),
+        predicted=lambda one, _: FoldCosts(none, none, none, none, gains[one.number]),
         only_moves=lambda _: False,
     )
     fits = [fit_of("tip_payload", 0.01), fit_of("line_leak", 0.1, 1.0), fit_of("tip_payload", 0.01)]
@@ -178,11 +179,11 @@ def test_only_what_predicts_the_folds_about_as_well_as_the_best_may_be_accepted(
 
 def test_the_natural_frequency_counts_where_the_arm_at_rest_looks_alike():
     """A weight and a force bend the arm alike; only the weight changes how fast it vibrates."""
-    none, alike = np.full(5, 400.0), np.full(5, 0.0)
+    none = np.full(5, 400.0)
     search = SimpleNamespace(
         rng=np.random.default_rng(0),
         bic_penalty=5.0,
-        predicted=lambda one, _: FoldCosts(none, alike, none, none, (0.0, 1500.0)[one.number]),
+        predicted=lambda one, _: FoldCosts(none, none, none, none, none, (0.0, 1500.0)[one.number]),
         only_moves=lambda _: False,
     )
     field = [candidate(fit_of("tip_payload", 0.01), 100.0, number) for number in (0, 1)]
@@ -390,6 +391,40 @@ def test_a_force_along_the_arm_beside_a_material_law_is_its_stretch_unless_it_we
     for share, stretches in ((0.9 * SECOND, True), (1.1 * SECOND, False)):
         pulled = candidate(fit_of("external_force", 0.0, 0.0, 0.2), share * 1000.0, 1)
         assert search.another_stretch(pulled, [material]) is stretches
+
+
+@pytest.mark.parametrize("better", ["distributed_mass", "tip_payload"])
+def test_an_effect_is_chosen_again_beside_the_one_that_was_found_after_it(better):
+    """A payload that stood for a part of a gain too gives way to what is likelier beside the gain."""
+    payload = candidate(fit_of("tip_payload", 0.03), 110.0, 0)
+    mass = candidate(fit_of("distributed_mass", 0.1), 100.0, 1)
+    later = candidate(fit_of("chamber_gain", 0.1), 60.0, 2)
+    first, second = Accepted(payload, judgement(), (payload, mass)), Accepted(later, judgement(), (later,))
+
+    def best(field, left, null, others):
+        assert [one.number for one in field] == [0, 1]
+        assert [h.name for h in left.hypotheses] == ["chamber_gain"]
+        assert others == [second]
+        likeliest = next(one for one in field if one.fit.hypotheses[0].name == better)
+        return Accepted(likeliest, judgement(), tuple(field)), None
+
+    search = SimpleNamespace(
+        subset=partial(Search.subset, cast("Any", None)),
+        refit=lambda fit: fit,
+        finalists=lambda left, ranked: [{0: payload, 1: mass}[number] for number, *_ in ranked],
+        best=best,
+    )
+    accepted, fit = Search.reconsidered(
+        cast("Any", search), [first, second], payload.fit.joined(later.fit), np.zeros(1)
+    )
+    names = [better, "chamber_gain"]
+    assert [one.candidate.fit.hypotheses[0].name for one in accepted] == names
+    assert fit is not None
+    assert [h.name for h in fit.hypotheses] == names
+    assert [theta.tolist() for theta in fit.thetas] == [
+        [0.1 if better == "distributed_mass" else 0.03],
+        [0.1],
+    ]
 
 
 def confirming(left: float) -> list[NormalEquations]:

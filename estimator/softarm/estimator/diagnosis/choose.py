@@ -21,7 +21,7 @@ from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.fit import Fit, MarginalisedProblem, RecordingResidual, fit_effects, gain_of
 from softarm.estimator.diagnosis.folds import Combinations, Folds, Marginaliser
 from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian, Marginal
-from softarm.estimator.diagnosis.judge import CERTAIN, FoldCosts, Judgement, fold_costs, judge
+from softarm.estimator.diagnosis.judge import ANY_SIZE, CERTAIN, FoldCosts, Judgement, fold_costs, judge
 from softarm.estimator.diagnosis.natural_frequency import NaturalFrequency
 from softarm.estimator.diagnosis.nominal import UNKNOWN, background_of, usual_recordings
 from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquations, Total, added, total
@@ -125,6 +125,7 @@ class Search:
             self.advance(1.0)
             accepted, fit, dropped = self.pruned(accepted, fit)
             refused |= dropped
+            accepted, fit = self.reconsidered(accepted, fit, null)
         return ChosenEffects(tuple(accepted), fit, alarm_p, turned_down)
 
     def parts(self, fit: Fit | None) -> list[NormalEquations]:
@@ -342,12 +343,19 @@ class Search:
             prior, wanted = NOTHING, None
             if self.has_background(candidate):
                 prior, wanted = self.background(candidate, added(new), folds.whole.data)
-            shown = folds.marginal(new, wanted)
+            columns = folds.columns(new, wanted)
+            shown = folds.marginal(columns)
             fraction = self.weights.effective_sample_fraction
             changed = [fraction * sum(float(new[k].matrix[0, 0]) for k in fold) for fold in folds.numbers]
             usual = Marginal.cost_of(prior, shown.whole.selected(range(len(prior.mean))), 1.0)
+            costs = fold_costs(shown, prior, np.array(changed))
+            gains = costs.before - costs.after
+            # Without nominal recordings a calibration can follow almost anything: only prediction tells.
+            if self.evidence.has_nominal:
+                gains = folds.shares(columns, prior) - folds.shares(columns, prior.augment(0.0, ANY_SIZE))
             self.predictions[key] = replace(
-                fold_costs(shown, prior, np.array(changed)),
+                costs,
+                gains=gains,
                 frequency_gain=self.frequency_gain(candidate, fit),
                 background_gain=folds.whole.cost - usual,
             )
@@ -430,6 +438,29 @@ class Search:
             return 0.0
         joint = fit.joined(candidate.fit) if fit else candidate.fit
         return self.natural_frequency.gain_of(joint) - self.natural_frequency.gain_of(fit)
+
+    def reconsidered(
+        self, accepted: Sequence[Accepted], fit: Fit | None, null: Floats
+    ) -> tuple[list[Accepted], Fit | None]:
+        """Choose every effect but the last again among its rivals, now that those after it are known.
+
+        An effect that is chosen while another is still unknown may stand for a part of both.
+        """
+        chosen = list(accepted)
+        for number, one in enumerate(accepted[:-1]):
+            others = [k for k in range(len(chosen)) if k != number]
+            left = self.subset(fit, others) if fit is not None else None
+            if left is None:
+                break
+            left = self.refit(left)
+            taken = {chosen[k].candidate.number for k in others}
+            rivals = [rival for rival in one.field if rival.number not in taken][:RESOLVED]
+            ranked = [(rival.number, rival.delta_bic, rival.fit.thetas[-1]) for rival in rivals]
+            found, _ = self.best(self.finalists(left, ranked), left, null, [chosen[k] for k in others])
+            if found is not None and found.candidate.number != one.candidate.number:
+                joined = self.subset(left.joined(found.candidate.fit), np.argsort([*others, number]).tolist())
+                chosen[number], fit = found, self.refit(joined) if joined is not None else None
+        return chosen, fit
 
     def pruned(self, accepted: list[Accepted], fit: Fit) -> tuple[list[Accepted], Fit | None, frozenset[int]]:
         """Drop effects whose sizes are no longer distinguishable from zero once all are fitted together."""

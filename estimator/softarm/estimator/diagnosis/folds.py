@@ -79,6 +79,13 @@ class Marginaliser:
         squares = self.data.sum_of_squares - mean @ (self.data.vector + self.right / self.fraction)
         return float(self.fraction * squares - self.right @ self.factor.solve(self.right))
 
+    def squares(self, new: NewColumns, common: Floats, sizes: Floats) -> float:
+        """Return the weighted squares that common coefficients and those of new columns leave."""
+        data = self.data
+        left = data.sum_of_squares + common @ (data.matrix @ common - 2.0 * data.vector)
+        beside = sizes @ (new.matrix @ sizes + 2.0 * (common @ new.cross - new.vector))
+        return self.fraction * float(left + beside)
+
     def combined(self, new: NewColumns, wanted: Combinations) -> NewColumns:
         """Return the products of combinations of new columns and the common ones."""
         common = self.data.matrix @ wanted.common
@@ -148,23 +155,57 @@ class Folds:
             ),
         )
 
-    def marginal(self, new: Sequence[NewColumns], wanted: Combinations | None = None) -> "NewFolds":
-        """Return the normal equations of new columns by fold.
+    def columns(self, new: Sequence[NewColumns], wanted: Combinations | None = None) -> "FoldColumns":
+        """Return the products of new columns by fold.
 
         Args:
             new: Their products in each stretch.
             wanted: What is fitted of them; themselves when left out.
         """
-        every = added(new)
 
-        def marginal(stretches: Marginaliser, own: NewColumns) -> Total:
-            return stretches.marginal(own if wanted is None else stretches.combined(own, wanted))
+        def combined(stretches: Marginaliser, products: NewColumns) -> NewColumns:
+            return products if wanted is None else stretches.combined(products, wanted)
 
-        folds = []
-        for own, rest, fold in zip(self.own, self.rest, self.numbers, strict=True):
-            inside = added([new[k] for k in fold])
-            folds.append((marginal(own, inside), marginal(rest, every.less(inside))))
-        return NewFolds(marginal(self.whole, every), tuple(folds))
+        own = [
+            combined(fold, added([new[k] for k in numbers]))
+            for fold, numbers in zip(self.own, self.numbers, strict=True)
+        ]
+        return FoldColumns(combined(self.whole, added(new)), tuple(own))
+
+    def marginal(self, columns: "FoldColumns") -> "NewFolds":
+        """Return the normal equations of new columns by fold."""
+        folds = tuple(
+            (own.marginal(inside), rest.marginal(columns.whole.less(inside)))
+            for own, rest, inside in zip(self.own, self.rest, columns.own, strict=True)
+        )
+        return NewFolds(self.whole.marginal(columns.whole), folds)
+
+    def shares(self, columns: "FoldColumns", prior: Gaussian) -> Floats:
+        """Return the cost of each fold where one set of coefficients serves all, shape (folds,).
+
+        Args:
+            columns: New columns.
+            prior: Of the coefficients of the first of them; the others have none. What the priors cost counts
+                for all folds alike.
+        """
+        first = columns.first(len(prior.mean))
+        sizes = prior.posterior(self.whole.marginal(first.whole), 1.0).mean
+        common = self.whole.mean - self.whole.factor.solve(self.whole.fraction * first.whole.cross @ sizes)
+        known = (prior.distance(sizes) + self.whole.prior.distance(common)) / len(self.own)
+        folds = zip(self.own, first.own, strict=True)
+        return np.array([own.squares(inside, common, sizes) + known for own, inside in folds])
+
+
+@dataclass(frozen=True)
+class FoldColumns:
+    """Products of new columns in all searched stretches, and in each fold."""
+
+    whole: NewColumns
+    own: tuple[NewColumns, ...]
+
+    def first(self, count: int) -> "FoldColumns":
+        """Return those of the first columns."""
+        return FoldColumns(self.whole.first(count), tuple(own.first(count) for own in self.own))
 
 
 @dataclass(frozen=True)

@@ -77,6 +77,10 @@ class Gaussian:
         inverse: Floats = np.linalg.inv(scaled) / np.outer(size, size)
         return inverse
 
+    def distance(self, values: Floats) -> float:
+        """Return the square of the distance of coefficients from the mean, in deviations."""
+        return float((values - self.mean) @ self.precision @ (values - self.mean))
+
     def augment(self, mean: float, variance: float, count: int = 1) -> "Gaussian":
         """Add independent coefficients of one mean and variance."""
         means = np.append(self.mean, np.full(count, mean))

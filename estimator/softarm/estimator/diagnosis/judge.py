@@ -65,6 +65,7 @@ class FoldCosts:
         after: With it.
         counts: Effective number of samples of each.
         changed: Weighted squares of the candidate's change in each, over effective samples.
+        gains: By how much the candidate lowers the cost of each, which tells it from others.
         frequency_gain: By how much it lowers the cost of the natural frequency, which belongs to no fold.
         background_gain: By how much what nominal recordings have of it already lowers the cost.
     """
@@ -73,13 +74,14 @@ class FoldCosts:
     after: Floats
     counts: Floats
     changed: Floats
+    gains: Floats
     frequency_gain: float = 0.0
     background_gain: float = 0.0
 
     @property
     def gain(self) -> float:
         """By how much the candidate lowers the cost."""
-        return float((self.before - self.after).sum()) + self.frequency_gain
+        return float(self.gains.sum()) + self.frequency_gain
 
 
 def fold_costs(shown: NewFolds, prior: Gaussian, changed: Floats) -> FoldCosts:
@@ -101,7 +103,7 @@ def fold_costs(shown: NewFolds, prior: Gaussian, changed: Floats) -> FoldCosts:
         before = Marginal.cost_of(prior, own.selected(range(size)), 1.0)
         rows.append((before, Marginal.cost_of(known, own, 1.0), own.count))
     without, after, counts = np.array(rows, dtype=np.float64).T
-    return FoldCosts(without, after, counts, changed)
+    return FoldCosts(without, after, counts, changed, without - after)
 
 
 def judge(costs: FoldCosts, rng: np.random.Generator, search_p: float, delta_bic: float) -> Judgement:

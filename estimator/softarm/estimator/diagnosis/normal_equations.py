@@ -59,6 +59,10 @@ class NewColumns:
         """Leave some of the stretches out."""
         return NewColumns(self.cross - other.cross, self.matrix - other.matrix, self.vector - other.vector)
 
+    def first(self, count: int) -> "NewColumns":
+        """Leave the last columns out."""
+        return NewColumns(self.cross[:, :count], self.matrix[:count, :count], self.vector[:count])
+
 
 def normal_equations(
     residual: Floats,

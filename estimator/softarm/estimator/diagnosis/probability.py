@@ -1,9 +1,9 @@
-"""How probable each explanation of a mismatch is, by what it predicts where it was not fitted.
+"""How probable each explanation of a mismatch is, by what it explains of each recording.
 
 The odds of a noise model are far too sure of themselves as soon as every explanation is a little wrong. How
-much of that sureness is real shows in how the folds of the recordings differ: each explanation is weighted by
-its predictions of folds that are themselves weighted at random (pseudo-BMA+: Yao, Vehtari, Simpson and
-Gelman, Bayesian Anal. 13 (2018) 917, section 3.4).
+much of that sureness is real shows in how the folds of the recordings differ (Vuong, Econometrica 57 (1989)
+307): each explanation is weighted by its density of folds that are themselves weighted at random
+(pseudo-BMA+: Yao, Vehtari, Simpson and Gelman, Bayesian Anal. 13 (2018) 917, section 3.4).
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,31 +31,34 @@ def probabilities(
 
     Args:
         candidates: What was fitted, at least one.
-        costs: How well the folds are predicted with each of them, and without any.
+        costs: What each of them explains of the folds.
         bic_penalty: Cost of a parameter.
         rng: Of the weightings of the folds.
     """
     densities = [density(one, own, bic_penalty) for one, own in zip(candidates, costs, strict=True)]
-    return pseudo_bma(np.column_stack([*densities, -0.5 * costs[0].before]), rng)[:-1]
+    return pseudo_bma(np.column_stack([*densities, np.zeros_like(densities[0])]), rng)[:-1]
 
 
 def density(candidate: Candidate, costs: FoldCosts, bic_penalty: float) -> Floats:
-    """Return the logarithm of the density with which a candidate predicts each fold; a cost is twice that."""
+    """Return the logarithm of the density of each fold under a candidate, over that without it.
+
+    What nominal recordings have of it is in both: it speaks for no candidate.
+    """
     price = spent(candidate, bic_penalty) - costs.frequency_gain
-    return -0.5 * (costs.after + price / len(costs.after))
+    return 0.5 * (costs.gains - price / len(costs.gains))
 
 
 def spent(candidate: Candidate, bic_penalty: float) -> float:
-    """Return the cost of the parameters that all folds have fitted; each fold's own is that of the size."""
-    return bic_penalty * (len(candidate.fit.thetas[-1]) - 1)
+    """Return the cost of a candidate's parameters, which all folds have fitted."""
+    return bic_penalty * len(candidate.fit.thetas[-1])
 
 
 def pseudo_bma(densities: Floats, rng: np.random.Generator) -> Floats:
     """Return the weights of explanations by Bayesian bootstrap over folds, shape (explanations,).
 
     Args:
-        densities: Logarithm of the density with which each explanation predicts each fold that it was not
-            fitted to, shape (folds, explanations).
+        densities: Logarithm of the density of each fold under each explanation, up to a term that all share,
+            shape (folds, explanations).
         rng: Of the weightings of the folds.
     """
     folds = len(densities)

@@ -250,20 +250,19 @@ def unnamed_probability(search: Search, changed: float) -> float:
     ]
     law = likeliest_law(search, smooth=False)
     folds, fraction = search.folds(None), search.weights.effective_sample_fraction
-    alone = -0.5 * np.array([own.cost for own in folds.own])
     plain = NewFolds(
         folds.whole.data,
         tuple((own.data, rest.data) for own, rest in zip(folds.own, folds.rest, strict=True)),
     )
     wide = changed_prior(search.evidence, search.prior, search.width, plain.whole, fraction)
     # What changes from run to run, a prior that allows for little learns as well.
-    little = _log_densities(plain, None, search.prior, fraction) + 0.5 * changed / len(alone)
+    little = _log_densities(plain, None, search.prior, fraction) + 0.5 * changed / len(folds.own)
     unnamed = [
         _log_densities(plain, None, wide, fraction) - little,
         _log_densities(law.shown, law.known, law.changed)
         - _log_densities(law.without(), law.known, law.known),
     ]
-    densities = [*named, *(alone + more for more in unnamed), alone]
+    densities = [*named, *unnamed, np.zeros_like(little)]
     return min(float(pseudo_bma(np.column_stack(densities), search.rng)[len(named) : -1].sum()), 1.0)
 
 
@@ -285,7 +284,7 @@ def _law_evidence(search: Search, law: Law) -> list[LawEvidence]:
     count, columns = len(new[0].vector), search.evidence.size
     if not (law.compared and search.evidence.has_nominal):
         wanted = Combinations(np.eye(count), np.zeros((columns, count)))
-        shown = search.folds(None).marginal(new)
+        shown = _marginal(search, new)
         return [
             LawEvidence(law, NOTHING, NOTHING.augment(0.0, size**2, count), wanted, shown)
             for size in law.sizes
@@ -293,7 +292,7 @@ def _law_evidence(search: Search, law: Law) -> list[LawEvidence]:
     nominal = added(search.nominal_columns(law.columns))
     priors = [background_of(search.usual, nominal, search.width, 1.0 / size) for size in law.sizes]
     wanted = Combinations(np.tile(np.eye(count), 3), np.pad(-priors[0][0], ((0, 0), (0, 2 * count))))
-    shown = search.folds(None).marginal(new, wanted)
+    shown = _marginal(search, new, wanted)
     return [
         LawEvidence(law, known, known.augment(0.0, size**2, count), wanted, shown)
         for size, (_, known) in zip(law.sizes, priors, strict=True)
@@ -309,7 +308,13 @@ def _with_effects(search: Search, shown: LawEvidence, fit: Fit) -> NewFolds:
     wanted = Combinations(
         block_diag(shown.wanted.new, np.ones((1, 1))), np.pad(shown.wanted.common, ((0, 0), (0, 1)))
     )
-    return search.folds(None).marginal(_searched(search, columns), wanted)
+    return _marginal(search, _searched(search, columns), wanted)
+
+
+def _marginal(search: Search, new: Sequence[NewColumns], wanted: Combinations | None = None) -> NewFolds:
+    """Return the normal equations of new columns in the searched stretches; see ``Folds.columns``."""
+    folds = search.folds(None)
+    return folds.marginal(folds.columns(new, wanted))
 
 
 def laws(search: Search, *, smooth: bool) -> list[Law]:

@@ -58,7 +58,7 @@ def relocation(grid: Grid, own: NDArray[np.bool_], moments: Floats, least: Float
         power = float(step @ step)
         step -= orthonormal @ (orthonormal.T @ step)
         inner = float(step @ step)
-        if inner < LEAST_SHARE * power:
+        if inner <= LEAST_SHARE * power:
             continue
         offset = step @ residual / inner
         rest = residual - np.outer(step, offset)
