@@ -161,7 +161,7 @@ def test_shares_of_the_folds_add_up_to_the_cost_of_one_set_of_coefficients(prior
     for known_sizes in (NOTHING, extra):
         both = joint(prior, known_sizes)
         seen = everything.selected(range(len(both.mean)))
-        shares = folds.shares(columns, known_sizes)
+        shares = folds.shares(columns, folds.marginal(columns).whole, known_sizes)
         assert len(shares) == len(folds.numbers)
         assert shares.sum() == pytest.approx(Marginal.cost_of(both, seen, FRACTION), rel=1e-6)
 
@@ -178,5 +178,6 @@ def test_a_fold_that_a_size_does_not_fit_has_less_of_the_gain():
     new = [NewColumns(part.matrix[:1, 1:], part.matrix[1:, 1:], part.vector[1:]) for part in found]
     folds = Folds.of(common, Gaussian(np.zeros(1), 1e-2 * np.eye(1)), 1.0)
     columns_ = folds.columns(new)
-    gains = folds.shares(columns_, NOTHING) - folds.shares(columns_, Gaussian(np.zeros(1), 100.0 * np.eye(1)))
+    whole, any_size = folds.marginal(columns_).whole, Gaussian(np.zeros(1), 100.0 * np.eye(1))
+    gains = folds.shares(columns_, whole, NOTHING) - folds.shares(columns_, whole, any_size)
     assert gains[:4].min() > 0.0 > gains[4]

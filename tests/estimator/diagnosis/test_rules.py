@@ -1,7 +1,6 @@
 """The rules of the choice, each on numbers of which it is known what they should decide."""
 
 from dataclasses import replace
-from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -409,7 +408,6 @@ def test_an_effect_is_chosen_again_beside_the_one_that_was_found_after_it(better
         return Accepted(likeliest, judgement(), tuple(field)), None
 
     search = SimpleNamespace(
-        subset=partial(Search.subset, cast("Any", None)),
         refit=lambda fit: fit,
         finalists=lambda left, ranked: [{0: payload, 1: mass}[number] for number, *_ in ranked],
         best=best,

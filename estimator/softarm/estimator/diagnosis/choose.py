@@ -125,7 +125,8 @@ class Search:
             self.advance(1.0)
             accepted, fit, dropped = self.pruned(accepted, fit)
             refused |= dropped
-            accepted, fit = self.reconsidered(accepted, fit, null)
+            if fit is not None:
+                accepted, fit = self.reconsidered(accepted, fit, null)
         return ChosenEffects(tuple(accepted), fit, alarm_p, turned_down)
 
     def parts(self, fit: Fit | None) -> list[NormalEquations]:
@@ -337,9 +338,7 @@ class Search:
         key = (_key(candidate.fit), _key(fit))
         if key not in self.predictions:
             folds = self.folds(fit)
-            new = self.evidence.with_columns(
-                self.weights, self.changes(candidate), _searched(self.parts(fit)), self.residuals(fit)
-            )
+            new = self.new_columns(self.changes(candidate), fit)
             prior, wanted = NOTHING, None
             if self.has_background(candidate):
                 prior, wanted = self.background(candidate, added(new), folds.whole.data)
@@ -349,13 +348,14 @@ class Search:
             changed = [fraction * sum(float(new[k].matrix[0, 0]) for k in fold) for fold in folds.numbers]
             usual = Marginal.cost_of(prior, shown.whole.selected(range(len(prior.mean))), 1.0)
             costs = fold_costs(shown, prior, np.array(changed))
-            gains = costs.before - costs.after
-            # Without nominal recordings a calibration can follow almost anything: only prediction tells.
+            # Without nominal recordings a calibration can follow almost anything: only prediction decides.
             if self.evidence.has_nominal:
-                gains = folds.shares(columns, prior) - folds.shares(columns, prior.augment(0.0, ANY_SIZE))
+                without, beside = (
+                    folds.shares(columns, shown.whole, one) for one in (prior, prior.augment(0.0, ANY_SIZE))
+                )
+                costs = replace(costs, gains=without - beside)
             self.predictions[key] = replace(
                 costs,
-                gains=gains,
                 frequency_gain=self.frequency_gain(candidate, fit),
                 background_gain=folds.whole.cost - usual,
             )
@@ -385,6 +385,10 @@ class Search:
     def usual(self) -> Marginaliser:
         """The nominal recordings."""
         return usual_recordings(self.evidence, self.weights)
+
+    def new_columns(self, more: Callable[[Stage], Floats], fit: Fit | None = None) -> list[NewColumns]:
+        """Return the products of new columns in the searched stretches, of what a fit leaves."""
+        return self.evidence.with_columns(self.weights, more, _searched(self.parts(fit)), self.residuals(fit))
 
     def nominal_columns(self, more: Callable[[Stage], Floats]) -> list[NewColumns]:
         """Return the products of new columns in the nominal recordings."""
@@ -440,8 +444,8 @@ class Search:
         return self.natural_frequency.gain_of(joint) - self.natural_frequency.gain_of(fit)
 
     def reconsidered(
-        self, accepted: Sequence[Accepted], fit: Fit | None, null: Floats
-    ) -> tuple[list[Accepted], Fit | None]:
+        self, accepted: Sequence[Accepted], fit: Fit, null: Floats
+    ) -> tuple[list[Accepted], Fit]:
         """Choose every effect but the last again among its rivals, now that those after it are known.
 
         An effect that is chosen while another is still unknown may stand for a part of both.
@@ -449,17 +453,14 @@ class Search:
         chosen = list(accepted)
         for number, one in enumerate(accepted[:-1]):
             others = [k for k in range(len(chosen)) if k != number]
-            left = self.subset(fit, others) if fit is not None else None
-            if left is None:
-                break
-            left = self.refit(left)
+            left = self.refit(fit.selected(others))
             taken = {chosen[k].candidate.number for k in others}
             rivals = [rival for rival in one.field if rival.number not in taken][:RESOLVED]
             ranked = [(rival.number, rival.delta_bic, rival.fit.thetas[-1]) for rival in rivals]
             found, _ = self.best(self.finalists(left, ranked), left, null, [chosen[k] for k in others])
             if found is not None and found.candidate.number != one.candidate.number:
-                joined = self.subset(left.joined(found.candidate.fit), np.argsort([*others, number]).tolist())
-                chosen[number], fit = found, self.refit(joined) if joined is not None else None
+                joined = left.joined(found.candidate.fit).selected(np.argsort([*others, number]).tolist())
+                chosen[number], fit = found, self.refit(joined)
         return chosen, fit
 
     def pruned(self, accepted: list[Accepted], fit: Fit) -> tuple[list[Accepted], Fit | None, frozenset[int]]:
@@ -487,13 +488,7 @@ class Search:
 
     def subset(self, fit: Fit, kept: Sequence[int]) -> Fit | None:
         """Keep some effects of a fit as they are; ``None`` where none is kept."""
-        if not kept:
-            return None
-        return replace(
-            fit,
-            hypotheses=tuple(fit.hypotheses[k] for k in kept),
-            thetas=tuple(fit.thetas[k] for k in kept),
-        )
+        return fit.selected(kept) if kept else None
 
     def refit(self, fit: Fit) -> Fit:
         """Fit all accepted effects together, on the model itself where that is affordable."""

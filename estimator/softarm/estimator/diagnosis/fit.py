@@ -122,6 +122,14 @@ class Fit:
             self, hypotheses=(*self.hypotheses, *other.hypotheses), thetas=(*self.thetas, *other.thetas)
         )
 
+    def selected(self, kept: Sequence[int]) -> "Fit":
+        """Return some effects as they are, in this order, to begin a fit of them."""
+        return replace(
+            self,
+            hypotheses=tuple(self.hypotheses[k] for k in kept),
+            thetas=tuple(self.thetas[k] for k in kept),
+        )
+
     def stds(self, number: int) -> Floats:
         """Give the standard deviations of one effect's parameters, shape (parameters,)."""
         parameters, theta = self.hypotheses[number].effect.parameters, self.thetas[number]

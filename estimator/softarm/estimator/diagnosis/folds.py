@@ -180,16 +180,18 @@ class Folds:
         )
         return NewFolds(self.whole.marginal(columns.whole), folds)
 
-    def shares(self, columns: "FoldColumns", prior: Gaussian) -> Floats:
+    def shares(self, columns: "FoldColumns", whole: Total, prior: Gaussian) -> Floats:
         """Return the cost of each fold where one set of coefficients serves all, shape (folds,).
 
         Args:
             columns: New columns.
+            whole: Their normal equations in all stretches; see ``marginal``.
             prior: Of the coefficients of the first of them; the others have none. What the priors cost counts
                 for all folds alike.
         """
-        first = columns.first(len(prior.mean))
-        sizes = prior.posterior(self.whole.marginal(first.whole), 1.0).mean
+        count = len(prior.mean)
+        first = columns.first(count)
+        sizes = prior.posterior(whole.selected(range(count)), 1.0).mean
         common = self.whole.mean - self.whole.factor.solve(self.whole.fraction * first.whole.cross @ sizes)
         known = (prior.distance(sizes) + self.whole.prior.distance(common)) / len(self.own)
         folds = zip(self.own, first.own, strict=True)

@@ -65,7 +65,7 @@ class FoldCosts:
         after: With it.
         counts: Effective number of samples of each.
         changed: Weighted squares of the candidate's change in each, over effective samples.
-        gains: By how much the candidate lowers the cost of each, which tells it from others.
+        gains: By how much the candidate lowers the cost of each; candidates are compared by it.
         frequency_gain: By how much it lowers the cost of the natural frequency, which belongs to no fold.
         background_gain: By how much what nominal recordings have of it already lowers the cost.
     """

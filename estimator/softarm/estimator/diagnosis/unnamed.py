@@ -280,7 +280,7 @@ def likeliest_law(search: Search, *, smooth: bool) -> LawEvidence:
 
 def _law_evidence(search: Search, law: Law) -> list[LawEvidence]:
     """Return what the searched stretches show of a law, for each size that is tried."""
-    new = _searched(search, law.columns)
+    new = search.new_columns(law.columns)
     count, columns = len(new[0].vector), search.evidence.size
     if not (law.compared and search.evidence.has_nominal):
         wanted = Combinations(np.eye(count), np.zeros((columns, count)))
@@ -308,7 +308,7 @@ def _with_effects(search: Search, shown: LawEvidence, fit: Fit) -> NewFolds:
     wanted = Combinations(
         block_diag(shown.wanted.new, np.ones((1, 1))), np.pad(shown.wanted.common, ((0, 0), (0, 1)))
     )
-    return _marginal(search, _searched(search, columns), wanted)
+    return _marginal(search, search.new_columns(columns), wanted)
 
 
 def _marginal(search: Search, new: Sequence[NewColumns], wanted: Combinations | None = None) -> NewFolds:
@@ -370,12 +370,6 @@ def by_neighbours(stage: Stage, highest: float) -> Floats:
         around = np.roll(inside, 1, axis=1) - np.roll(inside, -1, axis=1)
         columns += [np.einsum("trc,tc->tr", slopes[..., own], change) for change in (together, around)]
     return np.stack(columns, axis=-1)
-
-
-def _searched(search: Search, columns: Columns) -> list[NewColumns]:
-    """Return the products of new columns in the searched stretches."""
-    parts = [part for part in search.parts(None) if not part.heldout]
-    return search.evidence.with_columns(search.weights, columns, parts)
 
 
 def _log_densities(shown: NewFolds, known: Gaussian | None, prior: Gaussian, fraction: float = 1.0) -> Floats:
