@@ -65,8 +65,8 @@ REFUSED: dict[str, tuple[arm.Fault, Text, str]] = {
     "repeated": (doubled, unchanged, "repeats"),
     "half a bend": (without("bend_tip_x_rad"), unchanged, "bend_tip_x_rad: is missing"),
     "empty": (no_fault, lambda data: b"", "is empty"),
-    "no text": (no_fault, lambda data: data + b"\xb5\xff\n", "is not a number"),
-    "zero bytes": (no_fault, lambda data: data + bytes(500), "is not a number"),
+    "no text": (no_fault, lambda data: data + b"\xb5\xff\n", "has 1 cells"),
+    "zero bytes": (no_fault, lambda data: data + bytes(500), "has 1 cells"),
     "semicolons": (no_fault, lambda data: data.replace(b",", b";").replace(b".", b","), "use commas"),
     "capitals": (no_fault, lambda data: data.replace(b"t_s", b"T_S"), "nearest is t_s"),
 }

@@ -21,7 +21,8 @@ def read_csv(path: Path) -> dict[str, Floats]:
     """Read a CSV file's columns; an empty cell becomes NaN.
 
     Raises:
-        InputError: The file is empty, a column is misnamed, or a cell is not a number.
+        InputError: The file is empty, a column is misnamed, a cell is not a number, or a row has not as many
+            cells as the header, such as the last one of a file that was cut off.
     """
     source = str(path)
     header = _header(path)
@@ -31,6 +32,9 @@ def read_csv(path: Path) -> dict[str, Floats]:
     except pl.exceptions.NoDataError:
         return {name: np.empty(0) for name in header}
     except pl.exceptions.PolarsError:
+        return _read_cell_by_cell(path, header)
+    # the fast reader fills short rows with nulls
+    if path.read_bytes().count(b",") != (table.height + 1) * (len(header) - 1):
         return _read_cell_by_cell(path, header)
     return _arrays(table)
 
@@ -95,21 +99,20 @@ def _frame(recording: Recording) -> pl.DataFrame:
 
 
 def _read_cell_by_cell(path: Path, header: list[str]) -> dict[str, Floats]:
-    """Read a table that the fast reader refused, to name the cell at fault."""
+    """Read a table that is not what the fast reader takes, to name the cell or row at fault."""
     columns: list[list[float]] = [[] for _ in header]
     # what is no text becomes a cell that is no number, whose row is then named
     with path.open(encoding="utf-8-sig", newline="", errors="replace") as file:
         reader = csv.reader(file)
         next(reader)
         for index, cells in enumerate(reader):
-            if len(cells) > len(header):
+            if len(cells) != len(header):
                 raise InputError(
                     f"{path}, {row(str(path), index)}",
                     f"has {len(cells)} cells, the header {len(header)}",
-                    "write one cell per column",
+                    "write one cell per column; remove the row if the file was cut off there",
                 )
-            padded = cells + [""] * (len(header) - len(cells))
-            for values, name, cell in zip(columns, header, padded, strict=True):
+            for values, name, cell in zip(columns, header, cells, strict=True):
                 values.append(_number(path, index, name, cell.strip()))
     return {name: np.array(values) for name, values in zip(header, columns, strict=True)}
 

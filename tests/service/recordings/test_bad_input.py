@@ -34,6 +34,8 @@ CASES = {
     "empty cells": ("t_s,pressure_0_pa\n0,\n1,\n", "every cell is empty"),
     "text": ("t_s,pressure_0_pa\n0,1\n1,off\n", r"_pa, row 2 \(line 3\): 'off' is not a number"),
     "comma decimals": ("t_s,pressure_0_pa\n0,1,5\n", r"row 1 \(line 2\): has 3 cells, the header 2"),
+    "cut off": ("t_s,pressure_0_pa,gauge_a_n\n0,15,1\n1,1", r"row 2 \(line 3\): has 2 cells, the header 3"),
+    "short row": ("t_s,pressure_0_pa\n0,1500\n1\n2,1500\n", r"row 2 \(line 3\): has 1 cells, the header 2"),
     "semicolons": ("t_s;pressure_0_pa\n0;1\n", "not separated by commas"),
     "time lost": ("t_s,pressure_0_pa\n0,1\n,2\n", r"column t_s, row 2 \(line 3\): the time is empty"),
     "time nan": ("t_s,pressure_0_pa\n0,1\nNaN,2\n", r"row 2 \(line 3\): the time is empty or not a number"),
@@ -60,7 +62,7 @@ def test_a_mistake_is_one_line(case: str, tmp_path: Path) -> None:
     assert caught.value.cure
 
 
-@pytest.mark.parametrize("content", [PRESSURES, NOISE, "0,0\n1,0\n", '0, 1.5e3 \n1,"2000"\n', "0,1500\n1\n"])
+@pytest.mark.parametrize("content", [PRESSURES, NOISE, "0,0\n1,0\n", '0, 1.5e3 \n1,"2000"\n'])
 def test_good_tables_load(content: str, tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("t_s,pressure_0_pa\n" + content)
@@ -71,6 +73,27 @@ def test_a_stated_unit_settles_low_pressures(tmp_path: Path) -> None:
     (tmp_path / "run.csv").write_text("t_s,pressure_0_pa\n" + LOW)
     (tmp_path / "run.toml").write_text('pressure_unit = "Pa"\n')
     assert load_recording(tmp_path / "run.csv").pressure(0)[0].max() == 58.5
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("specimen = 5", "specimen: is 5; give the path or name"),
+        ('rate_hz = "fast"', "rate_hz: is 'fast'; give samples per second"),
+        ("rate_hz = -5", "rate_hz: is -5;"),
+        ('session_start_s = "noon"', "session_start_s: is 'noon'; give seconds"),
+        ("gravity_m_s2 = [0.0, 9.81]", "gravity_m_s2: is .0.0, 9.81.; give x, y and z"),
+        ("gravity_m_s2 = [0.0, 0.0, 9810.0]", "gravity_m_s2: is .*9810.*in m/s2"),
+        ("gravity_m_s2 = [0.0, 0.0, 1.0]", "gravity_m_s2: is .*in m/s2"),
+        ("gauge_direction = [0, 0, 0]", "gauge_direction: is .*give x, y and z of the pull"),
+        ("gauge_section = 2", "gauge_section: is 2; give the name of a section"),
+    ],
+)
+def test_what_is_said_of_a_run_must_be_usable(line: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("t_s,pressure_0_pa\n" + PRESSURES)
+    (tmp_path / "run.toml").write_text(line + "\n")
+    with pytest.raises(InputError, match=rf"run\.toml, {message}"):
+        load_recording(tmp_path / "run.csv")
 
 
 def test_bytes_order_mark_and_windows_line_ends(tmp_path: Path) -> None:

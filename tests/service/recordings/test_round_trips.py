@@ -46,7 +46,7 @@ def recordings(draw: st.DrawFn) -> Recording:
     info = draw(
         st.dictionaries(
             st.sampled_from(["specimen", "notes"]),
-            st.text(st.characters(codec="utf-8", exclude_characters="\r"), max_size=8),
+            st.text(st.characters(codec="utf-8", exclude_characters="\r"), min_size=1, max_size=8),
         )
     )
     return Recording("r", time, columns, {**info, "pressure_unit": "Pa", "rate_hz": 100.0})
