@@ -82,7 +82,8 @@ def limits(field: FieldInfo) -> str:
         found += [word.format(getattr(entry, name)) for name, word in LENGTHS.items() if hasattr(entry, name)]
         if getattr(entry, "pattern", None):
             found.append(f"pattern `{entry.pattern}`")
-    return f" {', '.join(found).capitalize()}." if found else ""
+    words = ", ".join(found)
+    return f" {words[0].upper()}{words[1:]}." if words else ""
 
 
 def _field_row(name: str, field: FieldInfo) -> str:
