@@ -63,6 +63,10 @@ ALIKE = 0.8
 """Share of an event's size that a pressure must explain to be called equivalent."""
 
 
+Touches = dict[int, list[tuple[float, float]]]
+"""Stretches [s] in which something acts on a stream, or its body reads elsewhere, by the stream's number."""
+
+
 @dataclass(frozen=True)
 class Errors:
     """What a law leaves of each window, from predictions that have not seen it.
@@ -74,6 +78,7 @@ class Errors:
         variances: Their variance over the squared spread of a value, shape (rows,).
         spreads: Spread of each value, shape (values,).
         seconds: Number of the second of each row, shape (rows,).
+        precision: Inverse of the covariance of the rows over the squared spreads, shape (rows, rows).
     """
 
     grid: Grid
@@ -82,6 +87,7 @@ class Errors:
     variances: Floats
     spreads: Floats
     seconds: Indices
+    precision: Floats
 
 
 def find_events(recording: Recording, specimen: Specimen) -> tuple[Disturbance, ...]:
@@ -97,9 +103,12 @@ def find_events(recording: Recording, specimen: Specimen) -> tuple[Disturbance, 
     if not _has_law(recording, streams):
         return ()
     touched = _touches(recording, streams)
-    left = law_errors(recording, streams, tuple(stretch for own in touched.values() for stretch in own))
+    left = law_errors(recording, streams, touched)
     if left is None:
         return ()
+    if elsewhere := _relocated(recording, streams, left):
+        touched |= elsewhere
+        left = law_errors(recording, streams, touched) or left
     numbers = np.unique(left.grid.stream)
     chances = np.array([_probability(left, left.grid.stream == k) for k in numbers])
     for row, number in enumerate(numbers):
@@ -123,9 +132,7 @@ def _has_law(recording: Recording, streams: tuple[SampledStream, ...]) -> bool:
     )
 
 
-def _touches(
-    recording: Recording, streams: tuple[SampledStream, ...]
-) -> dict[int, list[tuple[float, float]]]:
+def _touches(recording: Recording, streams: tuple[SampledStream, ...]) -> Touches:
     """Find the stretches between motions that nothing provoked, of each moving stream."""
     fine = grid_of(recording, streams, FINEST)
     motion = unprovoked_motion(fine)
@@ -133,13 +140,31 @@ def _touches(
     large = motion.excess > np.maximum([LEAST[unit] for unit in fine.units], LEAST_SHARE * ranges)
     large &= ~_near(_pulled(recording, fine)[: len(large)], round(2.0 / FINEST))[:, None]
     numbers = [int(k) for k in np.unique(fine.stream)]
-    found = {}
+    found: Touches = {}
     for k in numbers:
-        own = fine.stream == k
-        times = _runs(large[:, own].any(axis=1), motion.time)
-        least = np.array([LEAST[fine.units[index]] for index in np.flatnonzero(own)])
-        shift = relocation(fine, own, losses(recording.time, streams[k].values, LOST), least)
-        found[k] = _between(times) if shift is None else [_shorter_side(recording.time, shift)]
+        times = _runs(large[:, fine.stream == k].any(axis=1), motion.time)
+        found[k] = _between(times)
+    return found
+
+
+def _relocated(recording: Recording, streams: tuple[SampledStream, ...], left: Errors) -> Touches:
+    """Find the stretches in which a stream reads with an offset, since it was lost."""
+    grid = left.grid
+    found: Touches = {}
+    for k in np.unique(grid.stream).tolist():
+        moments = losses(recording.time, streams[k].values, LOST)
+        own = np.flatnonzero(grid.stream == k)
+        values, spreads = grid.values[np.ix_(left.rows, own)], left.spreads[own]
+        least = np.array([LEAST[grid.units[index]] for index in own])
+        shift = relocation(
+            grid.time[left.rows],
+            left.precision,
+            (values - np.median(values, axis=0)) / spreads,
+            moments,
+            least / spreads,
+        )
+        if shift is not None:
+            found[k] = [_shorter_side(recording.time, shift)]
     return found
 
 
@@ -173,15 +198,13 @@ def _between(times: Sequence[float]) -> list[tuple[float, float]]:
     return [(begin, end if end > begin else end + 3.0) for begin, end in found]
 
 
-def law_errors(
-    recording: Recording, streams: tuple[SampledStream, ...], touched: Sequence[tuple[float, float]] = ()
-) -> Errors | None:
+def law_errors(recording: Recording, streams: tuple[SampledStream, ...], touched: Touches) -> Errors | None:
     """Predict every second of a recording from all others.
 
     Args:
         recording: What was recorded.
         streams: Its motion.
-        touched: Stretches [s] that the law is not learnt from.
+        touched: Stretches that the law is not learnt from.
 
     Returns:
         The errors; ``None`` where too little was read.
@@ -197,14 +220,20 @@ def law_errors(
     scaled = (grid.values[rows] - np.median(grid.values[rows], axis=0)) / spreads
     numbers = (inputs.time - grid.time[0]).astype(np.int64)
     trusted = np.ones(len(rows))
-    for begin, end in touched:
+    for begin, end in (stretch for own in touched.values() for stretch in own):
         trusted[(inputs.time >= begin - GUARD) & (inputs.time <= end + GUARD)] = LEAST_WEIGHT
-    errors, variances = _robust(inputs, scaled, numbers, trusted)
-    return Errors(grid, rows, errors * spreads, variances, spreads, numbers)
+    errors, variances, inverse = _robust(inputs, scaled, numbers, trusted)
+    return Errors(grid, rows, errors * spreads, variances, spreads, numbers, inverse)
 
 
-def _robust(inputs: Predictors, values: Floats, seconds: Indices, trusted: Floats) -> tuple[Floats, Floats]:
-    """Fit the law and the weight of each second in turn, and predict each second from the others."""
+def _robust(
+    inputs: Predictors, values: Floats, seconds: Indices, trusted: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Fit the law and the weight of each second in turn, and predict each second from the others.
+
+    Returns:
+        Errors, their variances, and the precision of the samples.
+    """
     weights, theta = trusted, START
     for _ in range(PASSES):
         theta = fit_variances(inputs, values, weights, theta)
@@ -217,7 +246,7 @@ def _robust(inputs: Predictors, values: Floats, seconds: Indices, trusted: Float
         variances = np.maximum(np.where(inner, first[1], second[1]) - own / weights, 0.0) + own + LAW_ERROR**2
         squares = _by_second(np.mean(errors**2, axis=1) / variances, seconds)
         weights = np.clip((FREEDOM + 1.0) / (FREEDOM + squares[seconds]), LEAST_WEIGHT, trusted)
-    return errors, variances
+    return errors, variances, inverse
 
 
 def _by_second(values: Floats, seconds: Indices) -> Floats:

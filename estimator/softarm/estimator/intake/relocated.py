@@ -1,24 +1,19 @@
 """Bodies that were lost and found elsewhere: a reading that keeps an offset from a loss on.
 
-With D the pressures, their squares, the filtered pressures, the clock and a constant, and s a step at the
-end of a loss, y = D a + s c + e. The part of s that D does not explain shows c and its standard deviation.
+With s a step at the end of a loss and C the covariance of the readings under the law of the recording, the
+offset is estimated by generalised least squares: c = s C^-1 y / (s C^-1 s), of variance 1 / (s C^-1 s). What
+was read just before and after the loss is left out, since what makes a sensor lose its body also shakes it.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.intake.grid import Grid
-from softarm.estimator.intake.law import first_order
+from softarm.estimator.intake.law import CORRELATION
 
-FILTERS = (0.6, 3.0)
-"""Time constants of the filtered pressures [s]."""
-SHORTEST = 0.5
-"""Seconds per independent sample of what the regression leaves, at least."""
 SURE = 5.0
 """Standard deviations of an offset; a recording has a few hundred losses at most."""
-LEAST_SHARE = 0.005
-"""A step explained by the rest of the regression to all but this share shows nothing."""
+AROUND = 3.0 * CORRELATION
+"""Readings closer to a loss than this [s] do not count: three correlation times of what the law leaves."""
 
 
 def losses(time: Floats, values: Floats, lasting: float) -> Floats:
@@ -35,54 +30,30 @@ def losses(time: Floats, values: Floats, lasting: float) -> Floats:
     return found
 
 
-def relocation(grid: Grid, own: NDArray[np.bool_], moments: Floats, least: Floats) -> float | None:
+def relocation(
+    time: Floats, precision: Floats, values: Floats, moments: Floats, least: Floats
+) -> float | None:
     """Find the moment [s] from which on a sensor reads with an offset; ``None`` where it never does.
 
     Args:
-        grid: The recording.
-        own: Values of the sensor, shape (values,).
-        moments: Ends of its losses [s].
-        least: Offsets that count, in the units of its values, shape (own values,).
+        time: [s], shape (samples,).
+        precision: Inverse of the covariance of the samples under the law, shape (samples, samples).
+        values: Of the sensor, over the spread that the covariance is of, shape (samples, values).
+        moments: Ends of its losses [s], shape (moments,).
+        least: Offsets that count, over the same spread, shape (values,).
     """
-    seen = np.isfinite(grid.values[:, own]).all(axis=1)
-    basis = _basis(grid)[seen]
-    if not len(moments) or len(basis) < 3 * basis.shape[1]:
-        return None
-    left, sizes, _ = np.linalg.svd(basis, full_matrices=False)
-    orthonormal = left[:, sizes > 1e-6 * sizes[0]]
-    values = grid.values[seen][:, own]
-    residual = values - orthonormal @ (orthonormal.T @ values)
     best, moment = SURE, None
     for at in moments:
-        step = (grid.time[seen] > at).astype(np.float64)
-        power = float(step @ step)
-        step -= orthonormal @ (orthonormal.T @ step)
-        inner = float(step @ step)
-        if inner <= LEAST_SHARE * power:
+        far = np.abs(time - at) > AROUND
+        step = (time[far] > at).astype(np.float64)
+        if step.all() or not step.any():
             continue
-        offset = step @ residual / inner
-        rest = residual - np.outer(step, offset)
-        deviation = np.sqrt((rest**2).mean(axis=0) * _samples_per_independent(rest, grid.step) / inner)
-        certain = float((np.abs(offset) / deviation * (np.abs(offset) > least)).max())
+        onto = precision[np.ix_(far, ~far)]
+        between = np.linalg.solve(precision[np.ix_(~far, ~far)], onto.T @ step)
+        weighed = precision[np.ix_(far, far)] @ step - onto @ between
+        power = float(step @ weighed)
+        offset = np.abs(weighed @ values[far]) / power
+        certain = float((offset * (offset > least)).max()) * np.sqrt(power)
         if certain > best:
             best, moment = certain, float(at)
     return moment
-
-
-def _samples_per_independent(residual: Floats, step: float) -> Floats:
-    """Estimate the samples per independent one, (1 + r) / (1 - r) of a first-order process.
-
-    What a regression leaves of a moving arm swings, so that ``statistics.correlation_length``, which ends at
-    the first negative autocorrelation, is two to five times shorter and would find relocations in it.
-    """
-    power = np.maximum((residual**2).sum(axis=0), 1e-30)
-    correlation = np.clip((residual[1:] * residual[:-1]).sum(axis=0) / power, 0.0, 0.98)
-    length: Floats = np.maximum((1.0 + correlation) / (1.0 - correlation), SHORTEST / step)
-    return length
-
-
-def _basis(grid: Grid) -> Floats:
-    scaled = grid.pressures / max(float(np.abs(grid.pressures).max(initial=0.0)), 1.0)
-    filtered = [first_order(scaled, grid.step / lag) for lag in FILTERS]
-    clock = (grid.time - grid.time[0]) / max(float(np.ptp(grid.time)), 1e-9)
-    return np.column_stack([np.ones(len(scaled)), clock, scaled, scaled**2, *filtered])
