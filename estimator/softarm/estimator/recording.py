@@ -66,11 +66,15 @@ class Recording:
         return self.members(r"gauge_(.+)_n")
 
     def pressure(self, chamber: int) -> tuple[Floats, str]:
-        """Return a chamber's gauge pressure [Pa] and its source, ``measured`` before ``commanded``."""
+        """Return a chamber's gauge pressure [Pa] and its source.
+
+        It is the ``measured`` one, or the ``commanded`` one where none was measured.
+        """
         measured = self.columns.get(f"pressure_{chamber}_pa")
-        if measured is not None:
-            return measured, "measured"
-        return self.columns[f"pressure_cmd_{chamber}_pa"], "commanded"
+        commanded = self.columns.get(f"pressure_cmd_{chamber}_pa")
+        if measured is None or (commanded is not None and not np.isfinite(measured).any()):
+            return self.columns[f"pressure_cmd_{chamber}_pa"], "commanded"
+        return measured, "measured"
 
     def bend(self, section: str) -> Floats:
         """Return a section's two-axis bend [rad], shape (samples, 2)."""

@@ -49,6 +49,22 @@ def test_a_fit_that_does_not_converge_is_refused(sopra: Specimen) -> None:
         calibrate(NodeByNode(toy()), sopra, [run], Options(nodes=40, iterations=1))
 
 
+def test_an_arm_with_chambers_of_which_no_pressure_was_recorded_is_refused(sopra: Specimen) -> None:
+    base = record()
+    motion = {name: values for name, values in base.columns.items() if not name.startswith("pressure")}
+    with pytest.raises(InputError, match="holds no pressures"):
+        arrange(Recording("run", base.time, motion, base.info), sopra, SECTIONS)
+
+
+def test_set_points_stand_for_pressures_that_were_never_measured(sopra: Specimen) -> None:
+    base = record()
+    asked = {f"pressure_cmd_{k}_pa": base.columns[f"pressure_{k}_pa"] for k in base.chambers}
+    lost = {f"pressure_{k}_pa": np.full(len(base.time), np.nan) for k in base.chambers}
+    run = arrange(Recording("run", base.time, {**base.columns, **lost, **asked}, base.info), sopra, SECTIONS)
+    assert set(run.pressure_source) == {"commanded"}
+    np.testing.assert_allclose(run.pressures, arrange(base, sopra, SECTIONS).pressures)
+
+
 RAMP = np.linspace(0.0, 1.5, 2000)
 STEPS = np.repeat(np.linspace(0.0, 1.5, 20), 100)
 """A gauge without noise rests at each step."""

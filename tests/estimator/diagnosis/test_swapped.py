@@ -60,6 +60,13 @@ def test_chambers_that_move_alike_are_not_called_exchanged(columns: dict[str, np
     _check(alike)
 
 
+@pytest.mark.filterwarnings("error")
+def test_set_points_of_which_none_was_read_say_nothing(columns: dict[str, np.ndarray]) -> None:
+    lost = {name: np.full_like(v, np.nan) for name, v in columns.items() if name.startswith("pressure_cmd")}
+    assert lost
+    _check({**columns, **lost})
+
+
 def test_bends_that_another_segments_chambers_explain_are_refused(columns: dict[str, np.ndarray]) -> None:
     with pytest.raises(InputError, match="bend_intermediate and bend_tip look exchanged"):
         _check(_exchange(columns, "bend_intermediate", "bend_tip"))

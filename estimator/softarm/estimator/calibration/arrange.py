@@ -155,6 +155,12 @@ def gravity_of(recording: Recording, specimen: Specimen) -> Floats:
 
 def _pressures(recording: Recording, specimen: Specimen) -> tuple[Floats, tuple[str, ...]]:
     limits = specimen.pressure_limits
+    if len(limits) and not recording.chambers:
+        raise InputError(
+            recording.name,
+            "holds no pressures, and the arm has chambers",
+            "record pressure_0_pa and its like along with the motion; zeros where the arm was vented",
+        )
     pressures = np.zeros((len(recording.time), len(limits)))
     sources = ["none"] * len(limits)
     for chamber in recording.chambers:

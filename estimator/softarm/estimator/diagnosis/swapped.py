@@ -42,7 +42,7 @@ def _swapped_pressures(recording: Recording) -> str:
         k
         for k in recording.chambers
         if {f"pressure_cmd_{k}_pa", f"pressure_{k}_pa"} <= set(recording.columns)
-        and np.nanstd(recording.columns[f"pressure_cmd_{k}_pa"]) > MOVED
+        and np.std(_observed(recording.columns[f"pressure_cmd_{k}_pa"])) > MOVED
     ]
     if len(names) < 2:
         return ""
@@ -57,6 +57,12 @@ def _swapped_pressures(recording: Recording) -> str:
         if max(straight) < STRAYS and min(crossed) > FOLLOWS:
             return f"pressure_{names[a]}_pa and pressure_{names[b]}_pa"
     return ""
+
+
+def _observed(column: Floats) -> Floats:
+    """Keep what was read of a column; a zero where nothing was."""
+    read = column[np.isfinite(column)]
+    return read if len(read) else np.zeros(1)
 
 
 def _correlation(one: Floats, other: Floats) -> Floats:
