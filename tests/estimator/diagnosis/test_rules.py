@@ -317,17 +317,22 @@ def chosen(*fits: Fit, gain: float = 100.0) -> ChosenEffects:
 
 
 @pytest.mark.parametrize(
-    ("law", "named", "joint", "outdoes"),
+    ("law", "named", "joint", "left", "outdoes"),
     [
-        (1000.0, 400.0, 1050.0, True),
-        (1000.0, 400.0, 1200.0, False),  # the effects predict what the law does not: a part of it has a name
-        (400.0, 1000.0, 1010.0, False),
-        (1000.0, 1001.0, 1002.0, False),
-        (CERTAIN - 1.0, 0.0, CERTAIN - 1.0, False),
+        (1000.0, 400.0, 1050.0, 2.0, True),
+        (1000.0, 600.0, 1050.0, 2.0, True),
+        (1000.0, 600.0, 1050.0, 0.9, False),  # the effects predict most of it and leave nothing but noise
+        (1000.0, 400.0, 1050.0, 0.9, True),
+        (1000.0, 400.0, 1200.0, 2.0, False),  # they predict what the law does not: a part of it has a name
+        (400.0, 1000.0, 1010.0, 2.0, False),
+        (1000.0, 1001.0, 1002.0, 2.0, False),
+        (CERTAIN - 1.0, 0.0, CERTAIN - 1.0, 2.0, False),
     ],
 )
-def test_a_law_without_a_name_outdoes_effects_that_predict_less_and_add_little(law, named, joint, outdoes):
-    assert UnnamedLaw(law, named, joint, 0.9, ("tip_payload",), Place(), "").outdoes is outdoes
+def test_a_law_outdoes_effects_that_predict_less_leave_something_and_add_little(
+    law, named, joint, left, outdoes
+):
+    assert UnnamedLaw(law, named, joint, left, 0.9, ("tip_payload",), Place(), "").outdoes is outdoes
 
 
 @pytest.mark.parametrize(
@@ -529,7 +534,7 @@ def test_without_confirming_stretches_nothing_is_unproven():
 @pytest.mark.parametrize(("probability", "changed"), [(0.99, True), (0.5, False)])
 def test_a_law_alone_shows_that_something_is_missing_if_it_is_probable(monkeypatch, *, probability, changed):
     nothing = chosen()
-    law = UnnamedLaw(2.0 * CERTAIN, 0.0, 2.0 * CERTAIN, 1.0, (), Place(), "pressure level")
+    law = UnnamedLaw(2.0 * CERTAIN, 0.0, 2.0 * CERTAIN, np.inf, 1.0, (), Place(), "pressure level")
     made = {
         "proven": lambda _: (nothing, []),
         "without_fragments": lambda _, choice: (choice, None, []),
