@@ -58,7 +58,7 @@ def test_the_gauge_balances_the_moments_of_a_resting_arm(make_arm: MakeArm) -> N
         moment = np.cross(data.xipos[below] - anchor, weights[below]).sum(axis=0)
         moment += np.cross(knot - anchor, arm._into_base @ pull)
         turn = data.xmat[chain.bodies[joint]].reshape(3, 3)
-        rubber = turn @ data.qfrc_applied[chain.slides[joint] + 1 : chain.slides[joint] + 4]
+        rubber = turn @ data.qfrc_applied[chain.balls[joint]]
         np.testing.assert_allclose(rubber, -moment, atol=2e-4 * np.abs(moment).max() + 1e-6)
 
 

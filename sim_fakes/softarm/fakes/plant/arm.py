@@ -10,6 +10,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.chain import PlantChain, build
 from softarm.fakes.plant.effects import Concealed, apply
+from softarm.fakes.plant.forward_dynamics import ForwardDynamics
 from softarm.fakes.plant.loads import TautLine, contact, grasp, strength
 from softarm.fakes.plant.material import FibreMemory, fresh_memory, joint_forces, tabulate
 from softarm.fakes.plant.parameters import ArmParameters, sopra
@@ -78,6 +79,7 @@ class FakeArm:
     @property
     def energy(self) -> float:
         """Kinetic energy [J]."""
+        mujoco.mj_fwdPosition(self._chain.model, self._data)
         mujoco.mj_energyVel(self._chain.model, self._data)
         return float(self._data.energy[1])
 
@@ -157,24 +159,25 @@ class FakeArm:
         self._places = np.array([joint.segment for joint in self._chain.joints])
         self._chambers_at = _numbered(self._plain.groups)[self._places]
         self._frames = np.array([frame.quaternion for frame in self._plain.frames])
-        self._balls = self._chain.slides[:, None] + np.arange(4)
-        self._quaternions = self._chain.slide_positions[:, None] + np.arange(1, 5)
+        self._elastic = np.hstack([self._chain.slides, self._chain.balls])
         self._section_forces = np.zeros((len(self.sections), 3))
         self._damping = self._chain.model.dof_damping.copy()
-        mujoco.mj_step1(self._chain.model, self._data)
+        self._dynamics = ForwardDynamics(self._chain.model, self._data)
 
     def _take_over(self, chain: PlantChain, data: mujoco.MjData, memory: FibreMemory) -> None:
         """Go on from the motion and the memory of the arm before a switch."""
-        first_position, first_speed = self._chain.slide_positions[0], self._chain.slides[0]
-        self._data.qpos[first_position:] = data.qpos[chain.slide_positions[0] :]
-        self._data.qvel[first_speed:] = data.qvel[chain.slides[0] :]
+        own = self._chain
+        self._data.qpos[own.slide_positions] = data.qpos[chain.slide_positions]
+        self._data.qpos[own.ball_positions] = data.qpos[chain.ball_positions]
+        self._data.qvel[own.slides] = data.qvel[chain.slides]
+        self._data.qvel[own.balls] = data.qvel[chain.balls]
         self._memory.last[:] = memory.last
         self._memory.largest[:] = memory.largest
         self._memory.relaxed[:] = memory.last[:, :, None]
         for new, old in ((self._memory.relaxed, memory.relaxed), (self._memory.slipped, memory.slipped)):
             shared = min(new.shape[2], old.shape[2])
             new[:, :, :shared] = old[:, :, :shared]
-        mujoco.mj_step1(self._chain.model, self._data)
+        self._dynamics.update()
 
     def _settle(self) -> None:
         """Come to rest under gravity, with nothing remembered of the way."""
@@ -184,7 +187,7 @@ class FakeArm:
         self._chain.model.dof_damping[:] = self._damping
         self._data.qvel[:] = 0.0
         self._steps = 0
-        mujoco.mj_step1(self._chain.model, self._data)
+        self._dynamics.update()
 
     @property
     def _time(self) -> float:
@@ -196,7 +199,7 @@ class FakeArm:
         self._pressures = self._lines.step(self._pressures, inputs.valve_pressures)
         worth = self._muscles.effective(self._pressures)
         slides = self._data.qpos[self._chain.slide_positions]
-        quaternions = self._data.qpos[self._quaternions]
+        quaternions = self._data.qpos[self._chain.ball_positions]
         if self._law is not None:
             worth = worth + self._law.push(self._pressures, self._bends(quaternions), self._parameters.step)
         forces = joint_forces(
@@ -206,12 +209,11 @@ class FakeArm:
         )  # fmt: skip
         if not np.abs(forces).max() < FORCE_LIMIT:
             raise InputError("fake arm", f"flew apart at {self._time:.3f} s", "weaken its effects or loads")
-        self._data.qfrc_applied[self._balls] = forces
+        self._data.qfrc_applied[self._elastic] = forces
         self._damp(settling)
         self._apply_loads(inputs)
         self._hook = self._hook + self._parameters.step * self._hook_velocity
-        mujoco.mj_step2(self._chain.model, self._data)
-        mujoco.mj_step1(self._chain.model, self._data)
+        self._dynamics.step()
         self._steps += 1
 
     def _bends(self, quaternions: Floats) -> Floats:

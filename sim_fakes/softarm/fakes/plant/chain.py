@@ -1,11 +1,14 @@
 """The arm as a chain of rigid bodies in MuJoCo; elastic and pneumatic forces are added at its joints.
 
-Each soft segment is cut in equal pieces; at the middle of each piece sits a slide along the arm and a ball
-joint. MuJoCo's world is the base frame. The joints carry only viscous damping in MuJoCo, which its integrator
-treats implicitly and which therefore keeps the explicit elastic forces stable.
+Each soft segment is cut in equal pieces; at the middle of each piece sit three slides, along the arm and
+across it, and below them a ball joint: the piece stretches and shears in the frame of the link above, and the
+next link turns about the point that it moves to. MuJoCo's world is the base frame. The joints carry only
+viscous damping in MuJoCo, which ``ForwardDynamics`` treats implicitly and which therefore keeps the explicit
+elastic forces stable.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -20,6 +23,7 @@ from softarm.fakes.plant.rotations import rotation_matrix, vector_quaternion
 Integers = NDArray[np.int64]
 
 SUPPORT_DAMPING_TIME = 0.006
+SLIDES, BALL = ("slide_x", "slide_y", "slide_z"), "ball"
 
 
 @dataclass(frozen=True)
@@ -48,8 +52,10 @@ class PlantChain:
     Args:
         model: MuJoCo model.
         joints: Elastic joints from the base to the tip.
-        slides: Addresses of the slides in the velocity, shape (joints,).
-        slide_positions: Addresses of the slides in the position, shape (joints,).
+        slides: Addresses in the velocity of the slides along x, y and z of the link above, shape (joints, 3).
+        slide_positions: The same in the position, shape (joints, 3).
+        balls: Addresses of the balls in the velocity, shape (joints, 3).
+        ball_positions: Addresses of their quaternions in the position, shape (joints, 4).
         bodies: Bodies of the links, one per joint, shape (joints,).
         radii: Outer radius at each link [m], shape (joints,).
         sections: Sites of the sections' frames, shape (sections,).
@@ -61,6 +67,8 @@ class PlantChain:
     joints: tuple[Joint, ...]
     slides: Integers
     slide_positions: Integers
+    balls: Integers
+    ball_positions: Integers
     bodies: Integers
     radii: Floats
     sections: Integers
@@ -77,9 +85,6 @@ def build(parameters: ArmParameters) -> PlantChain:
     joints = tuple(joint for index in range(len(parameters.segments)) for joint in _joints(parameters, index))
     spec = mujoco.MjSpec()
     spec.option.timestep = parameters.step
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
-    off = mujoco.mjtDisableBit
-    spec.option.disableflags |= off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_AUTORESET
     spec.option.gravity = gravity_in_base(parameters)
     masses = _masses(parameters, joints)
     if min(masses.min(), *(payload.mass for payload in parameters.loads.payloads), 1.0) < 0.0:
@@ -167,28 +172,69 @@ def _link(
     body.mass = mass
     body.ipos = [0.0, 0.0, 0.5 * length]
     body.inertia = mass * np.array([across + slender, across + slender, 2.0 * across])
-    axial, bending, torsion = rest_stiffness(segment, joint)
+    rest = rest_stiffness(segment, joint)
+    for name, axis, stiffness in zip(SLIDES, np.eye(3), (rest.shear, rest.shear, rest.axial), strict=True):
+        body.add_joint(
+            name=f"{name}_{index}",
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=axis,
+            damping=segment.damping_time * stiffness,
+        )
     body.add_joint(
-        name=f"slide_{index}",
-        type=mujoco.mjtJoint.mjJNT_SLIDE,
-        axis=[0.0, 0.0, 1.0],
-        damping=segment.damping_time * axial,
-    )
-    body.add_joint(
-        name=f"ball_{index}",
+        name=f"{BALL}_{index}",
         type=mujoco.mjtJoint.mjJNT_BALL,
-        damping=segment.damping_time * max(bending, torsion),
+        damping=segment.damping_time * max(rest.bending, rest.torsion),
     )
     return body
 
 
-def rest_stiffness(segment: PlantSegment, joint: Joint) -> tuple[float, float, float]:
-    """Return the axial [N/m], bending and torsional [N m/rad] stiffness of a joint at rest."""
+class RestStiffness(NamedTuple):
+    """Stiffness of a joint at rest.
+
+    Args:
+        axial: Of the slide along the arm [N/m].
+        shear: Of the slides across it [N/m].
+        bending: Of the ball about x and y, mean of both [N m/rad].
+        torsion: About z [N m/rad].
+    """
+
+    axial: float
+    shear: float
+    bending: float
+    torsion: float
+
+
+def rest_stiffness(segment: PlantSegment, joint: Joint) -> RestStiffness:
+    """Return the stiffness of a joint at rest: E A, k G A, E I and G J, each over the length of its piece.
+
+    G is the segment's ``torsion`` times E and J is 2 I, as of a round section; k is ``shear_coefficient``
+    times the segment's ``shear``.
+    """
     section = joint.section
+    area = float(section.areas.sum())
     per_length = segment.modulus / joint.length
-    axial = per_length * float(section.areas.sum())
-    bending = per_length * section.second_moment
-    return axial, bending, 2.0 * segment.torsion * bending
+    shear = segment.shear * shear_coefficient(area, section.second_moment) * segment.torsion
+    return RestStiffness(
+        axial=per_length * area,
+        shear=shear * per_length * area,
+        bending=per_length * section.second_moment,
+        torsion=2.0 * segment.torsion * per_length * section.second_moment,
+    )
+
+
+def shear_coefficient(area: float, second_moment: float) -> float:
+    """Return the share of a cross-section's area that resists shear, as of a round pipe of the same A and I.
+
+    For a pipe of Poisson's ratio 1/2 whose inner radius is m times the outer, G. R. Cowper (J. Appl. Mech.
+    33, 1966, 335-340) has k = 9 (1 + m^2)^2 / (10 (1 + m^2)^2 + 26 m^2). With q = A^2 / (4 pi I) =
+    (1 - m^2) / (1 + m^2) that is 9 / (10 + 6.5 (1 - q^2)): 0.9 for a rod, 0.545 for a thin pipe.
+
+    Args:
+        area: Of the material [m2].
+        second_moment: About an axis through the centre [m4].
+    """
+    filled = min(1.0, area**2 / (4.0 * np.pi * second_moment))
+    return 9.0 / (10.0 + 6.5 * (1.0 - filled**2))
 
 
 def _attach_sections(
@@ -211,13 +257,16 @@ def _attach_sections(
 
 def _locate(model: mujoco.MjModel, joints: tuple[Joint, ...], parameters: ArmParameters) -> PlantChain:
     """Find the addresses of the chain's parts."""
-    slides = [model.joint(f"slide_{k}") for k in range(len(joints))]
+    slides = [[model.joint(f"{name}_{k}") for name in SLIDES] for k in range(len(joints))]
+    balls = [model.joint(f"{BALL}_{k}") for k in range(len(joints))]
     sites = [model.site(name) for name in parameters.sections]
     return PlantChain(
         model=model,
         joints=joints,
-        slides=np.array([slide.dofadr[0] for slide in slides], dtype=np.int64),
-        slide_positions=np.array([slide.qposadr[0] for slide in slides], dtype=np.int64),
+        slides=np.array([[slide.dofadr[0] for slide in row] for row in slides], dtype=np.int64),
+        slide_positions=np.array([[slide.qposadr[0] for slide in row] for row in slides], dtype=np.int64),
+        balls=np.array([ball.dofadr[0] for ball in balls])[:, None] + np.arange(3),
+        ball_positions=np.array([ball.qposadr[0] for ball in balls])[:, None] + np.arange(4),
         bodies=np.array([model.body(f"link_{k}").id for k in range(len(joints))], dtype=np.int64),
         radii=np.array([joint.section.radius for joint in joints]),
         sections=np.array([site.id for site in sites], dtype=np.int64),

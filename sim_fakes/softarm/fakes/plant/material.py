@@ -1,7 +1,8 @@
 """The rubber: fibres along the arm, each with its own nonlinear stress and memory.
 
-At each joint the cross-section is a bundle of fibres. A fibre at (x, y) is strained by the slide s and the
-rotation vector (a, b, c) of the joint over the piece's length l: strain = (s + a y - b x) / l. Its stress is
+At each joint the cross-section is a bundle of fibres. A fibre at (x, y) is strained by the slide s along
+the arm and the rotation vector (a, b, c) of the joint over the piece's length l:
+strain = (s + a y - b x) / l. Its stress is
 
     E [ (stretch - stretch^-n) / (n + 1) * shape(strain)
         + sum_i g_i (strain - relaxed_i) + sum_k w_k slip_k ] * eta,
@@ -9,7 +10,8 @@ rotation vector (a, b, c) of the joint over the piece's length l: strain = (s + 
 relaxed_i following the strain with time constant tau_i (Maxwell branches), slip_k an elastic-slip
 element that yields at its width (Bouc 1967, Wen 1976; a stop operator when sharp), and
 eta = 1 - m (1 - exp(-(largest - |strain|) / e)) the softening below the largest strain so far. A chamber
-pushes its column apart with pressure times an area that depends on its own stretch.
+pushes its column apart with pressure times an area that depends on its own stretch. Twist and the slides
+across the arm are resisted linearly (S. P. Timoshenko, Phil. Mag. 41, 1921).
 """
 
 from dataclasses import dataclass
@@ -34,7 +36,7 @@ class FibreTable:
         forces: Modulus times area [N], shape (J, F).
         lengths: Of the pieces [m], shape (J,).
         law: Exponent, stiffening, softening, locking curvature [1/m], locking bending stiffness [N m/rad],
-            torsional stiffness [N m/rad], shape (J, 6).
+            torsional stiffness [N m/rad], shear stiffness [N/m], shape (J, 7).
         relaxation: Branch strengths, shape (J, B).
         follow: Share of the way each branch follows in a step, shape (J, B).
         slip: Strengths, shape (J, S).
@@ -118,14 +120,15 @@ def _moduli(segment: PlantSegment, joint: Joint) -> Floats:
 
 def _law(segment: PlantSegment, joint: Joint) -> list[float]:
     """Return the row of ``FibreTable.law`` of a joint."""
-    _, bending, torsion = rest_stiffness(segment, joint)
+    rest = rest_stiffness(segment, joint)
     return [
         segment.exponent,
         segment.stiffening,
         segment.softening,
         segment.locking_curvature,
-        segment.locking * bending,
-        torsion,
+        segment.locking * rest.bending,
+        rest.torsion,
+        rest.shear,
     ]
 
 
@@ -157,22 +160,22 @@ def joint_forces(
     modulus_factor: float,
     settling: bool,
 ) -> Floats:
-    """Return the force of the slide and the torque of the ball of each joint, and step the memory.
+    """Return the force of the slides and the torque of the ball of each joint, and step the memory.
 
     Args:
         table: Constants.
         memory: Changed in place.
-        motion: Slides [m], shape (J,), and quaternions of the balls, shape (J, 4).
+        motion: Slides [m], shape (J, 3), and quaternions of the balls, shape (J, 4).
         pressures: Effective gauge pressure of the chambers at each joint [Pa], shape (J, C).
         actuation: Loss of area per stretch (first and second order) and torque per pressure force [m].
         modulus_factor: Scale of all moduli, such as of the temperature.
         settling: Keep the memory at rest: branches relaxed, nothing slipped, never stretched.
 
     Returns:
-        Axial force [N] and torque in the link's frame [N m], shape (J, 4).
+        Force in the frame of the link above [N] and torque in the link's own [N m], shape (J, 6).
     """
     slides, quaternions = motion
-    forces = np.zeros((len(slides), 4))
+    forces = np.zeros((len(slides), 6))
     _joint_forces(
         table.fibres, table.forces, table.lengths, table.law, table.relaxation, table.follow, table.slip,
         table.widths, table.softening, table.chambers, memory.relaxed, memory.slipped, memory.last,
@@ -193,7 +196,7 @@ def _joint_forces(  # type: ignore[no-untyped-def]
         axial, about_x, about_y = 0.0, 0.0, 0.0
         for f in range(fibres.shape[1]):
             x, y = fibres[j, f, 0], fibres[j, f, 1]
-            strain = (slides[j] + a * y - b * x) / length
+            strain = (slides[j, 2] + a * y - b * x) / length
             stress = _elastic(strain, law[j, 0], law[j, 1], law[j, 2])
             stress += _relaxing(strain, relaxation[j], follow[j], relaxed[j, f], settling)
             stress += _slipping(
@@ -211,7 +214,7 @@ def _joint_forces(  # type: ignore[no-untyped-def]
         about_z = -modulus_factor * law[j, 5] * c
         for k in range(chambers.shape[1]):
             x, y = chambers[j, k, 0], chambers[j, k, 1]
-            stretch = (slides[j] + a * y - b * x) / length
+            stretch = (slides[j, 2] + a * y - b * x) / length
             area = chambers[j, k, 2] * (1.0 - actuation[0] * stretch - actuation[1] * stretch * stretch)
             push = pressures[j, k] * area
             axial += push
@@ -223,8 +226,10 @@ def _joint_forces(  # type: ignore[no-untyped-def]
             lock = law[j, 4] * (1.0 - law[j, 3] / curvature)
             about_x -= lock * a
             about_y -= lock * b
-        forces[j, 0] = axial
-        _to_link(a, b, c, about_x, about_y, about_z, forces[j])
+        forces[j, 0] = -modulus_factor * law[j, 6] * slides[j, 0]
+        forces[j, 1] = -modulus_factor * law[j, 6] * slides[j, 1]
+        forces[j, 2] = axial
+        _to_link(a, b, c, about_x, about_y, about_z, forces[j, 3:])
 
 
 @njit(cache=True, nogil=True)
@@ -285,6 +290,6 @@ def _to_link(a, b, c, about_x, about_y, about_z, out):  # type: ignore[no-untype
     if angle > 1e-3:
         k = 1.0 / square - (1.0 + np.cos(angle)) / (2.0 * angle * np.sin(angle))
     dot = a * about_x + b * about_y + c * about_z
-    out[1] = about_x - 0.5 * (b * about_z - c * about_y) + k * (a * dot - square * about_x)
-    out[2] = about_y - 0.5 * (c * about_x - a * about_z) + k * (b * dot - square * about_y)
-    out[3] = about_z - 0.5 * (a * about_y - b * about_x) + k * (c * dot - square * about_z)
+    out[0] = about_x - 0.5 * (b * about_z - c * about_y) + k * (a * dot - square * about_x)
+    out[1] = about_y - 0.5 * (c * about_x - a * about_z) + k * (b * dot - square * about_y)
+    out[2] = about_z - 0.5 * (a * about_y - b * about_x) + k * (c * dot - square * about_z)

@@ -71,7 +71,8 @@ class PlantSegment:
         modulus: Small-strain modulus along the arm [Pa].
         exponent: n of the stress E (stretch - stretch^-n) / (n + 1); 3 where windings keep the sides from
             narrowing.
-        torsion: Torsional stiffness over modulus times polar moment.
+        torsion: Shear modulus over modulus: of torsional stiffness over modulus times polar moment.
+        shear: Shear coefficient over that of a round pipe of the same area and second moment.
         stiffening: Relative gain of stress at 20 % strain, growing with its square.
         softening: Relative loss of stress at 20 % strain, growing with its size.
         damping_time: Viscous force over elastic stiffness [s].
@@ -92,6 +93,7 @@ class PlantSegment:
     modulus: float = 400e3
     exponent: float = 3.0
     torsion: float = 0.22
+    shear: float = 1.0
     stiffening: float = 0.0
     softening: float = 0.0
     damping_time: float = 0.018

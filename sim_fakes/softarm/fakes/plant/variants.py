@@ -9,6 +9,13 @@ from softarm.fakes.plant.parameters import Actuation, ArmParameters, Memory, Pla
 
 Random = np.random.Generator
 
+SHEAR_TOLERANCE = 0.10
+"""By how much a shear coefficient may be off the one that is drawn.
+
+For the same pipe at Poisson's ratio 1/2, J. R. Hutchinson (J. Appl. Mech. 68, 2001, 87-92) has 7 to 10 % more
+than Cowper, and neither knows lobes with three chambers.
+"""
+
 
 @dataclass(frozen=True)
 class Variant:
@@ -34,9 +41,15 @@ def variant(
         background: Scale of what every arm has of creep, hysteresis and cross-talk.
         plain: The arm as drawn; SoPrA when left out.
     """
-    rng = np.random.default_rng([seed, 20])
+    rng, shears = np.random.default_rng([seed, 20]), np.random.default_rng([seed, 21])
     plain = plain or sopra()
-    segments = tuple(_segment(rng, segment, spread, background) for segment in plain.segments)
+    segments = tuple(
+        replace(
+            _segment(rng, segment, spread, background),
+            shear=segment.shear * (1.0 + SHEAR_TOLERANCE * spread * float(shears.uniform(-1.0, 1.0))),
+        )
+        for segment in plain.segments
+    )
     arm = replace(
         plain,
         segments=segments,
