@@ -7,6 +7,10 @@ import pytest
 import scipy.linalg
 from threadpoolctl import threadpool_limits
 
+from tests.real_time import in_real_time, pytest_runtest_logstart, pytest_runtest_makereport
+
+__all__ = ["pytest_runtest_logstart", "pytest_runtest_makereport"]
+
 LOADED = np.linalg, scipy.linalg
 """Only libraries that are loaded can be limited."""
 
@@ -21,9 +25,11 @@ def pytest_collection_modifyitems(items):
         paths = {item.path, *item.path.parents}
         if paths & set(REALTIME) or (SERVICE / "page" in paths and "service" in item.fixturenames):
             item.add_marker("realtime")
-        marks = {mark.name for mark in item.iter_markers()}
-        if "realtime" in marks and "slow" not in marks and not paths & COLLECTED:
+        if item.get_closest_marker("realtime") is None:
+            continue
+        if item.get_closest_marker("slow") is None and not paths & COLLECTED:
             raise pytest.UsageError(f"{item.nodeid} keeps real time, and ./run test does not collect it so")
+        in_real_time(item)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -82,6 +82,7 @@ def test_the_conditions_are_those_of_the_unit(host, trees, supervisor, environme
         "/root",
         "/home",
         *host.parts,
+        *(part for tree in trees for part in tree.parts),
     }
     assert written == [".", "/tmp"]
 
