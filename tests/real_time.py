@@ -12,8 +12,11 @@ from pathlib import Path
 import pytest
 
 PRESSURE = Path("/proc/pressure/cpu")
-STARVED = 0.75
-"""Share of the time in which some program waited, from which on a missed deadline says nothing."""
+STARVED = 0.6
+"""Share of the time in which some program waited, from which on a missed deadline says nothing.
+
+The tests in ``service/live``, alone on two cores, make it 0.25 to 0.55 by themselves.
+"""
 RERUNS = 2
 TIMEOUT_S = 120.0
 
