@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import click
 import numpy as np
 
+from acceptance.convert import to_elements
 from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.common.tables import Cell, Table
 from softarm.estimator.arm import build_arm, model_on_mesh
 from softarm.estimator.geometry import DEFAULTS, Resolution, build_mesh
-from softarm.estimator.geometry.convert import to_elements
 from softarm.estimator.mesh import ElementKind
 from softarm.estimator.rotations import log
 from softarm.estimator.specimen import SHIPPED, Specimen, load_specimen

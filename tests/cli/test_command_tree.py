@@ -12,7 +12,7 @@ from softarm.estimator.specimen import load_specimen, save_specimen
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "command-line.md").read_text("utf-8")
-WITHOUT_TABLE = {"serve", "page", "ros", "vent", "bench measured", "bench reference"}
+WITHOUT_TABLE = {"serve", "page", "ros", "vent", "bench measured", "bench reference", "bench trial"}
 
 
 def leaves(group: click.Group, names: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:

@@ -1,7 +1,7 @@
-"""``softarm bench step``: what a step of the estimator costs, in parts, as a whole, and as the mesh grows."""
+"""``softarm bench step``: what a step of the estimator costs, in parts and as a whole."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any
@@ -10,16 +10,17 @@ import click
 import numpy as np
 from scipy.sparse.linalg import splu
 
-from softarm.bench.step_parts import solvers, tracking_parts
 from softarm.cli.output import json_option, progress, quick_option, show
 from softarm.common.tables import Cell, Table
 from softarm.estimator.arm import model_on_mesh
 from softarm.estimator.arrays import Floats
-from softarm.estimator.fem import FiniteElementModel
+from softarm.estimator.fem import FiniteElementModel, FiniteElementState
+from softarm.estimator.fem.linalg.cholesky import CholeskyPlan, FactorPlan
+from softarm.estimator.fem.linalg.pardiso import PardisoPlan
+from softarm.estimator.fem.linalg.symbolic import analyse
 from softarm.estimator.fem.tracking import BackgroundFactorisation, TrackingModel
 from softarm.estimator.fem.tracking.frozen_tangent import freeze_tangent
-from softarm.estimator.geometry import DEFAULTS, Resolution, build_mesh
-from softarm.estimator.geometry.convert import to_elements
+from softarm.estimator.geometry import DEFAULTS, build_mesh
 from softarm.estimator.inverse import (
     Estimator,
     InputBounds,
@@ -30,7 +31,6 @@ from softarm.estimator.inverse import (
 )
 from softarm.estimator.inverse.objectives import Iterate, SensorObjective
 from softarm.estimator.inverse.program import build_program, solve_program
-from softarm.estimator.mesh import Mesh
 from softarm.estimator.model import Inputs
 from softarm.estimator.sensing import Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
@@ -42,18 +42,6 @@ NOISE_PA = 200.0
 REPEATS = 40
 SOLVER_NOTES = (
     "Solution: for all inputs. Ratio: factor and solution over those of the multifrontal factor. One thread.",
-)
-PLAIN_NOTES = (
-    "Median ratio: median over the instants of a step's time over that with all parts. With sensor noise; "
-    "the factor of the background is one instant old.",
-)
-LINEAR = Resolution(layers=6, section_layers=2)
-GROWTH = (
-    Resolution(layers=1, section_layers=1),
-    Resolution(layers=2, section_layers=1),
-    Resolution(layers=3, section_layers=2),
-    Resolution(layers=3, section_layers=2, through=2),
-    Resolution(layers=1, section_layers=1, refinement=2),
 )
 
 
@@ -195,66 +183,58 @@ def tracker_settings(
     return TrackerSettings(process, actuation, np.array(specimen.pressure_limits), tolerances=tolerances)
 
 
-def switched_off(
-    specimen: Specimen, model: FiniteElementModel, suite: SensorSuite, run: TimedRun
-) -> list[dict[str, Cell]]:
-    """Follow the motion, with noise, with each part of the tracking path switched off."""
-    random, settings = np.random.default_rng(1), tracker_settings(specimen, model)
-    samples = [
-        (
-            inputs,
-            readings + NOISE_RAD * random.standard_normal(readings.shape),
-            inputs.pressures + NOISE_PA * random.standard_normal(inputs.pressures.shape),
-        )
-        for inputs, readings in zip(run.inputs, run.readings, strict=True)
-    ]
-    return tracking_parts(model, samples, lambda tracked: Estimator(tracked, suite, settings), RATE_HZ)
+def solvers(model: FiniteElementModel, displacement: Floats, inputs: Inputs) -> list[dict[str, Cell]]:
+    """Time the factor of a tangent and its solution for all inputs by each solver, in turn.
 
-
-def growth(
-    meshes: Sequence[Mesh], specimen: Specimen, done: Callable[[float], None]
-) -> list[dict[str, Cell]]:
-    """Time assembly, factor and solution as the mesh grows, with the exponent of each over the nodes."""
-    costs = []
-    for mesh in meshes:
-        costs.append((float(len(mesh.points)), *_costs(model_on_mesh(specimen, mesh))))
-        done(1)
-    rows = np.array(sorted(costs))
-    slopes = [float(np.polyfit(np.log(rows[:, 0]), np.log(column), 1)[0]) for column in rows[:, 1:].T]
-    table = [_growth_row(int(row[0]), row[1:]) for row in rows]
-    return [*table, {**_growth_row("exponent", np.array(slopes)), "ratio": None}]
-
-
-def _costs(model: FiniteElementModel) -> tuple[float, float, float, float]:
-    """Time assembly, our factor, its solution and SuperLU's factor at rest [ms]."""
-    inputs, state = model.no_inputs(), model.rest()
-    tangent = model.balance(state.displacement, inputs).evaluation.tangent
-    factor = model.linearise(state, inputs).factor
+    The last column is the sum of both medians over that of the multifrontal factor.
+    """
+    tangent = model.balance(displacement, inputs).evaluation.tangent
     assert tangent is not None
-    assert factor is not None
-    matrix = model.body.pattern.matrix(tangent.values, tangent.mirror)
-    forces = model.linearise(state, inputs).input_forces()
-    cases: tuple[tuple[Callable[[], Any], int], ...] = (
-        (lambda: model.balance(state.displacement, inputs), 8),
-        (lambda: model.body.plan.factorise(tangent), 8),
-        (lambda: factor.solve(forces), 8),
-        (lambda: splu(matrix), 2),
-    )
-    assemble, ours, solve, superlu = (float(np.median(milliseconds(work, n))) for work, n in cases)
-    return assemble, ours, solve, superlu
+    pattern, body = model.body.pattern, model.body
+    matrix = pattern.matrix(tangent.values, tangent.mirror)
+    forces = model.linearise(FiniteElementState(displacement, inputs), inputs).input_forces()
+    plans = {"multifrontal": FactorPlan(pattern, CholeskyPlan.of(analyse(pattern, body.ordering)))}
+    if (pardiso := PardisoPlan.of(pattern)) is not None:
+        plans["PARDISO"] = FactorPlan(pattern, pardiso)
+    work: dict[str, Callable[[], tuple[float, float]]] = {
+        name: lambda plan=plan: _timed(lambda: plan.factorise(tangent), lambda f: f.solve(forces))  # type: ignore[misc]
+        for name, plan in plans.items()
+    }
+    work["SuperLU"] = lambda: _timed(lambda: splu(matrix), lambda f: f.solve(forces.T))
+    spent: dict[str, list[tuple[float, float]]] = {name: [] for name in work}
+    for repeat in range(REPEATS + 1):
+        for name, measure in work.items():
+            if name != "SuperLU" or repeat <= REPEATS // 8 + 1:
+                spent[name].append(measure())
+    reference = np.median(np.array(spent["multifrontal"][1:]), axis=0).sum()
+    return [_solver_row(name, np.array(times[1:]), float(reference)) for name, times in spent.items()]
 
 
-def _growth_row(nodes: Cell, values: Floats) -> dict[str, Cell]:
-    keys = ("assemble_ms", "factor_ms", "solve_ms", "superlu_factor_ms")
-    return {"nodes": nodes, **dict(zip(keys, values.tolist(), strict=True)), "ratio": values[3] / values[1]}
+def _timed(factorise: Callable[[], Any], solve: Callable[[Any], Any]) -> tuple[float, float]:
+    """Time a factor and its solution by the processor time of this thread [ms]."""
+    begin = time.thread_time()
+    factor = factorise()
+    middle = time.thread_time()
+    solve(factor)
+    return 1e3 * (middle - begin), 1e3 * (time.thread_time() - middle)
+
+
+def _solver_row(name: str, times: Floats, reference: float) -> dict[str, Cell]:
+    factor, solution = np.median(times, axis=0).tolist()
+    return {
+        "solver": name,
+        "factor_ms": factor,
+        "factor_p99_ms": float(np.percentile(times[:, 0], 99)),
+        "solution_ms": solution,
+        "ratio": (factor + solution) / reference,
+    }
 
 
 @click.command()
 @click.option("--specimen", "name", default="sopra", show_default=True, help="Specimen to solve.")
 @quick_option
 @json_option
-@click.option("--plain", is_flag=True, help="Switch off each part of the tracking path in turn, and stop.")
-def command(name: str, quick: bool, as_json: bool, plain: bool) -> int:
+def command(name: str, quick: bool, as_json: bool) -> int:
     """Time a step of the estimator, part by part.
 
     Processor time of the calling thread, so that another program on the machine disturbs little; the work of
@@ -262,50 +242,26 @@ def command(name: str, quick: bool, as_json: bool, plain: bool) -> int:
     pressures, unknown are four forces, and every scheme but the first iterates to the nonlinear optimum.
 
     Example: softarm bench step --quick
-
-    Example: softarm bench step --plain
     """
     specimen = load_specimen(name)
-    resolution = DEFAULTS[specimen.geometry.kind]
-    meshes = {"20-node hexahedra": build_mesh(specimen, resolution)}
-    if plain:
-        show(_plain_table(specimen, meshes["20-node hexahedra"], 40 if quick else 120), as_json=as_json)
-        return 0
-    if not quick:
-        meshes["linear tetrahedra"] = to_elements(build_mesh(specimen, LINEAR), "tet4")
-    larger = [build_mesh(specimen, r) for r in (GROWTH[:2] if quick else GROWTH)]
-    tables = []
-    with progress("Timing", 8 * len(meshes) + len(larger)) as advance:
-        for kind, mesh in meshes.items():
-            model = model_on_mesh(specimen, mesh)
-            suite = orientations(specimen, model.sections)
-            run = motion(model, suite, np.array(specimen.gravity_m_s2), 40 if quick else 200)
-            title = f"{specimen.name}, {kind}, {len(mesh.points)} nodes"
-            tables.append(Table(f"{title}: parts", parts(model, suite, run)))
-            state, _ = model.solve(run.inputs[0], model.rest())
-            tables.append(
-                Table(
-                    f"{title}: solvers",
-                    solvers(model, state.displacement, run.inputs[0], REPEATS),
-                    SOLVER_NOTES,
-                )
-            )
-            notes = (
-                f"Noise: {np.degrees(NOISE_RAD):.1f} degrees and {NOISE_PA:.0f} Pa, white. "
-                "force error: root mean square over the four forces.",
-            )
-            tables.append(Table(f"{title}: steps", steps(specimen, model, suite, run, advance), notes))
-        tables.append(Table(f"{specimen.name}: growth with the mesh", growth(larger, specimen, advance)))
-    show(*tables, as_json=as_json)
-    return 0
-
-
-def _plain_table(specimen: Specimen, mesh: Mesh, samples: int) -> Table:
+    mesh = build_mesh(specimen, DEFAULTS[specimen.geometry.kind])
     model = model_on_mesh(specimen, mesh)
     suite = orientations(specimen, model.sections)
-    run = motion(model, suite, np.array(specimen.gravity_m_s2), samples)
-    title = f"{specimen.name}, {len(mesh.points)} nodes: tracking without one of its parts"
-    return Table(title, switched_off(specimen, model, suite, run), PLAIN_NOTES)
+    run = motion(model, suite, np.array(specimen.gravity_m_s2), 40 if quick else 200)
+    state, _ = model.solve(run.inputs[0], model.rest())
+    title = f"{specimen.name}, {len(mesh.points)} nodes"
+    notes = (
+        f"Noise: {np.degrees(NOISE_RAD):.1f} degrees and {NOISE_PA:.0f} Pa, white. "
+        "force error: root mean square over the four forces.",
+    )
+    with progress("Timing", 8) as advance:
+        tables = (
+            Table(f"{title}: parts", parts(model, suite, run)),
+            Table(f"{title}: solvers", solvers(model, state.displacement, run.inputs[0]), SOLVER_NOTES),
+            Table(f"{title}: steps", steps(specimen, model, suite, run, advance), notes),
+        )
+    show(*tables, as_json=as_json)
+    return 0
 
 
 def orientations(specimen: Specimen, sections: tuple[str, ...]) -> SensorSuite:

@@ -12,7 +12,7 @@ ACCEPTANCE = "acceptance"
 """Package below ``tests/`` of a checkout with the benchmarks that only developers run."""
 
 LABORATORY_BENCHMARKS = {
-    "step": "Time a step of the estimator, part by part.",
+    "step": "Time a step of the estimator, part by part and by each solver.",
     "latency": "Time estimates from the packet to a subscriber in another process.",
     "arms": "Run several fake arms on this machine, and measure what each costs.",
     "diagnosis": "Diagnose blind trials, and score them if answers are given.",
@@ -20,6 +20,7 @@ LABORATORY_BENCHMARKS = {
 ACCEPTANCE_BENCHMARKS = {
     "verify": "Check the finite elements against published and analytic answers.",
     "sofa": "Compare with SOFA's equilibria and inverse trajectories.",
+    "tracking": "Time the tracking path without each of its parts, and finite elements as the mesh grows.",
     "rod": "Compare the calibrated rod with its finite-element model, and time both.",
     "mesh": "Compare the shipped meshes with their refinements.",
     "drivers": "Time and load the device drivers against the fakes.",
@@ -27,6 +28,7 @@ ACCEPTANCE_BENCHMARKS = {
     "safety": "Inject every fault into every device in every mode, and check that the arm is left safe.",
     "soak": "Run a service for a long time under faults, with clients that connect, disconnect and stall.",
     "plant": "Time the fake arm against real time.",
+    "trial": "Record a blind trial of the fake arm.",
     "real-data": "Calibrate on real recordings and predict what was held out.",
     "proof": "Prove the diagnosis on the fake arm and against its alternatives.",
     "reference": "Write the reference pages of docs/ from the definitions they describe.",

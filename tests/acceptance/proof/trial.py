@@ -2,8 +2,6 @@
 
 import json
 import shutil
-import subprocess
-import sys
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,6 +11,7 @@ from typing import Any
 import tomli_w
 
 from acceptance.proof.schedule import SealedTrial
+from acceptance.trial import draw, record_trial
 from softarm.analysis.diagnosis.report import FILE
 from softarm.bench.trials.folders import TRIAL_FILE, Trial, read_trials
 from softarm.bench.trials.outcome import TrialOutcome
@@ -71,27 +70,14 @@ def name_of(trial: SealedTrial, motion: str) -> str:
 
 
 def record(trial: SealedTrial, folders: Folders) -> None:
-    """Have the fake arm record a trial and seal its answer, unless that was done before.
-
-    Raises:
-        WorkFailedError: It failed.
-    """
+    """Have the fake arm record a trial and seal its answer, unless that was done before."""
     out = folders.recordings(trial)
     if out.exists():
         return
     draft = out.with_suffix(".part")
     shutil.rmtree(draft, ignore_errors=True)
-    words = [
-        str(draft),
-        "--seed",
-        str(trial.seed),
-        "--kind",
-        trial.kind,
-        "--truth",
-        str(folders.truth(trial)),
-    ]
-    words += [word for name in trial.only.split("+") if name for word in ("--only", name)]
-    _run([sys.executable, "-m", "softarm.fakes.plant", "trial", *words])
+    only = tuple(name for name in trial.only.split("+") if name)
+    record_trial(draw(trial.seed, trial.kind, only=only), draft, folders.truth(trial))
     for table in folders.truth(trial).rglob("*.csv"):
         table.unlink()
     draft.rename(out)
@@ -185,9 +171,3 @@ def forget(trial: SealedTrial, folders: Folders) -> None:
     for path in folders.recordings(trial).iterdir():
         if FORCE_RUN not in path.name:
             shutil.rmtree(path)
-
-
-def _run(words: Sequence[str]) -> None:
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise WorkFailedError(f"{' '.join(words[:4])} failed: {done.stderr.strip()[-300:]}")

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from acceptance.convert import to_elements
 from softarm.estimator.arrays import Floats, Indices
-from softarm.estimator.geometry.convert import to_elements
 from softarm.estimator.geometry.faces import boundary_faces
 from softarm.estimator.mesh import ElementBlock, ElementKind, ElementSurface, Mesh
 from softarm.estimator.reference_elements import CORNERS, FACE_KIND, HEX_EDGES

@@ -8,10 +8,10 @@ import meshio
 import numpy as np
 import pytest
 
+from acceptance.convert import to_elements
 from softarm.estimator.errors import InputError
 from softarm.estimator.geometry import Resolution, build_mesh
 from softarm.estimator.geometry.checks import chamber_volume, element_volumes
-from softarm.estimator.geometry.convert import to_elements
 from softarm.estimator.mesh import ElementKind, Mesh
 from softarm.estimator.specimen import Specimen, load_specimen, specimen_table
 

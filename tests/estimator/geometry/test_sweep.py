@@ -8,10 +8,10 @@ import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acceptance.convert import to_elements
 from softarm.estimator.errors import InputError
 from softarm.estimator.geometry import Resolution, build_mesh
 from softarm.estimator.geometry.checks import chamber_volume, element_volumes, jacobians
-from softarm.estimator.geometry.convert import to_elements
 from softarm.estimator.geometry.faces import boundary_faces, open_edges
 from softarm.estimator.mesh import ElementKind, Mesh
 from softarm.estimator.specimen import (

@@ -7,6 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from acceptance.plant import real_time_factor
+from acceptance.trial import KINDS, draw
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.__main__ import main, parse_effect
 from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, Concealed
@@ -26,7 +27,6 @@ from softarm.fakes.plant.manoeuvres import (
 )
 from softarm.fakes.plant.mounts import MOUNTS, turned
 from softarm.fakes.plant.parameters import ArmParameters
-from softarm.fakes.plant.trials import KINDS, draw
 from softarm.fakes.plant.variants import variant
 from softarm.fakes.plant.write import write
 from softarm.recordings.load import load_recording

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from acceptance.trial import PlantTrial, draw
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.excitation import LONG, inventory
 from softarm.fakes.plant.chain import gravity_in_base
 from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, effect
 from softarm.fakes.plant.manoeuvre import SAMPLE
-from softarm.fakes.plant.trials import PlantTrial, draw
 
 LIMITS = np.full(6, 65e3)
 SEEDS = range(30)

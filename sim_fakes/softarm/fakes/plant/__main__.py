@@ -1,4 +1,4 @@
-"""``python -m softarm.fakes.plant``: recordings of the fake arm and blind trials, written to folders."""
+"""``python -m softarm.fakes.plant``: recordings of the fake arm, written to folders."""
 
 import re
 import sys
@@ -17,7 +17,6 @@ from softarm.fakes.plant.generate import Laboratory, generate
 from softarm.fakes.plant.manoeuvre import PlantManoeuvre, chain
 from softarm.fakes.plant.manoeuvres import LIBRARY, SOPRA, Layout, path
 from softarm.fakes.plant.mounts import MOUNTS
-from softarm.fakes.plant.trials import KINDS, draw
 from softarm.fakes.plant.variants import variant
 from softarm.fakes.plant.write import write
 
@@ -74,22 +73,6 @@ def record(
     laboratory = replace(laboratory, concealed=tuple(map(parse_effect, effects)))
     what = "+".join(names) if commands is None else "commands"
     write(generate(laboratory, chain(what, *parts), seed), out, truth)
-
-
-@main.command()
-@click.argument("out", type=click.Path(path_type=Path))
-@click.option("--seed", required=True, type=int, help="Which trial.")
-@click.option("--kind", default="single", show_default=True, type=click.Choice(KINDS))
-@click.option("--only", multiple=True, help="Draw from these effects only.")
-@click.option("--background", default=1.0, show_default=True, help="Scale of what every arm has anyway.")
-@click.option("--truth", required=True, type=click.Path(path_type=Path), help="Folder for the answer.")
-def trial(out: Path, seed: int, kind: str, only: tuple[str, ...], background: float, truth: Path) -> None:
-    """Record a blind trial: an arm before and after something was concealed in it.
-
-    Example: python -m softarm.fakes.plant trial trials/7 --seed 7 --kind pair --truth answers/7
-    """
-    for run in draw(seed, kind, background, only).runs:
-        write(generate(run.laboratory, run.manoeuvre, run.seed), out / run.name, truth / run.name)
 
 
 @main.command()

@@ -1,4 +1,4 @@
-"""What each part of the tracking path buys, and each solver: rows of ``softarm bench step``, in one run."""
+"""``softarm bench tracking``: what each part of the tracking path buys, and what a growing mesh costs."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -6,21 +6,46 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
+import click
 import numpy as np
 from scipy.sparse.linalg import splu
 
-from softarm.common.tables import Cell
+from softarm.bench.step import (
+    NOISE_PA,
+    NOISE_RAD,
+    RATE_HZ,
+    TimedRun,
+    milliseconds,
+    motion,
+    orientations,
+    tracker_settings,
+)
+from softarm.cli.output import json_option, progress, quick_option, show
+from softarm.common.tables import Cell, Table
+from softarm.estimator.arm import model_on_mesh
 from softarm.estimator.arrays import Floats
-from softarm.estimator.fem import FiniteElementModel, FiniteElementState
-from softarm.estimator.fem.linalg.cholesky import CholeskyPlan, FactorPlan
-from softarm.estimator.fem.linalg.pardiso import PardisoPlan
-from softarm.estimator.fem.linalg.symbolic import analyse
+from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.fem.tracking import BackgroundFactorisation, TrackingModel
 from softarm.estimator.fem.tracking.model import Carrier
 from softarm.estimator.fem.tracking.rotation_strain import SingleRotationStrain
+from softarm.estimator.geometry import DEFAULTS, Resolution, build_mesh
 from softarm.estimator.inverse import Estimator
+from softarm.estimator.mesh import Mesh
 from softarm.estimator.model import Inputs
+from softarm.estimator.sensing import SensorSuite
+from softarm.estimator.specimen import Specimen, load_specimen
 
+NOTES = (
+    "Median ratio: median over the instants of a step's time over that with all parts. With sensor noise; "
+    "the factor of the background is one instant old.",
+)
+GROWTH = (
+    Resolution(layers=1, section_layers=1),
+    Resolution(layers=2, section_layers=1),
+    Resolution(layers=3, section_layers=2),
+    Resolution(layers=3, section_layers=2, through=2),
+    Resolution(layers=1, section_layers=1, refinement=2),
+)
 STARTING = 10
 """Instants at the beginning of a motion that are not counted."""
 
@@ -141,50 +166,80 @@ def _row(name: str, spent: dict[str, list[float]], iterations: list[int], conver
     }
 
 
-def solvers(
-    model: FiniteElementModel, displacement: Floats, inputs: Inputs, repeats: int
+def switched_off(
+    specimen: Specimen, model: FiniteElementModel, suite: SensorSuite, run: TimedRun
 ) -> list[dict[str, Cell]]:
-    """Time the factor of a tangent and its solution for all inputs by each solver, in turn.
+    """Follow the motion, with noise, with each part of the tracking path switched off."""
+    random, settings = np.random.default_rng(1), tracker_settings(specimen, model)
+    samples = [
+        (
+            inputs,
+            readings + NOISE_RAD * random.standard_normal(readings.shape),
+            inputs.pressures + NOISE_PA * random.standard_normal(inputs.pressures.shape),
+        )
+        for inputs, readings in zip(run.inputs, run.readings, strict=True)
+    ]
+    return tracking_parts(model, samples, lambda tracked: Estimator(tracked, suite, settings), RATE_HZ)
 
-    The last column is the sum of both medians over that of the multifrontal factor.
-    """
-    tangent = model.balance(displacement, inputs).evaluation.tangent
+
+def growth(
+    meshes: Sequence[Mesh], specimen: Specimen, done: Callable[[float], None]
+) -> list[dict[str, Cell]]:
+    """Time assembly, factor and solution as the mesh grows, with the exponent of each over the nodes."""
+    costs = []
+    for mesh in meshes:
+        costs.append((float(len(mesh.points)), *_costs(model_on_mesh(specimen, mesh))))
+        done(1)
+    rows = np.array(sorted(costs))
+    slopes = [float(np.polyfit(np.log(rows[:, 0]), np.log(column), 1)[0]) for column in rows[:, 1:].T]
+    table = [_growth_row(int(row[0]), row[1:]) for row in rows]
+    return [*table, {**_growth_row("exponent", np.array(slopes)), "ratio": None}]
+
+
+def _costs(model: FiniteElementModel) -> tuple[float, float, float, float]:
+    """Time assembly, our factor, its solution and SuperLU's factor at rest [ms]."""
+    inputs, state = model.no_inputs(), model.rest()
+    tangent = model.balance(state.displacement, inputs).evaluation.tangent
+    factor = model.linearise(state, inputs).factor
     assert tangent is not None
-    pattern, body = model.body.pattern, model.body
-    matrix = pattern.matrix(tangent.values, tangent.mirror)
-    forces = model.linearise(FiniteElementState(displacement, inputs), inputs).input_forces()
-    plans = {"multifrontal": FactorPlan(pattern, CholeskyPlan.of(analyse(pattern, body.ordering)))}
-    if (pardiso := PardisoPlan.of(pattern)) is not None:
-        plans["PARDISO"] = FactorPlan(pattern, pardiso)
-    work: dict[str, Callable[[], tuple[float, float]]] = {
-        name: lambda plan=plan: _timed(lambda: plan.factorise(tangent), lambda f: f.solve(forces))  # type: ignore[misc]
-        for name, plan in plans.items()
-    }
-    work["SuperLU"] = lambda: _timed(lambda: splu(matrix), lambda f: f.solve(forces.T))
-    spent: dict[str, list[tuple[float, float]]] = {name: [] for name in work}
-    for repeat in range(repeats + 1):
-        for name, measure in work.items():
-            if name != "SuperLU" or repeat <= repeats // 8 + 1:
-                spent[name].append(measure())
-    reference = np.median(np.array(spent["multifrontal"][1:]), axis=0).sum()
-    return [_solver_row(name, np.array(times[1:]), float(reference)) for name, times in spent.items()]
+    assert factor is not None
+    matrix = model.body.pattern.matrix(tangent.values, tangent.mirror)
+    forces = model.linearise(state, inputs).input_forces()
+    cases: tuple[tuple[Callable[[], Any], int], ...] = (
+        (lambda: model.balance(state.displacement, inputs), 8),
+        (lambda: model.body.plan.factorise(tangent), 8),
+        (lambda: factor.solve(forces), 8),
+        (lambda: splu(matrix), 2),
+    )
+    assemble, ours, solve, superlu = (float(np.median(milliseconds(work, n))) for work, n in cases)
+    return assemble, ours, solve, superlu
 
 
-def _timed(factorise: Callable[[], Any], solve: Callable[[Any], Any]) -> tuple[float, float]:
-    """Time a factor and its solution by the processor time of this thread [ms]."""
-    begin = time.thread_time()
-    factor = factorise()
-    middle = time.thread_time()
-    solve(factor)
-    return 1e3 * (middle - begin), 1e3 * (time.thread_time() - middle)
+def _growth_row(nodes: Cell, values: Floats) -> dict[str, Cell]:
+    keys = ("assemble_ms", "factor_ms", "solve_ms", "superlu_factor_ms")
+    return {"nodes": nodes, **dict(zip(keys, values.tolist(), strict=True)), "ratio": values[3] / values[1]}
 
 
-def _solver_row(name: str, times: Floats, reference: float) -> dict[str, Cell]:
-    factor, solution = np.median(times, axis=0).tolist()
-    return {
-        "solver": name,
-        "factor_ms": factor,
-        "factor_p99_ms": float(np.percentile(times[:, 0], 99)),
-        "solution_ms": solution,
-        "ratio": (factor + solution) / reference,
-    }
+@click.command()
+@click.option("--specimen", "name", default="sopra", show_default=True, help="Specimen to solve.")
+@quick_option
+@json_option
+def command(name: str, quick: bool, as_json: bool) -> int:
+    """Time the tracking path without each of its parts, and its finite elements as the mesh grows.
+
+    Motion and sensors are those of ``softarm bench step``, with noise.
+
+    Example: softarm bench tracking --quick
+    """
+    specimen = load_specimen(name)
+    mesh = build_mesh(specimen, DEFAULTS[specimen.geometry.kind])
+    model = model_on_mesh(specimen, mesh)
+    suite = orientations(specimen, model.sections)
+    run = motion(model, suite, np.array(specimen.gravity_m_s2), 40 if quick else 120)
+    title = f"{specimen.name}, {len(mesh.points)} nodes: tracking without one of its parts"
+    larger = [build_mesh(specimen, resolution) for resolution in (GROWTH[:2] if quick else GROWTH)]
+    without = Table(title, switched_off(specimen, model, suite, run), NOTES)
+    with progress("Meshes", len(larger)) as advance:
+        grown = Table(f"{specimen.name}: growth with the mesh", growth(larger, specimen, advance))
+    show(without, grown, as_json=as_json)
+    return 0

@@ -1,10 +1,13 @@
-"""Blind trials: an arm and what is concealed in it, both drawn by a seed."""
+"""``softarm bench trial``: a blind trial, its arm and its concealed effects drawn by a seed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
+import click
 import numpy as np
 
+from softarm.cli.output import PATH
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.effects import (
     ARM_EFFECTS,
@@ -14,7 +17,7 @@ from softarm.fakes.plant.effects import (
     EffectParameter,
     effect,
 )
-from softarm.fakes.plant.generate import Laboratory
+from softarm.fakes.plant.generate import Laboratory, generate
 from softarm.fakes.plant.manoeuvre import PlantManoeuvre
 from softarm.fakes.plant.manoeuvres import (
     co_contraction,
@@ -33,6 +36,7 @@ from softarm.fakes.plant.manoeuvres import (
 )
 from softarm.fakes.plant.mounts import MOUNTS
 from softarm.fakes.plant.variants import variant
+from softarm.fakes.plant.write import write
 
 Random = np.random.Generator
 
@@ -111,6 +115,28 @@ class PlantTrial:
     kind: str
     concealed: tuple[Concealed, ...]
     runs: tuple[TrialRun, ...]
+
+
+@click.command()
+@click.argument("out", type=PATH)
+@click.option("--seed", required=True, type=int, help="Which trial.")
+@click.option("--kind", default="single", show_default=True, type=click.Choice(KINDS))
+@click.option("--only", multiple=True, help="Draw from these effects only.")
+@click.option("--background", default=1.0, show_default=True, help="Scale of what every arm has anyway.")
+@click.option("--truth", required=True, type=PATH, help="Folder for the answer.")
+def command(out: Path, seed: int, kind: str, only: tuple[str, ...], background: float, truth: Path) -> int:
+    """Record a blind trial: a fake arm before and after something was concealed in it.
+
+    Example: softarm bench trial trials/7 --seed 7 --kind pair --truth answers/7
+    """
+    record_trial(draw(seed, kind, background, only), out, truth)
+    return 0
+
+
+def record_trial(trial: PlantTrial, out: Path, truth: Path) -> None:
+    """Record the runs of a trial, and write what is concealed in them to another folder."""
+    for run in trial.runs:
+        write(generate(run.laboratory, run.manoeuvre, run.seed), out / run.name, truth / run.name)
 
 
 def draw(seed: int, kind: str, background: float = 1.0, only: tuple[str, ...] = ()) -> PlantTrial:
