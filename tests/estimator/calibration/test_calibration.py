@@ -137,7 +137,7 @@ def finely_calibrated(plain: Specimen) -> Specimen:
         plain.calibration.chamber(k).model_copy(
             update={
                 "curve_per_pa": Value(value=-2e-6),
-                "bow_per_pa2": Value(value=4e-11),
+                "quadratic_gain_per_pa2": Value(value=4e-11),
                 "crosstalk": tuple(0.02 * (k != other) for other in range(6)),
             }
         )
@@ -158,7 +158,7 @@ def test_jacobian_agrees_with_finite_differences(sopra: Specimen) -> None:
         pulled=True,
         sections=SECTIONS,
     )
-    assert {"stretch", "bow.upper", "crosstalk.0.5"} < set(layout.names)
+    assert {"stretch", "quadratic_gain.upper", "crosstalk.0.5"} < set(layout.names)
     forward = Forward(NodeByNode(toy()), layout, (nodes,))
     (at,) = forward.evaluate(layout.means, forward.evaluate(layout.means))
     for index, unknown in enumerate(layout.unknowns):

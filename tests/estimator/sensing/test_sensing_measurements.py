@@ -213,7 +213,7 @@ def test_a_pressure_map_runs_both_ways() -> None:
         np.array([0.9, 1.2]),
         np.array([300.0, -100.0]),
         curve=np.array([6e-6, -3e-6]),
-        bow=np.array([-2e-11, 3e-11]),
+        quadratic_gain=np.array([-2e-11, 3e-11]),
         crosstalk=crosstalk,
     )
     measured = np.array([[0.0, 1e4], [3e4, 6e4]])

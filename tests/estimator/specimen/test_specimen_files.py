@@ -61,6 +61,15 @@ def test_calibration_and_physics_survive_the_round_trip(tmp_path: Path) -> None:
     assert copy.calibration.scale("lower") == 1.0
 
 
+def test_the_earlier_key_of_the_quadratic_gain_is_read_and_the_present_one_written(tmp_path: Path) -> None:
+    earlier = "\n[[calibration.chambers]]\nindex = 2\nbow_per_pa2 = { value = 4e-11, std = 5e-12 }\n"
+    specimen = parse_specimen(TEXT + earlier, "arm.toml")
+    assert specimen.calibration.chamber(2).quadratic_gain_per_pa2 == Value(value=4e-11, std=5e-12)
+    save_specimen(specimen, tmp_path / "arm.toml")
+    assert "quadratic_gain_per_pa2" in (tmp_path / "arm.toml").read_text()
+    assert "bow_per_pa2" not in (tmp_path / "arm.toml").read_text()
+
+
 def test_mesh_path_follows_the_file(tmp_path: Path) -> None:
     start = TEXT.index("[geometry]")
     end = TEXT.index("[materials.shore_10a]")

@@ -35,7 +35,7 @@ GAIN_SPREAD = 0.15
 MEAN_GAIN_SPREAD = 0.02  # a set of pressure sensors is right on average; divides gains from moduli
 AREA_SPREAD = 0.3  # of the area that the pressures push on, where known pulls tell the moduli
 CURVE_SPREAD = 5e-6  # 1/Pa; a winding may give way by a quarter over the working range
-BOW_SPREAD = 1e-10  # 1/Pa2; and its growth may change by as much again
+QUADRATIC_GAIN_SPREAD = 1e-10  # 1/Pa2; and its growth may change by as much again
 CROSSTALK_SPREAD = 0.02  # chambers lie within a degree or two of their drawing
 STRETCH_SPREAD = 1.0  # a chamber's area shrinks about as much as its length grows, or the winding keeps it
 BIAS_SPREAD = 1.0e3  # Pa
@@ -248,8 +248,10 @@ def _finer(specimen: Specimen, moved: Sequence[int]) -> list[Unknown]:
     calibration = specimen.calibration
     unknowns: list[Unknown] = [StretchGain("stretch", "-", calibration.stretch_gain.value, STRETCH_SPREAD)]
     for segment, chambers in _members(specimen, moved).items():
-        prior = float(np.mean([calibration.chamber(k).bow_per_pa2.value for k in chambers]))
-        unknowns.append(QuadraticGrowth(f"bow.{segment}", "1/Pa2", prior, BOW_SPREAD, chambers))
+        prior = float(np.mean([calibration.chamber(k).quadratic_gain_per_pa2.value for k in chambers]))
+        unknowns.append(
+            QuadraticGrowth(f"quadratic_gain.{segment}", "1/Pa2", prior, QUADRATIC_GAIN_SPREAD, chambers)
+        )
     for row in (chamber.index for chamber in specimen.chambers):
         shares = calibration.chamber(row).crosstalk or (0.0,) * len(specimen.chambers)
         unknowns += [

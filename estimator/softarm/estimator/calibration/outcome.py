@@ -139,7 +139,7 @@ def _chamber(specimen: Specimen, index: int, calibrated: Calibrated) -> ChamberC
     old = specimen.calibration.chamber(index)
     segment = next(c.segment for c in specimen.chambers if c.index == index)
     gain, bias = calibrated.value(f"gain.{index}"), calibrated.value(f"bias.{index}")
-    curve, bow = calibrated.value(f"curve.{segment}"), calibrated.value(f"bow.{segment}")
+    curve, quadratic = calibrated.value(f"curve.{segment}"), calibrated.value(f"quadratic_gain.{segment}")
     shares = [calibrated.value(f"crosstalk.{index}.{c.index}") or ZERO for c in specimen.chambers]
     crossed = any(share.value for share in shares)
     return ChamberCalibration(
@@ -147,7 +147,7 @@ def _chamber(specimen: Specimen, index: int, calibrated: Calibrated) -> ChamberC
         gain=gain or old.gain,
         bias_pa=bias or old.bias_pa,
         curve_per_pa=curve or old.curve_per_pa,
-        bow_per_pa2=bow or old.bow_per_pa2,
+        quadratic_gain_per_pa2=quadratic or old.quadratic_gain_per_pa2,
         crosstalk=tuple(share.value for share in shares) if crossed else old.crosstalk,
         crosstalk_std=tuple(share.std for share in shares) if crossed else old.crosstalk_std,
     )

@@ -57,10 +57,10 @@ def estimate_lag(run: CalibrationRun) -> float | None:
     if moving.sum() < FEWEST_SAMPLES or not (np.nanstd(run.pressures, axis=0) > 0).any():
         return None
     lags = np.arange(-LONGEST_LAG, LONGEST_LAG + LAG_STEP / 2, LAG_STEP)
-    left = np.array([_unexplained(run.delayed(lag)) for lag in lags])
-    if left.min() > 0.5:
+    unexplained = np.array([_unexplained(run.delayed(lag)) for lag in lags])
+    if unexplained.min() > 0.5:
         return None
-    return _lowest(lags, left)
+    return _lowest(lags, unexplained)
 
 
 def _unexplained(run: CalibrationRun) -> float:
@@ -79,8 +79,8 @@ def _lowest(lags: Floats, unexplained: Floats) -> float:
     if at in (0, len(lags) - 1):
         return float(lags[at])
     before, here, after = unexplained[at - 1 : at + 2]
-    bow = before - 2.0 * here + after
-    shift = 0.5 * (before - after) / bow if bow > 0 else 0.0
+    curvature = before - 2.0 * here + after
+    shift = 0.5 * (before - after) / curvature if curvature > 0 else 0.0
     return float(lags[at] + shift * (lags[1] - lags[0]))
 
 

@@ -295,7 +295,7 @@ class QuadraticGrowth(ChamberUnknown):
     """Relative growth of the gains of a segment's chambers with the square of the pressure."""
 
     manoeuvre = SINGLE_STEPS
-    coefficient = "bow"
+    coefficient = "quadratic_gain"
 
     def slope(self, actuation: ActuationMap, measured: Floats) -> Floats:
         """Differentiate by the growth."""
@@ -468,7 +468,7 @@ def by_azimuth(load_jacobian: Floats, pulls: Floats) -> Floats:
 
 def _at_unit_gain(actuation: ActuationMap, measured: Floats) -> Floats:
     """Return the effective pressures at a gain of one [Pa], shape (nodes, chambers)."""
-    return np.asarray(measured * (1.0 + (actuation.curve + actuation.bow * measured) * measured))
+    return np.asarray(measured * (1.0 + (actuation.curve + actuation.quadratic_gain * measured) * measured))
 
 
 def _replaced(actuation: ActuationMap, coefficient: str, value: Floats) -> ActuationMap:

@@ -16,7 +16,7 @@ LEAST_SLOPE = 0.1
 
 @dataclass(frozen=True)
 class ActuationMap:
-    """Chamber pressure = gain * (1 + curve * m + bow * m^2) * m + bias + crosstalk @ measured.
+    """Chamber pressure = gain * (1 + curve * m + quadratic_gain * m^2) * m + bias + crosstalk @ measured.
 
     Here m is the chamber's own measured gauge pressure. The curves are what the winding gives way: the area
     that the pressure pushes on grows with it. Cross-talk is also how a chamber that lies a little beside its
@@ -27,7 +27,7 @@ class ActuationMap:
         bias: Bias of each chamber [Pa], shape (chambers,).
         sigma: Standard deviation of a measured pressure [Pa].
         curve: Relative growth of the gain with the pressure [1/Pa], one number or shape (chambers,).
-        bow: Relative growth of the gain with its square [1/Pa2], one number or shape (chambers,).
+        quadratic_gain: Relative growth of the gain with its square [1/Pa2], one number or shape (chambers,).
         crosstalk: Share of each pressure (column) that acts in another chamber (row), 0 for none or shape
             (chambers, chambers) with a zero diagonal.
     """
@@ -36,7 +36,7 @@ class ActuationMap:
     bias: Floats
     sigma: float = 200.0
     curve: Floats | float = 0.0
-    bow: Floats | float = 0.0
+    quadratic_gain: Floats | float = 0.0
     crosstalk: Floats | float = 0.0
 
     def to_chamber(self, measured: Floats) -> Floats:
@@ -51,7 +51,7 @@ class ActuationMap:
             residual = pressure - self.bias - self._from_others(measured) - self._own(measured)
             if not np.any(np.abs(residual) > INVERTED_PA):
                 break
-            slope = 1.0 + (2.0 * self.curve + 3.0 * self.bow * measured) * measured
+            slope = 1.0 + (2.0 * self.curve + 3.0 * self.quadratic_gain * measured) * measured
             measured = measured + residual / (self.gain * np.maximum(slope, LEAST_SLOPE))
         return measured
 
@@ -61,7 +61,9 @@ class ActuationMap:
         return np.abs(self.gain) * self.sigma
 
     def _own(self, measured: Floats) -> Floats:
-        pressure: Floats = self.gain * (1.0 + (self.curve + self.bow * measured) * measured) * measured
+        pressure: Floats = (
+            self.gain * (1.0 + (self.curve + self.quadratic_gain * measured) * measured) * measured
+        )
         return pressure
 
     def _from_others(self, measured: Floats) -> Floats:

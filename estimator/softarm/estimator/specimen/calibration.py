@@ -1,6 +1,8 @@
 """What calibration found: how the arm, its actuators and its sensors differ from the description."""
 
-from pydantic import Field
+from typing import Any
+
+from pydantic import Field, model_validator
 
 from softarm.estimator.specimen.body import Index
 from softarm.estimator.specimen.entry import Entry, Finite, Name, NotNegative, Value, Vector
@@ -10,9 +12,10 @@ ZERO = Value(value=0.0)
 
 
 class ChamberCalibration(Entry):
-    """Pressure in the model's chamber = gain * (1 + curve * r + bow * r^2) * r + bias + crosstalk . recorded.
+    """How the pressure in the model's chamber follows from the recorded ones.
 
-    Here r is its own recorded pressure.
+    It is gain * (1 + curve * r + quadratic_gain * r^2) * r + bias + crosstalk . recorded, where r is the
+    chamber's own recorded pressure.
     """
 
     index: Index
@@ -23,12 +26,20 @@ class ChamberCalibration(Entry):
     """Pressure added after the gain."""
     curve_per_pa: Value = ZERO
     """Relative growth of the gain with the pressure [1/Pa]: what the winding gives way."""
-    bow_per_pa2: Value = ZERO
+    quadratic_gain_per_pa2: Value = ZERO
     """Relative growth of the gain with the square of the pressure [1/Pa2]."""
     crosstalk: tuple[Finite, ...] = ()
     """Share of every chamber's recorded pressure that acts here as well, its own 0 [-]; empty for none."""
     crosstalk_std: tuple[NotNegative, ...] = ()
     """Standard deviation of each."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _earlier_key(cls, table: Any) -> Any:
+        """Read ``bow_per_pa2``, which specimen files once called the quadratic gain."""
+        if isinstance(table, dict) and "bow_per_pa2" in table:
+            return {key.replace("bow_per", "quadratic_gain_per"): value for key, value in table.items()}
+        return table
 
 
 class BendCalibration(Entry):
@@ -91,15 +102,15 @@ class Calibration(Entry):
 
     def chamber(self, index: int) -> ChamberCalibration:
         """Return what was found for a chamber, or a unit gain without bias."""
-        found = (entry for entry in self.chambers if entry.index == index)
-        return next(found, ChamberCalibration(index=index))
+        entries = (entry for entry in self.chambers if entry.index == index)
+        return next(entries, ChamberCalibration(index=index))
 
     def bend(self, section: str) -> BendCalibration:
         """Return what was found for a section's bend, or no alignment and no bias."""
-        found = (entry for entry in self.bends if entry.section == section)
-        return next(found, BendCalibration(section=section))
+        entries = (entry for entry in self.bends if entry.section == section)
+        return next(entries, BendCalibration(section=section))
 
     def frame(self, section: str) -> FrameCalibration:
         """Return what was found for a section's pose, or no misalignment."""
-        found = (entry for entry in self.frames if entry.section == section)
-        return next(found, FrameCalibration(section=section))
+        entries = (entry for entry in self.frames if entry.section == section)
+        return next(entries, FrameCalibration(section=section))
